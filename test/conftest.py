@@ -1,0 +1,63 @@
+"""What every test shares: where real recordings lie, and which tests this machine can run."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from pathlib import Path
+
+from hypothesis import HealthCheck, settings
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+os.environ.setdefault('MPLBACKEND', 'Agg')
+
+# The same examples in every run: a red test stays red until it is mended. To look for new ones:
+# pytest --hypothesis-profile=explore
+settings.register_profile(
+    'steady',
+    derandomize=True,
+    database=None,
+    deadline=None,
+    max_examples=50,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.register_profile('explore', deadline=None, max_examples=1000)
+settings.load_profile('steady')
+
+
+@pytest.fixture(scope='session')
+def shared_data() -> Path:
+    """Folder of the real recordings: $LIP_ID_ROS_SHARED_DATA, or ../shared/data."""
+    named = os.environ.get('LIP_ID_ROS_SHARED_DATA')
+    folder = Path(named) if named else ROOT.parent / 'shared' / 'data'
+    if not folder.is_dir():
+        pytest.skip(f'no folder of real recordings at {folder}; set LIP_ID_ROS_SHARED_DATA')
+    return folder
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip, with the reason, the tests that need what this machine does not have."""
+    for marker, missing in (('ros', _no_ros), ('gpu', _no_gpu)):
+        marked = [item for item in items if item.get_closest_marker(marker)]
+        reason = missing() if marked else None
+        if reason:
+            for item in marked:
+                item.add_marker(pytest.mark.skip(reason=reason))
+
+
+def _no_ros() -> str | None:
+    try:
+        importlib.import_module('rclpy')
+    except ImportError as error:
+        return f'needs ROS 2: {error}'
+    return None
+
+
+def _no_gpu() -> str | None:
+    try:
+        torch = importlib.import_module('torch')
+    except ImportError as error:
+        return f'needs torch: {error}'
+    return None if torch.cuda.is_available() else 'needs a CUDA device'
