@@ -1,0 +1,273 @@
+"""
+Settings described once: a frozen dataclass whose fields carry description, unit and range.
+
+The same table gives YAML files and ROS parameters their checks, defaults and documentation.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+import dataclasses
+from dataclasses import dataclass
+import difflib
+import math
+from typing import Any, get_type_hints, TypeVar
+
+from lip_id_ros.errors import ConfigError
+
+_KEY = 'lip_id_ros.setting'
+
+
+def setting(
+    default: Any,
+    description: str,
+    *,
+    unit: str = '',
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """
+    Declare one field of a settings table.
+
+    Parameters
+    ----------
+    default : bool, int, float, str, tuple of str or tuple of float
+        Used where nothing else is given.
+    description : str
+        One sentence for documentation and parameter descriptors.
+    unit : str
+        Unit of a number, empty for none.
+    minimum, maximum : float, optional
+        Range of a number, ends included.
+    choices : tuple of str
+        The only texts allowed (for a list: in each element); empty for any.
+
+    Returns
+    -------
+    Any
+        A dataclass field.
+
+    """
+    details = {
+        'description': description,
+        'unit': unit,
+        'minimum': minimum,
+        'maximum': maximum,
+        'choices': choices,
+    }
+    return dataclasses.field(default=default, metadata={_KEY: details})
+
+
+@dataclass(frozen=True)
+class Row:
+    """
+    One setting as its table describes it.
+
+    `kind` is one of bool, int, float, str, list of str, list of float.
+
+    """
+
+    name: str
+    kind: str
+    default: Any
+    description: str
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    choices: tuple[str, ...]
+
+    @property
+    def range(self) -> str:
+        """The allowed values in words, empty where any value of the kind will do."""
+        if self.choices:
+            return ' or '.join(self.choices)
+        limits = []
+        if self.minimum is not None:
+            limits.append(f'>= {self.minimum:g}')
+        if self.maximum is not None:
+            limits.append(f'<= {self.maximum:g}')
+        return ' and '.join(limits)
+
+    @property
+    def expected(self) -> str:
+        """What a value has to be, in words for an error sentence."""
+        words = [_WORDS[self.kind], self.range, self.unit]
+        return ' '.join(word for word in words if word)
+
+    def check(self, value: object, label: str) -> Any:
+        """
+        Return the value in the setting's own type.
+
+        Parameters
+        ----------
+        value : object
+            As it came from a file, a parameter or a call.
+        label : str
+            Names the setting and where the value came from, begins the error sentence.
+
+        Raises
+        ------
+        ConfigError
+            If the type or the range is wrong.
+
+        """
+        try:
+            converted = _CONVERTERS[self.kind](value)
+        except TypeError:
+            raise self._error(value, label) from None
+        elements = converted if isinstance(converted, tuple) else (converted,)
+        if not all(self._allows(element) for element in elements):
+            raise self._error(value, label)
+        return converted
+
+    def _allows(self, element: Any) -> bool:
+        if isinstance(element, str):
+            return not self.choices or element in self.choices
+        if isinstance(element, bool):
+            return True
+        return (
+            math.isfinite(element)
+            and (self.minimum is None or element >= self.minimum)
+            and (self.maximum is None or element <= self.maximum)
+        )
+
+    def _error(self, value: object, label: str) -> ConfigError:
+        return ConfigError(f'{label} must be {self.expected}, not {value!r}.')
+
+
+def rows(table: type[Settings]) -> tuple[Row, ...]:
+    """Return the rows of a settings table, in the order of declaration."""
+    kinds = get_type_hints(table)
+    return tuple(
+        Row(name=field.name, kind=_KINDS[kinds[field.name]], default=field.default, **details)
+        for field in dataclasses.fields(table)
+        if (details := field.metadata.get(_KEY)) is not None
+    )
+
+
+@dataclass(frozen=True)
+class Settings:
+    """
+    Base of every settings table: no instance holds a value outside its range.
+
+    Raises
+    ------
+    ConfigError
+        If a value has the wrong type or is out of its range.
+
+    """
+
+    def __post_init__(self) -> None:
+        """Check every value and bring it to its own type."""
+        table = type(self)
+        for row in rows(table):
+            value = row.check(getattr(self, row.name), f'{table.__name__}.{row.name}')
+            object.__setattr__(self, row.name, value)
+
+
+Table = TypeVar('Table', bound=Settings)
+
+
+def build(table: type[Table], values: Mapping[str, object], section: str, origin: str) -> Table:
+    """
+    Make settings from named values; what is not named keeps its default.
+
+    Parameters
+    ----------
+    table : type
+        The settings table.
+    values : mapping
+        Values by setting name.
+    section : str
+        Name of the table among others, for error sentences.
+    origin : str
+        Where the values came from, for error sentences, such as a file's path.
+
+    Raises
+    ------
+    ConfigError
+        If a name is unknown, or a value has the wrong type or is out of range.
+
+    """
+    known = {row.name: row for row in rows(table)}
+    checked = {}
+    for name, value in values.items():
+        if name not in known:
+            raise ConfigError(unknown_name(f'{section}.{name}', name, known, origin))
+        checked[name] = known[name].check(value, f'{section}.{name} in {origin}')
+    return table(**checked)
+
+
+def unknown_name(label: str, name: str, known: Mapping[str, object], origin: str) -> str:
+    """Say that a name is unknown, and which known one comes closest."""
+    close = difflib.get_close_matches(str(name), known, n=1)
+    remedy = f'did you mean {close[0]!r}?' if close else f'known are {", ".join(known)}.'
+    return f'{label} in {origin} is not a setting; {remedy}'
+
+
+def _boolean(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise TypeError
+    return value
+
+
+def _integer(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise TypeError
+    return value
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise TypeError
+    return float(value)
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError
+    return value
+
+
+def _elements(value: object) -> Sequence[object]:
+    if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
+        raise TypeError
+    return value
+
+
+def _texts(value: object) -> tuple[str, ...]:
+    return tuple(_text(element) for element in _elements(value))
+
+
+def _numbers(value: object) -> tuple[float, ...]:
+    return tuple(_number(element) for element in _elements(value))
+
+
+_KINDS: Mapping[object, str] = {
+    bool: 'bool',
+    int: 'int',
+    float: 'float',
+    str: 'str',
+    tuple[str, ...]: 'list of str',
+    tuple[float, ...]: 'list of float',
+}
+
+_WORDS: Mapping[str, str] = {
+    'bool': 'true or false',
+    'int': 'a whole number',
+    'float': 'a number',
+    'str': 'a text',
+    'list of str': 'a list of texts',
+    'list of float': 'a list of numbers',
+}
+
+_CONVERTERS: Mapping[str, Callable[[object], Any]] = {
+    'bool': _boolean,
+    'int': _integer,
+    'float': _number,
+    'str': _text,
+    'list of str': _texts,
+    'list of float': _numbers,
+}

@@ -1,0 +1,94 @@
+"""The settings of a fit, from the recording to the hyperparameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from lip_id_ros.config.settings import setting, Settings
+
+
+@dataclass(frozen=True)
+class RecordingSettings(Settings):
+    """What is read from a recording, and what its numbers mean."""
+
+    topic: str = setting('', 'Topic to read; empty for the only one, or /joint_states.')
+    joints: tuple[str, ...] = setting(
+        (), 'Joints from base to tip; empty for those of the first message, in its order.'
+    )
+    joint_types: tuple[str, ...] = setting(
+        (), 'Type of each joint; empty for all revolute.', choices=('revolute', 'prismatic')
+    )
+    effort_scale: tuple[float, ...] = setting(
+        (),
+        'Factor from recorded effort to torque or force, per joint (motor constant times gear '
+        'ratio where a current is recorded, negative to turn the sign); empty for 1.',
+        unit='N m or N per unit of effort',
+    )
+    effort_offset: tuple[float, ...] = setting(
+        (), 'Added to the scaled effort, per joint; empty for 0.', unit='N m or N'
+    )
+    gravity_compensated: bool = setting(
+        False, 'The recorded effort leaves gravity out, so no potential energy can be learned.'
+    )
+
+
+@dataclass(frozen=True)
+class PreprocessingSettings(Settings):
+    """How raw samples become a data set."""
+
+    cutoff_hz: float = setting(
+        4.0,
+        'Cut-off of the zero-phase low-pass on positions, velocities and torques; 0 for none.',
+        unit='Hz',
+        minimum=0.0,
+    )
+    sample_rate_hz: float = setting(
+        0.0,
+        'Rate of the uniform grid samples are brought to; 0 for the median rate.',
+        unit='Hz',
+        minimum=0.0,
+    )
+    max_gap_s: float = setting(
+        0.0,
+        'A longer step between samples begins a new segment; 0 for five median steps.',
+        unit='s',
+        minimum=0.0,
+    )
+    min_segment_s: float = setting(
+        1.0, 'Shorter segments are dropped and counted.', unit='s', minimum=0.0
+    )
+    decimate: int = setting(1, 'Keep every k-th sample.', minimum=1)
+    max_samples: int = setting(
+        0, 'Keep at most this many samples, evenly spread; 0 for all.', minimum=0
+    )
+
+
+@dataclass(frozen=True)
+class FitSettings(Settings):
+    """The model and its training."""
+
+    kernel: str = setting(
+        'recursive', 'Family of energy kernels.', choices=('lip', 'nested', 'recursive')
+    )
+    friction: bool = setting(True, 'Add friction per joint, linear in dq and sign(dq).')
+    residual: bool = setting(
+        True, 'Add a squared-exponential term per joint for what the rest leaves over.'
+    )
+    subset: int = setting(
+        200, 'Samples that hyperparameters are fitted on, well spread over the data.', minimum=1
+    )
+    max_samples: int = setting(1000, 'Samples that the posterior is conditioned on.', minimum=1)
+    iterations: int = setting(60, 'Most iterations of the optimiser.', minimum=0)
+    prior_precision: float = setting(
+        0.05, 'Precision of the prior on log hyperparameters; 0 for none.', minimum=0.0
+    )
+    seed: int = setting(0, 'Seed of every random choice.', minimum=0)
+
+
+@dataclass(frozen=True)
+class Config:
+    """All settings of a fit, by section."""
+
+    recording: RecordingSettings = field(default_factory=RecordingSettings)
+    preprocessing: PreprocessingSettings = field(default_factory=PreprocessingSettings)
+    fit: FitSettings = field(default_factory=FitSettings)

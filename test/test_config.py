@@ -1,0 +1,222 @@
+"""Settings: declared once, checked wherever they come from, documented from the same table."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass
+from pathlib import Path
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from lip_id_ros.config import (
+    build,
+    Config,
+    example_yaml,
+    FitSettings,
+    flat_rows,
+    flatten,
+    override,
+    PreprocessingSettings,
+    read_config,
+    RecordingSettings,
+    Row,
+    rows,
+    setting,
+    Settings,
+)
+from lip_id_ros.errors import ConfigError
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class Example(Settings):
+    """One setting of every kind."""
+
+    switch: bool = setting(True, 'A switch.')
+    count: int = setting(3, 'A count.', minimum=1, maximum=9)
+    rate: float = setting(2.0, 'A rate.', unit='Hz', minimum=0.0)
+    mode: str = setting('fast', 'A mode.', choices=('fast', 'slow'))
+    names: tuple[str, ...] = setting((), 'Names.')
+    gains: tuple[float, ...] = setting((), 'Gains.', minimum=0.0)
+
+
+def row(name: str) -> Row:
+    return next(row for row in rows(Example) if row.name == name)
+
+
+@pytest.fixture
+def config_file(tmp_path: Path) -> Path:
+    return tmp_path / 'robot.yaml'
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'expected'),
+    [
+        ('switch', 1, 'true or false'),
+        ('count', 2.0, 'a whole number >= 1 and <= 9'),
+        ('count', True, 'a whole number >= 1 and <= 9'),
+        ('count', 10, 'a whole number >= 1 and <= 9'),
+        ('rate', '2 Hz', 'a number >= 0 Hz'),
+        ('rate', -0.1, 'a number >= 0 Hz'),
+        ('rate', float('nan'), 'a number >= 0 Hz'),
+        ('rate', float('inf'), 'a number >= 0 Hz'),
+        ('mode', 'medium', 'a text fast or slow'),
+        ('mode', None, 'a text fast or slow'),
+        ('names', 'joint_1', 'a list of texts'),
+        ('names', [1], 'a list of texts'),
+        ('gains', [1.0, -1.0], 'a list of numbers >= 0'),
+        ('gains', 1.0, 'a list of numbers >= 0'),
+    ],
+)
+def test_wrong_value_is_refused_wherever_it_comes_from(
+    name: str, value: object, expected: str
+) -> None:
+    sentence = re.escape(f'Example.{name} must be {expected}, not {value!r}.')
+    with pytest.raises(ConfigError, match=f'^{sentence}$'):
+        Example(**{name: value})  # type: ignore[arg-type]
+    sentence = re.escape(f'part.{name} in somewhere must be {expected}, not {value!r}.')
+    with pytest.raises(ConfigError, match=f'^{sentence}$'):
+        build(Example, {name: value}, 'part', 'somewhere')
+
+
+def test_values_take_the_type_of_their_setting() -> None:
+    example = build(
+        Example,
+        {'rate': 4, 'names': ['a', 'b'], 'gains': array('d', [1.0, 2.0])},
+        'part',
+        'somewhere',
+    )
+    assert example == Example(rate=4.0, names=('a', 'b'), gains=(1.0, 2.0))
+    assert isinstance(example.rate, float)
+    assert isinstance(example.names, tuple)
+
+
+def test_rows_carry_the_documentation() -> None:
+    assert row('count') == Row('count', 'int', 3, 'A count.', '', 1, 9, ())
+    assert [row.kind for row in rows(Example)] == [
+        'bool',
+        'int',
+        'float',
+        'str',
+        'list of str',
+        'list of float',
+    ]
+
+
+@given(st.floats(min_value=0.0, allow_nan=False, allow_infinity=False))
+def test_any_rate_in_range_is_taken_unchanged(rate: float) -> None:
+    assert Example(rate=rate).rate == rate
+
+
+def test_every_setting_has_a_description_and_an_allowed_default() -> None:
+    for key, documented in flat_rows(Config()):
+        assert documented.description.endswith('.'), key
+        assert documented.check(documented.default, key) == documented.default
+
+
+def test_defaults_of_a_fit() -> None:
+    assert FitSettings() == FitSettings(
+        kernel='recursive',
+        friction=True,
+        residual=True,
+        subset=200,
+        max_samples=1000,
+        iterations=60,
+        prior_precision=0.05,
+        seed=0,
+    )
+
+
+def test_read_config_keeps_defaults_for_what_is_not_named(config_file: Path) -> None:
+    config_file.write_text(
+        'recording:\n  joints: [a, b]\n  effort_scale: [1, -2.5]\npreprocessing: {cutoff_hz: 1e1}\n'
+    )
+    assert read_config(config_file) == Config(
+        recording=RecordingSettings(joints=('a', 'b'), effort_scale=(1.0, -2.5)),
+        preprocessing=PreprocessingSettings(cutoff_hz=10.0),
+    )
+
+
+def test_empty_file_means_defaults(config_file: Path) -> None:
+    config_file.write_text('# nothing yet\n')
+    assert read_config(config_file) == Config()
+
+
+@pytest.mark.parametrize(
+    ('text', 'sentence'),
+    [
+        ('fit: {kernal: lip}', r"fit.kernal in .*robot.yaml is not a setting; .* 'kernel'\?$"),
+        ('fits: {}', r"fits in .*robot.yaml is not a setting; did you mean 'fit'\?$"),
+        ('zzz: {}', r'zzz in .* is not a setting; known are recording, preprocessing, fit.$'),
+        ('1: {}', r'1 in .* is not a setting; known are recording, preprocessing, fit.$'),
+        ('fit: {1: 2}', r'fit.1 in .* is not a setting; known are kernel, .*seed.$'),
+        (
+            'fit: {kernel: rbf}',
+            r"fit.kernel in .*robot.yaml must be a text lip or nested or recursive, not 'rbf'.$",
+        ),
+        ('fit: {seed: 1.5}', r'fit.seed in .*robot.yaml must be a whole number >= 0, not 1.5.$'),
+        ('recording: {topic: }', r'recording.topic in .* must be a text, not None.$'),
+        ('fit: 3', r'robot.yaml must hold settings under \'fit\' as "name: value", not 3.$'),
+        ('fit:', r'robot.yaml must hold settings under \'fit\' as "name: value", not None.$'),
+        ('[1, 2]', r'robot.yaml must hold sections as "name: value", not \[1, 2\].$'),
+        ('fit: {', r'robot.yaml is not YAML that can be read \(.*\); correct it there.$'),
+        ('fit: {seed: 1, seed: 2}', r"robot.yaml is not YAML that can be read \('seed' comes twi"),
+        ('fit: !!python/object:os.system {}', r'robot.yaml is not YAML that can be read \(.*\);'),
+    ],
+)
+def test_wrong_file_gives_one_sentence(config_file: Path, text: str, sentence: str) -> None:
+    config_file.write_text(text)
+    with pytest.raises(ConfigError, match=sentence) as caught:
+        read_config(config_file)
+    assert '\n' not in str(caught.value)
+
+
+def test_undecodable_file_gives_one_sentence(config_file: Path) -> None:
+    config_file.write_bytes(b'\xff\xfe\x00\x01\x80')
+    with pytest.raises(ConfigError, match=r'robot.yaml is not YAML that can be read'):
+        read_config(config_file)
+
+
+def test_absent_file_passes_through(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        read_config(tmp_path / 'absent.yaml')
+
+
+def test_override_by_flat_names() -> None:
+    config = override(Config(), {'fit.kernel': 'lip', 'recording.joints': ['a']}, 'the parameters')
+    assert config.fit == FitSettings(kernel='lip')
+    assert config.recording.joints == ('a',)
+    again = override(config, {'fit.seed': 4}, 'the command line')
+    assert again.fit == FitSettings(kernel='lip', seed=4)
+
+
+@pytest.mark.parametrize(
+    ('key', 'sentence'),
+    [
+        ('fit.sed', r"fit.sed in the parameters is not a setting; did you mean 'seed'\?$"),
+        ('seed', r'seed in the parameters is not a setting; known are recording, '),
+    ],
+)
+def test_override_refuses_unknown_names(key: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        override(Config(), {key: 1}, 'the parameters')
+
+
+def test_flatten_is_the_inverse_of_override() -> None:
+    config = Config(fit=FitSettings(seed=7), recording=RecordingSettings(effort_scale=(2.0,)))
+    assert override(Config(), flatten(config), 'a copy') == config
+
+
+def test_example_yaml_reads_back(config_file: Path) -> None:
+    config = Config(fit=FitSettings(kernel='lip'), recording=RecordingSettings(joints=('a', 'b')))
+    config_file.write_text(example_yaml(config))
+    assert read_config(config_file) == config
+
+
+def test_documented_example_in_the_repository_is_up_to_date() -> None:
+    current = (ROOT / 'config' / 'fit.yaml').read_text()
+    assert current == example_yaml(Config()), 'write example_yaml(Config()) into config/fit.yaml'
