@@ -1,0 +1,146 @@
+"""Rigid-body arms from a URDF, through pinocchio: the truth that estimates are compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import os
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.errors import DataError, LipIdError
+
+FloatArray = NDArray[np.float64]
+
+
+class Dynamics(Protocol):
+    """What a simulated data set needs to know of an arm; all arrays of motions are (N, n)."""
+
+    joint_names: tuple[str, ...]
+    joint_types: tuple[str, ...]
+
+    def inverse_dynamics(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """Torques [N m or N], shape (N, n)."""
+
+    def kinetic(self, q: FloatArray, dq: FloatArray) -> FloatArray:
+        """Kinetic energy [J], shape (N,)."""
+
+    def potential(self, q: FloatArray) -> FloatArray:
+        """Potential energy [J], shape (N,), up to a constant."""
+
+
+class Arm:
+    """
+    Serial arm of rigid bodies without friction.
+
+    Parameters
+    ----------
+    urdf : path
+        Robot description; meshes are not needed.
+    n_joints : int
+        Number of joints kept, from the base; the later ones are locked, their links stay.
+    locked_at : sequence of float, optional
+        Positions [rad or m] of all movable joints of the URDF, of which those of the locked joints
+        are used; pinocchio's neutral configuration by default.
+
+    Raises
+    ------
+    OSError
+        If the URDF cannot be opened.
+    DataError
+        If it has too few joints, or joints that are neither revolute nor prismatic.
+    LipIdError
+        If pinocchio is not installed.
+
+    """
+
+    def __init__(
+        self,
+        urdf: str | os.PathLike[str],
+        n_joints: int,
+        locked_at: Sequence[float] | None = None,
+    ) -> None:
+        self._pinocchio = _import_pinocchio()
+        self._model = self._reduced(Path(urdf), n_joints, locked_at)
+        self._data = self._model.createData()
+        self.joint_names: tuple[str, ...] = tuple(self._model.names)[1:]
+        self.joint_types = tuple(_joint_type(joint) for joint in list(self._model.joints)[1:])
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    def inverse_dynamics(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """
+        Torques of given motions (recursive Newton-Euler).
+
+        Parameters
+        ----------
+        q, dq, ddq : ndarray, shape (N, n)
+
+        Returns
+        -------
+        ndarray, shape (N, n)
+            Torques [N m or N].
+
+        """
+        return self._each(self._pinocchio.rnea, q, dq, ddq)
+
+    def kinetic(self, q: FloatArray, dq: FloatArray) -> FloatArray:
+        """Kinetic energy [J], shape (N,), of motions of shape (N, n)."""
+        return self._each(self._pinocchio.computeKineticEnergy, q, dq)
+
+    def potential(self, q: FloatArray) -> FloatArray:
+        """Potential energy [J], shape (N,), zero where all mass is at the height of the base."""
+        return self._each(self._pinocchio.computePotentialEnergy, q)
+
+    def inertia_matrix(self, q: FloatArray) -> FloatArray:
+        """Inertia matrices M [kg m^2 or kg], shape (N, n, n), of positions of shape (N, n)."""
+        upper = np.triu(self._each(self._pinocchio.crba, q))
+        return upper + np.triu(upper, 1).transpose(0, 2, 1)
+
+    def _each(self, algorithm: Callable[..., Any], *motion: FloatArray) -> FloatArray:
+        rows = zip(*motion, strict=True)
+        # pinocchio returns views of one work space
+        return np.array([np.copy(algorithm(self._model, self._data, *row)) for row in rows])
+
+    def _reduced(self, urdf: Path, n_joints: int, locked_at: Sequence[float] | None) -> Any:
+        pin = self._pinocchio
+        try:
+            model = pin.buildModelFromXML(urdf.read_text(encoding='utf-8'))
+        except ValueError as error:  # not text, or no robot in it
+            raise DataError(f'{urdf} is not a URDF ({error}); give another file.') from error
+        if not 1 <= n_joints <= model.njoints - 1:
+            raise DataError(
+                f'{n_joints} joints were asked of {urdf}, which has {model.njoints - 1}; '
+                'ask for one to as many.'
+            )
+        locked = [model.getJointId(name) for name in tuple(model.names)[n_joints + 1 :]]
+        at = pin.neutral(model) if locked_at is None else np.array(locked_at, dtype=np.float64)
+        return pin.buildReducedModel(model, locked, at)
+
+
+def _import_pinocchio() -> Any:
+    try:
+        import pinocchio  # optional: only simulations need it
+    except ImportError as error:
+        raise LipIdError(
+            f'a simulated arm needs pinocchio ({error}); '
+            'install it with `pip install lip_id_ros[sim]`.'
+        ) from error
+    return pinocchio
+
+
+def _joint_type(joint: Any) -> str:
+    name = joint.shortname()
+    if joint.nq == joint.nv == 1 and name.startswith('JointModelR'):
+        return 'revolute'
+    if joint.nq == joint.nv == 1 and name.startswith('JointModelP'):
+        return 'prismatic'
+    raise DataError(
+        f'joints must be revolute or prismatic, not {name}; '
+        'give a continuous joint limits in the URDF.'
+    )

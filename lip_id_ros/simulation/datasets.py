@@ -1,0 +1,122 @@
+"""Data sets of a simulated arm, with the truth beside the measurement."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.simulation.arm import Dynamics
+from lip_id_ros.simulation.trajectories import Motion
+
+
+class Trajectory(Protocol):
+    """A motion that is known at any time."""
+
+    def sample(self, t: NDArray[np.float64]) -> Motion:
+        """Positions, velocities and accelerations, each (N, n), at times (N,) [s]."""
+
+
+def make_dataset(
+    arm: Dynamics,
+    trajectory: Trajectory,
+    t: NDArray[np.float64],
+    noise_std: float | NDArray[np.float64],
+    rng: np.random.Generator,
+) -> Dataset:
+    """
+    Torques and energies of an arm along a trajectory.
+
+    Parameters
+    ----------
+    arm : Dynamics
+    trajectory : Trajectory
+    t : ndarray, shape (N,)
+        Times [s], increasing.
+    noise_std : float or array of shape (n,)
+        Standard deviation of the white noise on the torques [N m or N].
+    rng : numpy.random.Generator
+        The only source of chance.
+
+    Returns
+    -------
+    Dataset
+        With `tau_noiseless`, `kinetic` and `potential` filled.
+
+    """
+    q, dq, ddq = trajectory.sample(t)
+    tau = arm.inverse_dynamics(q, dq, ddq)
+    return Dataset(
+        t=t,
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        tau=tau + noise_std * rng.standard_normal(tau.shape),
+        joint_names=arm.joint_names,
+        joint_types=arm.joint_types,
+        segment=np.zeros(len(t), dtype=np.int64),
+        tau_noiseless=tau,
+        kinetic=arm.kinetic(q, dq),
+        potential=arm.potential(q),
+        provenance={'sources': ['simulation']},
+    )
+
+
+def with_encoder_noise(
+    dataset: Dataset, position_std: float, velocity_std: float, rng: np.random.Generator
+) -> Dataset:
+    """
+    Put white noise on the measured positions and velocities.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    position_std, velocity_std : float
+        Standard deviations [rad or m, rad/s or m/s].
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    Dataset
+        Accelerations, torques and the truth are left as they are.
+
+    """
+    return replace(
+        dataset,
+        q=dataset.q + position_std * rng.standard_normal(dataset.q.shape),
+        dq=dataset.dq + velocity_std * rng.standard_normal(dataset.dq.shape),
+    )
+
+
+def with_truth(
+    dataset: Dataset, arm: Dynamics, trajectory: Trajectory, start: float = 0.0
+) -> Dataset:
+    """
+    Set what was measured on a simulated arm beside the exact torques and energies.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Read back from a recording of the simulation.
+    arm : Dynamics
+    trajectory : Trajectory
+        The motion that the arm followed.
+    start : float
+        Time stamp [s] at which the trajectory was at its time zero.
+
+    Returns
+    -------
+    Dataset
+        With `tau_noiseless`, `kinetic` and `potential` filled.
+
+    """
+    q, dq, ddq = trajectory.sample(dataset.t - start)
+    return replace(
+        dataset,
+        tau_noiseless=arm.inverse_dynamics(q, dq, ddq),
+        kinetic=arm.kinetic(q, dq),
+        potential=arm.potential(q),
+    )

@@ -1,0 +1,65 @@
+"""Joint friction, which no energy describes, and an arm that has it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.simulation.arm import Dynamics
+
+
+@dataclass(frozen=True)
+class Friction:
+    """
+    Viscous and Coulomb friction.
+
+    Attributes
+    ----------
+    viscous : ndarray, shape (n,)
+        Torque per velocity [N m s/rad or N s/m].
+    coulomb : ndarray, shape (n,)
+        Torque against the direction of motion [N m or N]; none at rest.
+
+    """
+
+    viscous: NDArray[np.float64]
+    coulomb: NDArray[np.float64]
+
+    def torque(self, dq: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Torque [N m or N], shape (N, n), that a motion of velocity `dq` (N, n) needs."""
+        return self.viscous * dq + self.coulomb * np.sign(dq)
+
+
+class FrictionalArm:
+    """
+    An arm and the friction in its joints.
+
+    Parameters
+    ----------
+    arm : Dynamics
+        The frictionless arm; its energies stay what they are.
+    friction : Friction
+
+    """
+
+    def __init__(self, arm: Dynamics, friction: Friction) -> None:
+        self.arm = arm
+        self.friction = friction
+        self.joint_names = arm.joint_names
+        self.joint_types = arm.joint_types
+
+    def inverse_dynamics(
+        self, q: NDArray[np.float64], dq: NDArray[np.float64], ddq: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Torques [N m or N], shape (N, n), with friction."""
+        return self.arm.inverse_dynamics(q, dq, ddq) + self.friction.torque(dq)
+
+    def kinetic(self, q: NDArray[np.float64], dq: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Kinetic energy [J], shape (N,)."""
+        return self.arm.kinetic(q, dq)
+
+    def potential(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Potential energy [J], shape (N,)."""
+        return self.arm.potential(q)

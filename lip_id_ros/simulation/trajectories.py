@@ -1,0 +1,115 @@
+"""Exciting motions: sums of sinusoids whose derivatives are known exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.simulation.limits import MotionLimits
+
+N_SINUSOIDS = 50
+FUNDAMENTAL_HZ = 0.02
+GRID_POINTS_PER_FASTEST_PERIOD = 200
+HEADROOM = 0.999  # the extremes are found on a grid, which may miss them by 1e-4
+
+Motion = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class SinusoidTrajectory:
+    r"""
+    The paper's exciting trajectory (eq. trajectories_gen) around a centre.
+
+    .. math:: q_i(t) = \bar q_i + \sum_l \frac{a_{il}}{\omega l} \sin(\omega l t)
+              - \frac{b_{il}}{\omega l} \cos(\omega l t)
+
+    Attributes
+    ----------
+    centre : ndarray, shape (n,)
+        Positions [rad or m] around which the joints move.
+    a, b : ndarray, shape (n, L)
+        Velocity amplitudes [rad/s or m/s] of the L sinusoids.
+    fundamental_hz : float
+        Lowest frequency; the motion repeats after its inverse.
+
+    """
+
+    centre: NDArray[np.float64]
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    fundamental_hz: float = FUNDAMENTAL_HZ
+
+    @classmethod
+    def random(
+        cls,
+        limits: MotionLimits,
+        rng: np.random.Generator,
+        n_sinusoids: int = N_SINUSOIDS,
+        fundamental_hz: float = FUNDAMENTAL_HZ,
+    ) -> SinusoidTrajectory:
+        """
+        Draw amplitudes uniformly from [-c, c], c the largest that respects a joint's limits.
+
+        Parameters
+        ----------
+        limits : MotionLimits
+        rng : numpy.random.Generator
+            The only source of chance.
+        n_sinusoids : int
+            Number L of sinusoids: the fundamental and its first L - 1 multiples.
+        fundamental_hz : float
+            Lowest frequency [Hz]. The paper prints 0.02 rad/s, with which its 500 samples at 10 Hz
+            would hold a sixth of a period; with 0.02 Hz they are exactly one.
+
+        Returns
+        -------
+        SinusoidTrajectory
+
+        """
+        a, b = rng.uniform(-1.0, 1.0, (2, limits.n_joints, n_sinusoids))
+        unscaled = cls(np.zeros(limits.n_joints), a, b, fundamental_hz)
+        c = unscaled._largest_scale(limits)[:, np.newaxis]
+        return cls(limits.centre, c * a, c * b, fundamental_hz)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.centre)
+
+    @property
+    def period(self) -> float:
+        """Time [s] after which the motion repeats."""
+        return 1.0 / self.fundamental_hz
+
+    def sample(self, t: NDArray[np.float64]) -> Motion:
+        """
+        Exact motion at any times.
+
+        Parameters
+        ----------
+        t : ndarray, shape (N,)
+            Times [s].
+
+        Returns
+        -------
+        q, dq, ddq : ndarray, shape (N, n)
+            Positions [rad or m], velocities and accelerations.
+
+        """
+        omega = 2 * np.pi * self.fundamental_hz * np.arange(1, self.a.shape[1] + 1)
+        angle = np.multiply.outer(np.asarray(t, dtype=np.float64), omega)
+        sin, cos = np.sin(angle), np.cos(angle)
+        q = self.centre + sin @ (self.a / omega).T - cos @ (self.b / omega).T
+        dq = cos @ self.a.T + sin @ self.b.T
+        ddq = -sin @ (self.a * omega).T + cos @ (self.b * omega).T
+        return q, dq, ddq
+
+    def _largest_scale(self, limits: MotionLimits) -> NDArray[np.float64]:
+        n_points = GRID_POINTS_PER_FASTEST_PERIOD * self.a.shape[1]
+        q, dq, ddq = self.sample(np.linspace(0.0, self.period, n_points, endpoint=False))
+        reach = (limits.q_max - limits.q_min) / 2
+        bounds = np.array([reach, limits.dq_max, limits.ddq_max])
+        peaks = np.array([np.abs(values).max(axis=0) for values in (q, dq, ddq)])
+        return HEADROOM * np.min(bounds / peaks, axis=0)

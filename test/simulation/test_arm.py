@@ -1,0 +1,192 @@
+"""The reference arm against textbook mechanics: power balance, closed forms, structure of M."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+import sys
+
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+from lip_id_ros.errors import DataError, LipIdError
+from lip_id_ros.simulation import Arm, Friction, FrictionalArm, panda, SinusoidTrajectory
+from lip_id_ros.simulation.panda import MOTION
+
+needs_pinocchio = pytest.mark.skipif(
+    importlib.util.find_spec('pinocchio') is None, reason='needs pinocchio (the extra sim)'
+)
+GRAVITY = 9.81
+LINK = """
+  <link name="{name}"><inertial>
+    <origin xyz="{com}" rpy="0 0 0"/><mass value="{mass}"/>
+    <inertia ixx="0.1" iyy="{inertia}" izz="0.1" ixy="0" ixz="0" iyz="0"/>
+  </inertial></link>"""
+JOINT = """
+  <joint name="{name}" type="{kind}">
+    <parent link="{parent}"/><child link="{child}"/>
+    <origin xyz="{origin}" rpy="0 0 0"/><axis xyz="{axis}"/>
+    <limit lower="-3" upper="3" effort="9" velocity="9"/>
+  </joint>"""
+
+
+def write_urdf(path: Path, *elements: str) -> Path:
+    path.write_text(f'<robot name="r">\n  <link name="base"/>{"".join(elements)}\n</robot>')
+    return path
+
+
+@pytest.fixture
+def pendulum(tmp_path: Path) -> Arm:
+    """One link of 2 kg, its centre 0.5 m below the hinge, 0.3 kg m^2 about that centre."""
+    urdf = write_urdf(
+        tmp_path / 'pendulum.urdf',
+        LINK.format(name='bob', com='0 0 -0.5', mass=2, inertia=0.3),
+        JOINT.format(
+            name='hinge', kind='revolute', parent='base', child='bob', origin='0 0 0', axis='0 1 0'
+        ),
+    )
+    return Arm(urdf, 1)
+
+
+def motions(n_joints: int, n_samples: int = 7) -> tuple[NDArray[np.float64], ...]:
+    return tuple(np.random.default_rng(n_joints).normal(size=(3, n_samples, n_joints)))
+
+
+@needs_pinocchio
+def test_pendulum_is_the_textbook_one(pendulum: Arm) -> None:
+    q, dq, ddq = motions(1)
+    inertia = 0.3 + 2 * 0.5**2
+
+    torque = inertia * ddq + 2 * GRAVITY * 0.5 * np.sin(q)
+
+    np.testing.assert_allclose(pendulum.inverse_dynamics(q, dq, ddq), torque)
+    np.testing.assert_allclose(pendulum.kinetic(q, dq), 0.5 * inertia * dq[:, 0] ** 2)
+    np.testing.assert_allclose(pendulum.potential(q), -2 * GRAVITY * 0.5 * np.cos(q[:, 0]))
+    assert pendulum.joint_names == ('hinge',)
+    assert pendulum.joint_types == ('revolute',)
+
+
+@needs_pinocchio
+def test_lift_carries_its_weight(tmp_path: Path) -> None:
+    urdf = write_urdf(
+        tmp_path / 'lift.urdf',
+        LINK.format(name='box', com='0 0 0', mass=4, inertia=0.1),
+        JOINT.format(
+            name='lift', kind='prismatic', parent='base', child='box', origin='0 0 0', axis='0 0 1'
+        ),
+    )
+    arm = Arm(urdf, 1)
+    q, dq, ddq = motions(1)
+
+    np.testing.assert_allclose(arm.inverse_dynamics(q, dq, ddq), 4 * (ddq + GRAVITY))
+    np.testing.assert_allclose(arm.potential(q), 4 * GRAVITY * q[:, 0])
+    assert arm.joint_types == ('prismatic',)
+
+
+@needs_pinocchio
+@pytest.mark.parametrize('n_joints', [3, 7])
+def test_power_of_the_torques_is_the_change_of_energy(n_joints: int) -> None:
+    arm = panda(n_joints)
+    trajectory = SinusoidTrajectory.random(MOTION.first(n_joints), np.random.default_rng(5))
+    t, step = np.linspace(1.0, 40.0, 25), 1e-5
+
+    def energy(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        q, dq, _ = trajectory.sample(times)
+        return arm.kinetic(q, dq) + arm.potential(q)
+
+    q, dq, ddq = trajectory.sample(t)
+    power = np.sum(dq * arm.inverse_dynamics(q, dq, ddq), axis=1)
+
+    change = (energy(t + step) - energy(t - step)) / (2 * step)
+    np.testing.assert_allclose(power, change, atol=1e-6)
+
+
+@needs_pinocchio
+def test_inertia_matrix_gives_kinetic_energy_and_inertial_torque() -> None:
+    arm = panda(7)
+    q, dq, ddq = motions(7)
+    M = arm.inertia_matrix(q)
+    rest = np.zeros_like(q)
+
+    inertial = arm.inverse_dynamics(q, rest, ddq) - arm.inverse_dynamics(q, rest, rest)
+
+    np.testing.assert_allclose(M, M.transpose(0, 2, 1))
+    np.testing.assert_allclose(np.einsum('ti,tij,tj->t', dq, M, dq) / 2, arm.kinetic(q, dq))
+    np.testing.assert_allclose(np.einsum('tij,tj->ti', M, ddq), inertial, atol=1e-12)
+    assert np.linalg.eigvalsh(M).min() > 0
+
+
+@needs_pinocchio
+def test_locked_joints_keep_their_mass() -> None:
+    whole, three = panda(7), panda(3)
+    q = np.zeros((1, 7))
+    q[0, 3:] = (-2.0, 0.0, 1.8, 0.7)
+
+    torque = whole.inverse_dynamics(q, 0 * q, 0 * q)[:, :3]
+
+    assert three.joint_names == ('panda_joint1', 'panda_joint2', 'panda_joint3')
+    np.testing.assert_allclose(
+        three.inverse_dynamics(q[:, :3], 0 * q[:, :3], 0 * q[:, :3]), torque, atol=1e-10
+    )
+
+
+@needs_pinocchio
+def test_friction_acts_against_the_motion_and_leaves_the_energies(pendulum: Arm) -> None:
+    arm = FrictionalArm(pendulum, Friction(np.array([0.5]), np.array([0.2])))
+    q, dq, ddq = np.zeros((3, 3, 1))
+    dq = np.array([[2.0], [-2.0], [0.0]])
+
+    np.testing.assert_allclose(
+        arm.inverse_dynamics(q, dq, ddq) - pendulum.inverse_dynamics(q, dq, ddq),
+        [[1.2], [-1.2], [0.0]],
+    )
+    np.testing.assert_array_equal(arm.kinetic(q, dq), pendulum.kinetic(q, dq))
+    np.testing.assert_array_equal(arm.potential(q), pendulum.potential(q))
+    assert arm.joint_names == pendulum.joint_names
+
+
+@needs_pinocchio
+@pytest.mark.parametrize('n_joints', [0, 10])
+def test_more_joints_than_the_robot_has(n_joints: int) -> None:
+    with pytest.raises(
+        DataError, match=rf'{n_joints} joints were asked of .*panda.urdf, .* has 9'
+    ):
+        panda(n_joints)
+
+
+@needs_pinocchio
+def test_a_file_that_is_no_robot(tmp_path: Path) -> None:
+    path = tmp_path / 'other.urdf'
+    path.write_text('<html/>')
+    with pytest.raises(DataError, match=r'other\.urdf is not a URDF'):
+        Arm(path, 1)
+
+
+@needs_pinocchio
+def test_a_continuous_joint_is_refused(tmp_path: Path) -> None:
+    urdf = write_urdf(
+        tmp_path / 'wheel.urdf',
+        LINK.format(name='rim', com='0 0 0', mass=1, inertia=0.1),
+        JOINT.format(
+            name='hub', kind='continuous', parent='base', child='rim', origin='0 0 0', axis='0 1 0'
+        ),
+    )
+    with pytest.raises(DataError, match=r'revolute or prismatic, not JointModelRUB'):
+        Arm(urdf, 1)
+
+
+def test_without_pinocchio_the_remedy_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, 'pinocchio', None)
+    with pytest.raises(LipIdError, match=r'pip install lip_id_ros\[sim\]'):
+        Arm(tmp_path / 'any.urdf', 1)
+
+
+def test_without_the_robot_descriptions_the_remedy_is_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr('importlib.metadata.files', lambda name: None)
+    with pytest.raises(LipIdError, match=r'example-robot-data.*pip install lip_id_ros\[sim\]'):
+        panda()
