@@ -133,7 +133,8 @@ def test_defaults_of_a_fit() -> None:
 
 def test_read_config_keeps_defaults_for_what_is_not_named(config_file: Path) -> None:
     config_file.write_text(
-        'recording:\n  joints: [a, b]\n  effort_scale: [1, -2.5]\npreprocessing: {cutoff_hz: 1e1}\n'
+        'recording:\n  joints: [a, b]\n  effort_scale: [1, -2.5]\n'
+        'preprocessing: {cutoff_hz: 1e1}\n'
     )
     assert read_config(config_file) == Config(
         recording=RecordingSettings(joints=('a', 'b'), effort_scale=(1.0, -2.5)),

@@ -1,0 +1,114 @@
+"""What every data set must satisfy, each with its own sentence."""
+
+from __future__ import annotations
+
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.errors import DataError, ShapeError
+
+if TYPE_CHECKING:
+    from lip_id_ros.dataset.dataset import Dataset
+
+JOINT_TYPES = ('revolute', 'prismatic')
+PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless')
+PER_SAMPLE = ('t', 'kinetic', 'potential')
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+def floats(name: str, value: Any) -> Floats:
+    """Return a read-only float64 copy; DataError where there are other things than numbers."""
+    array = _numbers(name, value).astype(np.float64)
+    array.setflags(write=False)
+    return array
+
+
+def integers(name: str, value: Any) -> Integers:
+    """Return a read-only int64 copy; DataError where there are other things than whole numbers."""
+    numbers = _numbers(name, value)
+    if not np.isfinite(numbers).all() or (numbers != np.round(numbers)).any():
+        raise DataError(f'{name} must hold whole numbers; number segments 0, 1, 2 and so on.')
+    array = numbers.astype(np.int64)
+    array.setflags(write=False)
+    return array
+
+
+def _numbers(name: str, value: Any) -> NDArray[Any]:
+    try:
+        array = np.array(value)
+    except ValueError as error:
+        raise ShapeError(f'{name} must have rows of equal length ({error}).') from error
+    if array.dtype.kind not in 'iuf':
+        raise DataError(f'{name} must hold numbers, not {array.dtype}; convert it first.')
+    return array
+
+
+def check_shapes(data: Dataset) -> None:
+    """Raise ShapeError unless every array and tuple agrees with the shape of q."""
+    if data.q.ndim != 2 or 0 in data.q.shape:
+        raise ShapeError(
+            f'q must have shape (samples, joints) with at least one of each, not {data.q.shape}.'
+        )
+    n_samples, n_joints = data.q.shape
+    for names, expected in (
+        (PER_JOINT, (n_samples, n_joints)),
+        ((*PER_SAMPLE, 'segment'), (n_samples,)),
+    ):
+        for name in names:
+            value = getattr(data, name)
+            if value is not None and value.shape != expected:
+                raise ShapeError(f'{name} must have shape {expected} like q, not {value.shape}.')
+    for name in ('joint_names', 'joint_types'):
+        count = len(getattr(data, name))
+        if count != n_joints:
+            raise ShapeError(f'{name} must name the {n_joints} joints of q, not {count}.')
+
+
+def check_joints(names: tuple[str, ...], types: tuple[str, ...]) -> None:
+    """Raise DataError unless names are unique and types known."""
+    for name in names:
+        if not name:
+            raise DataError('every joint needs a name, but one of joint_names is empty.')
+        if names.count(name) > 1:
+            raise DataError(f'joint_names must be unique, but {name!r} comes twice.')
+    for kind in types:
+        if kind not in JOINT_TYPES:
+            raise DataError(f'a joint type must be revolute or prismatic, not {kind!r}.')
+
+
+def check_finite(data: Dataset) -> None:
+    """Raise DataError at the first number that is not finite."""
+    for name in (*PER_SAMPLE, *PER_JOINT):
+        value = getattr(data, name)
+        if value is None or np.isfinite(value).all():
+            continue
+        at = tuple(int(index) for index in np.argwhere(~np.isfinite(value))[0])
+        joint = f' of {data.joint_names[at[1]]}' if len(at) == 2 else ''
+        raise DataError(
+            f'{name} must be finite, but sample {at[0]}{joint} is {value[at]}; '
+            'remove such samples.'
+        )
+
+
+def check_time(t: Floats, segment: Integers) -> None:
+    """Raise DataError where a segment is torn apart or time goes back within it."""
+    begins = np.flatnonzero(np.diff(segment)) + 1
+    runs = segment[np.concatenate([[0], begins])]
+    if np.unique(runs).size != runs.size:
+        numbers, counts = np.unique(runs, return_counts=True)
+        raise DataError(
+            f'samples of one segment must lie together, but segment {numbers[counts > 1][0]} '
+            'comes back after another; give it a new number.'
+        )
+    steps = np.diff(t)
+    steps[begins - 1] = 0.0
+    if (steps < 0).any():
+        at = int(np.argmax(steps < 0))
+        raise DataError(
+            f't must not decrease within a segment, but goes from {t[at]:g} to {t[at + 1]:g} s '
+            f'at sample {at + 1}; sort the samples or begin a new segment.'
+        )

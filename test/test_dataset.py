@@ -1,0 +1,312 @@
+"""The data set: what it refuses, what it keeps, and how it is stored."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+import numpy as np
+import pytest
+
+from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.errors import DataError, ShapeError
+from lip_id_ros.files import write_npz
+
+N_SAMPLES, N_JOINTS = 6, 2
+
+
+def fields(**changes: Any) -> dict[str, Any]:
+    rng = np.random.default_rng(0)
+    shape = (N_SAMPLES, N_JOINTS)
+    values: dict[str, Any] = {name: rng.normal(size=shape) for name in ('q', 'dq', 'ddq', 'tau')}
+    values |= {
+        't': 0.1 * np.arange(N_SAMPLES),
+        'joint_names': ('shoulder', 'elbow'),
+        'joint_types': ('revolute', 'prismatic'),
+        'segment': np.array([0, 0, 0, 4, 4, 4]),
+    }
+    return values | changes
+
+
+def dataset(**changes: Any) -> Dataset:
+    return Dataset(**fields(**changes))
+
+
+def with_nan(shape: tuple[int, ...], at: tuple[int, ...]) -> np.ndarray[Any, Any]:
+    array = np.zeros(shape)
+    array[at] = np.nan
+    return array
+
+
+@pytest.mark.parametrize(
+    ('changes', 'error', 'sentence'),
+    [
+        ({'q': np.zeros(3)}, ShapeError, r'^q must have shape \(samples, joints\) .*not \(3,\).$'),
+        (
+            {'q': np.zeros((6, 0))},
+            ShapeError,
+            r'^q must have shape .* one of each, not \(6, 0\).$',
+        ),
+        (
+            {'q': np.zeros((0, 2))},
+            ShapeError,
+            r'^q must have shape .* one of each, not \(0, 2\).$',
+        ),
+        ({'q': [[1], [1, 2]]}, ShapeError, r'^q must have rows of equal length \(.*\).$'),
+        ({'q': [['a', 'b']]}, DataError, r'^q must hold numbers, not <U1; convert it first.$'),
+        ({'q': [[None]]}, DataError, r'^q must hold numbers, not object; convert it first.$'),
+        ({'dq': np.zeros((6, 3))}, ShapeError, r'^dq must have shape \(6, 2\) .*not \(6, 3\).$'),
+        ({'tau': np.zeros((5, 2))}, ShapeError, r'^tau must have shape \(6, 2\) .*not \(5, 2\).$'),
+        ({'kinetic': np.zeros(5)}, ShapeError, r'^kinetic must have shape \(6,\) .*not \(5,\).$'),
+        ({'segment': [0]}, ShapeError, r'^segment must have shape \(6,\) like q, not \(1,\).$'),
+        ({'segment': [0.5] * 6}, DataError, r'^segment must hold whole numbers; number segments'),
+        ({'joint_names': ('a',)}, ShapeError, r'^joint_names must name the 2 joints .*not 1.$'),
+        ({'joint_types': ()}, ShapeError, r'^joint_types must name the 2 joints of q, not 0.$'),
+        ({'joint_names': ('a', 'a')}, DataError, r"^joint_names .* unique, but 'a' comes twice.$"),
+        ({'joint_names': ('a', '')}, DataError, r'^every joint needs a name, but .* is empty.$'),
+        (
+            {'joint_types': ('revolute', 'linear')},
+            DataError,
+            r"^a joint type must be revolute or prismatic, not 'linear'.$",
+        ),
+        (
+            {'tau': with_nan((6, 2), (3, 1))},
+            DataError,
+            r'^tau must be finite, but sample 3 of elbow is nan; remove such samples.$',
+        ),
+        ({'t': with_nan((6,), (2,))}, DataError, r'^t must be finite, but sample 2 is nan; '),
+        (
+            {'t': [0, 1, 0.5, 0, 1, 2]},
+            DataError,
+            r'^t must not decrease within a segment, but goes from 1 to 0.5 s at sample 2; sort ',
+        ),
+        (
+            {'segment': [0, 0, 1, 1, 0, 0]},
+            DataError,
+            r'^samples of one segment must lie together, but segment 0 comes back after another; ',
+        ),
+    ],
+)
+def test_contradictions_are_refused(
+    changes: dict[str, Any], error: type[DataError], sentence: str
+) -> None:
+    with pytest.raises(error, match=sentence):
+        dataset(**changes)
+
+
+def test_arrays_are_copies_and_read_only() -> None:
+    q = np.zeros((N_SAMPLES, N_JOINTS), np.float32)
+    data = dataset(q=q)
+    q[0, 0] = 1.0
+    assert data.q[0, 0] == 0.0
+    assert data.q.dtype == np.float64
+    with pytest.raises(ValueError, match='read-only'):
+        data.q[0, 0] = 1.0
+    assert (data.n_samples, data.n_joints) == (N_SAMPLES, N_JOINTS)
+
+
+def test_time_may_go_back_where_a_segment_begins() -> None:
+    assert dataset(t=[5, 6, 6, 0, 1, 2]).t[3] == 0.0
+
+
+@pytest.mark.parametrize('indices', [[4, 1, 1], [False, True, False, False, True, False]])
+def test_select_keeps_the_order_of_time(indices: list[int]) -> None:
+    data = dataset(kinetic=np.arange(6.0))
+    some = data.select(indices)
+    np.testing.assert_array_equal(some.q, data.q[[1, 4]])
+    np.testing.assert_array_equal(some.segment, [0, 4])
+    np.testing.assert_array_equal(some.kinetic, [1.0, 4.0])
+
+
+def test_select_refuses_nothing() -> None:
+    with pytest.raises(DataError, match=r'^at least one of 6 samples must be selected, not 0.$'):
+        dataset().select(np.zeros(6, bool))
+
+
+@given(st.floats(min_value=0.1, max_value=0.9))
+def test_split_cuts_once_in_time(fraction: float) -> None:
+    data = dataset()
+    first, rest = data.split(fraction)
+    assert first.n_samples == round(6 * fraction)
+    np.testing.assert_array_equal(np.concatenate([first.tau, rest.tau]), data.tau)
+
+
+@pytest.mark.parametrize('fraction', [0.0, 1.0, 0.01, -1.0, 7.0])
+def test_split_refuses_an_empty_part(fraction: float) -> None:
+    with pytest.raises(
+        DataError, match=r'of 6 samples leaves one part of the split empty; choose'
+    ):
+        dataset().split(fraction)
+
+
+def test_joints_are_chosen_by_name() -> None:
+    data = dataset()
+    turned = data.with_joints(['elbow', 'shoulder'])
+    assert turned.joint_types == ('prismatic', 'revolute')
+    np.testing.assert_array_equal(turned.tau, data.tau[:, ::-1])
+    with pytest.raises(DataError, match=r"^joint 'hand' is not in .* has shoulder, elbow; name"):
+        data.with_joints(['hand'])
+
+
+def test_file_keeps_everything(tmp_path: Path) -> None:
+    data = dataset(
+        tau_noiseless=np.ones((6, 2)),
+        potential=np.arange(6.0),
+        gravity_compensated=True,
+        provenance={'sources': [{'source': 'robot.mcap', 'dropped': {'missing joint': 3}}]},
+    )
+    data.save(tmp_path / 'data.npz')
+    loaded = Dataset.load(tmp_path / 'data.npz')
+    for name, value in vars(data).items():
+        np.testing.assert_array_equal(getattr(loaded, name), value, err_msg=name)
+    assert loaded.kinetic is None
+    assert list(tmp_path.iterdir()) == [tmp_path / 'data.npz']
+
+
+@given(
+    hnp.arrays(
+        np.float64,
+        st.tuples(st.integers(1, 5), st.integers(1, 4)),
+        elements=st.floats(allow_nan=False, allow_infinity=False),
+    )
+)
+def test_bare_file_gets_documented_defaults(
+    tmp_path_factory: pytest.TempPathFactory, tau: np.ndarray[Any, Any]
+) -> None:
+    path = tmp_path_factory.mktemp('bare') / 'bare.npz'
+    np.savez(path, q=tau, dq=tau, ddq=tau, tau=tau, comment=np.array('from elsewhere'))
+    data = Dataset.load(path)
+    np.testing.assert_array_equal(data.tau, tau)
+    np.testing.assert_array_equal(data.t, np.arange(len(tau), dtype=float))
+    assert data.joint_names == tuple(f'joint_{k + 1}' for k in range(tau.shape[1]))
+    assert set(data.joint_types) == {'revolute'}
+    assert not data.segment.any()
+    assert data.provenance['sources'][0]['defaults'] == [
+        't',
+        'joint_names',
+        'joint_types',
+        'segment',
+    ]
+
+
+def test_bare_file_of_one_joint_and_a_step(tmp_path: Path) -> None:
+    values = np.arange(3)
+    names = np.array([b'slider'])
+    path = tmp_path / 'bare.npz'
+    np.savez(path, q=values, dq=values, ddq=values, tau=values, dt=0.5, joint_names=names)
+    data = Dataset.load(path)
+    assert data.q.shape == (3, 1)
+    assert data.joint_names == ('slider',)
+    np.testing.assert_array_equal(data.t, [0.0, 0.5, 1.0])
+
+
+@pytest.mark.parametrize(
+    ('arrays', 'sentence'),
+    [
+        ({'q': np.zeros((2, 1))}, r'bare.npz must hold .* but dq, ddq, tau is missing beside q; '),
+        ({}, r'bare.npz must hold arrays .* tau is missing beside nothing; save them too.$'),
+    ],
+)
+def test_incomplete_file_is_refused(tmp_path: Path, arrays: dict[str, Any], sentence: str) -> None:
+    np.savez(tmp_path / 'bare.npz', **arrays)
+    with pytest.raises(DataError, match=sentence):
+        Dataset.load(tmp_path / 'bare.npz')
+
+
+@pytest.mark.parametrize(
+    ('arrays', 'sentence'),
+    [
+        ({'dt': -1.0}, r'^dt in .*bare.npz must be one positive number of seconds, not -1.0.$'),
+        ({'dt': 'x'}, r"^dt in .*bare.npz must be one positive number of seconds, not 'x'.$"),
+        ({'dt': [1, 2]}, r'^dt in .*bare.npz must be one positive number .*, not \[1, 2\].$'),
+        ({'tau': np.zeros((2, 2))}, r'^in .*bare.npz, tau must have shape \(2, 1\) like q, not '),
+        ({'q': np.full((2, 1), None)}, r'bare.npz is not a data set \(.*\); write one with'),
+        ({'q': 1.0}, r'^in .*bare.npz, q must have shape \(samples, joints\)'),
+    ],
+)
+def test_contradicting_file_is_refused(
+    tmp_path: Path, arrays: dict[str, Any], sentence: str
+) -> None:
+    whole = dict.fromkeys(('q', 'dq', 'ddq', 'tau'), np.zeros((2, 1)))
+    np.savez(tmp_path / 'bare.npz', **(whole | arrays))
+    with pytest.raises(DataError, match=sentence):
+        Dataset.load(tmp_path / 'bare.npz')
+
+
+@pytest.mark.parametrize('content', [b'', b'PK', b'not a data set', b'PK\x03\x04' + bytes(40)])
+def test_file_that_is_no_archive_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / 'other.npz').write_bytes(content)
+    with pytest.raises(
+        DataError, match=r'other.npz is not a data set \(.*\); write one with `lip'
+    ):
+        Dataset.load(tmp_path / 'other.npz')
+
+
+def test_truncated_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / 'data.npz'
+    dataset().save(path)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(DataError, match=r'data.npz is not a data set \(.*\); write one with'):
+        Dataset.load(path)
+
+
+@pytest.mark.parametrize(
+    ('header', 'sentence'),
+    [
+        (
+            {'format': 'lip_id_ros model'},
+            r'x.npz must be a data set, but it is a lip_id_ros model',
+        ),
+        (
+            {'format': 'lip_id_ros data set', 'version': 99},
+            r'x.npz must be a data set of version 1, not 99; write it again with this version',
+        ),
+    ],
+)
+def test_foreign_header_is_refused(tmp_path: Path, header: dict[str, Any], sentence: str) -> None:
+    write_npz(tmp_path / 'x.npz', {'q': np.zeros((2, 1))}, header)
+    with pytest.raises(DataError, match=sentence):
+        Dataset.load(tmp_path / 'x.npz')
+
+
+def test_absent_file_passes_through(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        Dataset.load(tmp_path / 'absent.npz')
+
+
+def test_concatenate_matches_joints_by_name_and_keeps_segments_apart() -> None:
+    first = dataset(kinetic=np.zeros(6), provenance={'sources': [{'source': 'a'}]})
+    second = dataset(provenance={'seed': 3}).with_joints(['elbow', 'shoulder'])
+    joined = concatenate([first, second])
+    np.testing.assert_array_equal(joined.q, np.concatenate([first.q, first.q]))
+    np.testing.assert_array_equal(joined.segment, np.repeat([0, 1, 2, 3], 3))
+    assert joined.joint_types == ('revolute', 'prismatic')
+    assert joined.kinetic is None
+    assert joined.provenance == {'sources': [{'source': 'a'}, {'seed': 3}]}
+
+
+@pytest.mark.parametrize(
+    ('changes', 'sentence'),
+    [
+        (
+            {'joint_names': ('shoulder', 'wrist')},
+            r'^sources must have the same joints, not shoulder, elbow and shoulder, wrist; choose',
+        ),
+        (
+            {'joint_types': ('revolute', 'revolute')},
+            r'^sources must agree on joint types, not revolute, prismatic and revolute, revolute;',
+        ),
+        ({'gravity_compensated': True}, r'^sources with and without gravity in their torques can'),
+    ],
+)
+def test_concatenate_refuses_other_arms(changes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(DataError, match=sentence):
+        concatenate([dataset(), dataset(**changes)])
+
+
+def test_concatenate_refuses_nothing() -> None:
+    with pytest.raises(DataError, match=r'^at least one data set is needed to concatenate'):
+        concatenate([])
