@@ -1,0 +1,38 @@
+SHELL := /bin/bash
+ENV := . scripts/env.sh &&
+# more arguments for the tool behind a target: make test ARGS='-k bags'
+ARGS ?=
+
+.PHONY: help setup demo test check bench clean distclean
+
+help:
+	@echo 'make demo       simulated arm: record, fit, serve, compare with the truth (demo_output/)'
+	@echo 'make test       all tests that this machine can run'
+	@echo 'make check      format, lint, types, direction of imports'
+	@echo 'make bench      how fast and how accurate'
+	@echo 'make setup      what all of them need, under .deps/ (each runs it by itself)'
+	@echo 'make clean      remove build products and outputs; keep what was fetched'
+	@echo 'make distclean  remove .deps/ too'
+
+setup:
+	@scripts/setup.sh
+
+demo: setup
+	@scripts/run_demo.sh $(ARGS)
+
+test: setup
+	@$(ENV) python -m pytest $(ARGS)
+
+check: setup
+	@$(ENV) ruff format --check . && ruff check . && mypy && python -m pytest -q test/test_imports.py
+
+bench: setup
+	@$(ENV) python -m benchmarks $(ARGS)
+
+clean:
+	rm -rf .deps/build .deps/install .deps/log .deps/build.stamp demo_output *.egg-info
+	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -path ./.deps -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf
+
+distclean: clean
+	rm -rf .deps

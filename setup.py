@@ -1,0 +1,51 @@
+"""The package, as ament_python and pip want it described."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'lip_id_ros'
+
+
+def files(folder: str, pattern: str = '*') -> list[str]:
+    return sorted(str(path) for path in Path(folder).glob(pattern) if path.is_file())
+
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    description='Inverse dynamics of robot arms, learned from recordings and served as torques',
+    license='Apache-2.0',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    python_requires='>=3.11',
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        (f'share/{PACKAGE}/config', files('config')),
+        (f'share/{PACKAGE}/launch', files('launch')),
+    ],
+    install_requires=[
+        'matplotlib>=3.6',
+        'mcap>=1.1',
+        'mcap-ros2-support>=0.5',
+        'numba>=0.57',
+        'numpy>=1.26',
+        'pyyaml>=6.0',
+        'rich>=13.0',
+        'rosbags>=0.10',
+        'scipy>=1.11',
+    ],
+    extras_require={
+        'sim': ['pin>=2.7', 'example-robot-data>=4.1'],
+        'torch': ['torch>=2.1'],
+        'test': ['hypothesis>=6.98', 'pytest>=7.4,<9'],
+    },
+    zip_safe=True,
+    entry_points={
+        'console_scripts': [
+            'lip_id = lip_id_ros.cli:main',
+            'train = lip_id_ros.nodes.train:main',
+            'serve = lip_id_ros.nodes.serve:main',
+        ],
+    },
+)
