@@ -1,0 +1,237 @@
+"""The one place where joint messages are mapped by name, checked and counted."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from enum import StrEnum
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.recording.joint_samples import Floats, JointSamples
+
+_FIRST_ROWS = 1024
+_KNOWN_ORDERS = 64
+
+
+class Reason(StrEnum):
+    """Why a message was dropped."""
+
+    NO_NAMES = 'no joint names'
+    REPEATED_NAME = 'joint name repeated'
+    FOREIGN_JOINTS = 'only foreign joints'
+    MISSING_JOINT = 'joint missing'
+    NO_POSITION = 'position empty'
+    POSITION_LENGTH = 'position not as long as names'
+    VELOCITY_LENGTH = 'velocity not as long as names'
+    EFFORT_LENGTH = 'effort not as long as names'
+    NOT_FINITE = 'value not finite'
+    BAD_STAMP = 'stamp negative or not finite'
+    ZERO_STAMP = 'stamp zero'
+    REPEATED_STAMP = 'stamp repeated'
+    BACKWARD_STAMP = 'stamp went back'
+    BUFFER_FULL = 'buffer full'
+    NO_VELOCITY = 'velocity empty where others have it'
+    NO_EFFORT = 'effort empty where others have it'
+    UNREADABLE = 'message unreadable'
+
+
+class SampleBuffer:
+    """
+    Collects joint messages into arrays, by joint name, message by message.
+
+    A message is taken whole or dropped with a reason; nothing is filled in. Empty velocities or
+    efforts are taken, for recordings that have none at all; where only some messages lack them,
+    these messages are left out of `samples`.
+
+    Parameters
+    ----------
+    joint_names : sequence of str
+        Joints to keep, in this order; empty for those of the first message.
+    max_rows : int, optional
+        Most messages kept; later ones are dropped and counted.
+    expected_rows : int
+        Room made at the beginning; more is made when needed.
+
+    """
+
+    def __init__(
+        self,
+        joint_names: Sequence[str] = (),
+        max_rows: int | None = None,
+        expected_rows: int = _FIRST_ROWS,
+    ) -> None:
+        self._wanted = tuple(joint_names)
+        self._max_rows = max_rows
+        self._first_rows = max(1, min(expected_rows, max_rows or expected_rows))
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all messages, counts and, unless they were given, the joints."""
+        self.joint_names = self._wanted
+        self.counts: Counter[str] = Counter()
+        self._orders: dict[tuple[str, ...], NDArray[np.intp] | Reason] = {}
+        self._size = 0
+        self._last_stamp = -math.inf
+        self._stamps = np.empty(self._first_rows)
+        self._rows = np.empty((self._first_rows, 3, len(self._wanted)))
+
+    def __len__(self) -> int:
+        """Return the number of messages taken."""
+        return self._size
+
+    def add(
+        self,
+        stamp_s: float,
+        names: Sequence[str],
+        position: Sequence[float] | Floats,
+        velocity: Sequence[float] | Floats,
+        effort: Sequence[float] | Floats,
+    ) -> Reason | None:
+        """
+        Take one message, or drop and count it.
+
+        Parameters
+        ----------
+        stamp_s : float
+            Time of the message [s].
+        names : sequence of str
+            Joints of the message, in any order.
+        position, velocity, effort : sequence of float
+            As long as `names`; velocity and effort may be empty.
+
+        Returns
+        -------
+        Reason or None
+            Why the message was dropped, None where it was taken.
+
+        """
+        reason = self._take(stamp_s, names, position, velocity, effort)
+        if reason is not None:
+            self.counts[reason] += 1
+        return reason
+
+    def reject(self, reason: Reason) -> None:
+        """Count a message that could not even be read."""
+        self.counts[reason] += 1
+
+    def samples(self, source: str = 'memory', topic: str = '') -> JointSamples:
+        """
+        Return copies of what was taken so far; the buffer goes on.
+
+        Parameters
+        ----------
+        source, topic : str
+            Noted in the samples.
+
+        """
+        stamps, rows = self._stamps[: self._size], self._rows[: self._size]
+        counts = Counter(self.counts)
+        keep = np.ones(len(rows), bool)
+        for part, reason in ((1, Reason.NO_VELOCITY), (2, Reason.NO_EFFORT)):
+            empty = np.isnan(rows[:, part, :1]).any(axis=1)
+            if not empty.all():
+                counts[reason] += int((keep & empty).sum())
+                keep &= ~empty
+        stamps, rows = stamps[keep], rows[keep]
+        start = float(stamps[0]) if stamps.size else 0.0
+        position, velocity, effort = (rows[:, part].copy() for part in range(3))
+        return JointSamples(
+            t=stamps - start,
+            position=position,
+            velocity=velocity,
+            effort=effort,
+            joint_names=self.joint_names,
+            start_s=start,
+            counts={str(reason): count for reason, count in counts.items() if count},
+            source=source,
+            topic=topic,
+        )
+
+    def _take(
+        self, stamp: float, names: Sequence[str], position: Any, velocity: Any, effort: Any
+    ) -> Reason | None:
+        key = tuple(names)
+        order = self._orders.get(key)
+        if order is None:
+            order = self._remember_order(key)
+        if isinstance(order, Reason):
+            return order
+        reason = self._length_reason(len(key), len(position), len(velocity), len(effort))
+        if reason is None:
+            reason = self._stamp_reason(stamp)
+        if reason is not None:
+            return reason
+        if self._size == len(self._stamps) and not self._make_room():
+            return Reason.BUFFER_FULL
+        return self._store(stamp, order, (position, velocity, effort))
+
+    def _store(
+        self, stamp: float, order: NDArray[np.intp], parts: tuple[Any, Any, Any]
+    ) -> Reason | None:
+        row = self._rows[self._size]
+        for part, values in enumerate(parts):
+            row[part] = np.asarray(values)[order] if len(values) else 0.0
+        if not np.isfinite(row).all():
+            return Reason.NOT_FINITE
+        for part, values in enumerate(parts):
+            if not len(values):
+                row[part] = np.nan
+        self._stamps[self._size] = self._last_stamp = stamp
+        self._size += 1
+        return None
+
+    def _make_room(self) -> bool:
+        capacity = 2 * len(self._stamps)
+        if self._max_rows is not None:
+            capacity = min(capacity, self._max_rows)
+        if capacity <= self._size:
+            return False
+        stamps = np.empty(capacity)
+        rows = np.empty((capacity, *self._rows.shape[1:]))
+        stamps[: self._size], rows[: self._size] = self._stamps, self._rows
+        self._stamps, self._rows = stamps, rows
+        return True
+
+    def _remember_order(self, names: tuple[str, ...]) -> NDArray[np.intp] | Reason:
+        order = self._order(names)
+        if len(self._orders) < _KNOWN_ORDERS:
+            self._orders[names] = order
+        return order
+
+    def _order(self, names: tuple[str, ...]) -> NDArray[np.intp] | Reason:
+        if not names:
+            return Reason.NO_NAMES
+        if len(set(names)) != len(names):
+            return Reason.REPEATED_NAME
+        if not self.joint_names:
+            self.joint_names = names
+            self._rows = np.empty((len(self._stamps), 3, len(names)))
+        present = [name in names for name in self.joint_names]
+        if not any(present):
+            return Reason.FOREIGN_JOINTS
+        if not all(present):
+            return Reason.MISSING_JOINT
+        return np.array([names.index(name) for name in self.joint_names], np.intp)
+
+    @staticmethod
+    def _length_reason(names: int, position: int, velocity: int, effort: int) -> Reason | None:
+        if position == names and velocity in (0, names) and effort in (0, names):
+            return None
+        if position == 0:
+            return Reason.NO_POSITION
+        if position != names:
+            return Reason.POSITION_LENGTH
+        return Reason.VELOCITY_LENGTH if velocity not in (0, names) else Reason.EFFORT_LENGTH
+
+    def _stamp_reason(self, stamp: float) -> Reason | None:
+        if self._last_stamp < stamp < math.inf and stamp >= 0:
+            return None
+        if not 0 <= stamp < math.inf:
+            return Reason.BAD_STAMP
+        if stamp == 0:
+            return Reason.ZERO_STAMP
+        return Reason.REPEATED_STAMP if stamp == self._last_stamp else Reason.BACKWARD_STAMP

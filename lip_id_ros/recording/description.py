@@ -1,0 +1,135 @@
+"""What is in a recording or data set, in words that JSON knows."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.progress import Progress, silent
+from lip_id_ros.recording.bags import Bag
+from lip_id_ros.recording.joint_samples import Floats, JointSamples
+from lip_id_ros.recording.reading import joint_topics, read_topic
+from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step
+
+DATASET_SUFFIX = '.npz'
+
+_MOST_GAPS = 20
+
+
+def describe(path: str | os.PathLike[str], progress: Progress = silent) -> dict[str, Any]:
+    """
+    Describe a bag or a data set.
+
+    Parameters
+    ----------
+    path : path
+        A rosbag2 folder, .mcap, .db3, ROS 1 .bag or data set .npz.
+    progress : callable
+        Told how many messages are read.
+
+    Returns
+    -------
+    dict
+        JSON-able: `file`, `kind`, for a bag `topics` and `recordings` (one for each topic with
+        joint samples: joints, timing, dropped messages, ranges), for a data set `joints`,
+        `timing`, `ranges` and its provenance.
+
+    Raises
+    ------
+    SourceError
+        If it is no bag, or a damaged one.
+    DataError
+        If it is no data set, or contradicts itself.
+    OSError
+        If it does not exist or cannot be opened.
+
+    """
+    if Path(path).suffix == DATASET_SUFFIX:
+        return _dataset(path, Dataset.load(path))
+    with Bag(path) as bag:
+        return {
+            'file': os.fspath(path),
+            'kind': bag.kind,
+            'topics': [
+                {'name': topic.name, 'type': topic.type, 'messages': topic.count}
+                for topic in bag.topics
+            ],
+            'recordings': [
+                _recording(read_topic(bag, topic, progress=progress))
+                for topic in joint_topics(bag)
+            ],
+        }
+
+
+def _recording(samples: JointSamples) -> dict[str, Any]:
+    arrays = {name: getattr(samples, name) for name in ('position', 'velocity', 'effort')}
+    return {
+        'topic': samples.topic,
+        'joints': list(samples.joint_names),
+        'samples': samples.n_samples,
+        'dropped': dict(samples.counts),
+        'start_s': samples.start_s,
+        'timing': _timing(samples.t),
+        'ranges': _ranges(samples.joint_names, arrays),
+    }
+
+
+def _dataset(path: str | os.PathLike[str], data: Dataset) -> dict[str, Any]:
+    arrays = {name: getattr(data, name) for name in ('q', 'dq', 'ddq', 'tau')}
+    segments = [data.t[data.segment == number] for number in np.unique(data.segment)]
+    return {
+        'file': os.fspath(path),
+        'kind': 'data set',
+        'joints': list(data.joint_names),
+        'joint_types': list(data.joint_types),
+        'samples': data.n_samples,
+        'segments': [_timing(t) for t in segments],
+        'ranges': _ranges(data.joint_names, arrays),
+        'gravity_compensated': data.gravity_compensated,
+        'has_true_torques': data.tau_noiseless is not None,
+        'has_energies': data.kinetic is not None,
+        'provenance': dict(data.provenance),
+    }
+
+
+def _timing(t: Floats) -> dict[str, Any]:
+    steps = np.diff(t)
+    if steps.size == 0:
+        return {
+            'duration_s': 0.0,
+            'rate_hz': None,
+            'jitter_s': None,
+            'gaps': 0,
+            'longest_gaps': [],
+        }
+    typical = median_step(t)
+    starts = gap_starts(t, GAP_STEPS * typical)
+    longest = starts[np.argsort(-steps[starts], kind='stable')][:_MOST_GAPS]
+    return {
+        'duration_s': float(t[-1] - t[0]),
+        'rate_hz': 1.0 / typical if typical > 0 else None,
+        'jitter_s': float(np.std(np.delete(steps, starts))),
+        'gaps': int(starts.size),
+        'longest_gaps': [
+            {'at_s': float(t[start]), 'length_s': float(steps[start])} for start in longest
+        ],
+    }
+
+
+def _ranges(
+    joint_names: tuple[str, ...], arrays: dict[str, Floats]
+) -> dict[str, dict[str, list[float] | None]]:
+    return {
+        joint: {name: _range(values[:, column]) for name, values in arrays.items()}
+        for column, joint in enumerate(joint_names)
+    }
+
+
+def _range(values: Floats) -> list[float] | None:
+    if values.size == 0 or np.isnan(values).any():
+        return None
+    return [float(values.min()), float(values.max())]

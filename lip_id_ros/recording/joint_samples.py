@@ -1,0 +1,65 @@
+"""Raw joint samples, as they were recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class JointSamples:
+    """
+    Samples of one recording in the order of time, N samples of n joints, nothing invented.
+
+    Attributes
+    ----------
+    t : ndarray, shape (N,)
+        Time since the first sample [s], strictly increasing.
+    position, velocity, effort : ndarray, shape (N, n)
+        As recorded [rad or m, rad/s or m/s, any unit]; velocity or effort is NaN throughout where
+        the recording has none.
+    joint_names : tuple of str
+        Names of the n columns.
+    start_s : float
+        Stamp of the first sample [s].
+    counts : mapping
+        Messages that were dropped, by reason.
+    source, topic : str
+        Where the samples come from.
+
+    """
+
+    t: Floats
+    position: Floats
+    velocity: Floats
+    effort: Floats
+    joint_names: tuple[str, ...]
+    start_s: float = 0.0
+    counts: Mapping[str, int] = field(default_factory=dict)
+    source: str = 'memory'
+    topic: str = ''
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples N."""
+        return int(self.t.size)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints n."""
+        return len(self.joint_names)
+
+    @property
+    def has_velocity(self) -> bool:
+        """Whether velocities were recorded."""
+        return not np.isnan(self.velocity).any()
+
+    @property
+    def has_effort(self) -> bool:
+        """Whether efforts were recorded."""
+        return not np.isnan(self.effort).any()
