@@ -1,0 +1,5 @@
+"""Plots and one self-contained web page."""
+
+from lip_id_ros.evaluation.report.writing import Labels, write_report
+
+__all__ = ['Labels', 'write_report']

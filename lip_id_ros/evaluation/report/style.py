@@ -1,0 +1,138 @@
+"""How every plot looks: one colour per quantity, units on every axis, legible when small."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+import math
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.evaluation.tables import TORQUE_UNITS
+
+Floats = NDArray[np.float64]
+
+MEASURED = '#9aa5b1'
+TRUE = '#1f2933'
+PREDICTED = '#2563eb'
+RESIDUAL = '#c2410c'
+KINETIC = '#0f766e'
+POTENTIAL = '#7c3aed'
+INERTIAL = '#2563eb'
+CORIOLIS = '#d97706'
+GRAVITY = '#7c3aed'
+FRICTION = '#dc2626'
+
+SETTINGS: Any = {
+    'font.size': 11,
+    'axes.titlesize': 12,
+    'axes.titleweight': 'bold',
+    'axes.titlelocation': 'left',
+    'axes.grid': True,
+    'axes.axisbelow': True,
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'axes.edgecolor': '#7b8794',
+    'axes.labelcolor': '#323f4b',
+    'axes.xmargin': 0.0,
+    'grid.color': '#e4e7eb',
+    'xtick.color': '#52606d',
+    'ytick.color': '#52606d',
+    'legend.frameon': False,
+    'legend.fontsize': 11,
+    'lines.linewidth': 1.3,
+    'figure.facecolor': 'white',
+    'savefig.dpi': 130,
+}
+
+WIDTH = 12.0  # inches
+ROW_HEIGHT = 2.1
+LEGEND_HEIGHT = 0.45
+MOST_POINTS = 3000  # more than a plot has pixels for
+
+
+def styled() -> AbstractContextManager[None]:
+    """Use the settings of this module while plots are made and saved."""
+    return matplotlib.rc_context(SETTINGS)
+
+
+def joint_grid(
+    joint_names: Sequence[str],
+    joint_types: Sequence[str],
+    symbol: str,
+    draw: Callable[[Axes, int], None],
+) -> Figure:
+    """
+    Draw one panel per joint, in two columns, with a common legend.
+
+    Parameters
+    ----------
+    joint_names, joint_types : sequence of str
+        Titles of the panels and units of their vertical axes.
+    symbol : str
+        What the vertical axes show.
+    draw : callable
+        Gets the axes and the number of a joint; its labels make the legend.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    """
+    n_columns = 1 if len(joint_names) == 1 else 2
+    n_rows = math.ceil(len(joint_names) / n_columns)
+    figure = new_figure(ROW_HEIGHT * n_rows + LEGEND_HEIGHT)
+    grid = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False)
+    panels = list(grid.flat)
+    for joint, (name, kind) in enumerate(zip(joint_names, joint_types, strict=True)):
+        panels[joint].set_title(name)
+        panels[joint].set_ylabel(f'{symbol} [{TORQUE_UNITS[kind]}]')
+        draw(panels[joint], joint)
+    for panel in panels[len(joint_names) :]:
+        panel.set_visible(False)
+    for panel in panels[max(0, len(joint_names) - n_columns) : len(joint_names)]:
+        panel.tick_params(labelbottom=True)
+    finish(figure, panels[0])
+    return figure
+
+
+def new_figure(height: float) -> Figure:
+    """Return a figure of full width and a height [inches] that leaves room for the legend."""
+    layout = ConstrainedLayoutEngine(
+        w_pad=0.1, h_pad=0.06, rect=(0, 0, 1, 1 - LEGEND_HEIGHT / height)
+    )
+    return Figure(figsize=(WIDTH, height), layout=layout)
+
+
+def finish(figure: Figure, panel: Axes) -> None:
+    """Put the legend of one panel above all of them, and the time below."""
+    figure.supxlabel('time [s]', fontsize=SETTINGS['font.size'], color=SETTINGS['axes.labelcolor'])
+    figure.align_ylabels()
+    handles, labels = panel.get_legend_handles_labels()
+    figure.legend(handles, labels, loc='upper center', ncol=len(labels))
+
+
+def remark(panel: Axes, nmse_percent: float | None) -> None:
+    """Write an error at the upper right of a panel, where there is one."""
+    if nmse_percent is not None and not math.isnan(nmse_percent):
+        text = f'nMSE {nmse_percent:.3g} %'
+        panel.set_title(text, loc='right', fontsize=11, fontweight='normal', color='#52606d')
+
+
+def shown_rows(n_samples: int) -> NDArray[np.int64]:
+    """Return numbers of evenly spaced samples, at most as many as can be told apart."""
+    n_shown = min(n_samples, MOST_POINTS)
+    return np.linspace(0, n_samples - 1, n_shown).round().astype(np.int64)
+
+
+def broken_at(segment: NDArray[np.int64], values: Floats) -> Floats:
+    """Copy a curve with nan at the start of each segment, so that no line crosses a gap."""
+    curve = np.array(values, dtype=np.float64)
+    curve[1:][np.diff(segment) != 0] = np.nan
+    return curve

@@ -1,0 +1,161 @@
+"""A folder with the plots of an evaluation and one page that holds them all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import io
+import os
+from pathlib import Path
+from typing import BinaryIO, Protocol
+
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.evaluation.evaluation import Evaluation
+from lip_id_ros.evaluation.outcome import Outcome
+from lip_id_ros.evaluation.report import energy_plots, error_plot, style, torque_plots
+from lip_id_ros.evaluation.report.page import page, Picture
+from lip_id_ros.evaluation.report.torque_plots import Band
+from lip_id_ros.evaluation.tables import error_table, notes, Table
+from lip_id_ros.files import write_atomically
+from lip_id_ros.progress import Progress, silent
+from lip_id_ros.serving import Deviation
+
+Floats = NDArray[np.float64]
+
+INDEX = 'index.html'
+BAND_SAMPLES = 200  # a standard deviation costs far more than a prediction
+CAPTIONS = {
+    'torque': 'Measured torque (grey), predicted torque (blue) and two standard deviations of the '
+    'prediction on both sides.',
+    'errors': 'Normalized mean squared error; the axis is logarithmic.',
+    'residual': 'Measured minus predicted torque: noise, and what the model does not explain.',
+    'energies': 'Energies of the motion as the model estimates them; where the true ones are '
+    'known, they are drawn in grey. The potential energy is known up to a constant.',
+    'torque_split': 'The predicted torque is the sum of these parts.',
+}
+
+
+class Uncertain(Protocol):
+    """The part of a predictor that a report needs beside an outcome."""
+
+    def standard_deviation(self, q: Floats, dq: Floats, ddq: Floats) -> Deviation:
+        """Return the standard deviations of torques and energies."""
+
+
+@dataclass(frozen=True)
+class Labels:
+    """
+    Words of a report.
+
+    Attributes
+    ----------
+    title : str
+    warnings : sequence of str
+        What a reader must know before believing the figures.
+    facts : sequence of (str, str)
+        Name and value: where model and data come from.
+
+    """
+
+    title: str
+    warnings: Sequence[str] = ()
+    facts: Sequence[tuple[str, str]] = ()
+
+
+def write_report(
+    folder: str | os.PathLike[str],
+    estimator: Uncertain,
+    outcome: Outcome,
+    evaluation: Evaluation,
+    labels: Labels,
+    progress: Progress = silent,
+) -> Path:
+    """
+    Write PNG plots and index.html, which embeds them and needs no network.
+
+    Parameters
+    ----------
+    folder : path
+        Made where it does not exist; files of an older report are replaced.
+    estimator : Uncertain
+        Such as a `Predictor`, for the standard deviations.
+    outcome : Outcome
+    evaluation : Evaluation
+        Its errors.
+    labels : Labels
+    progress : Progress
+        Told after every picture.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+
+    """
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    pictures = _pictures(estimator, outcome, evaluation, progress)
+    for picture in pictures:
+        _write(target / f'{picture.name}.png', picture.png)
+    text = page(
+        labels.title,
+        labels.warnings,
+        error_table(evaluation),
+        notes(evaluation),
+        pictures,
+        Table('Model and data', (), labels.facts),
+    )
+    _write(target / INDEX, text.encode())
+    return target / INDEX
+
+
+def _pictures(
+    estimator: Uncertain, outcome: Outcome, evaluation: Evaluation, progress: Progress
+) -> list[Picture]:
+    band = _band(estimator, outcome)
+    drawings: tuple[tuple[str, str, Callable[[], Figure]], ...] = (
+        (
+            'torque',
+            'Torque, measured and predicted',
+            lambda: torque_plots.torque(outcome, evaluation, band),
+        ),
+        ('errors', 'Errors', lambda: error_plot.errors(evaluation)),
+        ('residual', 'What is left over', lambda: torque_plots.residual(outcome, band)),
+        ('energies', 'Energies', lambda: energy_plots.energies(outcome, evaluation, band)),
+        ('torque_split', 'Parts of the predicted torque', lambda: torque_plots.split(outcome)),
+    )
+    pictures = []
+    with style.styled():
+        for number, (name, title, draw) in enumerate(drawings, start=1):
+            pictures.append(Picture(name, title, CAPTIONS[name], _png(draw())))
+            progress('plot', number, len(drawings))
+    return pictures
+
+
+def _band(estimator: Uncertain, outcome: Outcome) -> Band:
+    data = outcome.dataset
+    n_shown = min(BAND_SAMPLES, data.n_samples)
+    rows = np.linspace(0, data.n_samples - 1, n_shown).round().astype(np.int64)
+    std = estimator.standard_deviation(data.q[rows], data.dq[rows], data.ddq[rows])
+    return Band(rows, std.tau, std.kinetic, std.potential)
+
+
+def _png(figure: Figure) -> bytes:
+    file = io.BytesIO()
+    figure.savefig(file, format='png')
+    return file.getvalue()
+
+
+def _write(path: Path, content: bytes) -> None:
+    def put(file: BinaryIO) -> None:
+        file.write(content)
+
+    write_atomically(path, put)
