@@ -1,0 +1,110 @@
+"""ROS parameters made from the settings tables: declared, described, checked when they are set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from lip_id_ros.config import Row
+from lip_id_ros.config.settings import unknown_name
+from lip_id_ros.errors import ConfigError
+
+_LARGEST_INTEGER = 2**63 - 1
+
+
+def declare(node: Node, table: Mapping[str, Row]) -> None:
+    """
+    Declare every row of a table; from here on a wrong value is refused with a sentence.
+
+    Parameters
+    ----------
+    node : Node
+        Gets the parameters.
+    table : mapping
+        Rows by parameter name.
+
+    Raises
+    ------
+    InvalidParameterValueException
+        If a value from a file or the command line is not allowed.
+
+    """
+    node.add_on_set_parameters_callback(lambda changed: _check(table, changed))
+    for name, row in table.items():
+        node.declare_parameter(name, row.default, descriptor(row))
+    _warn_of_unknown(node, table)
+
+
+def values(node: Node, table: Mapping[str, Row]) -> dict[str, Any]:
+    """Return the present value of every parameter of a table, in the type of its row."""
+    return {name: row.check(node.get_parameter(name).value, name) for name, row in table.items()}
+
+
+def changed_values(table: Mapping[str, Row], changed: Sequence[Parameter]) -> dict[str, Any]:
+    """Return the values of those changed parameters that belong to a table, checked."""
+    return {
+        parameter.name: table[parameter.name].check(parameter.value, parameter.name)
+        for parameter in changed
+        if parameter.name in table
+    }
+
+
+def refused(error: Exception) -> SetParametersResult:
+    """Refuse a change with a sentence."""
+    return SetParametersResult(successful=False, reason=str(error))
+
+
+def descriptor(row: Row) -> ParameterDescriptor:
+    """
+    Describe a parameter for ``ros2 param describe`` and rqt.
+
+    Typing is dynamic because ROS takes ``4`` for another type than ``4.0``, and an empty list for
+    one of bytes; the row checks the type instead.
+
+    """
+    return ParameterDescriptor(
+        description=f'{row.description} [{row.unit}]' if row.unit else row.description,
+        additional_constraints=row.expected,
+        dynamic_typing=True,
+        integer_range=_integer_range(row),
+        floating_point_range=_floating_point_range(row),
+    )
+
+
+def _integer_range(row: Row) -> list[IntegerRange]:
+    if row.kind != 'int' or (row.minimum is None and row.maximum is None):
+        return []
+    low = -_LARGEST_INTEGER if row.minimum is None else int(row.minimum)
+    high = _LARGEST_INTEGER if row.maximum is None else int(row.maximum)
+    return [IntegerRange(from_value=low, to_value=high)]
+
+
+def _floating_point_range(row: Row) -> list[FloatingPointRange]:
+    if row.kind != 'float' or (row.minimum is None and row.maximum is None):
+        return []
+    low = float('-inf') if row.minimum is None else row.minimum
+    high = float('inf') if row.maximum is None else row.maximum
+    return [FloatingPointRange(from_value=low, to_value=high)]
+
+
+def _check(table: Mapping[str, Row], changed: Sequence[Parameter]) -> SetParametersResult:
+    try:
+        changed_values(table, changed)
+    except ConfigError as error:
+        return refused(error)
+    return SetParametersResult(successful=True)
+
+
+def _warn_of_unknown(node: Node, table: Mapping[str, Row]) -> None:
+    for name in node._parameter_overrides:
+        if not node.has_parameter(name) and not name.startswith('qos_overrides.'):
+            node.get_logger().warning(unknown_name(name, name, table, 'the parameters given'))

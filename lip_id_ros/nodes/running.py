@@ -1,0 +1,117 @@
+"""Run one node in this process, until a signal asks it to stop in good order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import signal
+import threading
+from types import FrameType
+from typing import Protocol
+
+import rclpy
+from rclpy.exceptions import InvalidParameterValueException
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.logging import get_logger
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from lip_id_ros.errors import LipIdError
+
+EXECUTORS = ('events', 'single_threaded')
+
+
+class Stoppable(Protocol):
+    """A node with an orderly end."""
+
+    def stop(self) -> None:
+        """Let go of the robot and keep the data; the node can still publish."""
+
+
+def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
+    """
+    Spin a node until SIGINT or SIGTERM, then stop it in good order.
+
+    The signals are taken by the main thread, and the node spins in another: so the context is
+    still alive when the node stops, and its last messages go out.
+
+    Parameters
+    ----------
+    make_node : callable
+        Makes the node, which has a method `stop` and a parameter `executor`.
+    arguments : sequence of str, optional
+        Of the command line, without the program's name.
+
+    Returns
+    -------
+    int
+        Exit status: 1 if the node could not be made, with one line in the log.
+
+    """
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    stopped = _stop_event()
+    try:
+        node = make_node()
+    except (LipIdError, InvalidParameterValueException, OSError) as error:
+        get_logger('lip_id_ros').fatal(str(error))
+        rclpy.shutdown()
+        return 1
+    try:
+        _spin(node, stopped)
+        node.stop()
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+    return 0
+
+
+def _stop_event() -> threading.Event:
+    stopped = threading.Event()
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        stopped.set()
+
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+    return stopped
+
+
+def _spin(node: Node, stopped: threading.Event) -> None:
+    executor = make_executor(node.get_parameter('executor').value)
+    executor.add_node(node)
+    failures: list[BaseException] = []
+
+    def spin() -> None:
+        try:
+            executor.spin()
+        except BaseException as error:
+            failures.append(error)
+        finally:
+            stopped.set()
+
+    thread = threading.Thread(target=spin, name='executor')
+    thread.start()
+    stopped.wait()
+    executor.shutdown()
+    thread.join()
+    if failures:
+        raise failures[0]
+
+
+def make_executor(name: str) -> Executor:
+    """
+    Make an executor by name.
+
+    Parameters
+    ----------
+    name : str
+        One of `EXECUTORS`; events takes less CPU at high rates, and gives way to the default one
+        where this ROS has none.
+
+    """
+    if name == 'events':
+        try:
+            from rclpy.experimental import EventsExecutor
+        except ImportError:
+            return SingleThreadedExecutor()
+        return EventsExecutor()
+    return SingleThreadedExecutor()

@@ -1,0 +1,201 @@
+"""Node `train`: records joint_states, fits and saves on service calls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import asdict
+import sys
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+
+from lip_id_ros.errors import DataError, LipIdError
+from lip_id_ros.nodes import messages, parameters, qos, running
+from lip_id_ros.nodes.background import outcome
+from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
+from lip_id_ros.runtime.job import JobState
+from lip_id_ros.runtime.jobs import Jobs
+from lip_id_ros.runtime.recorder import Recorder
+from lip_id_ros.runtime.settings import fit_values, own_values, train_parameters, TrainSettings
+
+STATUS_PERIOD_S = 0.5
+FIXED_WHILE_ROWS_ARE_KEPT = ('recording.joints', 'max_rows')
+
+
+class TrainNode(Node):
+    """
+    Recorder and trainer.
+
+    Raises
+    ------
+    InvalidParameterValueException
+        If a parameter is given a value that is not allowed.
+
+    """
+
+    def __init__(self) -> None:
+        super().__init__('train')
+        self._table = train_parameters()
+        parameters.declare(self, self._table)
+        self._jobs = Jobs()
+        self._reported = JobState()
+        self._rejected_before = 0
+        self._recorder = self._new_recorder()
+        self._recorder.recording = self._settings().record_on_start
+        self._status = StatusPublisher(self)
+        self._subscription = self.create_subscription(
+            JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
+        )
+        self._make_services()
+        self.add_on_set_parameters_callback(self._check_change)
+        self.add_post_set_parameters_callback(self._apply_change)
+
+    def stop(self) -> None:
+        """Keep what was recorded, then end the job in hand."""
+        settings = self._settings()
+        kept = self._recorder.keep_unsaved(settings.unsaved_path, self._topic)
+        if kept is not None:
+            self.get_logger().info(f'kept {len(self._recorder)} unsaved samples in {kept}')
+        self._jobs.stop()
+
+    def _make_services(self) -> None:
+        self.create_service(SetBool, '~/record', self._on_record)
+        self.create_service(Trigger, '~/fit', self._on_fit)
+        self.create_service(Trigger, '~/clear', self._on_clear)
+        own_group = MutuallyExclusiveCallbackGroup()
+        self.create_service(
+            Trigger, '~/save_dataset', self._on_save_dataset, callback_group=own_group
+        )
+        # steady: a paused simulation must not silence the diagnostics
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(STATUS_PERIOD_S, self._publish_status, clock=steady)
+
+    @property
+    def _topic(self) -> str:
+        topic: str = self._subscription.topic_name
+        return topic
+
+    # parameters
+
+    def _values(self) -> dict[str, Any]:
+        return parameters.values(self, self._table)
+
+    def _settings(self) -> TrainSettings:
+        return TrainSettings(**own_values(self._values()))
+
+    def _new_recorder(self) -> Recorder:
+        values = self._values()
+        return Recorder(values['recording.joints'], values['max_rows'])
+
+    def _check_change(self, changed: Sequence[Parameter]) -> SetParametersResult:
+        for parameter in changed:
+            if parameter.name in FIXED_WHILE_ROWS_ARE_KEPT and len(self._recorder):
+                sentence = f'{parameter.name} cannot change while samples are kept; call clear.'
+                return SetParametersResult(successful=False, reason=sentence)
+        return SetParametersResult(successful=True)
+
+    def _apply_change(self, changed: Sequence[Parameter]) -> None:
+        if any(parameter.name in FIXED_WHILE_ROWS_ARE_KEPT for parameter in changed):
+            recording = self._recorder.recording
+            self._recorder = self._new_recorder()
+            self._recorder.recording = recording
+
+    # messages and services
+
+    def _on_joint_state(self, message: JointState) -> None:
+        self._recorder.add(*messages.joint_sample(message))
+
+    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._recorder.recording = request.data
+        response.success = True
+        state = 'recording' if request.data else 'stopped'
+        response.message = f'{state}, {len(self._recorder)} samples kept'
+        return response
+
+    def _on_clear(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = True
+        response.message = f'forgot {len(self._recorder)} samples'
+        self._recorder.clear()
+        return response
+
+    def _on_fit(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            path = self._settings().model_path
+            n_samples, _ = self._start('fit', path)
+        except LipIdError as error:
+            return _answer(response, False, str(error))
+        text = f'fitting {n_samples} samples into {path}; progress and outcome are in ~/status'
+        return _answer(response, True, text)
+
+    async def _on_save_dataset(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        rows = len(self._recorder)
+        try:
+            _, work = self._start('dataset', self._settings().dataset_path)
+            result = await outcome(self, work)
+        except (LipIdError, OSError) as error:
+            return _answer(response, False, str(error))
+        self._recorder.mark_saved(rows)
+        return _answer(response, True, f'{result["n_samples"]} samples in {result["path"]}')
+
+    def _start(self, task: str, path: str) -> tuple[int, Future[Mapping[str, Any]]]:
+        samples = self._recorder.samples(self._topic)
+        if samples.n_samples == 0:
+            raise DataError(f'no samples of {self._topic} are kept; call record and move the arm.')
+        settings = fit_values(self._values())
+        return samples.n_samples, self._jobs.start(task, samples, settings, path)
+
+    # status
+
+    def _publish_status(self) -> None:
+        job = self._jobs.state
+        values = {**self._recorder.status(), 'job': asdict(job)}
+        self._report(job)
+        self._status.publish(Status(self._level(job), _summary(values), values))
+
+    def _level(self, job: JobState) -> bytes:
+        rejected = self._recorder.n_rejected
+        rose, self._rejected_before = rejected > self._rejected_before, rejected
+        if job.state == 'failed':
+            return ERROR
+        return WARN if rose else OK
+
+    def _report(self, job: JobState) -> None:
+        """Log the end of a job, once."""
+        if job.state == self._reported.state and job.task == self._reported.task:
+            return
+        self._reported = job
+        if job.state == 'failed':
+            self.get_logger().error(f'{job.task} failed: {job.error}')
+        elif job.state == 'done':
+            self.get_logger().info(f'{job.task} done: {job.result["path"]}')
+
+
+def _answer(response: Trigger.Response, success: bool, text: str) -> Trigger.Response:
+    response.success = success
+    response.message = text
+    return response
+
+
+def _summary(values: Mapping[str, Any]) -> str:
+    state = 'recording' if values['recording'] else 'not recording'
+    job = values['job']
+    work = f', {job["task"]} {job["state"]}' if job['state'] != 'idle' else ''
+    return f'{state}, {values["rows"]} samples kept{work}'
+
+
+def main() -> int:
+    """Run the node `train`."""
+    return running.run(TrainNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

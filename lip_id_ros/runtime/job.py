@@ -1,0 +1,128 @@
+"""A fit, or the making of a data set, in a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+import json
+import subprocess
+import sys
+from typing import Any, IO
+
+from lip_id_ros.errors import LipIdError
+
+STOP_SECONDS = 2.0
+
+
+@dataclass(frozen=True)
+class JobState:
+    """
+    Where a job stands.
+
+    Attributes
+    ----------
+    task : str
+        'fit' or 'dataset'; 'none' before the first.
+    state : str
+        'idle', 'running', 'done' or 'failed'.
+    stage, done, total
+        The last progress; `total` is 0 while it is not known.
+    result : mapping
+        What the process reported when it was done.
+    error : str
+        One sentence when it failed.
+
+    """
+
+    task: str = 'none'
+    state: str = 'idle'
+    stage: str = ''
+    done: int = 0
+    total: int = 0
+    result: Mapping[str, Any] = field(default_factory=dict)
+    error: str = ''
+
+
+class Job:
+    """
+    One run of `job_process`.
+
+    A process, not a thread: the interpreter stays free for messages, and a crash stays there. It
+    gets a session of its own, so that Ctrl-C in a terminal reaches it only through the node.
+
+    Parameters
+    ----------
+    task : str
+        'fit' or 'dataset'.
+    recording : str
+        File of the samples.
+    settings : mapping
+        Settings of a fit by ``section.name``.
+    path : str
+        Where the result is saved.
+
+    """
+
+    def __init__(
+        self, task: str, recording: str, settings: Mapping[str, object], path: str
+    ) -> None:
+        request = {'task': task, 'recording': recording, 'settings': settings, 'path': path}
+        self.state = JobState(task, 'running', 'start')
+        self._process = subprocess.Popen(
+            [sys.executable, '-m', 'lip_id_ros.runtime.job_process', json.dumps(request)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def wait(self) -> Mapping[str, Any]:
+        """
+        Follow the process to its end.
+
+        Returns
+        -------
+        mapping
+            Its result.
+
+        Raises
+        ------
+        LipIdError
+            With the sentence of its failure.
+
+        """
+        if self._process.stdout is not None:
+            self._follow(self._process.stdout)
+        status = self._process.wait()
+        if self.state.state == 'running':
+            error = f'the process of the {self.state.task} ended with status {status}.'
+            self.state = replace(self.state, state='failed', error=error)
+        if self.state.state == 'failed':
+            raise LipIdError(self.state.error)
+        return self.state.result
+
+    def stop(self) -> None:
+        """End the process; what it had not saved is not saved."""
+        self._process.terminate()
+        try:
+            self._process.wait(STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+
+    def _follow(self, lines: IO[str]) -> None:
+        for line in lines:
+            self.state = advanced(self.state, line)
+
+
+def advanced(state: JobState, line: str) -> JobState:
+    """Return the state after a line of the process; lines that are not JSON change nothing."""
+    try:
+        content = json.loads(line)
+    except json.JSONDecodeError:  # a library printed something
+        return state
+    if 'progress' in content:
+        stage, done, total = content['progress']
+        return replace(state, stage=stage, done=done, total=total)
+    if 'result' in content:
+        return replace(state, state='done', result=content['result'])
+    return replace(state, state='failed', error=content['error'])

@@ -1,0 +1,87 @@
+"""One job at a time, beside everything else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+import tempfile
+from typing import Any
+
+from lip_id_ros.errors import LipIdError
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.runtime.job import Job, JobState
+from lip_id_ros.runtime.recording_file import hand_over
+
+
+class Jobs:
+    """Runs jobs, one after the other, and knows where the last one stands."""
+
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='jobs')
+        self._job: Job | None = None
+        self._state = JobState()
+        self._stopped = False
+
+    @property
+    def state(self) -> JobState:
+        """Where the last job stands."""
+        return self._job.state if self._job else self._state
+
+    def start(
+        self, task: str, samples: JointSamples, settings: Mapping[str, object], path: str
+    ) -> Future[Mapping[str, Any]]:
+        """
+        Start a job; returns at once.
+
+        Parameters
+        ----------
+        task : str
+            'fit' or 'dataset'.
+        samples : JointSamples
+            What it works on.
+        settings : mapping
+            Settings of a fit by ``section.name``.
+        path : str
+            Where the result is saved.
+
+        Returns
+        -------
+        Future
+            Of the job's result.
+
+        Raises
+        ------
+        LipIdError
+            If another job is running.
+
+        """
+        if self.state.state == 'running':
+            raise LipIdError(f'a {self.state.task} is running; wait until ~/status shows its end.')
+        self._job = None
+        self._state = JobState(task, 'running', 'start')
+        return self._pool.submit(self._run, task, samples, settings, path)
+
+    def stop(self) -> None:
+        """End the job in hand."""
+        self._stopped = True
+        if self._job is not None:
+            self._job.stop()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def _run(
+        self, task: str, samples: JointSamples, settings: Mapping[str, object], path: str
+    ) -> Mapping[str, Any]:
+        try:
+            with tempfile.TemporaryDirectory(prefix='lip_id_ros_') as folder:
+                recording = str(Path(folder) / 'recording.npz')
+                hand_over(recording, samples)
+                self._job = Job(task, recording, settings, path)
+                if self._stopped:
+                    self._job.stop()
+                return self._job.wait()
+        except Exception as error:  # whatever it was, nothing is running any more
+            self._job = None
+            self._state = replace(self._state, state='failed', error=str(error))
+            raise

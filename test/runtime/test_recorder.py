@@ -1,0 +1,90 @@
+"""What `train` keeps, without ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lip_id_ros.config import RecordingSettings
+from lip_id_ros.recording import JointSamples, read_sources
+from lip_id_ros.runtime.recorder import Recorder
+from lip_id_ros.runtime.recording_file import hand_over, take_over
+
+NAMES = ['a', 'b']
+
+
+def filled(n_rows: int) -> Recorder:
+    recorder = Recorder((), max_rows=1000)
+    recorder.recording = True
+    for row in range(n_rows):
+        recorder.add(100.0 + 0.5 * row, NAMES, [row, -row], [1.0, 2.0], [3.0, 4.0])
+    return recorder
+
+
+def assert_same(first: JointSamples, second: JointSamples) -> None:
+    assert first.joint_names == second.joint_names
+    np.testing.assert_allclose(first.start_s + first.t, second.start_s + second.t, atol=1e-9)
+    np.testing.assert_array_equal(first.position, second.position)
+    np.testing.assert_array_equal(first.velocity, second.velocity)
+    np.testing.assert_array_equal(first.effort, second.effort)
+
+
+def test_nothing_is_kept_while_not_recording() -> None:
+    recorder = filled(2)
+    recorder.recording = False
+    recorder.add(200.0, NAMES, [0.0, 0.0], [], [])
+    recorder.add(200.0, [], [], [], [])
+    assert recorder.status() == {
+        'recording': False,
+        'rows': 2,
+        'rows_saved': 0,
+        'joint_names': NAMES,
+        'rejected': {},
+    }
+
+
+def test_memory_is_bounded_and_what_is_left_out_is_counted() -> None:
+    recorder = Recorder((), max_rows=2)
+    recorder.recording = True
+    for row in range(5):
+        recorder.add(1.0 + row, NAMES, [0.0, 0.0], [], [])
+    assert len(recorder) == 2
+    assert recorder.n_rejected == 3
+
+
+def test_unsaved_samples_are_kept_in_a_bag_that_reads_back(tmp_path: Path) -> None:
+    recorder = filled(20)
+    path = tmp_path / 'unsaved.mcap'
+    kept = recorder.keep_unsaved(str(path), '/arm/joint_states')
+    assert kept == path
+    (read,) = read_sources([path], RecordingSettings())
+    assert_same(read, recorder.samples(''))
+    assert read.topic == '/arm/joint_states'
+
+
+def test_an_earlier_bag_is_never_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / 'unsaved.mcap'
+    path.write_text('precious')
+    assert filled(3).keep_unsaved(str(path), 't') == tmp_path / 'unsaved_1.mcap'
+    assert path.read_text() == 'precious'
+
+
+def test_saved_samples_are_not_kept_again(tmp_path: Path) -> None:
+    recorder = filled(3)
+    recorder.mark_saved(3)
+    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') is None
+    recorder.clear()
+    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_samples_handed_over_arrive_unchanged(tmp_path: Path) -> None:
+    recorder = filled(4)
+    recorder.add(1.0, NAMES, [0.0, 0.0], [], [])
+    samples = recorder.samples('/joint_states')
+    hand_over(tmp_path / 'recording', samples)
+    arrived = take_over(tmp_path / 'recording')
+    assert_same(samples, arrived)
+    assert (arrived.source, arrived.topic) == ('recording', '/joint_states')
+    assert arrived.counts == {'stamp went back': 1}

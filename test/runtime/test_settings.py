@@ -1,0 +1,32 @@
+"""Parameters of the nodes: complete, documented, allowed by default."""
+
+from __future__ import annotations
+
+from lip_id_ros.config import Config, flatten, override
+from lip_id_ros.runtime.settings import (
+    fit_values,
+    own_values,
+    serve_parameters,
+    ServeSettings,
+    train_parameters,
+    TrainSettings,
+)
+
+
+def test_every_parameter_is_described_and_allows_its_default() -> None:
+    for table in (train_parameters(), serve_parameters()):
+        for name, row in table.items():
+            assert row.description.endswith('.'), name
+            assert row.check(row.default, name) == row.default
+
+
+def test_parameters_of_train_make_its_settings_and_those_of_a_fit() -> None:
+    values = {name: row.default for name, row in train_parameters().items()}
+    assert TrainSettings(**own_values(values)) == TrainSettings()
+    assert override(Config(), fit_values(values), 'the parameters') == Config()
+    assert set(flatten(Config())) - set(values) == {'recording.topic'}
+
+
+def test_parameters_of_serve_make_its_settings() -> None:
+    values = {name: row.default for name, row in serve_parameters().items()}
+    assert ServeSettings(**values) == ServeSettings()
