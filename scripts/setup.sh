@@ -135,7 +135,7 @@ build() {
   else
     attempt 'installing the package' 'Mend what the log names, then repeat make setup.' \
       "$deps/venv/bin/python" -m pip install --disable-pip-version-check --no-input -q \
-      --no-deps -e .
+      --no-deps --no-build-isolation -e .
     mkdir -p "$deps/build"
   fi
   finished build "$stamp"

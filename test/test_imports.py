@@ -1,0 +1,136 @@
+"""The direction of imports: who may use whom, and which foreign package is used where."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+PACKAGE = 'lip_id_ros'
+SOURCES = Path(__file__).resolve().parents[1] / PACKAGE
+
+# The parts in the order in which the data goes through them, and what each may import besides
+# itself and BASE.
+BASE = {'errors', 'files', 'progress'}
+PARTS = {
+    'errors': set(),
+    'files': set(),
+    'progress': set(),
+    'linear_algebra': set(),
+    'config': set(),
+    'dataset': set(),
+    'recording': {'config', 'dataset'},
+    'preprocessing': {'config', 'dataset', 'recording'},
+    'kernels': set(),
+    'model': {'kernels'},
+    'gp': {'config', 'dataset', 'kernels', 'linear_algebra', 'model'},
+    'serving': {'dataset', 'kernels', 'linear_algebra', 'model'},
+    'evaluation': {'dataset', 'model', 'serving'},
+    'simulation': {'dataset', 'evaluation'},
+}
+# These may import every part above; nobody imports them, but for the exceptions named here.
+INNER = set(PARTS)
+PARTS |= {
+    'runtime': INNER - {'simulation'},  # what the nodes do, without ROS
+    'nodes': INNER - {'simulation'} | {'runtime'},
+    'cli': INNER,
+    'demo': INNER | {'cli', 'nodes', 'runtime'},
+}
+
+ROS = ('nodes', 'demo')
+FOREIGN = {
+    'numpy': ('',),
+    'scipy': ('',),
+    'numba': ('kernels', 'serving'),  # beside the loops that it compiles
+    'torch': ('kernels/plain',),
+    'rosbags': ('recording', 'evaluation/mcap_writer'),
+    'mcap': ('recording',),
+    'mcap_ros2': ('recording',),
+    'yaml': ('config',),
+    'pinocchio': ('simulation',),
+    'example_robot_data': ('simulation',),
+    'matplotlib': ('evaluation/report',),
+    'rich': ('evaluation/terminal', 'cli'),
+    'rclpy': ROS,
+    'ament_index_python': ROS,
+    'launch': ROS,
+    'launch_ros': ROS,
+    'builtin_interfaces': ROS,
+    'control_msgs': ROS,
+    'diagnostic_msgs': ROS,
+    'lifecycle_msgs': ROS,
+    'rcl_interfaces': ROS,
+    'sensor_msgs': ROS,
+    'std_msgs': ROS,
+    'std_srvs': ROS,
+    'trajectory_msgs': ROS,
+}
+
+MODULES = sorted(SOURCES.rglob('*.py'))
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Full names of everything that a module imports, wherever in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f'{path}: relative import; write the full name'
+            # from lip_id_ros import dataset: the part is among the names
+            names = [alias.name for alias in node.names] if node.module == PACKAGE else ['']
+            yield from (f'{node.module}.{name}'.rstrip('.') for name in names)
+
+
+def place(path: Path) -> str:
+    """Where a module lies in the package: 'kernels/gram', 'errors'."""
+    return path.relative_to(SOURCES).with_suffix('').as_posix().removesuffix('/__init__')
+
+
+@pytest.mark.parametrize('path', MODULES, ids=place)
+def test_imports_keep_their_direction(path: Path) -> None:
+    part = place(path).split('/')[0]
+    if part == '__init__':
+        part = 'errors'  # the package itself imports nothing
+    assert part in PARTS, f'{part} is new: give it a row in the table of parts'
+    allowed = PARTS[part] | (BASE if part not in BASE else {'errors'}) | {part}
+    parts = {name.split('.')[1] for name in imported(path) if name.startswith(f'{PACKAGE}.')}
+    assert parts <= allowed
+
+
+@pytest.mark.parametrize('path', MODULES, ids=place)
+def test_foreign_packages_stay_in_their_places(path: Path) -> None:
+    for name in imported(path):
+        package = name.split('.')[0]
+        if package != PACKAGE and package not in sys.stdlib_module_names:
+            assert package in FOREIGN, f'{package} is new: give it a row in the table'
+            assert any(
+                f'{place(path)}/'.startswith(f'{home}/' if home else '')
+                for home in FOREIGN[package]
+            ), f'{package} belongs in {FOREIGN[package]}'
+
+
+# A serving process on a robot's computer starts in a second and stays small; the command line
+# works where there is no ROS.
+LIGHT = {
+    'lip_id_ros.serving': ('torch', 'rclpy', 'matplotlib', 'pinocchio', 'rosbags'),
+    'lip_id_ros.gp': ('torch', 'rclpy', 'matplotlib', 'pinocchio', 'rosbags'),
+    'lip_id_ros.cli': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
+}
+
+
+@pytest.mark.parametrize('module', sorted(LIGHT))
+def test_import_stays_light(module: str) -> None:
+    program = f'import {module}, sys; print(*sorted(sys.modules))'
+    ran = subprocess.run(
+        [sys.executable, '-c', program],
+        capture_output=True,
+        text=True,
+        cwd=SOURCES.parent,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert not set(LIGHT[module]) & set(ran.stdout.split())

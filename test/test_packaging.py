@@ -1,0 +1,188 @@
+"""What package.xml, setup.py and the built package promise."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = 'lip_id_ros'
+SHIPPED = (
+    'setup.py',
+    'setup.cfg',
+    'pyproject.toml',
+    'package.xml',
+    'resource',
+    'config',
+    'launch',
+)
+# rosdep keys of what has one; the rest is in requirements.txt
+ROSDEP = {
+    'matplotlib': 'python3-matplotlib',
+    'numba': 'python3-numba',
+    'numpy': 'python3-numpy',
+    'rich': 'python3-rich',
+    'rosbags': 'python3-rosbags-pip',
+    'scipy': 'python3-scipy',
+    'yaml': 'python3-yaml',
+}
+WITHOUT_KEY = {'pinocchio': 'pin', 'example_robot_data': 'example-robot-data'}
+OPTIONAL = {'torch'}
+LAUNCH_FILE = """
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, LogInfo
+from launch.substitutions import LaunchConfiguration
+
+
+def generate_launch_description():
+    word = DeclareLaunchArgument('word', default_value='nothing', description='to say')
+    say = LogInfo(msg=['says ', LaunchConfiguration('word')])
+    return LaunchDescription([word, say])
+"""
+
+
+def run(*command: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(word) for word in command],
+        capture_output=True,
+        text=True,
+        env=os.environ | environment,
+        check=False,
+    )
+
+
+def foreign_imports(*folders: str) -> set[str]:
+    return {
+        name
+        for folder in folders
+        for path in (ROOT / folder).rglob('*.py')
+        for name in top_level_imports(path)
+        if name != PACKAGE and name not in sys.stdlib_module_names
+    }
+
+
+def top_level_imports(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.split('.')[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module.split('.')[0]
+
+
+@pytest.fixture(scope='module')
+def manifest() -> ElementTree.Element:
+    return ElementTree.parse(ROOT / 'package.xml').getroot()
+
+
+def test_manifest_is_an_ament_python_package(manifest: ElementTree.Element) -> None:
+    assert manifest.get('format') == '3'
+    assert manifest.findtext('name') == PACKAGE
+    assert manifest.findtext('license') == 'Apache-2.0'
+    assert manifest.findtext('export/build_type') == 'ament_python'
+    assert (ROOT / 'resource' / PACKAGE).is_file()
+
+
+def test_manifest_and_setup_agree_on_the_version(manifest: ElementTree.Element) -> None:
+    assert f"version='{manifest.findtext('version')}'" in (ROOT / 'setup.py').read_text()
+
+
+def test_manifest_names_all_that_is_imported(manifest: ElementTree.Element) -> None:
+    named = {element.text for element in manifest.iter('exec_depend')}
+    imported = foreign_imports(PACKAGE, 'launch') - OPTIONAL
+    needed = {ROSDEP.get(name, name) for name in imported - set(WITHOUT_KEY)}
+    assert needed <= named
+    assert len(named) == len(list(manifest.iter('exec_depend')))
+
+
+def test_requirements_name_what_has_no_rosdep_key() -> None:
+    lines = (ROOT / 'requirements.txt').read_text().splitlines()
+    for distribution in WITHOUT_KEY.values():
+        assert any(line.startswith(distribution) for line in lines)
+
+
+def test_lock_file_pins_everything_exactly() -> None:
+    lines = (ROOT / 'requirements-lock.txt').read_text().splitlines()
+    pins = [line.split(';')[0].strip() for line in lines if line and not line.startswith('#')]
+    assert all(pin.count('==') == 1 and '*' not in pin for pin in pins)
+    assert len({pin.split('==')[0] for pin in pins}) == len(pins)
+
+
+@pytest.fixture(scope='module')
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install the wheel that `pip install .` makes, built from a copy of the sources."""
+    copy = tmp_path_factory.mktemp('sources')
+    for name in (*SHIPPED, PACKAGE):
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns('__pycache__'))
+        elif source.is_file():
+            shutil.copy(source, copy)
+    target = tmp_path_factory.mktemp('target')
+    pip = (sys.executable, '-m', 'pip', '--disable-pip-version-check', 'install', '-q')
+    done = run(*pip, '--no-deps', '--no-build-isolation', '--target', target, copy)
+    assert done.returncode == 0, done.stderr
+    return target
+
+
+@pytest.mark.slow
+def test_pip_install_ships_everything(wheel: Path) -> None:
+    shipped = {path.relative_to(wheel).as_posix() for path in wheel.rglob('*.py')}
+    modules = {path.relative_to(ROOT).as_posix() for path in (ROOT / PACKAGE).rglob('*.py')}
+    assert modules <= shipped
+    for folder in ('config', 'launch'):
+        for path in (ROOT / folder).glob('*.*'):
+            assert (wheel / 'share' / PACKAGE / folder / path.name).is_file()
+
+
+@pytest.mark.slow
+def test_pip_install_gives_a_lip_id_that_needs_no_ros(wheel: Path, tmp_path: Path) -> None:
+    # a rclpy that fails on import stands for a machine without ROS
+    (tmp_path / 'rclpy.py').write_text("raise ImportError('no ROS here')\n")
+    path = os.pathsep.join((str(tmp_path), str(wheel)))
+    helped = run(wheel / 'bin' / 'lip_id', '--help', PYTHONPATH=path, LD_LIBRARY_PATH='')
+    assert helped.returncode == 0, helped.stderr
+    assert 'fit' in helped.stdout
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_ros2_finds_the_built_programs() -> None:
+    if not built():
+        pytest.skip('the package is not built, or its environment is not sourced')
+    listed = run('ros2', 'pkg', 'executables', PACKAGE).stdout
+    assert {'lip_id', 'serve', 'train'} <= {line.split()[-1] for line in listed.splitlines()}
+    helped = run('ros2', 'run', PACKAGE, 'lip_id', '--help')
+    assert helped.returncode == 0, helped.stderr
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_ros2_launch_passes_arguments(tmp_path: Path) -> None:
+    if shutil.which('ros2') is None:
+        pytest.skip('the program ros2 is not on the path')
+    file = tmp_path / 'says.launch.py'
+    file.write_text(LAUNCH_FILE)
+    environment = {'ROS_LOG_DIR': str(tmp_path / 'log')}
+    ran = run('ros2', 'launch', file, 'word:=a:=b', **environment)
+    assert ran.returncode == 0, ran.stderr
+    assert 'says a:=b' in ran.stdout + ran.stderr
+    listed = run('ros2', 'launch', file, '--show-args', **environment)
+    assert "'word'" in listed.stdout
+    assert 'nothing' in listed.stdout
+    missing = run('ros2', 'launch', tmp_path / 'none.launch.py', **environment)
+    assert missing.returncode == 1
+    assert 'none.launch.py' in missing.stderr
+
+
+def built() -> bool:
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    marker = Path('share/ament_index/resource_index/packages') / PACKAGE
+    return any((Path(prefix) / marker).is_file() for prefix in prefixes if prefix)
