@@ -1,0 +1,119 @@
+"""Files that are either whole or absent, and the one container format: npz with a JSON header."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+import json
+import os
+from pathlib import Path
+import tempfile
+from typing import Any, BinaryIO
+import zipfile
+
+import numpy as np
+from numpy.typing import NDArray
+
+HEADER = 'header_json'
+
+
+def write_atomically(path: str | os.PathLike[str], writer: Callable[[BinaryIO], None]) -> None:
+    """
+    Write a file under a temporary name beside its place, then rename it.
+
+    A reader never sees half a file, and a failure leaves what was there before.
+
+    Parameters
+    ----------
+    path : path
+        Where the file ends up; its folder must exist.
+    writer : callable
+        Gets the open binary file.
+
+    Raises
+    ------
+    OSError
+        If the folder does not exist or cannot be written.
+
+    """
+    target = Path(path)
+    descriptor, name = tempfile.mkstemp(prefix=f'.{target.name}.', dir=target.parent)
+    try:
+        with os.fdopen(descriptor, 'wb') as file:
+            writer(file)
+        os.chmod(name, 0o666 & ~_umask())
+        os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
+
+
+def write_npz(
+    path: str | os.PathLike[str],
+    arrays: Mapping[str, NDArray[Any]],
+    header: Mapping[str, Any],
+) -> None:
+    """
+    Write arrays and a JSON header into one npz file, atomically.
+
+    Parameters
+    ----------
+    path : path
+        Taken as it is, no suffix is added.
+    arrays : mapping
+        Named arrays of numbers or strings.
+    header : mapping
+        JSON-able; stored as the array `header_json`.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+
+    """
+    text = np.array(json.dumps(dict(header), sort_keys=True))
+    write_atomically(path, lambda file: np.savez_compressed(file, **{HEADER: text}, **arrays))
+
+
+def read_npz(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """
+    Read the arrays and the JSON header of an npz file; never unpickles.
+
+    Parameters
+    ----------
+    path : path
+        An npz file.
+
+    Returns
+    -------
+    arrays : dict
+        Every array but the header.
+    header : dict
+        Empty where the file has none (an npz file from elsewhere).
+
+    Raises
+    ------
+    OSError
+        If the file does not exist or cannot be opened.
+    ValueError
+        If it is not an npz file, is damaged, or holds pickled objects.
+
+    """
+    with open(path, 'rb') as file:
+        try:
+            with np.load(file, allow_pickle=False) as npz:
+                if not isinstance(npz, np.lib.npyio.NpzFile):
+                    raise ValueError('not an npz archive')
+                arrays = {name: npz[name] for name in npz.files}
+        except (zipfile.BadZipFile, EOFError, KeyError, OSError) as error:
+            raise ValueError(f'damaged archive: {error}') from error
+    text = arrays.pop(HEADER, None)
+    header = json.loads(str(text)) if text is not None else {}
+    if not isinstance(header, dict):
+        raise ValueError('the header is not a JSON object')
+    return arrays, header

@@ -1,0 +1,150 @@
+"""From a data set to a trained model: choose samples, optimise, condition."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.config import FitSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import DataError
+from lip_id_ros.gp.initial import initial_hyperparameters, make_friction, make_residual
+from lip_id_ros.gp.likelihood import MarginalLikelihood
+from lip_id_ros.gp.subset import spread
+from lip_id_ros.gp.training import maximise, Optimum
+from lip_id_ros.kernels import FAMILY, JointBasis, JointwiseKernel, TorqueKernel, TorquePrior
+from lip_id_ros.kernels.program import EnergyKernel, without_potential
+from lip_id_ros.linear_algebra import CholeskyFactor
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.progress import Progress, silent
+
+LEAST_SAMPLES = 10
+CONDITIONING = 'posterior'
+
+
+def fit(
+    dataset: Dataset, settings: FitSettings | None = None, progress: Progress = silent
+) -> TrainedModel:
+    """
+    Fit a model to a data set.
+
+    The hyperparameters are optimised on a well-spread subset of the samples; the posterior is
+    then conditioned on all of them, or on the best spread `max_samples`.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    settings : FitSettings, optional
+    progress : callable
+
+    Raises
+    ------
+    DataError
+        If there are too few samples or a torque never changes.
+    FitError
+        If the Gram matrix cannot be factorised.
+
+    """
+    settings = settings or FitSettings()
+    started = time.monotonic()
+    _check(dataset)
+    kernel = make_kernel(dataset, settings)
+    optimum = _optimise(kernel, dataset, settings, progress)
+    optimised = time.monotonic()
+    progress(CONDITIONING, 0, 1)
+    model = _condition(kernel, optimum, _covering(dataset, kernel, settings.max_samples))
+    progress(CONDITIONING, 1, 1)
+    times = {
+        'seconds_optimising': round(optimised - started, 3),
+        'seconds_total': round(time.monotonic() - started, 3),
+    }
+    return replace(
+        model,
+        summary={**model.summary, **_report(optimum), **times},
+        provenance={**dataset.provenance, 'n_samples_available': dataset.n_samples},
+    )
+
+
+def make_kernel(dataset: Dataset, settings: FitSettings) -> TorqueKernel:
+    """Return the kernels that the settings ask for, in the units of the data."""
+    basis = JointBasis.of(dataset.joint_types, dataset.q)
+    jointwise: list[JointwiseKernel] = []
+    if settings.friction:
+        jointwise.append(make_friction(dataset.dq))
+    if settings.residual:
+        jointwise.append(make_residual(basis, dataset.dq, dataset.ddq))
+    return TorqueKernel(_energy_kernel(dataset, settings), basis, tuple(jointwise))
+
+
+def _energy_kernel(dataset: Dataset, settings: FitSettings) -> EnergyKernel:
+    kernel = FAMILY[settings.kernel](dataset.n_joints)
+    return without_potential(kernel) if dataset.gravity_compensated else kernel
+
+
+def _check(dataset: Dataset) -> None:
+    if dataset.n_samples < LEAST_SAMPLES:
+        raise DataError(
+            f'a fit needs at least {LEAST_SAMPLES} samples, but the data set has '
+            f'{dataset.n_samples}; record longer or keep more samples in preprocessing.'
+        )
+    still = [
+        name
+        for name, deviation in zip(dataset.joint_names, dataset.tau.std(axis=0), strict=True)
+        if deviation == 0.0
+    ]
+    if still:
+        raise DataError(
+            f'the torque of joint {still[0]!r} is the same in all {dataset.n_samples} samples, so '
+            'nothing can be learned from it; check the effort signal or leave the joint out.'
+        )
+
+
+def _covering(dataset: Dataset, kernel: TorqueKernel, count: int) -> Dataset:
+    rows = spread(kernel.basis, dataset.q, dataset.dq, dataset.ddq, count)
+    return dataset.select(rows)
+
+
+def _optimise(
+    kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
+) -> Optimum:
+    start = initial_hyperparameters(
+        kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
+    )
+    subset = _covering(dataset, kernel, settings.subset)
+    states = kernel.states(subset.q, subset.dq, subset.ddq)
+    likelihood = MarginalLikelihood(kernel, states, subset.tau, start)
+    return maximise(likelihood, start, settings.iterations, settings.prior_precision, progress)
+
+
+def _condition(kernel: TorqueKernel, optimum: Optimum, dataset: Dataset) -> TrainedModel:
+    prior = TorquePrior(kernel, optimum.hyperparameters)
+    states = kernel.states(dataset.q, dataset.dq, dataset.ddq)
+    factor = CholeskyFactor.of(prior.noisy_gram(states))
+    alpha = factor.solve(dataset.tau.ravel()).reshape(dataset.tau.shape)
+    return TrainedModel(
+        joint_names=dataset.joint_names,
+        prior=prior,
+        states=states,
+        tau=dataset.tau,
+        alpha=alpha,
+        summary={
+            'jitter': factor.jitter,
+            'potential_reference': dataset.q.mean(axis=0).tolist(),
+        },
+    )
+
+
+def _report(optimum: Optimum) -> dict[str, Any]:
+    noise: NDArray[np.float64] = np.sqrt(optimum.hyperparameters.noise_variance)
+    return {
+        'negative_log_likelihood': optimum.negative_log_likelihood,
+        'iterations': optimum.iterations,
+        'converged': optimum.converged,
+        'optimiser_message': optimum.message,
+        'at_bounds': list(optimum.at_bounds),
+        'noise_std': noise.tolist(),
+    }

@@ -1,0 +1,96 @@
+"""Where the hyperparameters start, in the units of the data: nothing to tune by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.kernels import Hyperparameters, JointwiseKernel, Weights
+from lip_id_ros.kernels.jointwise import Friction, Residual
+from lip_id_ros.kernels.program import EnergyKernel
+from lip_id_ros.kernels.weights import shapes
+
+Array = NDArray[np.float64]
+
+NOISE_SHARE = 0.02
+"""Initial standard deviation of the noise, as a share of each torque's."""
+
+RESIDUAL_SHARE = 0.05
+"""Initial standard deviation of the residual, likewise."""
+
+RESIDUAL_LENGTH = 3.0
+"""Initial length scales of the residual, in standard deviations of the inputs."""
+
+
+def initial_weights(kernel: EnergyKernel, dq: Array, ddq: Array, tau: Array) -> Weights:
+    """
+    Weights under which the prior explains torques of the size that was measured.
+
+    Parameters
+    ----------
+    kernel : EnergyKernel
+    dq, ddq : arrays, shape (N, n)
+    tau : array, shape (N, n)
+
+    """
+    torque = np.sqrt(np.mean(tau.var(axis=0)))
+    acceleration = _root_mean_square(ddq)
+    ones = shapes(kernel)
+    return Weights(
+        factors=ones.factors / 3.0,
+        velocities=ones.velocities / acceleration,
+        kinetic_scales=ones.kinetic_scales * torque**2,
+        potential_factors=ones.potential_factors / 3.0,
+        potential_scales=ones.potential_scales * torque**2,
+    )
+
+
+def initial_hyperparameters(
+    kernel: EnergyKernel,
+    jointwise: tuple[JointwiseKernel, ...],
+    dq: Array,
+    ddq: Array,
+    tau: Array,
+) -> Hyperparameters:
+    """Return the starting point of the optimisation; parameters as in `initial_weights`."""
+    deviation = _positive(tau.std(axis=0))
+    starts = {
+        'friction': lambda: initial_friction(dq, deviation),
+        'residual': lambda: initial_residual(deviation),
+    }
+    return Hyperparameters(
+        weights=initial_weights(kernel, dq, ddq, tau),
+        jointwise=tuple(starts[kernel.name]() for kernel in jointwise),
+        noise_variance=(NOISE_SHARE * deviation) ** 2,
+    )
+
+
+def initial_friction(dq: Array, deviation: Array) -> Array:
+    """Return prior variances of friction that could make up a tenth of each torque, shape (n, 3)."""
+    share = (0.1 * deviation) ** 2
+    return np.column_stack([share / _root_mean_square(dq) ** 2, share, share])
+
+
+def initial_residual(deviation: Array) -> Array:
+    """Return the parameters of a small, smooth residual, shape (n, 4)."""
+    lengths = np.full((len(deviation), 3), RESIDUAL_LENGTH * np.sqrt(len(deviation)))
+    return np.column_stack([(RESIDUAL_SHARE * deviation) ** 2, lengths])
+
+
+def make_friction(dq: Array) -> Friction:
+    """Return the friction kernel whose sign is smooth within a hundredth of the usual velocity."""
+    return Friction(sign_width=0.01 * _root_mean_square(dq))
+
+
+def make_residual(basis, dq: Array, ddq: Array) -> Residual:  # type: ignore[no-untyped-def]
+    """Return the residual kernel in units of the usual velocities and accelerations."""
+    return Residual(basis, np.stack([_root_mean_square(dq), _root_mean_square(ddq)]))
+
+
+def _root_mean_square(x: Array) -> Array:
+    return _positive(np.sqrt(np.mean(x**2, axis=0)))
+
+
+def _positive(x: Array) -> Array:
+    # A joint that never moved has no scale of its own.
+    return np.where(x > 0.0, x, np.max(x) if np.max(x) > 0.0 else 1.0)

@@ -1,0 +1,130 @@
+"""
+Joint features: the functions of one joint's position that the factors are made of.
+
+A factor is a(q, q') = w_0 + w_1 f_1(q) f_1(q') + w_2 f_2(q) f_2(q'), with (f_1, f_2) = (cos q, sin q) for a revolute
+joint and (u, 0) for a prismatic one (paper, section `subsec:prior_functions`), where u is the position relative to
+the centre of the training range in units of half that range. Polynomials of a given degree in q and in u are the
+same functions; only the conditioning differs.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.errors import ShapeError
+from lip_id_ros.kernels.lanes import LANES
+
+Array = NDArray[np.float64]
+REVOLUTE, PRISMATIC = 'revolute', 'prismatic'
+
+
+class Samples(NamedTuple):
+    """
+    Joint states laid out for the fused loops: sample last, padded with zeros by `LANES` samples.
+
+    Attributes
+    ----------
+    f, g : arrays, shape (2, n, N + LANES)
+        Features and their derivatives by the position.
+    dq, ddq : arrays, shape (n, N + LANES)
+        Velocities [rad/s or m/s] and accelerations [rad/s^2 or m/s^2].
+
+    """
+
+    f: Array
+    g: Array
+    dq: Array
+    ddq: Array
+
+
+@dataclass(frozen=True)
+class JointBasis:
+    """
+    The features of every joint of an arm.
+
+    Attributes
+    ----------
+    joint_types : tuple of str
+        'revolute' or 'prismatic', in the order of the joints from base to tip.
+    centre, half_range : arrays, shape (n,)
+        Of the training positions [rad or m]; used for prismatic joints only.
+
+    """
+
+    joint_types: tuple[str, ...]
+    centre: Array
+    half_range: Array
+
+    @classmethod
+    def of(cls, joint_types: tuple[str, ...], q: Array) -> JointBasis:
+        """Take the ranges from training positions q, shape (N, n) [rad or m]."""
+        low, high = q.min(axis=0), q.max(axis=0)
+        half = 0.5 * (high - low)
+        return cls(joint_types, 0.5 * (low + high), np.where(half > 0.0, half, 1.0))
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint_types)
+
+    @property
+    def prismatic(self) -> NDArray[np.bool_]:
+        """Which joints are prismatic, shape (n,)."""
+        return np.array([kind == PRISMATIC for kind in self.joint_types])
+
+    def features(self, q: Array) -> tuple[Array, Array]:
+        """
+        Evaluate the features and their derivatives.
+
+        Parameters
+        ----------
+        q : array, shape (N, n)
+            Positions [rad or m].
+
+        Returns
+        -------
+        f, g : arrays, shape (2, n, N)
+
+        """
+        cos, sin = np.cos(q).T, np.sin(q).T
+        u = ((q - self.centre) / self.half_range).T
+        slope = np.broadcast_to(1.0 / self.half_range[:, None], u.shape)
+        none = np.zeros_like(u)
+        pick = self.prismatic[:, None]
+        f = np.stack([np.where(pick, u, cos), np.where(pick, none, sin)])
+        g = np.stack([np.where(pick, slope, -sin), np.where(pick, none, cos)])
+        return f, g
+
+    def pack(self, q: Array, dq: Array, ddq: Array) -> Samples:
+        """
+        Lay joint states out for the fused loops.
+
+        Parameters
+        ----------
+        q, dq, ddq : arrays, shape (N, n)
+            Positions [rad or m], velocities and accelerations.
+
+        Raises
+        ------
+        ShapeError
+            If the arrays are not all (N, n) with this arm's n.
+
+        """
+        for name, x in (('q', q), ('dq', dq), ('ddq', ddq)):
+            if x.ndim != 2 or x.shape != q.shape or x.shape[1] != self.n_joints:
+                raise ShapeError(
+                    f'{name} must have shape (N, {self.n_joints}) as all joint states, '
+                    f'but has shape {x.shape}; pass one row per sample and one column per joint.'
+                )
+        f, g = self.features(q)
+        return Samples(_pad(f), _pad(g), _pad(dq.T), _pad(ddq.T))
+
+
+def _pad(x: Array) -> Array:
+    widths = [(0, 0)] * (x.ndim - 1) + [(0, LANES)]
+    return np.ascontiguousarray(np.pad(x, widths), dtype=np.float64)

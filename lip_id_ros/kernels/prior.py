@@ -1,0 +1,169 @@
+"""The whole prior of the torques: energies, what is not Lagrangian, and noise, with their hyperparameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.kernels import gram as energy
+from lip_id_ros.kernels import plain
+from lip_id_ros.kernels.features import JointBasis, Samples
+from lip_id_ros.kernels.jointwise import JointwiseKernel
+from lip_id_ros.kernels.program import EnergyKernel
+from lip_id_ros.kernels.weights import Weights
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JointStates:
+    """
+    Joint states prepared for every kernel of a prior.
+
+    Attributes
+    ----------
+    q, dq, ddq : arrays, shape (N, n)
+    packed : Samples
+    jointwise : tuple of arrays
+        The inputs of each jointwise kernel.
+
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    packed: Samples
+    jointwise: tuple[Array, ...]
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.q)
+
+
+@dataclass(frozen=True)
+class TorqueKernel:
+    """
+    The kernels that make up the prior, without their hyperparameters.
+
+    Attributes
+    ----------
+    energy : EnergyKernel
+    basis : JointBasis
+    jointwise : tuple of JointwiseKernel
+
+    """
+
+    energy: EnergyKernel
+    basis: JointBasis
+    jointwise: tuple[JointwiseKernel, ...] = ()
+
+    def states(self, q: Array, dq: Array, ddq: Array) -> JointStates:
+        """Prepare joint states, each of shape (N, n); ShapeError if they are not."""
+        packed = self.basis.pack(q, dq, ddq)
+        inputs = tuple(kernel.inputs(q, dq, ddq) for kernel in self.jointwise)
+        return JointStates(q, dq, ddq, packed, inputs)
+
+
+@dataclass(frozen=True)
+class Hyperparameters:
+    """
+    Everything that is optimised; all numbers positive.
+
+    Attributes
+    ----------
+    weights : Weights
+        Of the energy kernel.
+    jointwise : tuple of arrays
+        Of each jointwise kernel.
+    noise_variance : array, shape (n,)
+        [(N m)^2 or N^2].
+
+    """
+
+    weights: Weights
+    jointwise: tuple[Array, ...]
+    noise_variance: Array
+
+
+@dataclass(frozen=True)
+class TorquePrior:
+    """
+    Gaussian process prior on the torques and the energies.
+
+    Attributes
+    ----------
+    kernel : TorqueKernel
+    hyperparameters : Hyperparameters
+
+    """
+
+    kernel: TorqueKernel
+    hyperparameters: Hyperparameters
+
+    def gram(self, x: JointStates) -> Array:
+        """
+        Gram matrix of noiseless torques (paper, eq. `kernel_with_fric`).
+
+        Returns
+        -------
+        array, shape (N n, N n)
+            Row t n + i is torque i of sample t.
+
+        """
+        out = energy.gram(self.kernel.energy, self.hyperparameters.weights, x.packed)
+        return self._add_jointwise(out, x, x)
+
+    def noisy_gram(self, x: JointStates) -> Array:
+        """Gram matrix of measured torques: `gram` plus the noise variances on the diagonal."""
+        out = self.gram(x)
+        out.reshape(-1)[:: len(out) + 1] += np.tile(self.hyperparameters.noise_variance, len(x))
+        return out
+
+    def cross_gram(self, x: JointStates, z: JointStates) -> Array:
+        """Covariances of noiseless torques at x and z, shape (N n, M n)."""
+        weights = self.hyperparameters.weights
+        out = energy.cross_gram(self.kernel.energy, weights, x.packed, z.packed)
+        return self._add_jointwise(out, x, z)
+
+    def torque_variance(self, x: JointStates) -> Array:
+        """Prior variances of noiseless torques, shape (N, n)."""
+        weights = self.hyperparameters.weights
+        blocks = energy.prior_blocks(self.kernel.energy, weights, x.packed)
+        out = np.einsum('tii->ti', blocks).copy()
+        for kernel, parameters, inputs in self._terms(x):
+            out += kernel.prior_variance(parameters, inputs)
+        return out
+
+    def kinetic_variance(self, x: JointStates) -> Array:
+        """Prior variances of the kinetic energy, shape (N,) [J^2]."""
+        f, _ = self.kernel.basis.features(x.q)
+        weights = self.hyperparameters.weights
+        values = plain.kinetic_covariance(self.kernel.energy, weights, f, x.dq.T, f, x.dq.T)
+        return np.asarray(values, dtype=np.float64)
+
+    def potential_covariance(self, q: Array, z: Array) -> Array:
+        """Prior covariances of the potential energies at rows of q and z, shapes (N or 1, n) [J^2]."""
+        f, _ = self.kernel.basis.features(q)
+        fz, _ = self.kernel.basis.features(z)
+        weights = self.hyperparameters.weights
+        values = plain.potential_covariance(self.kernel.energy, weights, f, fz)
+        return np.asarray(values, dtype=np.float64)
+
+    def energy_covariance(self, x: JointStates, z: JointStates) -> tuple[Array, Array]:
+        """Covariances of kinetic and potential energy at x with torques at z, shapes (N, M n)."""
+        weights = self.hyperparameters.weights
+        return energy.energy_covariance(self.kernel.energy, weights, x.packed, z.packed)
+
+    def _terms(self, x: JointStates) -> list[tuple[JointwiseKernel, Array, Array]]:
+        parameters = self.hyperparameters.jointwise
+        return list(zip(self.kernel.jointwise, parameters, x.jointwise, strict=True))
+
+    def _add_jointwise(self, out: Array, x: JointStates, z: JointStates) -> Array:
+        n = self.kernel.energy.n_joints
+        for (kernel, parameters, left), right in zip(self._terms(x), z.jointwise, strict=True):
+            covariance = kernel.covariance(parameters, left, right)
+            for i in range(n):
+                out[i::n, i::n] += covariance[i]
+        return out

@@ -1,0 +1,90 @@
+"""The steps of `lip_id_ros.kernels.products`, run backwards; see `lip_id_ros.kernels.jets_adjoint`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.kernels.jets import Factor
+from lip_id_ros.kernels.lanes import compiled, LANES
+from lip_id_ros.kernels.products import Product
+
+Array = NDArray[np.float64]
+
+
+@compiled
+def new_tape(length: int, n: int) -> Product:
+    """Allocate `length` products for n joints, stacked along a new first index."""
+    return Product(
+        np.zeros((length, 1, LANES)),
+        np.zeros((length, n, LANES)),
+        np.zeros((length, n, LANES)),
+        np.zeros((length, n, n, LANES)),
+    )
+
+
+@compiled
+def tape_entry(tape: Product, k: int) -> Product:
+    """View product k of a tape."""
+    return Product(tape.p[k], tape.r[k], tape.c[k], tape.h[k])
+
+
+@compiled
+def copy_product(out: Product, x: Product) -> None:
+    """Copy a product."""
+    out.p[:] = x.p
+    out.r[:] = x.r
+    out.c[:] = x.c
+    out.h[:] = x.h
+
+
+@compiled
+def clear(x: Product) -> None:
+    """Set an adjoint to zero."""
+    x.p[:] = 0.0
+    x.r[:] = 0.0
+    x.c[:] = 0.0
+    x.h[:] = 0.0
+
+
+@compiled
+def emit(adj: Product, w: Array, x: Product, scale: float, high: int) -> float:
+    """Go back through the emission, contracted with w[i, j]; return the derivative by the scale."""
+    total = 0.0
+    for i in range(high):
+        for j in range(high):
+            for m in range(LANES):
+                adj.h[i, j, m] += scale * w[i, j, m]
+                total += w[i, j, m] * x.h[i, j, m]
+    return total
+
+
+@compiled
+def extend(adj: Product, out: Factor, x: Product, factor: Factor, b: int) -> None:
+    """Go back through p = a p; `x` is the product before the step."""
+    a, grad = factor.a, out.a
+    for i in range(b):
+        for j in range(b):
+            for m in range(LANES):
+                grad[0, m] += adj.h[i, j, m] * x.h[i, j, m]
+                adj.h[i, j, m] *= a[0, m]
+    for i in range(b):
+        for m in range(LANES):
+            row, column = adj.h[b, i, m], adj.h[i, b, m]
+            grad[0, m] += adj.r[i, m] * x.r[i, m] + adj.c[i, m] * x.c[i, m]
+            grad[1, m] += row * x.c[i, m]
+            grad[2, m] += column * x.r[i, m]
+            adj.r[i, m] = a[0, m] * adj.r[i, m] + a[2, m] * column
+            adj.c[i, m] = a[0, m] * adj.c[i, m] + a[1, m] * row
+    for m in range(LANES):
+        p, corner = x.p[0, m], adj.h[b, b, m]
+        grad[0, m] += adj.p[0, m] * p
+        grad[1, m] += adj.r[b, m] * p
+        grad[2, m] += adj.c[b, m] * p
+        grad[3, m] += corner * p
+        adj.p[0, m] = (
+            a[0, m] * adj.p[0, m]
+            + a[1, m] * adj.r[b, m]
+            + a[2, m] * adj.c[b, m]
+            + a[3, m] * corner
+        )

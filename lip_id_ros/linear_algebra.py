@@ -1,0 +1,87 @@
+"""Cholesky factors of Gram matrices: the one place where jitter is added."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import blas, lapack
+
+from lip_id_ros.errors import FitError
+
+Array = NDArray[np.float64]
+JITTERS = (0.0, 1e-12, 1e-10, 1e-8, 1e-6)
+
+
+@dataclass(frozen=True)
+class CholeskyFactor:
+    """
+    Factor of a symmetric positive definite matrix.
+
+    Attributes
+    ----------
+    lower : array, shape (m, m), Fortran order
+        L with L L^T = K + jitter I; what lies above the diagonal is undefined.
+    jitter : float
+        What had to be added to the diagonal [units of K].
+
+    """
+
+    lower: Array
+    jitter: float
+
+    @classmethod
+    def of(cls, matrix: Array) -> CholeskyFactor:
+        """
+        Factorise a matrix, with as little jitter as it takes.
+
+        Parameters
+        ----------
+        matrix : array, shape (m, m), C order
+            Symmetric; left as it is.
+
+        Raises
+        ------
+        FitError
+            If the matrix is not finite or not positive definite even with jitter.
+
+        """
+        diagonal = np.diagonal(matrix)
+        scale = float(np.mean(diagonal))
+        if not np.isfinite(scale):
+            raise FitError(
+                'the Gram matrix was expected to be finite but is not: '
+                'check the data for values beyond what the robot can do.'
+            )
+        for relative in JITTERS:
+            work = np.array(matrix.T, order='F')
+            np.einsum('ii->i', work)[:] += relative * scale
+            lower, info = lapack.dpotrf(work, lower=1, clean=0, overwrite_a=1)
+            if info == 0:
+                return cls(lower, relative * scale)
+        raise FitError(
+            'the Gram matrix was expected to be positive definite but is not, even with '
+            f'{JITTERS[-1]:g} of its mean diagonal added: the samples are probably repeated or the '
+            'noise variance too small; use fewer, better spread samples.'
+        )
+
+    def solve(self, y: Array) -> Array:
+        """Return K^-1 y for y of shape (m,) or (m, k)."""
+        x, _ = lapack.dpotrs(self.lower, y, lower=1)
+        return np.asarray(x)
+
+    def half_solve(self, y: Array) -> Array:
+        """Return L^-1 y for y of shape (m, k)."""
+        return np.asarray(blas.dtrsm(1.0, self.lower, y, lower=1))
+
+    def inverse(self) -> Array:
+        """Return K^-1, whole and in C order."""
+        half, _ = lapack.dpotri(self.lower, lower=1)
+        # A Fortran lower triangle is a C upper one.
+        upper = half.T
+        return np.asarray(np.triu(upper) + np.triu(upper, 1).T)
+
+    def log_determinant(self) -> float:
+        """Return log det K."""
+        return 2.0 * float(np.log(np.diagonal(self.lower)).sum())

@@ -1,0 +1,319 @@
+r"""
+The posterior mean of one query, contracted over the training samples.
+
+With alpha fixed, the kinetic energy's posterior mean is
+
+.. math:: \hat T(q, \dot q) = \sum_t \sum_i 2\lambda_i \left( y_i\, G'_\alpha y_i
+          + D' y_i\; \partial'_\alpha y_i \right)
+
+with y the velocity kernel of the program, and G'_alpha, \partial'_alpha the operators of training sample t summed with
+alpha_t (docs/maths.md, section 6). So a query carries only four numbers per training sample through the program, and
+their time derivatives; the torques follow from one pass back (reverse differentiation of T by dq and q).
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.kernels.lanes import compiled, LANES
+from lip_id_ros.kernels.program import ADD, MULTIPLY, RESET, SQUARE
+
+Array = NDArray[np.float64]
+
+
+class TrainingSide(NamedTuple):
+    """
+    What the training samples contribute, sample last, padded with zeros to a multiple of `LANES`.
+
+    Attributes
+    ----------
+    f, rate, turn : arrays, shape (2, n, P)
+        Joint features, their time derivatives, and their derivatives along alpha.
+    dq, ddq, alpha : arrays, shape (n, P)
+
+    """
+
+    f: Array
+    rate: Array
+    turn: Array
+    dq: Array
+    ddq: Array
+    alpha: Array
+
+
+class Program(NamedTuple):
+    """
+    An energy kernel with its weights, ready to be run.
+
+    Attributes
+    ----------
+    steps : int array, shape (n_steps, 6)
+    bounds : int array
+        Where each run that begins with a reset starts, and the end.
+    links : int array
+        Links after which the potential energy is emitted.
+    scales : array
+        Signed weight of every square.
+    factors, velocities, potential_factors, potential_scales : arrays
+        As in `Weights`.
+
+    """
+
+    steps: NDArray[np.int64]
+    bounds: NDArray[np.int64]
+    links: NDArray[np.int64]
+    scales: Array
+    factors: Array
+    velocities: Array
+    potential_factors: Array
+    potential_scales: Array
+
+
+class Scratch(NamedTuple):
+    """
+    Working memory of one query.
+
+    Attributes
+    ----------
+    x, dx : arrays, shape (4, LANES)
+        y, D'y, d'_alpha y, G'_alpha y and their time derivatives along the query.
+    adj, dadj : arrays, shape (4, LANES)
+        Adjoints of x and their time derivatives.
+    tape, dtape : arrays, shape (n_steps, 4, LANES)
+        x and dx before every step.
+    a : array, shape (n_steps, 6, LANES)
+        Of every factor: a, D'a, d'_alpha a, and their derivatives by the query's q_b.
+
+    """
+
+    x: Array
+    dx: Array
+    adj: Array
+    dadj: Array
+    tape: Array
+    dtape: Array
+    a: Array
+
+
+@compiled
+def new_scratch(n_steps: int) -> Scratch:
+    """Allocate working memory for programs of at most `n_steps` steps."""
+    return Scratch(
+        np.zeros((4, LANES)),
+        np.zeros((4, LANES)),
+        np.zeros((4, LANES)),
+        np.zeros((4, LANES)),
+        np.zeros((n_steps, 4, LANES)),
+        np.zeros((n_steps, 4, LANES)),
+        np.zeros((n_steps, 6, LANES)),
+    )
+
+
+@compiled
+def _load_factor(a, w, f, g, side, u, b) -> None:  # type: ignore[no-untyped-def]
+    w0 = w[0]
+    wf1, wf2 = w[1] * f[0, b], w[2] * f[1, b]
+    wg1, wg2 = w[1] * g[0, b], w[2] * g[1, b]
+    f1, f2 = side.f[0, b, u : u + LANES], side.f[1, b, u : u + LANES]
+    r1, r2 = side.rate[0, b, u : u + LANES], side.rate[1, b, u : u + LANES]
+    t1, t2 = side.turn[0, b, u : u + LANES], side.turn[1, b, u : u + LANES]
+    for m in range(LANES):
+        a[0, m] = w0 + wf1 * f1[m] + wf2 * f2[m]
+        a[1, m] = wf1 * r1[m] + wf2 * r2[m]
+        a[2, m] = wf1 * t1[m] + wf2 * t2[m]
+        a[3, m] = wg1 * f1[m] + wg2 * f2[m]
+        a[4, m] = wg1 * r1[m] + wg2 * r2[m]
+        a[5, m] = wg1 * t1[m] + wg2 * t2[m]
+
+
+@compiled
+def _multiply(x, dx, a, dq) -> None:  # type: ignore[no-untyped-def]
+    for m in range(LANES):
+        a0, a1, a2 = a[0, m], a[1, m], a[2, m]
+        b0, b1, b2 = dq * a[3, m], dq * a[4, m], dq * a[5, m]
+        y, y1, ya, yg = x[0, m], x[1, m], x[2, m], x[3, m]
+        d, d1, da, dg = dx[0, m], dx[1, m], dx[2, m], dx[3, m]
+        x[0, m] = a0 * y
+        x[1, m] = a0 * y1 + a1 * y
+        x[2, m] = a0 * ya
+        x[3, m] = a0 * yg + a1 * ya - a2 * y
+        dx[0, m] = a0 * d + b0 * y
+        dx[1, m] = a0 * d1 + a1 * d + b0 * y1 + b1 * y
+        dx[2, m] = a0 * da + b0 * ya
+        dx[3, m] = a0 * dg + a1 * da - a2 * d + b0 * yg + b1 * ya - b2 * y
+
+
+@compiled
+def _multiply_back(adj, dadj, x, a, dq) -> float:  # type: ignore[no-untyped-def]
+    # Returns the derivative of T by q_b; x is the state before the step.
+    total = 0.0
+    for m in range(LANES):
+        a0, a1, a2 = a[0, m], a[1, m], a[2, m]
+        s0, s1, s2 = a[3, m], a[4, m], a[5, m]
+        y, y1, ya, yg = x[0, m], x[1, m], x[2, m], x[3, m]
+        p0, p1, p2, p3 = adj[0, m], adj[1, m], adj[2, m], adj[3, m]
+        d0, d1, d2, d3 = dadj[0, m], dadj[1, m], dadj[2, m], dadj[3, m]
+        total += p0 * s0 * y + p1 * (s0 * y1 + s1 * y) + p2 * s0 * ya
+        total += p3 * (s0 * yg + s1 * ya - s2 * y)
+        adj[0, m] = a0 * p0 + a1 * p1 - a2 * p3
+        adj[1, m] = a0 * p1
+        adj[2, m] = a0 * p2 + a1 * p3
+        adj[3, m] = a0 * p3
+        b0, b1, b2 = dq * s0, dq * s1, dq * s2
+        dadj[0, m] = a0 * d0 + a1 * d1 - a2 * d3 + b0 * p0 + b1 * p1 - b2 * p3
+        dadj[1, m] = a0 * d1 + b0 * p1
+        dadj[2, m] = a0 * d2 + a1 * d3 + b0 * p2 + b1 * p3
+        dadj[3, m] = a0 * d3 + b0 * p3
+    return total
+
+
+@compiled
+def _add(x, dx, weight, dq, ddq, side, u, b) -> None:  # type: ignore[no-untyped-def]
+    v, dv = weight * dq, weight * ddq
+    dz, ddz = side.dq[b, u : u + LANES], side.ddq[b, u : u + LANES]
+    alpha = side.alpha[b, u : u + LANES]
+    for m in range(LANES):
+        x[0, m] += v * dz[m]
+        x[1, m] += v * ddz[m]
+        x[2, m] += v * alpha[m]
+        dx[0, m] += dv * dz[m]
+        dx[1, m] += dv * ddz[m]
+        dx[2, m] += dv * alpha[m]
+
+
+@compiled
+def _add_back(dadj, weight, side, u, b) -> float:  # type: ignore[no-untyped-def]
+    # Returns the time derivative of the momentum, d/dt dT/d(dq_b).
+    dz, ddz = side.dq[b, u : u + LANES], side.ddq[b, u : u + LANES]
+    alpha = side.alpha[b, u : u + LANES]
+    total = 0.0
+    for m in range(LANES):
+        total += dadj[0, m] * dz[m] + dadj[1, m] * ddz[m] + dadj[2, m] * alpha[m]
+    return weight * total
+
+
+@compiled
+def _square(x, scale) -> float:  # type: ignore[no-untyped-def]
+    total = 0.0
+    for m in range(LANES):
+        total += x[0, m] * x[3, m] + x[1, m] * x[2, m]
+    return 2.0 * scale * total
+
+
+@compiled
+def _square_back(adj, dadj, x, dx, scale) -> None:  # type: ignore[no-untyped-def]
+    k = 2.0 * scale
+    for m in range(LANES):
+        adj[0, m] += k * x[3, m]
+        adj[1, m] += k * x[2, m]
+        adj[2, m] += k * x[1, m]
+        adj[3, m] += k * x[0, m]
+        dadj[0, m] += k * dx[3, m]
+        dadj[1, m] += k * dx[2, m]
+        dadj[2, m] += k * dx[1, m]
+        dadj[3, m] += k * dx[0, m]
+
+
+@compiled
+def kinetic_energy(tau, program, work, side, f, g, dq, ddq) -> float:  # type: ignore[no-untyped-def]
+    """Return T and add d/dt dT/d(dq) - dT/dq to tau, for one query with features f and slopes g."""
+    total = 0.0
+    for k in range(len(program.bounds) - 1):
+        steps = program.steps[program.bounds[k] : program.bounds[k + 1]]
+        for u in range(0, side.dq.shape[1], LANES):
+            total += _forward(program, steps, work, side, f, g, dq, ddq, u)
+            _backward(tau, program, steps, work, side, dq, u)
+    return total
+
+
+@compiled
+def _forward(program, steps, work, side, f, g, dq, ddq, u) -> float:  # type: ignore[no-untyped-def]
+    total = 0.0
+    for k in range(steps.shape[0]):
+        operation, b, group, scale = steps[k, 0], steps[k, 1], steps[k, 2], steps[k, 3]
+        if operation == RESET:
+            work.x[:] = 0.0
+            work.dx[:] = 0.0
+        elif operation == ADD:
+            weight = program.velocities[group, b]
+            _add(work.x, work.dx, weight, dq[b], ddq[b], side, u, b)
+        elif operation == MULTIPLY:
+            work.tape[k] = work.x
+            _load_factor(work.a[k], program.factors[group, b], f, g, side, u, b)
+            _multiply(work.x, work.dx, work.a[k], dq[b])
+        elif operation == SQUARE:
+            work.tape[k] = work.x
+            work.dtape[k] = work.dx
+            total += _square(work.x, program.scales[scale])
+    return total
+
+
+@compiled
+def _backward(tau, program, steps, work, side, dq, u) -> None:  # type: ignore[no-untyped-def]
+    work.adj[:] = 0.0
+    work.dadj[:] = 0.0
+    for k in range(steps.shape[0] - 1, 0, -1):
+        operation, b, group, scale = steps[k, 0], steps[k, 1], steps[k, 2], steps[k, 3]
+        if operation == ADD:
+            tau[b] += _add_back(work.dadj, program.velocities[group, b], side, u, b)
+        elif operation == MULTIPLY:
+            tau[b] -= _multiply_back(work.adj, work.dadj, work.tape[k], work.a[k], dq[b])
+        elif operation == SQUARE:
+            _square_back(work.adj, work.dadj, work.tape[k], work.dtape[k], program.scales[scale])
+
+
+@compiled
+def potential_energy(tau, program, work, side, f, g) -> float:  # type: ignore[no-untyped-def]
+    """Return V and add dV/dq to tau, for one query with features f and slopes g."""
+    total = 0.0
+    if len(program.links) == 0:
+        return total
+    for u in range(0, side.dq.shape[1], LANES):
+        total += _potential_forward(program, work, side, f, g, u)
+        _potential_backward(tau, program, work)
+    return total
+
+
+@compiled
+def _potential_forward(program, work, side, f, g, u) -> float:  # type: ignore[no-untyped-def]
+    # x[0] is the product of the factors, x[1] its derivative along alpha.
+    x = work.x
+    x[0] = 1.0
+    x[1] = 0.0
+    total = 0.0
+    emitted = 0
+    for b in range(program.potential_factors.shape[0]):
+        a = work.a[b]
+        work.tape[b] = x
+        _load_factor(a, program.potential_factors[b], f, g, side, u, b)
+        for m in range(LANES):
+            x[1, m] = a[0, m] * x[1, m] + a[2, m] * x[0, m]
+            x[0, m] *= a[0, m]
+        if emitted < len(program.links) and program.links[emitted] == b:
+            total += program.potential_scales[emitted] * x[1].sum()
+            emitted += 1
+    return total
+
+
+@compiled
+def _potential_backward(tau, program, work) -> None:  # type: ignore[no-untyped-def]
+    adj = work.adj
+    adj[0] = 0.0
+    adj[1] = 0.0
+    emitted = len(program.links) - 1
+    for b in range(program.potential_factors.shape[0] - 1, -1, -1):
+        if emitted >= 0 and program.links[emitted] == b:
+            adj[1] += program.potential_scales[emitted]
+            emitted -= 1
+        a, x = work.a[b], work.tape[b]
+        total = 0.0
+        for m in range(LANES):
+            total += adj[0, m] * a[3, m] * x[0, m]
+            total += adj[1, m] * (a[3, m] * x[1, m] + a[5, m] * x[0, m])
+            adj[0, m] = a[0, m] * adj[0, m] + a[2, m] * adj[1, m]
+            adj[1, m] *= a[0, m]
+        tau[b] += total

@@ -1,0 +1,233 @@
+"""One query of a trained model, compiled: features, energies, friction and residual together."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.kernels.jointwise import Friction, Residual
+from lip_id_ros.kernels.lanes import compiled, compiled_parallel, LANES
+from lip_id_ros.kernels.program import RESET
+from lip_id_ros.kernels.weights import step_scales
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving.contraction import (
+    kinetic_energy,
+    new_scratch,
+    potential_energy,
+    Program,
+    TrainingSide,
+)
+
+Array = NDArray[np.float64]
+
+INERTIAL_AND_CORIOLIS, GRAVITY, FRICTION = 0, 1, 2
+
+
+class Arm(NamedTuple):
+    """
+    What the joint features of a query need.
+
+    Attributes
+    ----------
+    prismatic : bool array, shape (n,)
+    centre, half_range : arrays, shape (n,)
+
+    """
+
+    prismatic: NDArray[np.bool_]
+    centre: Array
+    half_range: Array
+
+
+class JointTerms(NamedTuple):
+    """
+    Posterior mean of what is not Lagrangian.
+
+    Attributes
+    ----------
+    coefficients : array, shape (n, 3)
+        Viscous, Coulomb, offset; zero without a friction kernel.
+    sign_width : array, shape (n,)
+    scales : array, shape (2, n)
+        Units of velocities and accelerations in the residual.
+    precision : array, shape (n, 3)
+        1 / (2 l^2) of positions, velocities, accelerations.
+    dq, ddq : arrays, shape (n, P)
+        Training inputs of the residual in those units; P = 0 without a residual.
+    weights : array, shape (n, P)
+        Prior variance times alpha.
+
+    """
+
+    coefficients: Array
+    sign_width: Array
+    scales: Array
+    precision: Array
+    dq: Array
+    ddq: Array
+    weights: Array
+
+
+class Contracted(NamedTuple):
+    """A model's posterior mean, ready to be evaluated."""
+
+    arm: Arm
+    program: Program
+    side: TrainingSide
+    terms: JointTerms
+
+
+def contract(model: TrainedModel) -> Contracted:
+    """Lay a model out for `evaluate`."""
+    basis = model.prior.kernel.basis
+    return Contracted(
+        arm=Arm(basis.prismatic, basis.centre, basis.half_range),
+        program=_program(model),
+        side=_training_side(model),
+        terms=_joint_terms(model),
+    )
+
+
+def _program(model: TrainedModel) -> Program:
+    kernel = model.prior.kernel.energy
+    weights = model.prior.hyperparameters.weights
+    resets = np.flatnonzero(kernel.kinetic[:, 0] == RESET)
+    return Program(
+        steps=kernel.kinetic,
+        bounds=np.append(resets, len(kernel.kinetic)),
+        links=kernel.potential_links.astype(np.int64),
+        scales=step_scales(kernel, weights),
+        factors=weights.factors,
+        velocities=weights.velocities,
+        potential_factors=weights.potential_factors,
+        potential_scales=weights.potential_scales,
+    )
+
+
+def _training_side(model: TrainedModel) -> TrainingSide:
+    n_samples = model.n_samples
+    extent = -(-n_samples // LANES) * LANES
+    packed = model.states.packed
+    f, g = packed.f[:, :, :extent], packed.g[:, :, :extent]
+    dq, ddq = packed.dq[:, :extent], packed.ddq[:, :extent]
+    alpha = np.zeros((model.n_joints, extent))
+    alpha[:, :n_samples] = model.alpha.T
+    parts = (f, g * dq, g * alpha, dq, ddq, alpha)
+    return TrainingSide(*(np.ascontiguousarray(part) for part in parts))
+
+
+def _joint_terms(model: TrainedModel) -> JointTerms:
+    n = model.n_joints
+    terms = JointTerms(
+        coefficients=np.zeros((n, 3)),
+        sign_width=np.ones(n),
+        scales=np.ones((2, n)),
+        precision=np.zeros((n, 3)),
+        dq=np.zeros((n, 0)),
+        ddq=np.zeros((n, 0)),
+        weights=np.zeros((n, 0)),
+    )
+    kernels = zip(
+        model.prior.kernel.jointwise,
+        model.prior.hyperparameters.jointwise,
+        model.states.jointwise,
+        strict=True,
+    )
+    for kernel, parameters, inputs in kernels:
+        if isinstance(kernel, Friction):
+            coefficients = kernel.coefficients(parameters, inputs, model.alpha)
+            terms = terms._replace(coefficients=coefficients, sign_width=kernel.sign_width)
+        if isinstance(kernel, Residual):
+            terms = terms._replace(
+                scales=kernel.scales,
+                precision=np.ascontiguousarray(0.5 / parameters[:, 1:] ** 2),
+                dq=np.ascontiguousarray((model.states.dq / kernel.scales[0]).T),
+                ddq=np.ascontiguousarray((model.states.ddq / kernel.scales[1]).T),
+                weights=np.ascontiguousarray((model.alpha * parameters[:, 0]).T),
+            )
+    return terms
+
+
+@compiled
+def _features(f, g, arm, q) -> None:  # type: ignore[no-untyped-def]
+    for b in range(len(q)):
+        if arm.prismatic[b]:
+            f[0, b] = (q[b] - arm.centre[b]) / arm.half_range[b]
+            f[1, b] = 0.0
+            g[0, b] = 1.0 / arm.half_range[b]
+            g[1, b] = 0.0
+        else:
+            f[0, b] = np.cos(q[b])
+            f[1, b] = np.sin(q[b])
+            g[0, b] = -f[1, b]
+            g[1, b] = f[0, b]
+
+
+@compiled
+def _friction(tau, terms, dq) -> None:  # type: ignore[no-untyped-def]
+    c = terms.coefficients
+    for i in range(len(dq)):
+        tau[i] += c[i, 0] * dq[i] + c[i, 1] * np.tanh(dq[i] / terms.sign_width[i]) + c[i, 2]
+
+
+@compiled
+def _residual(tau, terms, side, f, dq, ddq) -> None:  # type: ignore[no-untyped-def]
+    n = len(dq)
+    for t in range(terms.weights.shape[1]):
+        position, velocity, acceleration = 0.0, 0.0, 0.0
+        for b in range(n):
+            position += (side.f[0, b, t] - f[0, b]) ** 2 + (side.f[1, b, t] - f[1, b]) ** 2
+            velocity += (terms.dq[b, t] - dq[b] / terms.scales[0, b]) ** 2
+            acceleration += (terms.ddq[b, t] - ddq[b] / terms.scales[1, b]) ** 2
+        for i in range(n):
+            exponent = (
+                terms.precision[i, 0] * position
+                + terms.precision[i, 1] * velocity
+                + terms.precision[i, 2] * acceleration
+            )
+            tau[i] += terms.weights[i, t] * np.exp(-exponent)
+
+
+@compiled
+def evaluate_one(  # type: ignore[no-untyped-def]
+    parts, energies, arm, program, side, terms, work, features, q, dq, ddq
+) -> None:
+    """
+    Evaluate one query.
+
+    Parameters
+    ----------
+    parts : array, shape (3, n)
+        Set to the torques of the kinetic energy, of gravity, and of friction and residual.
+    energies : array, shape (2,)
+        Set to kinetic and potential energy.
+    arm, program, side, terms
+        The model, as `Contracted`.
+    work : Scratch
+    features : array, shape (4, n)
+        Working memory.
+    q, dq, ddq : arrays, shape (n,)
+
+    """
+    f, g = features[:2], features[2:]
+    _features(f, g, arm, q)
+    parts[:] = 0.0
+    energies[0] = kinetic_energy(parts[0], program, work, side, f, g, dq, ddq)
+    energies[1] = potential_energy(parts[1], program, work, side, f, g)
+    _friction(parts[2], terms, dq)
+    _residual(parts[2], terms, side, f, dq, ddq)
+
+
+@compiled_parallel
+def evaluate_many(parts, energies, arm, program, side, terms, q, dq, ddq) -> None:  # type: ignore[no-untyped-def]
+    """Evaluate N queries at once: `evaluate_one` for every row, on all threads."""
+    n_steps = max(program.steps.shape[0], q.shape[1])
+    for index in numba.prange(q.shape[0]):
+        t = np.int64(index)
+        work, features = new_scratch(n_steps), np.empty((4, q.shape[1]))
+        evaluate_one(
+            parts[t], energies[t], arm, program, side, terms, work, features, q[t], dq[t], ddq[t]
+        )

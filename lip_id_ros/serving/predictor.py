@@ -1,0 +1,214 @@
+"""Torques and energies of a trained model, fast enough for a controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lip_id_ros.errors import ShapeError
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving.contraction import new_scratch
+from lip_id_ros.serving.evaluator import (
+    contract,
+    evaluate_many,
+    evaluate_one,
+    FRICTION,
+    GRAVITY,
+    INERTIAL_AND_CORIOLIS,
+)
+from lip_id_ros.serving.uncertainty import Deviation, Uncertainty
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Query:
+    """
+    Posterior mean at one joint state.
+
+    Attributes
+    ----------
+    tau : array, shape (n,)
+        [N m or N].
+    kinetic : float
+        [J].
+    potential : float
+        Relative to the reference positions [J]; not a number where it cannot be told.
+
+    """
+
+    tau: Array
+    kinetic: float
+    potential: float
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """
+    Posterior mean at N joint states; tau = inertial + coriolis + gravity + friction.
+
+    Attributes
+    ----------
+    tau, inertial, coriolis, gravity, friction : arrays, shape (N, n)
+        [N m or N]. Friction holds everything that is not Lagrangian, the residual included.
+    kinetic : array, shape (N,)
+        [J].
+    potential : array, shape (N,), or None
+        Relative to the reference positions [J]; None where it cannot be told.
+
+    """
+
+    tau: Array
+    inertial: Array
+    coriolis: Array
+    gravity: Array
+    friction: Array
+    kinetic: Array
+    potential: Array | None
+
+
+class Predictor:
+    """
+    Posterior of a trained model.
+
+    Construction lays the model out and compiles; `query` is then hot: no checks, and nothing allocated but the
+    result. Not for several threads at once: give each its own.
+
+    Parameters
+    ----------
+    model : TrainedModel
+
+    """
+
+    def __init__(self, model: TrainedModel) -> None:
+        self.model = model
+        self._contracted = contract(model)
+        n = model.n_joints
+        self._work = new_scratch(max(len(model.prior.kernel.energy.kinetic), n))
+        self._features = np.empty((4, n))
+        self._parts = np.empty((3, n))
+        self._energies = np.empty(2)
+        self._potential_offset = 0.0 if model.has_potential else np.nan
+        if model.has_potential:
+            self._potential_offset = self.query(
+                model.potential_reference, *np.zeros((2, n))
+            ).potential
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints n."""
+        return self.model.n_joints
+
+    @cached_property
+    def training_range(self) -> tuple[Array, Array]:
+        """Lowest and highest q, dq, ddq of the training samples, each of shape (3, n)."""
+        states = self.model.states
+        stack = np.stack([states.q, states.dq, states.ddq])
+        return stack.min(axis=1), stack.max(axis=1)
+
+    def query(self, q: Array, dq: Array, ddq: Array) -> Query:
+        """
+        Evaluate one joint state, without checks.
+
+        Parameters
+        ----------
+        q, dq, ddq : float64 arrays, shape (n,)
+            Positions [rad or m], velocities, accelerations.
+
+        """
+        parts, energies = self._parts, self._energies
+        evaluate_one(parts, energies, *self._contracted, self._work, self._features, q, dq, ddq)
+        return Query(
+            parts[0] + parts[1] + parts[2],
+            float(energies[0]),
+            float(energies[1] - self._potential_offset),
+        )
+
+    def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Prediction:
+        """
+        Evaluate N joint states.
+
+        Parameters
+        ----------
+        q, dq, ddq : array-likes, shape (N, n)
+
+        Raises
+        ------
+        ShapeError
+            If the shapes are not (N, n) with the model's n.
+
+        """
+        x = self._checked(q, dq, ddq)
+        parts, energies = self._evaluate(*x)
+        inertial = self._evaluate(x[0], np.zeros_like(x[1]), x[2])[0][:, INERTIAL_AND_CORIOLIS]
+        potential = energies[:, 1] - self._potential_offset
+        return Prediction(
+            tau=parts.sum(axis=1),
+            inertial=inertial,
+            coriolis=parts[:, INERTIAL_AND_CORIOLIS] - inertial,
+            gravity=parts[:, GRAVITY],
+            friction=parts[:, FRICTION],
+            kinetic=energies[:, 0],
+            potential=potential if self.model.has_potential else None,
+        )
+
+    def inertia_matrix(self, q: ArrayLike) -> Array:
+        """
+        Posterior mean of the inertia matrix, shape (N, n, n) [kg m^2, kg m or kg].
+
+        Symmetric, but not guaranteed positive definite (docs/maths.md, section 9).
+
+        Parameters
+        ----------
+        q : array-like, shape (N, n)
+
+        Raises
+        ------
+        ShapeError
+            If the shape is not (N, n) with the model's n.
+
+        """
+        (positions,) = self._checked(q)
+        still = np.zeros_like(positions)
+        columns = []
+        for j in range(self.n_joints):
+            unit = still.copy()
+            unit[:, j] = 1.0
+            columns.append(self._evaluate(positions, still, unit)[0][:, INERTIAL_AND_CORIOLIS])
+        matrix = np.stack(columns, axis=-1)
+        return 0.5 * (matrix + matrix.transpose(0, 2, 1))
+
+    def standard_deviation(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Deviation:
+        """
+        Posterior standard deviations at N joint states; the first call factorises the Gram matrix.
+
+        Raises
+        ------
+        ShapeError
+            If the shapes are not (N, n) with the model's n.
+
+        """
+        return self._uncertainty.standard_deviation(*self._checked(q, dq, ddq))
+
+    @cached_property
+    def _uncertainty(self) -> Uncertainty:
+        return Uncertainty(self.model)
+
+    def _evaluate(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
+        parts = np.empty((len(q), 3, self.n_joints))
+        energies = np.empty((len(q), 2))
+        evaluate_many(parts, energies, *self._contracted, q, dq, ddq)
+        return parts, energies
+
+    def _checked(self, *arrays: ArrayLike) -> list[Array]:
+        out = [np.ascontiguousarray(x, dtype=np.float64) for x in arrays]
+        for x in out:
+            if x.ndim != 2 or x.shape != out[0].shape or x.shape[1] != self.n_joints:
+                raise ShapeError(
+                    f'joint states must have shape (N, {self.n_joints}), but one has {x.shape}; '
+                    'pass one row per sample and one column per joint of the model.'
+                )
+        return out

@@ -1,0 +1,97 @@
+"""Standard deviations of the posterior: what the posterior mean does not need."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.kernels import JointStates
+from lip_id_ros.linear_algebra import CholeskyFactor
+from lip_id_ros.model import TrainedModel
+
+Array = NDArray[np.float64]
+
+BLOCK = 64
+"""Queries per block: bounds the memory of the covariances with the training samples."""
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """
+    Posterior standard deviations of noiseless torques and of the energies.
+
+    Attributes
+    ----------
+    tau : array, shape (N, n)
+        [N m or N].
+    kinetic : array, shape (N,)
+        [J].
+    potential : array, shape (N,), or None
+        Of the potential energy relative to the reference positions [J]; None where it cannot be told.
+
+    """
+
+    tau: Array
+    kinetic: Array
+    potential: Array | None
+
+
+class Uncertainty:
+    """
+    Posterior variances of a model (paper, eqs. `GP-posterior` and section `sec:energy_est`).
+
+    Construction factorises the Gram matrix: (n N)^3 / 3 operations and (n N)^2 numbers.
+
+    """
+
+    def __init__(self, model: TrainedModel) -> None:
+        self._model = model
+        self._prior = model.prior
+        self._factor = CholeskyFactor.of(model.prior.noisy_gram(model.states))
+        self._reference = np.zeros((1, model.n_joints))
+        if model.has_potential:
+            self._reference = model.potential_reference[None]
+
+    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> Deviation:
+        """
+        Evaluate at joint states, each of shape (N, n).
+
+        Raises
+        ------
+        ShapeError
+            If the shapes are wrong.
+
+        """
+        parts = list(self._blocks(self._prior.kernel.states(q, dq, ddq)))
+        tau, kinetic, potential = (np.sqrt(np.concatenate(x)) for x in zip(*parts, strict=True))
+        return Deviation(tau, kinetic, potential if self._model.has_potential else None)
+
+    def _blocks(self, x: JointStates) -> Iterator[tuple[Array, Array, Array]]:
+        for start in range(0, len(x), BLOCK):
+            rows = slice(start, start + BLOCK)
+            yield self._variances(self._prior.kernel.states(x.q[rows], x.dq[rows], x.ddq[rows]))
+
+    def _variances(self, x: JointStates) -> tuple[Array, Array, Array]:
+        prior, training = self._prior, self._model.states
+        torque = self._explained(prior.cross_gram(x, training)).reshape(len(x), -1)
+        kinetic, potential = prior.energy_covariance(x, training)
+        at = prior.kernel.states(self._reference, *[np.zeros_like(self._reference)] * 2)
+        _, reference = prior.energy_covariance(at, training)
+        difference = self._prior_difference(x.q)
+        return (
+            np.maximum(prior.torque_variance(x) - torque, 0.0),
+            np.maximum(prior.kinetic_variance(x) - self._explained(kinetic), 0.0),
+            np.maximum(difference - self._explained(potential - reference), 0.0),
+        )
+
+    def _explained(self, covariance: Array) -> Array:
+        half = self._factor.half_solve(covariance.T)
+        return np.asarray(np.einsum('kt,kt->t', half, half))
+
+    def _prior_difference(self, q: Array) -> Array:
+        covariance = self._prior.potential_covariance
+        reference = self._reference
+        return covariance(q, q) - 2.0 * covariance(q, reference) + covariance(reference, reference)
