@@ -38,19 +38,14 @@ class PreprocessingSettings(Settings):
 
     cutoff_hz: float = setting(
         4.0,
-        'Cut-off of the zero-phase low-pass on positions, velocities and torques; 0 for none.',
-        unit='Hz',
-        minimum=0.0,
-    )
-    sample_rate_hz: float = setting(
-        0.0,
-        'Rate of the uniform grid samples are brought to; 0 for the median rate.',
+        'Cut-off of the zero-phase low-pass on positions, velocities and torques; 0, or half the '
+        'sampling rate and above, for none.',
         unit='Hz',
         minimum=0.0,
     )
     max_gap_s: float = setting(
         0.0,
-        'A longer step between samples begins a new segment; 0 for five median steps.',
+        'A longer step between samples begins a new segment; 0 for five times the median step.',
         unit='s',
         minimum=0.0,
     )

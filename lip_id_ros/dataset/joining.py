@@ -28,6 +28,8 @@ def concatenate(datasets: Sequence[Dataset]) -> Dataset:
     if not datasets:
         raise DataError('at least one data set is needed to concatenate, not 0.')
     first = datasets[0]
+    if len(datasets) == 1:
+        return first
     for other in datasets[1:]:
         _check_alike(first, other)
     ordered = [data.with_joints(first.joint_names) for data in datasets]

@@ -118,7 +118,7 @@ class SampleBuffer:
         """Count a message that could not even be read."""
         self.counts[reason] += 1
 
-    def samples(self, source: str = 'memory', topic: str = '') -> JointSamples:
+    def samples(self, source: str = 'the recording', topic: str = '') -> JointSamples:
         """
         Return copies of what was taken so far; the buffer goes on.
 

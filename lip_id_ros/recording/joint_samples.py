@@ -41,7 +41,7 @@ class JointSamples:
     joint_names: tuple[str, ...]
     start_s: float = 0.0
     counts: Mapping[str, int] = field(default_factory=dict)
-    source: str = 'memory'
+    source: str = 'the recording'
     topic: str = ''
 
     @property

@@ -1,0 +1,6 @@
+"""From raw joint samples to data sets: filter, differentiate, cut into segments, select."""
+
+from lip_id_ros.preprocessing.loading import load_dataset
+from lip_id_ros.preprocessing.pipeline import preprocess
+
+__all__ = ['load_dataset', 'preprocess']
