@@ -7,7 +7,7 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 python=$deps/venv/bin/python
 version=6.2.0.0
 sha256=34910c880e452528f5771e0f31673b08703e522f2d09cdb173216be7cd89844f
-pip=("$python" -m pip --disable-pip-version-check --no-input -q)
+pip=("$python" -m pip --disable-pip-version-check --no-input)
 
 work=$(mktemp -d "$deps/jazzy.XXXXXX")
 trap 'rm -rf "$work"' EXIT

@@ -91,14 +91,15 @@ install_packages() {
   local stamp
   stamp="$python $root $(digest "$requirements")"
   current venv "$stamp" && return
-  say "Python packages of $requirements into .deps/venv ($size; some minutes the first time)"
+  say "Python packages of $requirements into .deps/venv ($size)"
+  say 'some minutes the first time; to watch: tail -f .deps/setup.log'
   rm -f "$deps/venv.stamp"
   if ! same_python; then
     attempt 'making the virtual environment' 'Remove .deps and try again.' \
       "$python" -m venv --clear "$deps/venv"
   fi
   attempt 'installing Python packages' 'Check the network and the disk, then repeat make setup.' \
-    "$deps/venv/bin/python" -m pip install --disable-pip-version-check --no-input -q \
+    "$deps/venv/bin/python" -m pip install --disable-pip-version-check --no-input \
     -r "$requirements"
   finished venv "$stamp"
 }
@@ -134,7 +135,7 @@ build() {
       scripts/build.sh
   else
     attempt 'installing the package' 'Mend what the log names, then repeat make setup.' \
-      "$deps/venv/bin/python" -m pip install --disable-pip-version-check --no-input -q \
+      "$deps/venv/bin/python" -m pip install --disable-pip-version-check --no-input \
       --no-deps --no-build-isolation -e .
     mkdir -p "$deps/build"
   fi
@@ -142,14 +143,16 @@ build() {
 }
 
 tell() {
+  local programs=lip_id
   if [ -n "$ros" ]; then
+    programs='lip_id and ros2'
     rm -f "$deps/without_ros"
   else
     printf 'without ROS 2 (nodes, launch files and their tests are left out): %s\n' "$without" \
       >"$deps/without_ros"
     say "$(cat "$deps/without_ros")"
   fi
-  say "ready after $((SECONDS - started)) s: . scripts/env.sh puts lip_id and ros2 on the path"
+  say "ready after $((SECONDS - started)) s: . scripts/env.sh puts $programs on the path"
 }
 
 mkdir -p "$deps"
