@@ -37,6 +37,22 @@ def shared_data() -> Path:
     return folder
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_pycollect_makemodule(
+    module_path: Path, parent: pytest.Collector
+) -> pytest.Module | None:
+    """
+    Keep launch_testing's plugin away from all but launch tests.
+
+    To find launch tests it imports every test module under its bare name, so that two files of
+    one name clash and a module that skips itself ends the run.
+
+    """
+    if 'generate_test_description' in module_path.read_text(encoding='utf-8'):
+        return None
+    return pytest.Module.from_parent(parent, path=module_path)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Skip, with the reason, the tests that need what this machine does not have."""
     for marker, missing in (('ros', _no_ros), ('gpu', _no_gpu)):
