@@ -35,7 +35,7 @@ def gram(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:
     n_samples = x.dq.shape[1] - LANES
     out = np.empty((n_samples * kernel.n_joints,) * 2)
     _fill_lower(out, *_arguments(kernel, weights), x)
-    _mirror(out, kernel.n_joints)
+    _mirror(out)
     return out
 
 
@@ -218,11 +218,8 @@ def _fill_energy(kinetic, potential, steps, links, scales, w, x, z) -> None:  # 
 
 
 @compiled_parallel
-def _mirror(out, n) -> None:  # type: ignore[no-untyped-def]
-    # The lower block triangle is whole, diagonal blocks included.
-    n_samples = out.shape[0] // n
-    for index in numba.prange(n_samples):
-        t = np.int64(index)
-        for i in range(t * n, (t + 1) * n):
-            for j in range((t + 1) * n, out.shape[1]):
-                out[i, j] = out[j, i]
+def _mirror(out) -> None:  # type: ignore[no-untyped-def]
+    for index in numba.prange(out.shape[0]):
+        i = np.int64(index)
+        for j in range(i + 1, out.shape[1]):
+            out[i, j] = out[j, i]

@@ -1,0 +1,30 @@
+"""Random kernels, weights and joint states for the tests of this folder."""
+
+from __future__ import annotations
+
+from lip_id_ros.kernels import FAMILY, EnergyKernel, JointBasis, Weights
+from lip_id_ros.kernels.weights import shapes
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+R, P = 'revolute', 'prismatic'
+ARMS = ((R,), (P,), (R, R), (P, R), (R, P, R), (R, R, P, R))
+MEMBERS = tuple(FAMILY)
+
+
+def random_weights(kernel: EnergyKernel, rng: np.random.Generator) -> Weights:
+    """Draw weights around one half."""
+    return Weights(*(np.exp(0.4 * rng.normal(size=w.shape) - 0.7) for w in shapes(kernel)))
+
+
+def random_states(n_samples: int, n: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Draw q, dq, ddq, each (n_samples, n)."""
+    q, dq, ddq = rng.normal(size=(3, n_samples, n))
+    return q, dq, ddq
+
+
+def random_basis(types: tuple[str, ...], rng: np.random.Generator) -> JointBasis:
+    """Draw centres and ranges of prismatic joints."""
+    n = len(types)
+    return JointBasis(types, rng.normal(size=n), 0.5 + rng.random(n))
