@@ -149,6 +149,7 @@ class SampleBuffer:
             counts={str(reason): count for reason, count in counts.items() if count},
             source=source,
             topic=topic,
+            seen_joints=tuple(dict.fromkeys(name for names in self._orders for name in names)),
         )
 
     def _take(

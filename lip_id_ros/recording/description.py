@@ -70,6 +70,7 @@ def _recording(samples: JointSamples) -> dict[str, Any]:
     return {
         'topic': samples.topic,
         'joints': list(samples.joint_names),
+        'other_joints': [name for name in samples.seen_joints if name not in samples.joint_names],
         'samples': samples.n_samples,
         'dropped': dict(samples.counts),
         'start_s': samples.start_s,

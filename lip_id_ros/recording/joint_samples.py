@@ -31,6 +31,8 @@ class JointSamples:
         Messages that were dropped, by reason.
     source, topic : str
         Where the samples come from.
+    seen_joints : tuple of str
+        Joints of all messages, also of those dropped.
 
     """
 
@@ -43,6 +45,7 @@ class JointSamples:
     counts: Mapping[str, int] = field(default_factory=dict)
     source: str = 'the recording'
     topic: str = ''
+    seen_joints: tuple[str, ...] = ()
 
     @property
     def n_samples(self) -> int:

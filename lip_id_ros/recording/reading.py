@@ -171,6 +171,12 @@ def _check_any(samples: JointSamples, topic: Topic) -> None:
     where = f'{topic.name} in {samples.source}'
     if not samples.counts:
         raise SourceError(f'{where} must hold messages, but is empty; record while the arm moves.')
+    absent = [name for name in samples.joint_names if name not in samples.seen_joints]
+    if absent:
+        raise SourceError(
+            f'recording.joints must be joints of {where}, but {", ".join(absent)} is not among '
+            f'{", ".join(samples.seen_joints) or "none"}; correct the names.'
+        )
     raise SourceError(
         f'no message of {where} can be used ({_counted(samples)}); record position, velocity and '
         'effort of every joint, or choose other joints with recording.joints.'

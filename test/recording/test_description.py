@@ -16,16 +16,18 @@ from lip_id_ros.recording import describe
 def test_bag(tmp_path: Path) -> None:
     states = [state for k, state in enumerate(moving(100)) if k not in range(40, 60)]
     states.append(State(99 * STEP_NS))
+    states.append(State(100 * STEP_NS, [0.0], [0.0], [0.0], ['finger']))
     path = write_folder(tmp_path / 'bag', states, '.mcap')
     description = json.loads(json.dumps(describe(path), allow_nan=False))
     assert description['kind'] == 'rosbag2 folder'
     assert description['topics'] == [
-        {'name': '/joint_states', 'type': 'sensor_msgs/msg/JointState', 'messages': 81}
+        {'name': '/joint_states', 'type': 'sensor_msgs/msg/JointState', 'messages': 82}
     ]
     (recording,) = description['recordings']
     assert recording['joints'] == ['shoulder', 'elbow']
     assert recording['samples'] == 80
-    assert recording['dropped'] == {'stamp repeated': 1}
+    assert recording['other_joints'] == ['finger']
+    assert recording['dropped'] == {'stamp repeated': 1, 'only foreign joints': 1}
     assert recording['timing']['rate_hz'] == pytest.approx(100.0)
     assert recording['timing']['duration_s'] == pytest.approx(0.99)
     assert recording['timing']['jitter_s'] == pytest.approx(0.0, abs=1e-9)

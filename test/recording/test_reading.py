@@ -234,10 +234,20 @@ def test_topic_without_messages(tmp_path: Path, suffix: str) -> None:
 def test_missing_joint_is_told(tmp_path: Path) -> None:
     path = write_folder(tmp_path / 'bag', moving(3))
     sentence = (
-        r'^no message of /joint_states in .*bag can be used \(3 joint missing\); record position'
+        r'^recording.joints must be joints of /joint_states in .*bag, but wrist is not among '
+        r'shoulder, elbow; correct the names.$'
     )
     with pytest.raises(SourceError, match=sentence):
         read(path, joints=('shoulder', 'wrist'))
+
+
+def test_joints_that_are_never_together_are_told(tmp_path: Path) -> None:
+    states = [
+        State(k * STEP_NS, [1.0], [1.0], [1.0], [('shoulder', 'elbow')[k % 2]]) for k in range(6)
+    ]
+    sentence = r'^no message of .* can be used \(6 joint missing\); record position, velocity and'
+    with pytest.raises(SourceError, match=sentence):
+        read(write_folder(tmp_path / 'bag', states), joints=('shoulder', 'elbow'))
 
 
 def test_nan_everywhere_is_told(tmp_path: Path) -> None:
