@@ -1,0 +1,1 @@
+"""Demonstrations on a simulated arm, with ROS and without."""

@@ -10,7 +10,8 @@ import numpy as np
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import metrics
-from lip_id_ros.evaluation.outcome import Estimator, Outcome, run
+from lip_id_ros.evaluation.estimator import Estimator
+from lip_id_ros.evaluation.outcome import Outcome, run
 from lip_id_ros.progress import Progress, silent
 
 

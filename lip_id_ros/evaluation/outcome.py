@@ -2,42 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError
+from lip_id_ros.evaluation.estimator import Described, Estimator, Uncertain
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.serving import Prediction
+from lip_id_ros.serving import Deviation, Prediction
 
 Floats = NDArray[np.float64]
 
 BLOCK = 500
-
-
-class Estimator(Protocol):
-    """The part of a predictor that an evaluation needs."""
-
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Prediction:
-        """Torques with their parts, and energies, of N samples."""
-
-    def inertia_matrix(self, q: Floats) -> Floats:
-        """Inertia matrices, shape (N, n, n)."""
-
-
-class Described(Protocol):
-    """The part of a model that says which arm it is for."""
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Joints from base to tip."""
-
-    @property
-    def joint_types(self) -> tuple[str, ...]:
-        """Revolute or prismatic, per joint."""
+UNCERTAIN_BLOCK = 50  # standard deviations need far more memory per sample
 
 
 @dataclass(frozen=True)
@@ -119,12 +100,43 @@ def run(estimator: Estimator, dataset: Dataset, progress: Progress = silent) -> 
     return Outcome(dataset, _joined(predictions), np.concatenate(eigenvalues))
 
 
+def deviation(estimator: Uncertain, dataset: Dataset, progress: Progress = silent) -> Deviation:
+    """
+    Compute the standard deviations of torques and energies at every sample.
+
+    Parameters
+    ----------
+    estimator : Uncertain
+        Such as a `Predictor`.
+    dataset : Dataset
+        Of the estimator's joints, in its order.
+    progress : Progress
+        Told after every block of samples.
+
+    Returns
+    -------
+    Deviation
+
+    """
+    blocks = []
+    for begin in range(0, dataset.n_samples, UNCERTAIN_BLOCK):
+        rows = slice(begin, begin + UNCERTAIN_BLOCK)
+        blocks.append(
+            estimator.standard_deviation(dataset.q[rows], dataset.dq[rows], dataset.ddq[rows])
+        )
+        done = min(begin + UNCERTAIN_BLOCK, dataset.n_samples)
+        progress('standard deviation', done, dataset.n_samples)
+    return Deviation(**_columns(blocks, ('tau', 'kinetic', 'potential')))
+
+
 def _joined(blocks: list[Prediction]) -> Prediction:
     names = ('tau', 'inertial', 'coriolis', 'gravity', 'friction', 'kinetic', 'potential')
+    return Prediction(**_columns(blocks, names))
+
+
+def _columns(blocks: Sequence[object], names: Sequence[str]) -> dict[str, Any]:
     columns = {name: [getattr(block, name) for block in blocks] for name in names}
-    return Prediction(
-        **{
-            name: None if parts[0] is None else np.concatenate(parts)
-            for name, parts in columns.items()
-        }
-    )
+    return {
+        name: None if parts[0] is None else np.concatenate(parts)
+        for name, parts in columns.items()
+    }

@@ -8,6 +8,7 @@ import math
 
 from lip_id_ros.evaluation.evaluation import Evaluation
 
+LEAST_PERCENT = 0.0001
 TORQUE_UNITS = {'revolute': 'N m', 'prismatic': 'N'}
 
 
@@ -57,7 +58,9 @@ def notes(evaluation: Evaluation) -> list[str]:
 
 
 def percent(value: float) -> str:
-    """Return a percentage in four significant digits, or a dash where there is none."""
+    """Return a percentage in four decimals or digits, or a dash where there is none."""
     if math.isnan(value):
         return '-'
+    if value < LEAST_PERCENT:
+        return f'<{LEAST_PERCENT}'
     return f'{value:.4f}' if value < 10 else f'{value:.4g}'

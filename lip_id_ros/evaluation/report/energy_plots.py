@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lip_id_ros.evaluation.evaluation import Evaluation
 from lip_id_ros.evaluation.outcome import Outcome
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.torque_plots import Band
+from lip_id_ros.evaluation.report.band import Band
 
 Floats = NDArray[np.float64]
 
@@ -81,12 +81,11 @@ def _draw(panel: Axes, curve: _Curve, outcome: Outcome, band: Band) -> None:
         panel.plot(time[rows], true, color=style.MEASURED, linewidth=3.0, label='true')
     estimate = style.broken_at(segment, curve.estimate[rows])
     panel.plot(time[rows], estimate, color=curve.color, label='estimated')
-    low = curve.estimate[band.rows] - 2 * curve.std
-    high = curve.estimate[band.rows] + 2 * curve.std
+    width = 2 * band.at(rows, curve.std)
     panel.fill_between(
-        time[band.rows],
-        low,
-        high,
+        time[rows],
+        estimate - width,
+        estimate + width,
         color=curve.color,
         alpha=0.22,
         linewidth=0,

@@ -2,40 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-import numpy as np
-from numpy.typing import NDArray
 
 from lip_id_ros.evaluation.evaluation import Evaluation
 from lip_id_ros.evaluation.outcome import Outcome
 from lip_id_ros.evaluation.report import style
-
-Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Band:
-    """
-    Predicted standard deviations at some of the samples.
-
-    Attributes
-    ----------
-    rows : ndarray of int, shape (B,)
-        Numbers of the samples, increasing.
-    tau : ndarray, shape (B, n)
-        [N m or N].
-    kinetic, potential : ndarray, shape (B,), or None
-        [J].
-
-    """
-
-    rows: NDArray[np.int64]
-    tau: Floats
-    kinetic: Floats
-    potential: Floats | None
+from lip_id_ros.evaluation.report.band import Band
 
 
 def torque(outcome: Outcome, evaluation: Evaluation, band: Band) -> Figure:
@@ -46,16 +19,15 @@ def torque(outcome: Outcome, evaluation: Evaluation, band: Band) -> Figure:
     estimate = outcome.prediction.tau
 
     def draw(panel: Axes, joint: int) -> None:
-        low = estimate[band.rows, joint] - 2 * band.tau[:, joint]
-        high = estimate[band.rows, joint] + 2 * band.tau[:, joint]
+        width = 2 * band.at(rows, band.tau[:, joint])
         measured = style.broken_at(data.segment[rows], data.tau[rows, joint])
         predicted = style.broken_at(data.segment[rows], estimate[rows, joint])
         panel.plot(time[rows], measured, color=style.MEASURED, linewidth=2.6, label='measured')
         panel.plot(time[rows], predicted, color=style.PREDICTED, label='predicted')
         panel.fill_between(
-            time[band.rows],
-            low,
-            high,
+            time[rows],
+            predicted - width,
+            predicted + width,
             color=style.PREDICTED,
             alpha=0.22,
             linewidth=0,
@@ -75,15 +47,15 @@ def residual(outcome: Outcome, band: Band) -> Figure:
 
     def draw(panel: Axes, joint: int) -> None:
         curve = style.broken_at(data.segment[rows], left_over[rows, joint])
-        width = 2 * band.tau[:, joint]
+        width = 2 * band.at(rows, band.tau[:, joint])
         panel.fill_between(
-            time[band.rows],
+            time[rows],
             -width,
             width,
             color=style.PREDICTED,
             alpha=0.22,
             linewidth=0,
-            label='± 2 standard deviations of the prediction',
+            label='± 2 standard deviations',
         )
         panel.plot(
             time[rows],

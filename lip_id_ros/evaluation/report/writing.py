@@ -7,42 +7,29 @@ from dataclasses import dataclass
 import io
 import os
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO
 
 from matplotlib.figure import Figure
-import numpy as np
-from numpy.typing import NDArray
 
 from lip_id_ros.evaluation.evaluation import Evaluation
 from lip_id_ros.evaluation.outcome import Outcome
 from lip_id_ros.evaluation.report import energy_plots, error_plot, style, torque_plots
+from lip_id_ros.evaluation.report.band import Band
 from lip_id_ros.evaluation.report.page import page, Picture
-from lip_id_ros.evaluation.report.torque_plots import Band
 from lip_id_ros.evaluation.tables import error_table, notes, Table
 from lip_id_ros.files import write_atomically
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.serving import Deviation
-
-Floats = NDArray[np.float64]
 
 INDEX = 'index.html'
-BAND_SAMPLES = 200  # a standard deviation costs far more than a prediction
 CAPTIONS = {
-    'torque': 'Measured torque (grey), predicted torque (blue) and two standard deviations of the '
-    'prediction on both sides.',
+    'torque': 'Measured torque (grey), predicted torque (blue) and two standard deviations '
+    '(of prediction and noise) on both sides.',
     'errors': 'Normalized mean squared error; the axis is logarithmic.',
     'residual': 'Measured minus predicted torque: noise, and what the model does not explain.',
     'energies': 'Energies of the motion as the model estimates them; where the true ones are '
     'known, they are drawn in grey. The potential energy is known up to a constant.',
     'torque_split': 'The predicted torque is the sum of these parts.',
 }
-
-
-class Uncertain(Protocol):
-    """The part of a predictor that a report needs beside an outcome."""
-
-    def standard_deviation(self, q: Floats, dq: Floats, ddq: Floats) -> Deviation:
-        """Return the standard deviations of torques and energies."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +54,9 @@ class Labels:
 
 def write_report(
     folder: str | os.PathLike[str],
-    estimator: Uncertain,
     outcome: Outcome,
     evaluation: Evaluation,
+    uncertainty: Band,
     labels: Labels,
     progress: Progress = silent,
 ) -> Path:
@@ -80,11 +67,11 @@ def write_report(
     ----------
     folder : path
         Made where it does not exist; files of an older report are replaced.
-    estimator : Uncertain
-        Such as a `Predictor`, for the standard deviations.
     outcome : Outcome
     evaluation : Evaluation
         Its errors.
+    uncertainty : Band
+        Its standard deviations.
     labels : Labels
     progress : Progress
         Told after every picture.
@@ -102,7 +89,7 @@ def write_report(
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    pictures = _pictures(estimator, outcome, evaluation, progress)
+    pictures = _pictures(outcome, evaluation, uncertainty, progress)
     for picture in pictures:
         _write(target / f'{picture.name}.png', picture.png)
     text = page(
@@ -118,9 +105,8 @@ def write_report(
 
 
 def _pictures(
-    estimator: Uncertain, outcome: Outcome, evaluation: Evaluation, progress: Progress
+    outcome: Outcome, evaluation: Evaluation, band: Band, progress: Progress
 ) -> list[Picture]:
-    band = _band(estimator, outcome)
     drawings: tuple[tuple[str, str, Callable[[], Figure]], ...] = (
         (
             'torque',
@@ -138,14 +124,6 @@ def _pictures(
             pictures.append(Picture(name, title, CAPTIONS[name], _png(draw())))
             progress('plot', number, len(drawings))
     return pictures
-
-
-def _band(estimator: Uncertain, outcome: Outcome) -> Band:
-    data = outcome.dataset
-    n_shown = min(BAND_SAMPLES, data.n_samples)
-    rows = np.linspace(0, data.n_samples - 1, n_shown).round().astype(np.int64)
-    std = estimator.standard_deviation(data.q[rows], data.dq[rows], data.ddq[rows])
-    return Band(rows, std.tau, std.kinetic, std.potential)
 
 
 def _png(figure: Figure) -> bytes:

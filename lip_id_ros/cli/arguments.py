@@ -1,0 +1,76 @@
+"""Arguments that several verbs share; imports nothing heavy, so that --help is quick."""
+
+from __future__ import annotations
+
+import argparse
+
+SOURCE_HELP = 'rosbag2 folder, .mcap, .db3, ROS 1 .bag or data set .npz'
+
+
+def add_sources(parser: argparse.ArgumentParser) -> None:
+    """Add the recordings to read."""
+    parser.add_argument('sources', nargs='+', metavar='SOURCE', help=SOURCE_HELP)
+
+
+def add_model(parser: argparse.ArgumentParser) -> None:
+    """Add the model to use."""
+    parser.add_argument('model', metavar='MODEL', help='model file, as `lip_id fit` writes it')
+
+
+def add_config(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add the settings file; `default` says what holds without one."""
+    parser.add_argument(
+        '--config', metavar='FILE', help=f'settings in YAML, see docs/interfaces.md ({default})'
+    )
+
+
+def add_joints(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of joints."""
+    parser.add_argument(
+        '--joints',
+        type=joint_names,
+        metavar='A,B,...',
+        help='joints by name, from base to tip (default: all, as recorded)',
+    )
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add the file for machine-readable figures."""
+    parser.add_argument(
+        '--json', metavar='FILE', help='write the figures as JSON; - for standard output'
+    )
+
+
+def joint_names(text: str) -> tuple[str, ...]:
+    """
+    Split joint names at commas.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If a name is empty.
+
+    """
+    names = tuple(name.strip() for name in text.split(','))
+    if not all(names):
+        raise argparse.ArgumentTypeError(f'expected names separated by commas, got {text!r}')
+    return names
+
+
+def share(text: str) -> float:
+    """
+    Read a share between 0 and 1, both excluded.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is something else.
+
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(f'expected a share between 0 and 1, got {text!r}')
+    return value

@@ -1,0 +1,34 @@
+"""Measure on this machine how long a model takes to answer."""
+
+from __future__ import annotations
+
+import argparse
+
+from lip_id_ros.cli import arguments
+
+HELP = 'measure how long a model takes to answer'
+EPILOG = """\
+example:
+  lip_id bench arm.npz --json bench.json
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
+    arguments.add_model(parser)
+    arguments.add_json(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measure and show."""
+    from lip_id_ros.cli import output, show
+    from lip_id_ros.cli.progress_display import progress_display
+    from lip_id_ros.evaluation.speed import measure
+    from lip_id_ros.serving import Predictor, TrainedModel
+
+    output.require_folder(args.json)
+    model = TrainedModel.load(args.model)
+    with progress_display() as progress:
+        speed = measure(Predictor(model), model.n_samples, progress)
+    show.measured(speed, output.console(args.json))
+    output.write_json(args.json, speed.to_json())

@@ -1,0 +1,88 @@
+"""`lip_id`: arguments in, exit status out; the one place where errors become a line of text."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import os
+import sys
+
+from lip_id_ros.cli import bench, dataset, evaluate, fit, inspect, predict
+from lip_id_ros.errors import LipIdError
+
+VERBS = (fit, evaluate, dataset, inspect, predict, bench)
+FAILED = 1
+INTERRUPTED = 130  # as shells report a program ended by Ctrl-C
+EPILOG = """\
+examples:
+  lip_id inspect my_bag                        what was recorded, and is it sound
+  lip_id fit my_bag -o arm.npz                 learn a model
+  lip_id evaluate arm.npz other_bag --report out
+  lip_id predict arm.npz other_bag -o torques.npz
+
+`lip_id VERB --help` explains a verb.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Run the command line.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments without the program's name; those of the process by default.
+
+    Returns
+    -------
+    int
+        0, or 1 after one line on stderr that says what is wrong, or 130 after Ctrl-C.
+
+    Raises
+    ------
+    SystemExit
+        With status 2 for wrong usage, 0 for help.
+
+    """
+    arguments = _parser().parse_args(argv)
+    try:
+        arguments.run(arguments)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        print('lip_id: interrupted', file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # whoever read the output has seen enough, as in `lip_id ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except (LipIdError, OSError) as error:
+        print(f'lip_id: error: {one_line(error)}', file=sys.stderr)
+        return FAILED
+    return 0
+
+
+def one_line(error: Exception) -> str:
+    """Return what an error says as a single line; those of the file system name the file."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f'{error.filename}: {error.strerror}'
+    return ' '.join(str(error).split())
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='lip_id',
+        description="Learn a robot arm's inverse dynamics from recordings, and use it.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    verbs = parser.add_subparsers(title='verbs', metavar='VERB', required=True)
+    for module in VERBS:
+        verb = verbs.add_parser(
+            module.__name__.rpartition('.')[2],
+            help=module.HELP,
+            description=module.__doc__,
+            epilog=module.EPILOG,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        module.add_arguments(verb)
+        verb.set_defaults(run=module.run)
+    return parser

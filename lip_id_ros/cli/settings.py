@@ -1,0 +1,63 @@
+"""Which settings hold: those of a file, of the command line, or of the model's own fit."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from lip_id_ros.config import Config, override, read_config
+from lip_id_ros.model import TrainedModel
+
+SECTIONS = ('recording', 'preprocessing')
+
+
+def for_fit(args: argparse.Namespace) -> Config:
+    """Return the settings of `lip_id fit`: the file's, then those of the command line."""
+    chosen = {
+        'recording.joints': args.joints,
+        'fit.kernel': args.kernel,
+        'fit.seed': args.seed,
+    }
+    return _chosen(args.config, chosen)
+
+
+def for_data(args: argparse.Namespace) -> Config:
+    """Return the settings of `lip_id dataset`."""
+    return _chosen(args.config, {'recording.joints': args.joints})
+
+
+def of_model(model: TrainedModel, path: str | None) -> Config:
+    """
+    Return the settings with which recordings are read for a model.
+
+    Parameters
+    ----------
+    model : TrainedModel
+        Its joints are asked of the recording; where no file is given, all else is as it was for
+        the first recording of its fit.
+    path : str, optional
+        A settings file.
+
+    """
+    config = _of_fit(model) if path is None else read_config(path)
+    recording = replace(config.recording, joints=model.joint_names, joint_types=model.joint_types)
+    return replace(config, recording=recording)
+
+
+def _of_fit(model: TrainedModel) -> Config:
+    sources = model.provenance.get('sources', [])
+    recordings = [source for source in sources if all(name in source for name in SECTIONS)]
+    values = {
+        f'{section}.{name}': value
+        for section in (SECTIONS if recordings else ())
+        for name, value in recordings[0][section].items()
+    }
+    return override(Config(), values, 'the settings of the fit')
+
+
+def _chosen(path: str | None, chosen: Mapping[str, Any]) -> Config:
+    config = Config() if path is None else read_config(path)
+    given = {name: value for name, value in chosen.items() if value is not None}
+    return override(config, given, 'the command line')

@@ -1,0 +1,106 @@
+"""Results as tables on a console."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.evaluation import Evaluation
+from lip_id_ros.evaluation.report import Labels
+from lip_id_ros.evaluation.speed import Speed
+from lip_id_ros.evaluation.tables import error_table, notes, Table, TORQUE_UNITS
+from lip_id_ros.evaluation.terminal import show
+from lip_id_ros.serving import TrainedModel
+
+HONEST = (
+    'How good the model is shows on data that it has not seen: fit with --holdout, or evaluate it '
+    'on another recording.'
+)
+
+
+def fitted(model: TrainedModel, training: Dataset, console: Console) -> None:
+    """Show what a fit found."""
+    rows = [
+        (name, kind, f'{noise:.3g} {TORQUE_UNITS[kind]}', f'{tau.std():.3g} {TORQUE_UNITS[kind]}')
+        for name, kind, noise, tau in zip(
+            model.joint_names,
+            model.joint_types,
+            model.noise_std,
+            training.tau.T,
+            strict=True,
+        )
+    ]
+    seconds = model.summary['seconds_total']
+    title = f'{model.kernel} kernel, {model.n_samples} samples, fitted in {seconds:.3g} s'
+    show(Table(title, ('', 'type', 'noise', 'std of torque'), rows), console)
+
+
+def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:
+    """Show errors and what they are measured against."""
+    show(error_table(evaluation, title), console)
+    sentences(notes(evaluation), console)
+
+
+def cautions(model: TrainedModel, evaluation: Evaluation | None) -> list[str]:
+    """Say what a user should know before relying on a fit."""
+    texts = []
+    if not model.summary['converged']:
+        texts.append(
+            f'The optimiser stopped after {model.summary["iterations"]} iterations without '
+            'converging; raise fit.iterations if the errors are large.'
+        )
+    if evaluation is None:
+        texts.append(HONEST)
+    return texts
+
+
+def labels(args: argparse.Namespace, model: TrainedModel, warnings: Sequence[str]) -> Labels:
+    """Return the words of a report on an evaluation."""
+    facts = (
+        ('model', args.model),
+        ('recordings', ', '.join(args.sources)),
+        ('kernel', model.kernel),
+        ('samples in the model', str(model.n_samples)),
+    )
+    return Labels('Inverse dynamics: model against measurement', warnings, facts)
+
+
+def prepared(dataset: Dataset, console: Console) -> None:
+    """Show the size and the ranges of a data set."""
+    rows = [
+        (name, kind, *(_range(values[:, column]) for values in (dataset.q, dataset.dq)))
+        + (_range(dataset.tau[:, column]),)
+        for column, (name, kind) in enumerate(
+            zip(dataset.joint_names, dataset.joint_types, strict=True)
+        )
+    ]
+    segments = len(set(dataset.segment.tolist()))
+    title = f'{dataset.n_samples} samples, uninterrupted segments: {segments}'
+    header = ('', 'type', 'q [rad or m]', 'dq [per s]', 'tau [N m or N]')
+    show(Table(title, header, rows), console)
+
+
+def measured(speed: Speed, console: Console) -> None:
+    """Show the times of a model."""
+    rows = [
+        ('one query, median', f'{speed.one_query_us_median:.1f} us'),
+        ('one query, 99 of 100 below', f'{speed.one_query_us_p99:.1f} us'),
+        ('one query, longest', f'{speed.one_query_us_max:.1f} us'),
+        ('many samples at once', f'{speed.batch_per_second:.0f} samples/s'),
+    ]
+    title = f'{speed.n_joints} joints, {speed.n_samples} samples'
+    show(Table(title, ('', ''), rows), console)
+
+
+def sentences(texts: Sequence[str], console: Console) -> None:
+    """Show sentences, one per line."""
+    for text in texts:
+        console.print(text, markup=False)
+
+
+def _range(values: Any) -> str:
+    return f'{values.min():.3g} to {values.max():.3g}'

@@ -1,0 +1,173 @@
+"""
+The demonstration without ROS: a simulated Panda is recorded, learned and judged on a new motion.
+
+Two bags are written as a driver would have recorded them; one is learned from, the other shows
+what the model is worth.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+import shutil
+import sys
+
+import numpy as np
+
+from lip_id_ros.cli.output import console
+from lip_id_ros.cli.progress_display import progress_display
+from lip_id_ros.config import Config, FitSettings, PreprocessingSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.demo.judge import judge, verdict_table
+from lip_id_ros.errors import LipIdError
+from lip_id_ros.evaluation import Evaluation, run, score
+from lip_id_ros.evaluation.report import band, Labels, write_report
+from lip_id_ros.evaluation.tables import error_table, notes
+from lip_id_ros.evaluation.terminal import show
+from lip_id_ros.gp import fit
+from lip_id_ros.preprocessing import load_dataset
+from lip_id_ros.progress import Progress
+from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.simulation import (
+    Arm,
+    make_dataset,
+    MotionLimits,
+    panda,
+    SinusoidTrajectory,
+    with_encoder_noise,
+    with_truth,
+    write_bag,
+)
+from lip_id_ros.simulation.panda import MOTION, N_JOINTS
+
+RATE_HZ = 100.0
+TORQUE_NOISE = 0.05  # N m
+POSITION_NOISE = 2e-5  # rad
+VELOCITY_NOISE = 1e-3  # rad/s
+TRAINING_SEED, TEST_SEED = 1, 2
+TRAINING_BAG, TEST_BAG = 'training_bag', 'test_bag'
+MODEL = 'panda.npz'
+REPORT = 'report'
+TITLE = 'A simulated Panda on a motion that it has not seen'
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much the demonstration does: joints, and seconds of each motion."""
+
+    n_joints: int = N_JOINTS
+    duration: float = 50.0
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A recorded motion of the simulated arm, and what really happened."""
+
+    arm: Arm
+    trajectory: SinusoidTrajectory
+    bag: Path
+
+    def with_truth(self, measured: Dataset) -> Dataset:
+        """Put the true torques and energies beside what was read from the bag."""
+        return with_truth(measured, self.arm, self.trajectory)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Run the demonstration.
+
+    Returns
+    -------
+    int
+        0, or 1 where an error is above its limit or something is missing.
+
+    """
+    parser = argparse.ArgumentParser(prog='lip_id_ros.demo.offline', description=__doc__)
+    parser.add_argument('--output', default='demo_output', metavar='DIR', help='where to write')
+    arguments = parser.parse_args(argv)
+    try:
+        evaluation = demonstrate(Path(arguments.output), Size(), DEMO_CONFIG)
+    except (LipIdError, OSError) as error:
+        print(f'demo: error: {error}', file=sys.stderr)
+        return 1
+    return conclude(evaluation, Path(arguments.output))
+
+
+def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
+    """
+    Record, fit, evaluate and report.
+
+    Parameters
+    ----------
+    output : Path
+        Gets two bags, the model and the report.
+    size : Size
+    config : Config
+
+    Returns
+    -------
+    Evaluation
+        On the motion that the model has not seen, against the truth.
+
+    """
+    output.mkdir(parents=True, exist_ok=True)
+    with progress_display() as progress:
+        training = record(output / TRAINING_BAG, TRAINING_SEED, size)
+        test = record(output / TEST_BAG, TEST_SEED, size)
+        model = fit(load_dataset([training.bag], config, progress), config.fit, progress)
+        model.save(output / MODEL)
+        unseen = test.with_truth(load_dataset([test.bag], config, progress))
+        return report(output / REPORT, model, unseen, progress)
+
+
+def record(bag: Path, seed: int, size: Size) -> Simulation:
+    """Move the arm and write what its sensors say into a bag; an older bag is replaced."""
+    rng = np.random.default_rng(seed)
+    arm = panda(size.n_joints)
+    limits: MotionLimits = MOTION.first(size.n_joints)
+    trajectory = SinusoidTrajectory.random(limits, rng)
+    t = np.arange(0.0, size.duration, 1 / RATE_HZ)
+    exact = make_dataset(arm, trajectory, t, TORQUE_NOISE, rng)
+    shutil.rmtree(bag, ignore_errors=True)
+    write_bag(bag, with_encoder_noise(exact, POSITION_NOISE, VELOCITY_NOISE, rng))
+    return Simulation(arm, trajectory, bag)
+
+
+def report(folder: Path, model: TrainedModel, dataset: Dataset, progress: Progress) -> Evaluation:
+    """Evaluate a model and write plots and page."""
+    predictor = Predictor(model)
+    outcome = run(predictor, dataset, progress)
+    evaluation = score(outcome)
+    uncertainty = band(predictor, outcome, model.noise_std, progress)
+    facts = (
+        ('arm', 'Franka Emika Panda, rigid bodies simulated with pinocchio'),
+        ('motion', 'sums of 50 sinusoids up to 1 Hz; training and test drawn independently'),
+        ('noise on measured torques', f'{TORQUE_NOISE} N m'),
+        ('model', f'{model.kernel} kernel, {model.n_samples} samples'),
+    )
+    write_report(folder, outcome, evaluation, uncertainty, Labels(TITLE, (), facts), progress)
+    return evaluation
+
+
+def conclude(evaluation: Evaluation, output: Path) -> int:
+    """Print figures and verdicts; return the exit status."""
+    out = console()
+    show(error_table(evaluation, TITLE), out)
+    for note in notes(evaluation):
+        out.print(note)
+    verdicts = judge(evaluation, [TORQUE_NOISE] * len(evaluation.joint_names))
+    show(verdict_table(verdicts), out)
+    out.print(f'Report: {output / REPORT / "index.html"}')
+    return 1 if any(verdict.failed for verdict in verdicts) else 0
+
+
+DEMO_CONFIG = Config(
+    preprocessing=PreprocessingSettings(decimate=10),
+    fit=FitSettings(max_samples=500),
+)
+
+if __name__ == '__main__':
+    sys.exit(main())
