@@ -11,8 +11,6 @@ points and order four; with noise the three lie within 0.2 % of each other.
 
 from __future__ import annotations
 
-import math
-
 from scipy import signal
 
 from lip_id_ros.recording.joint_samples import Floats
@@ -49,7 +47,7 @@ def low_pass(values: Floats, rate_hz: float, cutoff_hz: float) -> Floats:
     if not is_filtered(rate_hz, cutoff_hz):
         return values
     sections = signal.butter(_ORDER, cutoff_hz, fs=rate_hz, output='sos')
-    padding = min(len(values) - 1, math.ceil(rate_hz / cutoff_hz))
+    padding = min(len(values) - 1, round(rate_hz / cutoff_hz))
     smooth: Floats = signal.sosfiltfilt(sections, values, axis=0, padlen=padding)
     return smooth
 
@@ -81,4 +79,4 @@ def edge_length(rate_hz: float, cutoff_hz: float) -> int:
 
     """
     lead_in = _EDGE_PERIODS * rate_hz / cutoff_hz if is_filtered(rate_hz, cutoff_hz) else 0.0
-    return math.ceil(lead_in) + 2 * (_STENCIL // 2)
+    return round(lead_in) + 2 * (_STENCIL // 2)

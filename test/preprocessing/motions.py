@@ -1,0 +1,68 @@
+"""Recordings of known motions, for tests of what is made of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.recording import JointSamples
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sinusoids:
+    """Sums of 20 sinusoids for each of two joints, up to a highest frequency [Hz]."""
+
+    seed: int = 0
+    highest_hz: float = 1.0
+
+    def position(self, t: Floats) -> Floats:
+        return self._sum(t, 0)
+
+    def velocity(self, t: Floats) -> Floats:
+        return self._sum(t, 1)
+
+    def acceleration(self, t: Floats) -> Floats:
+        return self._sum(t, 2)
+
+    def torque(self, t: Floats) -> Floats:
+        """Of two pendulums without gravity: what a filter does to it, it does to accelerations."""
+        return 2.0 * self.acceleration(t) + 0.5 * self.velocity(t)
+
+    def _sum(self, t: Floats, order: int) -> Floats:
+        rng = np.random.default_rng(self.seed)
+        number = np.arange(1, 21)
+        rate = 2.0 * np.pi * self.highest_hz * number / 20
+        amplitude = rng.normal(size=(2, 20)) / number * rate**order
+        phase = rng.uniform(0.0, 2.0 * np.pi, (2, 20)) + order * np.pi / 2
+        summed: Floats = (amplitude * np.sin(t[:, None, None] * rate + phase)).sum(axis=-1)
+        return summed
+
+
+def uniform(count: int, rate: float) -> Floats:
+    """Return times from zero at a rate [s]."""
+    return np.arange(count, dtype=np.float64) / np.float64(rate)
+
+
+def recording(t: Floats, motion: Sinusoids | None = None, **changes: Any) -> JointSamples:
+    """Return exact samples of a motion at given times."""
+    motion = motion or Sinusoids()
+    fields: dict[str, Any] = {
+        't': t,
+        'position': motion.position(t),
+        'velocity': motion.velocity(t),
+        'effort': motion.torque(t),
+        'joint_names': ('shoulder', 'elbow'),
+        'source': 'arm.mcap',
+        'topic': '/joint_states',
+    }
+    return JointSamples(**(fields | changes))
+
+
+def relative_error(estimate: Floats, truth: Floats) -> float:
+    """Return the root mean square error over the standard deviation of the truth."""
+    return float(np.sqrt(np.mean((estimate - truth) ** 2)) / truth.std())

@@ -1,0 +1,105 @@
+"""Bags and data sets, alone and together, through the one entry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from preprocessing.motions import recording, uniform
+import pytest
+from recording.bag_files import State, write_file, write_folder
+
+from lip_id_ros.config import Config, PreprocessingSettings, RecordingSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import DataError, SourceError
+from lip_id_ros.preprocessing import load_dataset, preprocess
+
+T = uniform(300, 100.0)
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    return write_bag(tmp_path / 'bag')
+
+
+def write_bag(path: Path, names: tuple[str, str] = ('shoulder', 'elbow')) -> Path:
+    samples = recording(T)
+    rows = zip(T, samples.position, samples.velocity, samples.effort, strict=True)
+    return write_folder(
+        path, [State(round(1e9 * t), q, dq, tau, names) for t, q, dq, tau in rows], '.mcap'
+    )
+
+
+def test_bag(bag: Path) -> None:
+    data = load_dataset(bag)
+    expected = preprocess(recording(T))
+    np.testing.assert_allclose(data.ddq, expected.ddq, atol=1e-5)
+    assert data.provenance['sources'][0]['source'] == str(bag)
+
+
+def test_settings_reach_every_stage(bag: Path) -> None:
+    config = Config(
+        recording=RecordingSettings(joints=('elbow',), effort_scale=(2.0,)),
+        preprocessing=PreprocessingSettings(cutoff_hz=2.0, max_samples=50),
+    )
+    data = load_dataset(str(bag), config)
+    assert data.joint_names == ('elbow',)
+    assert data.n_samples == 50
+    assert data.provenance['selected']['samples'] == 50
+
+
+def test_bag_and_data_set_together(bag: Path, tmp_path: Path) -> None:
+    file = tmp_path / 'data.npz'
+    load_dataset(bag).with_joints(['elbow', 'shoulder']).save(file)
+    data = load_dataset([bag, file])
+    half = data.n_samples // 2
+    np.testing.assert_array_equal(data.q[:half], data.q[half:])
+    np.testing.assert_array_equal(np.unique(data.segment), [0, 1])
+    assert len(data.provenance['sources']) == 2
+    assert load_dataset([bag, file], Config(preprocessing=PreprocessingSettings(max_samples=9)))
+
+
+def test_data_set_is_taken_as_it_is_but_for_its_joints(bag: Path, tmp_path: Path) -> None:
+    file = tmp_path / 'data.npz'
+    original = load_dataset(bag)
+    original.save(file)
+    config = Config(recording=RecordingSettings(joints=('elbow',), effort_scale=(9.0, 9.0)))
+    np.testing.assert_array_equal(load_dataset(file, config).tau, original.tau[:, 1:])
+    np.testing.assert_array_equal(load_dataset([file]).tau, original.tau)
+
+
+def test_other_joints_are_told(bag: Path, tmp_path: Path) -> None:
+    other = write_bag(tmp_path / 'other', ('a', 'b'))
+    with pytest.raises(
+        DataError, match=r'^sources must have the same joints, not shoulder, elbow'
+    ):
+        load_dataset([bag, other])
+
+
+def test_no_source_is_told() -> None:
+    with pytest.raises(
+        SourceError, match=r'^at least one recording or data set is needed, but no'
+    ):
+        load_dataset([])
+
+
+def test_progress_names_the_stages(bag: Path) -> None:
+    stages = []
+    load_dataset(bag, progress=lambda stage, done, total: stages.append(stage))
+    assert list(dict.fromkeys(stages)) == ['reading bag', 'preprocessing']
+
+
+def test_bare_storage_file(tmp_path: Path) -> None:
+    samples = recording(T)
+    rows = zip(T, samples.position, samples.effort, strict=True)
+    states = [State(round(1e9 * t), q, (), tau) for t, q, tau in rows]
+    data = load_dataset(write_file(tmp_path / 'bag', states, '.db3'))
+    assert data.provenance['sources'][0]['velocity'] == 'differentiated from position'
+
+
+def test_real_bags_load(shared_data: Path) -> None:
+    for name, n_joints in (('ur10', 6), ('panda', 7)):
+        data = load_dataset(shared_data / 'unisa_ros2_bags' / name)
+        assert isinstance(data, Dataset)
+        assert data.n_joints == n_joints
+        assert data.n_samples > 600

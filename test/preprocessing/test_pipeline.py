@@ -1,0 +1,289 @@
+"""Recordings made into data sets: accuracy, gaps, stale samples, counts and sentences."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+import json
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+from preprocessing.motions import Floats, recording, relative_error, Sinusoids, uniform
+import pytest
+
+from lip_id_ros.config import PreprocessingSettings, RecordingSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import ConfigError, DataError, SourceError
+from lip_id_ros.preprocessing import preprocess
+from lip_id_ros.recording import JointSamples, read_bag
+
+T = uniform(1000, 100.0)
+
+
+def dropped(data: Dataset) -> dict[str, int]:
+    (source,) = data.provenance['sources']
+    return dict(source['dropped'])
+
+
+def without_velocity(samples: JointSamples) -> JointSamples:
+    return replace(samples, velocity=np.full_like(samples.velocity, np.nan))
+
+
+def repeating_publisher(source_hz: float, publish_hz: float, count: int) -> JointSamples:
+    """Publish, at a rate of its own, the newest state of a robot that has another one."""
+    stamps = uniform(count, publish_hz)
+    states: Floats = np.floor(stamps * source_hz + 1e-9) / np.float64(source_hz)
+    return replace(recording(states), t=stamps)
+
+
+@pytest.mark.parametrize('rate', [30.0, 125.0, 500.0])
+def test_motion_comes_out_as_it_was(rate: float) -> None:
+    motion = Sinusoids()
+    data = preprocess(recording(uniform(int(20 * rate), rate)))
+    assert relative_error(data.q, motion.position(data.t)) < 1e-3
+    assert relative_error(data.dq, motion.velocity(data.t)) < 1e-3
+    assert relative_error(data.ddq, motion.acceleration(data.t)) < 1e-3
+    assert relative_error(data.tau, motion.torque(data.t)) < 1e-3
+
+
+def test_velocity_comes_from_position_where_it_is_missing() -> None:
+    motion = Sinusoids()
+    data = preprocess(without_velocity(recording(T)))
+    assert relative_error(data.dq, motion.velocity(data.t)) < 1e-3
+    assert relative_error(data.ddq, motion.acceleration(data.t)) < 2e-3
+    assert data.provenance['sources'][0]['velocity'] == 'differentiated from position'
+
+
+def test_jitter_and_lost_messages_do_little_harm() -> None:
+    rng = np.random.default_rng(3)
+    t = (T + rng.uniform(-0.003, 0.003, T.size))[rng.uniform(size=T.size) > 0.1]
+    data = preprocess(recording(t))
+    assert np.unique(data.segment).size == 1
+    np.testing.assert_allclose(np.diff(data.t), np.diff(data.t)[0])
+    assert relative_error(data.ddq, Sinusoids().acceleration(data.t)) < 3e-3
+
+
+def test_same_low_pass_on_all_signals() -> None:
+    """Above the cut-off, torque and acceleration lose the same: the law between them stays."""
+    motion = Sinusoids(highest_hz=5.0)
+    data = preprocess(recording(uniform(10_000, 500.0), motion))
+    assert relative_error(data.ddq, motion.acceleration(data.t)) > 0.1
+    assert relative_error(2.0 * data.ddq + 0.5 * data.dq, data.tau) < 5e-3
+
+
+def test_nothing_crosses_a_gap() -> None:
+    """What lies behind a gap does not change what comes before it, and the other way round."""
+    before, behind = T[:400], T[500:]
+    both = np.concatenate([before, behind])
+    data = preprocess(recording(both))
+    np.testing.assert_array_equal(np.unique(data.segment), [0, 1])
+    for number, part in enumerate((before, behind)):
+        alone = preprocess(recording(part))
+        rows = data.segment == number
+        for name in ('t', 'q', 'dq', 'ddq', 'tau'):
+            np.testing.assert_allclose(
+                getattr(data, name)[rows], getattr(alone, name), rtol=1e-9, atol=1e-9, err_msg=name
+            )
+
+
+@pytest.mark.parametrize(('max_gap_s', 'n_segments'), [(0.0, 2), (0.3, 1), (0.05, 2)])
+def test_longest_step_within_a_segment_is_a_setting(max_gap_s: float, n_segments: int) -> None:
+    t = np.concatenate([T[:400], T[420:]])
+    data = preprocess(recording(t), PreprocessingSettings(max_gap_s=max_gap_s))
+    assert np.unique(data.segment).size == n_segments
+
+
+def test_short_segments_and_edges_are_counted() -> None:
+    t = np.concatenate([T[:400], T[450:500], T[600:]])
+    data = preprocess(recording(t))
+    edge = 29
+    assert dropped(data) == {'segment too short': 50, 'edge of a segment': 4 * edge}
+    assert data.n_samples == 800 - 4 * edge
+    assert data.t[0] == pytest.approx(T[edge])
+
+
+@given(st.integers(1, 20), st.integers(0, 400))
+def test_every_sample_is_kept_or_counted(decimate: int, max_samples: int) -> None:
+    settings = PreprocessingSettings(decimate=decimate, max_samples=max_samples)
+    t = np.concatenate([T[:400], T[450:500], T[600:]])
+    samples = recording(t, counts={'stamp repeated': 4})
+    data = preprocess(samples, settings)
+    counted = dropped(data)
+    assert counted.pop('stamp repeated') == 4
+    selected = data.provenance.get('selected', {'samples': data.n_samples, 'of': data.n_samples})
+    assert data.n_samples == selected['samples']
+    assert selected['of'] + sum(counted.values()) == samples.n_samples
+    assert max_samples == 0 or data.n_samples <= max_samples
+
+
+def test_decimation_keeps_every_kth_sample_of_a_segment() -> None:
+    whole = preprocess(recording(T))
+    some = preprocess(recording(T), PreprocessingSettings(decimate=7))
+    np.testing.assert_array_equal(some.ddq, whole.ddq[::7])
+
+
+def test_limit_spreads_evenly() -> None:
+    data = preprocess(recording(T), PreprocessingSettings(max_samples=10))
+    whole = preprocess(recording(T))
+    assert data.n_samples == 10
+    assert (data.t[0], data.t[-1]) == (whole.t[0], whole.t[-1])
+    assert np.ptp(np.diff(data.t)) < 0.02
+
+
+def test_stale_samples_are_removed_and_counted() -> None:
+    """As the real Panda bag: 30 Hz stamps on a state that comes at 29.4 Hz."""
+    samples = repeating_publisher(29.4, 30.0, 900)
+    data = preprocess(samples)
+    assert dropped(data)['sample stale'] == (np.diff(samples.position[:, 0]) == 0).sum() > 10
+    assert data.provenance['sources'][0]['rate_hz'] == pytest.approx(29.4, rel=1e-3)
+    assert relative_error(data.ddq, Sinusoids().acceleration(data.t - 0.5 / 30.0)) < 0.1
+    differentiated = preprocess(without_velocity(samples))
+    assert relative_error(differentiated.ddq, data.ddq) < 0.01
+
+
+def test_samples_at_rest_are_not_stale() -> None:
+    rest = np.zeros((T.size, 2))
+    samples = recording(T, position=rest, velocity=rest, effort=rest + 1.0)
+    assert 'sample stale' not in dropped(preprocess(samples))
+
+
+def test_frozen_state_becomes_a_gap() -> None:
+    samples = recording(T)
+    position, velocity = samples.position.copy(), samples.velocity.copy()
+    position[400:450], velocity[400:450] = position[400], velocity[400]
+    data = preprocess(replace(samples, position=position, velocity=velocity))
+    assert dropped(data)['sample stale'] == 49
+    assert np.unique(data.segment).size == 2
+
+
+def test_slow_recording_is_not_filtered_and_says_so() -> None:
+    data = preprocess(recording(uniform(200, 5.0), Sinusoids(highest_hz=0.2)))
+    (source,) = data.provenance['sources']
+    assert (source['filtered'], source['rate_hz']) == (False, pytest.approx(5.0))
+    truth = Sinusoids(highest_hz=0.2).acceleration(data.t)
+    assert relative_error(data.ddq, truth) < 1e-3
+
+
+def test_effort_is_scaled_and_offset_per_joint() -> None:
+    settings = RecordingSettings(
+        effort_scale=(13.6, -8.7),
+        effort_offset=(0.0, 5.0),
+        joint_types=('prismatic', 'revolute'),
+        gravity_compensated=True,
+    )
+    plain = preprocess(recording(T))
+    data = preprocess(recording(T), recording=settings)
+    np.testing.assert_allclose(data.tau, plain.tau * [13.6, -8.7] + [0.0, 5.0], atol=1e-9)
+    assert data.joint_types == ('prismatic', 'revolute')
+    assert data.gravity_compensated
+
+
+def test_provenance_is_json_and_complete() -> None:
+    settings = PreprocessingSettings(cutoff_hz=3.0)
+    samples = recording(T, counts={'joint missing': 3}, start_s=12.0)
+    data = preprocess(samples, settings, RecordingSettings(topic='/joint_states'))
+    (source,) = json.loads(json.dumps(data.provenance, allow_nan=False))['sources']
+    assert source['source'] == 'arm.mcap'
+    assert source['topic'] == '/joint_states'
+    assert source['start_s'] == 12.0
+    assert source['samples'] == 1000
+    assert source['dropped']['joint missing'] == 3
+    assert source['preprocessing']['cutoff_hz'] == 3.0
+    assert source['recording']['topic'] == '/joint_states'
+    assert source['velocity'] == 'recorded'
+
+
+def test_several_recordings_are_joined() -> None:
+    first, second = recording(T), recording(T, Sinusoids(seed=1), source='other.mcap')
+    data = preprocess([first, second])
+    assert [each['source'] for each in data.provenance['sources']] == ['arm.mcap', 'other.mcap']
+    np.testing.assert_array_equal(np.unique(data.segment), [0, 1])
+
+
+def test_no_effort_is_told() -> None:
+    samples = recording(T, effort=np.full((T.size, 2), np.nan))
+    sentence = (
+        r'^/joint_states in arm.mcap must have effort, but every message leaves it empty; re'
+    )
+    with pytest.raises(SourceError, match=sentence):
+        preprocess(samples)
+
+
+@pytest.mark.parametrize('name', ['effort_scale', 'effort_offset', 'joint_types'])
+def test_setting_of_another_number_of_joints_is_told(name: str) -> None:
+    value = ('revolute',) if name == 'joint_types' else (1.0,)
+    settings = RecordingSettings(**{name: value})  # type: ignore[arg-type]
+    sentence = rf'^recording.{name} must have one value for each of shoulder, elbow, not 1; give 2'
+    with pytest.raises(ConfigError, match=sentence):
+        preprocess(recording(T), recording=settings)
+
+
+@pytest.mark.parametrize('count', [1, 40, 57])
+def test_too_short_a_recording_is_told(count: int) -> None:
+    with pytest.raises(DataError, match=r'^arm.mcap must hold .*; record'):
+        preprocess(recording(T[:count]))
+
+
+def test_sentence_for_a_single_sample() -> None:
+    sentence = r'^arm.mcap must hold at least two different samples, but has 1; record while the a'
+    with pytest.raises(DataError, match=sentence):
+        preprocess(recording(T[:1]))
+
+
+@pytest.mark.parametrize(
+    ('settings', 'sentence'),
+    [
+        (
+            {'min_segment_s': 20.0},
+            r'a motion of 20 s without a gap, but the longest of 1 lasts 9.99 s',
+        ),
+        (
+            {'cutoff_hz': 0.1},
+            r'a motion of 20.08 s without a gap, but the longest of 1 lasts 9.99 s',
+        ),
+        ({'max_gap_s': 1e-5}, r'a motion of 1 s without a gap, but the longest of 1000 lasts 0 s'),
+    ],
+)
+def test_sentence_for_segments_too_short(settings: dict[str, float], sentence: str) -> None:
+    with pytest.raises(DataError, match=sentence):
+        preprocess(recording(T), PreprocessingSettings(**settings))  # type: ignore[arg-type]
+
+
+@given(
+    st.integers(0, 1000),
+    st.floats(0.5, 1000.0),
+    st.sampled_from([0.0, 0.5, 4.0, 50.0]),
+    st.floats(0.0, 0.5),
+)
+def test_any_recording_gives_a_data_set_or_a_data_error(
+    seed: int, rate: float, cutoff: float, loss: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(rng.exponential(1.0 / rate, rng.integers(1, 400)))
+    t = t[rng.uniform(size=t.size) >= loss]
+    noise = {name: rng.normal(size=(t.size, 2)) for name in ('position', 'velocity', 'effort')}
+    samples = replace(recording(t), **noise)  # type: ignore[arg-type]
+    settings = PreprocessingSettings(cutoff_hz=cutoff, min_segment_s=0.0, max_gap_s=10.0 / rate)
+    with contextlib.suppress(DataError):
+        data = preprocess(samples, settings)
+        assert 0 < data.n_samples <= t[-1] * rate * 10 + 1
+
+
+def test_real_bags_are_consistent(shared_data: Path) -> None:
+    """Recorded velocities agree with what positions say, once both are smooth."""
+    bags = shared_data / 'unisa_ros2_bags'
+    for name, n_stale, dq_least, ddq_least in (
+        ('ur10', 0, 0.9999, 0.999),
+        ('panda', 14, 0.9999, 0.98),
+    ):
+        samples = read_bag(bags / name)
+        data = preprocess(samples)
+        positions_only = preprocess(without_velocity(samples))
+        assert dropped(data).get('sample stale', 0) == n_stale
+        for joint in range(data.n_joints):
+            pair = (data.dq[:, joint], positions_only.dq[:, joint])
+            assert np.corrcoef(*pair)[0, 1] > dq_least, name
+            pair = (data.ddq[:, joint], positions_only.ddq[:, joint])
+            assert np.corrcoef(*pair)[0, 1] > ddq_least, name
