@@ -1,1 +1,1 @@
-"""Learn a robot arm's inverse dynamics from data and serve it as feedforward torques and energies."""
+"""Learn a robot arm's inverse dynamics from data; serve feedforward torques and energies."""

@@ -1,8 +1,9 @@
 """
 One exception tree.
 
-Every message is one sentence that says what was expected, what came and what to do about it, so that the
-command line and the nodes can show it as it is. Errors of the file system pass through as `OSError`.
+Every message is one sentence that says what was expected, what came and what to do about it, so
+that the command line and the nodes can show it as it is. Errors of the file system pass through
+as `OSError`.
 
 """
 

@@ -62,7 +62,7 @@ class CholeskyFactor:
                 return cls(lower, relative * scale)
         raise FitError(
             'the Gram matrix was expected to be positive definite but is not, even with '
-            f'{JITTERS[-1]:g} of its mean diagonal added: the samples are probably repeated or the '
+            f'{JITTERS[-1]:g} of its mean diagonal added: samples are probably repeated or the '
             'noise variance too small; use fewer, better spread samples.'
         )
 

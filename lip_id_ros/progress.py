@@ -1,4 +1,4 @@
-"""How long work reports where it stands: a callback, so that nothing below the command line prints."""
+"""How long work reports where it stands: a callback; nothing below the command line prints."""
 
 from collections.abc import Callable
 

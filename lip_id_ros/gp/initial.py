@@ -66,7 +66,7 @@ def initial_hyperparameters(
 
 
 def initial_friction(dq: Array, deviation: Array) -> Array:
-    """Return prior variances of friction that could make up a tenth of each torque, shape (n, 3)."""
+    """Return prior variances of friction that makes up a tenth of each torque, shape (n, 3)."""
     share = (0.1 * deviation) ** 2
     return np.column_stack([share / _root_mean_square(dq) ** 2, share, share])
 

@@ -57,7 +57,9 @@ def maximise(
     progress: Progress = silent,
 ) -> Optimum:
     """
-    Maximise the posterior of the log-hyperparameters under a weak Gaussian prior around their start.
+    Maximise the posterior of the log-hyperparameters.
+
+    Their prior is a weak Gaussian around their start.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Covariance functions: energy kernels in closed form, what is not Lagrangian, and the whole torque prior."""
+"""Covariance functions: energy kernels, what is not Lagrangian, and the whole torque prior."""
 
 from lip_id_ros.kernels.features import JointBasis
 from lip_id_ros.kernels.jointwise import Friction, JointwiseKernel, Residual

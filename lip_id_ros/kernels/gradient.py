@@ -1,4 +1,4 @@
-"""Derivatives of a contraction of the torque Gram matrix by every hyperparameter, in one fused pass over pairs."""
+"""Derivatives of a contracted torque Gram matrix by every weight, in one pass over pairs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def contracted_gradient(
     kernel: EnergyKernel, weights: Weights, x: Samples, contraction: Array
 ) -> Weights:
     """
-    Derivatives of sum(W * gram(weights)) by the weights (docs/maths.md, section 5).
+    Differentiate sum(W * gram(weights)) by the weights (docs/maths.md, section 5).
 
     Parameters
     ----------

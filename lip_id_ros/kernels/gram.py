@@ -29,7 +29,8 @@ def gram(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:
     Returns
     -------
     array, shape (N n, N n)
-        Symmetric; row t n + i is torque i of sample t [(N m)^2 or N^2]. Noise and friction are not in it.
+        Symmetric; row t n + i is torque i of sample t [(N m)^2 or N^2]. Without noise and
+        friction.
 
     """
     n_samples = x.dq.shape[1] - LANES
@@ -112,7 +113,7 @@ def run_kinetic_step(y, factor, step, w, x, t, z, u) -> None:  # type: ignore[no
 def torque_block(  # type: ignore[no-untyped-def]
     block, y, p, factor, steps, links, scales, w, x, t, z, u
 ) -> None:
-    """Fill block[i, j] with the torque covariances of sample t of x and LANES samples of z from u on."""
+    """Set block[i, j] to the torque covariances of x at t and z at u, u + 1, ..."""
     n = w.potential_factors.shape[0]
     block[:] = 0.0
     for k in range(steps.shape[0]):

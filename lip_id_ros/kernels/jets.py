@@ -1,10 +1,11 @@
 r"""
-Jets: a function y(x, x') with everything the Euler-Lagrange operators need of it, for `LANES` pairs at once.
+Jets: y(x, x') with all that the Euler-Lagrange operators need of it, for `LANES` pairs at once.
 
-The left operators are 1, D = d/dt along (dq, ddq), the momenta \partial/\partial dq_i and the Euler-Lagrange operators
-G_i = D \partial/\partial dq_i - \partial/\partial q_i; the right ones are the same on x'. A jet holds every product of
-a left and a right operator applied to y. Because y is linear in dq and in dq', multiplication by a factor a(q_b, q'_b)
-and addition of s dq_b dq'_b map jets to jets in closed form, with no division: the product rule is
+The left operators are 1, D = d/dt along (dq, ddq), the momenta \partial/\partial dq_i and the
+Euler-Lagrange operators G_i = D \partial/\partial dq_i - \partial/\partial q_i; the right ones are
+the same on x'. A jet holds every product of a left and a right operator applied to y. Because y is
+linear in dq and in dq', multiplication by a factor a(q_b, q'_b) and addition of s dq_b dq'_b map
+jets to jets in closed form, with no division: the product rule is
 
 .. math:: D(ay) = a Dy + \dot a\, y, \qquad  G_i(ay) = a\, G_i y + \dot a\, \partial_{\dot q_i} y
           - [i = b]\, \partial_q a\; y.
@@ -104,7 +105,7 @@ def reset(y: Jet) -> None:
 
 @compiled
 def load_factor(out: Factor, w, x, t, z, u, b) -> None:  # type: ignore[no-untyped-def]
-    """Evaluate the factor of joint b with weights w between sample t of x and samples u, u + 1, ... of z."""
+    """Evaluate the factor of joint b, of weights w, between x at t and z at u, u + 1, ..."""
     a, rate = out
     w0, w1, w2 = w[0], w[1], w[2]
     wf1, wf2 = w1 * x.f[0, b, t], w2 * x.f[1, b, t]
@@ -127,7 +128,7 @@ def load_factor(out: Factor, w, x, t, z, u, b) -> None:  # type: ignore[no-untyp
 
 @compiled
 def multiply(y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
-    """Set y = a(q_b, q'_b) y, for a y that depends on joints low..high-1; afterwards it depends on b too."""
+    """Set y = a(q_b, q'_b) y; before, y depends on joints low..high-1, afterwards on b too."""
     _multiply_matrices(y, factor, low, high)
     _couple_matrices(y, factor, b, low, high)
     _multiply_vectors(y, factor, low, high)

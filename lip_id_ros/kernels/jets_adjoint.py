@@ -1,9 +1,9 @@
 """
 The steps of `lip_id_ros.kernels.jets`, run backwards.
 
-Each function here is the transpose of its namesake: it takes the adjoint of a jet after the step to the adjoint
-before it and adds to the adjoint of the step's own numbers (factor, velocity weight, scale). The forward jets that
-it needs were kept on a tape (docs/maths.md, section 5).
+Each function here is the transpose of its namesake: it takes the adjoint of a jet after the step
+to the adjoint before it and adds to the adjoint of the step's own numbers (factor, velocity
+weight, scale). The forward jets that it needs were kept on a tape (docs/maths.md, section 5).
 
 """
 
@@ -111,7 +111,7 @@ def emit_square(
 
 @compiled
 def multiply(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
-    """Go back through y = a y; `y` is the jet before the step, `out` gathers the factor's adjoint."""
+    """Go back through y = a y; `y` is the jet before it, `out` gathers the factor's adjoint."""
     _scalars(adj, out, y, factor, b)
     _vectors(adj, out, y, factor, low, high)
     _couplings(adj, out, y, factor, b, low, high)

@@ -1,8 +1,9 @@
 """
-Kernels of what is not Lagrangian: one independent Gaussian process per joint (paper, eq. `kernel_epsilon`).
+Kernels of what is not Lagrangian: one independent Gaussian process per joint.
 
-Each kernel contributes to the diagonal of the n x n torque blocks only, so a covariance is a stack of n matrices,
-one per joint. Parameters are arrays of positive numbers.
+They are the paper's eq. `kernel_epsilon`. Each contributes to the diagonal of the n x n torque
+blocks only, so a covariance is a stack of n matrices, one per joint. Parameters are arrays of
+positive numbers.
 
 """
 
@@ -27,7 +28,7 @@ class JointwiseKernel(Protocol):
         """Key of the parameters in a model file."""
 
     def inputs(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return what the kernel needs of joint states (N, n), with samples on the second index."""
+        """Return what the kernel needs of joint states (N, n); the second index is the sample."""
 
     def covariance(self, parameters: Array, x: Array, z: Array) -> Array:
         """Return the covariances, shape (n, N, M) [(N m)^2 or N^2]."""
@@ -42,14 +43,16 @@ class JointwiseKernel(Protocol):
 @dataclass(frozen=True)
 class Friction:
     """
-    Linear kernel in the friction features of each joint: velocity, its sign, and a constant offset.
+    Linear kernel in the friction features of each joint: velocity, its sign, and a constant.
 
-    Parameters (n, 3) are prior variances of the viscous coefficient, of the Coulomb torque and of the offset.
+    Parameters (n, 3) are prior variances of the viscous coefficient, of the Coulomb torque and of
+    the offset.
 
     Attributes
     ----------
     sign_width : array, shape (n,)
-        The sign is tanh(dq / sign_width) [rad/s or m/s]: the torque that a controller adds must not jump.
+        The sign is tanh(dq / sign_width) [rad/s or m/s]: the torque that a controller adds must
+        not jump.
 
     """
 
@@ -73,7 +76,7 @@ class Friction:
         return np.einsum('itc,itc->ic', x, contraction @ x)
 
     def coefficients(self, parameters: Array, x: Array, alpha: Array) -> Array:
-        """Return the posterior mean of the coefficients, shape (n, 3), for alpha of shape (N, n)."""
+        """Return the coefficients' posterior mean, shape (n, 3), for alpha of shape (N, n)."""
         return parameters * np.einsum('itc,ti->ic', x, alpha)
 
 
@@ -82,8 +85,8 @@ class Residual:
     """
     Squared-exponential kernel of each joint on the whole joint state.
 
-    Parameters (n, 4) are the prior variance and the length scales of positions, velocities and accelerations, the
-    latter two in units of `scales`; positions enter through the joint features.
+    Parameters (n, 4) are the prior variance and the length scales of positions, velocities and
+    accelerations, the latter two in units of `scales`; positions enter through the joint features.
 
     Attributes
     ----------

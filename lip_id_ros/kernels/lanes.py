@@ -1,8 +1,9 @@
 """
 How the fused loops are compiled, and how wide they are.
 
-Every loop works on `LANES` pairs of samples at once: the innermost index of each scratch array is the pair, so
-that the compiler turns each line of a formula into vector instructions whatever the number of joints.
+Every loop works on `LANES` pairs of samples at once: the innermost index of each scratch array is
+the pair, so that the compiler turns each line of a formula into vector instructions whatever the
+number of joints.
 
 """
 

@@ -1,8 +1,9 @@
 """
 The energy kernels themselves, as plainly as they can be written.
 
-They take numbers, numpy arrays or torch tensors alike. With torch, nested automatic differentiation of these few
-lines is the oracle for every fused loop (docs/maths.md, section 3); with numpy they give the prior variances.
+They take numbers, numpy arrays or torch tensors alike. With torch, nested automatic
+differentiation of these few lines is the oracle for every fused loop (docs/maths.md, section 3);
+with numpy they give the prior variances.
 
 """
 

@@ -1,4 +1,4 @@
-"""The whole prior of the torques: energies, what is not Lagrangian, and noise, with their hyperparameters."""
+"""The whole prior of the torques: energies, what is not Lagrangian, and noise."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class TorquePrior:
         return np.asarray(values, dtype=np.float64)
 
     def potential_covariance(self, q: Array, z: Array) -> Array:
-        """Prior covariances of the potential energies at rows of q and z, shapes (N or 1, n) [J^2]."""
+        """Prior covariances of potential energies at rows of q and z, shapes (N or 1, n) [J^2]."""
         f, _ = self.kernel.basis.features(q)
         fz, _ = self.kernel.basis.features(z)
         weights = self.hyperparameters.weights

@@ -1,8 +1,8 @@
 """
-The running product of the potential energy kernel and its first derivatives, for `LANES` pairs at once.
+The potential energy kernel's running product and its derivatives, for `LANES` pairs at once.
 
-The potential does not depend on velocities, so that of the Euler-Lagrange operators only -d/dq_i remains
-(docs/maths.md, section 2).
+The potential does not depend on velocities, so that of the Euler-Lagrange operators only -d/dq_i
+remains (docs/maths.md, section 2).
 
 """
 

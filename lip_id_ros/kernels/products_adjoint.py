@@ -1,4 +1,4 @@
-"""The steps of `lip_id_ros.kernels.products`, run backwards; see `lip_id_ros.kernels.jets_adjoint`."""
+"""The steps of `lip_id_ros.kernels.products`, run backwards as in `jets_adjoint`."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def clear(x: Product) -> None:
 
 @compiled
 def emit(adj: Product, w: Array, x: Product, scale: float, high: int) -> float:
-    """Go back through the emission, contracted with w[i, j]; return the derivative by the scale."""
+    """Go back through the emission contracted with w[i, j]; return the derivative by the scale."""
     total = 0.0
     for i in range(high):
         for j in range(high):

@@ -1,15 +1,16 @@
-"""
+r"""
 Energy kernels as short programs of three steps.
 
 The kinetic energy kernel of link i is the square of a kernel y on that link's velocity,
 
-.. math:: k_T = \\sum_i \\lambda_i\\, y_i(x, x')^2, \\qquad
-          y_i = \\sum_j s_j \\dot q_j \\dot q'_j \\; \\prod_{b \\in B_{ij}} a_b(q, q')
+.. math:: k_T = \sum_i \lambda_i\, y_i(x, x')^2, \qquad
+          y_i = \sum_j s_j \dot q_j \dot q'_j \; \prod_{b \in B_{ij}} a_b(q, q')
 
-and the members of the family differ only in the joints B_ij whose factors a_b enter (docs/maths.md, section 3).
-So a kernel is a list of steps on one running y: multiply by a factor, add a velocity term, emit the square. The
-potential energy kernel is a product of factors, emitted as it is. Whoever evaluates a kernel (Gram matrix, gradient,
-serving, plain oracle) interprets the same steps, and a new member of the family is a new list.
+and the members of the family differ only in the joints B_ij whose factors a_b enter
+(docs/maths.md, section 3). So a kernel is a list of steps on one running y: multiply by a factor,
+add a velocity term, emit the square. The potential energy kernel is a product of factors, emitted
+as it is. Whoever evaluates a kernel (Gram matrix, gradient, serving, plain oracle) interprets the
+same steps, and a new member of the family is a new list.
 
 """
 
@@ -37,11 +38,13 @@ class EnergyKernel:
         As in `lip_id fit --kernel`.
     n_joints : int
     kinetic : int array, shape (n_steps, 6)
-        Steps with the columns `COLUMNS`; `low` and `high` bound the joints that y depends on before the step.
+        Steps with the columns `COLUMNS`; `low` and `high` bound the joints that y depends on
+        before the step.
     n_factor_sets : int
-        1 where all links share the joint factors and velocity weights, n where each link has its own.
+        1 where all links share joint factors and velocity weights, n where each has its own.
     kinetic_signs : float array, shape (n_scales,)
-        +1 or -1 times the scale of link `kinetic_links[k]` is the weight of the square with scale number k.
+        Times the scale of link `kinetic_links[k]`, the weight of the square with scale number k:
+        +1 or -1.
     kinetic_links : int array, shape (n_scales,)
     potential_links : int array
         The links after whose factor the running product is emitted.
@@ -59,10 +62,12 @@ class EnergyKernel:
 
 def recursive(n_joints: int) -> EnergyKernel:
     """
-    Link velocities composed from base to tip with factors shared by all links: y_i = a_i y_{i-1} + v_i.
+    Compose link velocities from base to tip, with factors shared by all links.
 
-    The recursion of the Newton-Euler velocities: an entry M_jk depends on the joints beyond j, with degree one up
-    to k and two beyond. The inertia matrix never depends on the first joint.
+    y_i = a_i y_{i-1} + v_i with v_i = s_i dq_i dq'_i.
+
+    The recursion of the Newton-Euler velocities: an entry M_jk depends on the joints beyond j,
+    with degree one up to k and two beyond. The inertia matrix never depends on the first joint.
 
     """
     steps: list[Step] = [(RESET, 0, 0, 0, 0, 0)]
@@ -91,8 +96,8 @@ def lip(n_joints: int) -> EnergyKernel:
     """
     Build the kernel of the paper (eqs. `kinetic_LGI` and `potential-kernel`).
 
-    Every entry of link i's inertia depends on all joints up to i, with degree two; the potential energy is one
-    product over all joints.
+    Every entry of link i's inertia depends on all joints up to i, with degree two; the potential
+    energy is one product over all joints.
 
     """
     steps: list[Step] = []
@@ -108,8 +113,8 @@ def nested(n_joints: int) -> EnergyKernel:
     """
     Entries that depend only on the joints beyond min(j, k), with degree two.
 
-    For each link, the entries with min(j, k) = m are the difference of the squares of the velocity sums from m
-    and from m + 1 on, both times the factors beyond m.
+    For each link, the entries with min(j, k) = m are the difference of the squares of the velocity
+    sums from m and from m + 1 on, both times the factors beyond m.
 
     """
     steps: list[Step] = []

@@ -1,4 +1,4 @@
-"""The hyperparameters of an energy kernel, as arrays for the fused loops and as one vector of logarithms."""
+"""The hyperparameters of an energy kernel, as arrays for the fused loops."""
 
 from __future__ import annotations
 

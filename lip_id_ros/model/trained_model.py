@@ -1,4 +1,4 @@
-"""A prior conditioned on data: everything that serving needs, and nothing that fitting needed on the way."""
+"""A prior conditioned on data: what serving needs, and nothing that fitting needed on the way."""
 
 from __future__ import annotations
 

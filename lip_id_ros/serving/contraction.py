@@ -6,9 +6,10 @@ With alpha fixed, the kinetic energy's posterior mean is
 .. math:: \hat T(q, \dot q) = \sum_t \sum_i 2\lambda_i \left( y_i\, G'_\alpha y_i
           + D' y_i\; \partial'_\alpha y_i \right)
 
-with y the velocity kernel of the program, and G'_alpha, \partial'_alpha the operators of training sample t summed with
-alpha_t (docs/maths.md, section 6). So a query carries only four numbers per training sample through the program, and
-their time derivatives; the torques follow from one pass back (reverse differentiation of T by dq and q).
+with y the velocity kernel of the program, and G'_alpha, \partial'_alpha the operators of training
+sample t summed with alpha_t (docs/maths.md, section 6). So a query carries only four numbers per
+training sample through the program, and their time derivatives; the torques follow from one pass
+back (reverse differentiation of T by dq and q).
 
 """
 
@@ -220,7 +221,7 @@ def _square_back(adj, dadj, x, dx, scale) -> None:  # type: ignore[no-untyped-de
 
 @compiled
 def kinetic_energy(tau, program, work, side, f, g, dq, ddq) -> float:  # type: ignore[no-untyped-def]
-    """Return T and add d/dt dT/d(dq) - dT/dq to tau, for one query with features f and slopes g."""
+    """Return T and add d/dt dT/d(dq) - dT/dq to tau, for a query with features f, slopes g."""
     total = 0.0
     for k in range(len(program.bounds) - 1):
         steps = program.steps[program.bounds[k] : program.bounds[k + 1]]

@@ -74,8 +74,8 @@ class Predictor:
     """
     Posterior of a trained model.
 
-    Construction lays the model out and compiles; `query` is then hot: no checks, and nothing allocated but the
-    result. Not for several threads at once: give each its own.
+    Construction lays the model out and compiles; `query` is then hot: no checks, and nothing
+    allocated but the result. Not for several threads at once: give each its own.
 
     Parameters
     ----------

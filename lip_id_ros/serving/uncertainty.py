@@ -30,7 +30,8 @@ class Deviation:
     kinetic : array, shape (N,)
         [J].
     potential : array, shape (N,), or None
-        Of the potential energy relative to the reference positions [J]; None where it cannot be told.
+        Of the potential energy relative to the reference positions [J]; None where it cannot be
+        told.
 
     """
 

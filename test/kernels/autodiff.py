@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 import dataclasses
 
-from lip_id_ros.kernels import JointBasis, Weights
-from lip_id_ros.kernels.plain import kinetic_covariance, potential_covariance
-from lip_id_ros.kernels.program import EnergyKernel
 import numpy as np
 from numpy.typing import NDArray
 import torch
 from torch import Tensor
 from torch.func import grad, jacrev
+
+from lip_id_ros.kernels import JointBasis, Weights
+from lip_id_ros.kernels.plain import kinetic_covariance, potential_covariance
+from lip_id_ros.kernels.program import EnergyKernel
 
 Array = NDArray[np.float64]
 State = tuple[Tensor, Tensor, Tensor]

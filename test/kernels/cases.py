@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from lip_id_ros.kernels import FAMILY, EnergyKernel, JointBasis, Weights
-from lip_id_ros.kernels.weights import shapes
 import numpy as np
 from numpy.typing import NDArray
+
+from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, Weights
+from lip_id_ros.kernels.weights import shapes
 
 Array = NDArray[np.float64]
 R, P = 'revolute', 'prismatic'

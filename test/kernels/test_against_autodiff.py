@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from lip_id_ros.kernels import FAMILY, Weights
-from lip_id_ros.kernels.gradient import contracted_gradient
-from lip_id_ros.kernels.gram import cross_gram, energy_covariance, gram, prior_blocks
+from kernels.cases import ARMS, MEMBERS, random_basis, random_states, random_weights
 import numpy as np
 import pytest
 
-from kernels.cases import ARMS, MEMBERS, random_basis, random_states, random_weights
+from lip_id_ros.kernels import FAMILY, Weights
+from lip_id_ros.kernels.gradient import contracted_gradient
+from lip_id_ros.kernels.gram import cross_gram, energy_covariance, gram, prior_blocks
 
 torch = pytest.importorskip('torch', reason='the oracle differentiates with torch')
 
@@ -78,7 +78,7 @@ def test_gram_is_the_symmetric_cross_gram(member):
 
 @pytest.mark.parametrize('member', MEMBERS)
 def test_gradient_against_autograd(member):
-    """Analytic derivatives by every weight against automatic differentiation through the oracle."""
+    """Derivatives by every weight, against automatic differentiation through the oracle."""
     from kernels.autodiff import Oracle
 
     kernel, basis, weights, x = setting(member, ('revolute', 'prismatic', 'revolute'), 2)

@@ -1,12 +1,12 @@
-"""Friction and residual kernels: covariances from their definitions, gradients from differences."""
+"""Friction and residual: covariances from definitions, gradients from differences."""
 
 from __future__ import annotations
 
-from lip_id_ros.kernels import Friction, JointBasis, Residual
+from kernels.cases import random_states
 import numpy as np
 import pytest
 
-from kernels.cases import random_states
+from lip_id_ros.kernels import Friction, JointBasis, Residual
 
 N_JOINTS = 3
 TYPES = ('revolute', 'prismatic', 'revolute')

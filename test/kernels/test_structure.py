@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kernels.cases import MEMBERS, random_basis, random_states, random_weights
+import numpy as np
+import pytest
+
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.kernels import FAMILY, JointBasis
 from lip_id_ros.kernels.gram import cross_gram, gram
 from lip_id_ros.kernels.program import without_potential
-import numpy as np
-import pytest
-
-from kernels.cases import MEMBERS, random_basis, random_states, random_weights
 
 TYPES = st.lists(st.sampled_from(['revolute', 'prismatic']), min_size=1, max_size=5).map(tuple)
 
