@@ -19,7 +19,7 @@ import numpy as np
 from lip_id_ros.config import PreprocessingSettings, RecordingSettings
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.preprocessing.cleaning import chosen, per_joint, stale, torque
+from lip_id_ros.preprocessing.cleaning import chosen, Mask, per_joint, stale, torque
 from lip_id_ros.preprocessing.filters import edge_length, is_filtered
 from lip_id_ros.preprocessing.segments import (
     cut,
@@ -32,7 +32,6 @@ from lip_id_ros.preprocessing.segments import (
 )
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.recording.joint_samples import Floats
 from lip_id_ros.recording.timing import GAP_STEPS, median_step
 
 STALE = 'sample stale'
@@ -86,28 +85,38 @@ def _recording(
 ) -> Dataset:
     repeated = stale(samples)
     fresh = chosen(samples, ~repeated)
-    step = median_step(samples.t)
-    if fresh.n_samples < 2:
-        raise DataError(
-            f'{samples.source} must hold at least two different samples, but has '
-            f'{fresh.n_samples}; record while the arm moves.'
-        )
-    velocity = fresh.velocity if fresh.has_velocity else None
-    whole = Piece(fresh.t, fresh.position, velocity, torque(fresh, recording))
-    pieces = cut(whole, settings.max_gap_s or GAP_STEPS * median_step(fresh.t))
-    pieces = [_retimed(piece, samples.t[repeated], step) for piece in pieces]
+    given = _pieces(fresh, settings, recording)
+    pieces = [_retimed(piece, samples, repeated) for piece in given]
     rate = _rate(pieces)
     dropped = Counter(samples.counts)
     dropped[STALE] = int(repeated.sum())
     motions = _motions(pieces, rate, settings, dropped)
     if not motions:
         raise DataError(_too_short(samples.source, pieces, rate, settings))
-    return _dataset(motions, fresh, recording, _provenance(samples, rate, settings, dropped))
+    provenance = _provenance(samples, rate, settings, dropped)
+    provenance['segments'] = len(motions)
+    provenance['retimed'] = any(new is not old for new, old in zip(pieces, given, strict=True))
+    provenance['recording'] = dataclasses.asdict(recording)
+    return _dataset(motions, fresh, recording, provenance)
 
 
-def _retimed(piece: Piece, stale_times: Floats, step: float) -> Piece:
-    inside = (stale_times > piece.t[0]) & (stale_times < piece.t[-1])
-    return evenly_timed(piece, step) if inside.any() else piece
+def _pieces(
+    fresh: JointSamples, settings: PreprocessingSettings, recording: RecordingSettings
+) -> list[Piece]:
+    if fresh.n_samples < 2:
+        raise DataError(
+            f'{fresh.source} must hold at least two different samples, but has '
+            f'{fresh.n_samples}; record while the arm moves.'
+        )
+    velocity = fresh.velocity if fresh.has_velocity else None
+    whole = Piece(fresh.t, fresh.position, velocity, torque(fresh, recording))
+    return cut(whole, settings.max_gap_s or GAP_STEPS * median_step(fresh.t))
+
+
+def _retimed(piece: Piece, samples: JointSamples, repeated: Mask) -> Piece:
+    times = samples.t[repeated]
+    inside = (times > piece.t[0]) & (times < piece.t[-1])
+    return evenly_timed(piece, median_step(samples.t)) if inside.any() else piece
 
 
 def _rate(pieces: list[Piece]) -> float:
@@ -143,7 +152,7 @@ def _dataset(
         joint_types=per_joint(samples, 'joint_types', recording.joint_types, 'revolute'),
         segment=np.repeat(np.arange(len(motions)), [motion.t.size for motion in motions]),
         gravity_compensated=recording.gravity_compensated,
-        provenance={'sources': [{**provenance, 'recording': dataclasses.asdict(recording)}]},
+        provenance={'sources': [provenance]},
     )
 
 

@@ -138,6 +138,7 @@ def test_stale_samples_are_removed_and_counted() -> None:
     data = preprocess(samples)
     assert dropped(data)['sample stale'] == (np.diff(samples.position[:, 0]) == 0).sum() > 10
     assert data.provenance['sources'][0]['rate_hz'] == pytest.approx(29.4, rel=1e-3)
+    assert data.provenance['sources'][0]['retimed']
     assert relative_error(data.ddq, Sinusoids().acceleration(data.t - 0.5 / 30.0)) < 0.1
     differentiated = preprocess(without_velocity(samples))
     assert relative_error(differentiated.ddq, data.ddq) < 0.01
@@ -156,6 +157,19 @@ def test_frozen_state_becomes_a_gap() -> None:
     data = preprocess(replace(samples, position=position, velocity=velocity))
     assert dropped(data)['sample stale'] == 49
     assert np.unique(data.segment).size == 2
+    assert not data.provenance['sources'][0]['retimed']
+
+
+def test_stamps_far_from_even_ones_stay_as_they_are() -> None:
+    """One repetition in a recording with a changing rate says nothing about its clock."""
+    t = np.concatenate([T[:500], T[500] + 0.02 * np.arange(300)])
+    samples = recording(t)
+    position, velocity = samples.position.copy(), samples.velocity.copy()
+    position[100], velocity[100] = position[99], velocity[99]
+    data = preprocess(replace(samples, position=position, velocity=velocity))
+    assert dropped(data)['sample stale'] == 1
+    assert not data.provenance['sources'][0]['retimed']
+    assert relative_error(data.ddq, Sinusoids().acceleration(data.t)) < 3e-3
 
 
 def test_slow_recording_is_not_filtered_and_says_so() -> None:
