@@ -77,7 +77,8 @@ def write_npz(
 
     """
     text = np.array(json.dumps(dict(header), sort_keys=True))
-    write_atomically(path, lambda file: np.savez_compressed(file, **{HEADER: text}, **arrays))
+    named: dict[str, Any] = {HEADER: text, **arrays}
+    write_atomically(path, lambda file: np.savez_compressed(file, **named))
 
 
 def read_npz(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

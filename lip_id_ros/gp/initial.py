@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.kernels import Hyperparameters, JointwiseKernel, Weights
+from lip_id_ros.kernels import Hyperparameters, JointBasis, JointwiseKernel, Weights
 from lip_id_ros.kernels.jointwise import Friction, Residual
 from lip_id_ros.kernels.program import EnergyKernel
 from lip_id_ros.kernels.weights import shapes
@@ -82,7 +82,7 @@ def make_friction(dq: Array) -> Friction:
     return Friction(sign_width=0.01 * _root_mean_square(dq))
 
 
-def make_residual(basis, dq: Array, ddq: Array) -> Residual:  # type: ignore[no-untyped-def]
+def make_residual(basis: JointBasis, dq: Array, ddq: Array) -> Residual:
     """Return the residual kernel in units of the usual velocities and accelerations."""
     return Residual(basis, np.stack([_root_mean_square(dq), _root_mean_square(ddq)]))
 

@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 from lip_id_ros.kernels import jets, jets_adjoint, products, products_adjoint
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.gram import run_kinetic_step
-from lip_id_ros.kernels.lanes import compiled, compiled_parallel, LANES
+from lip_id_ros.kernels.jets import Factor, Jet
+from lip_id_ros.kernels.lanes import compiled, compiled_parallel, Index, LANES
+from lip_id_ros.kernels.products import Product
 from lip_id_ros.kernels.program import ADD, EnergyKernel, MULTIPLY, RESET, SQUARE
 from lip_id_ros.kernels.weights import shapes, step_scales, Weights
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 def contracted_gradient(
@@ -52,7 +55,17 @@ def contracted_gradient(
 
 
 @compiled_parallel
-def _all_pairs(parts, scale_parts, contraction, steps, bounds, links, scales, w, x) -> None:  # type: ignore[no-untyped-def]
+def _all_pairs(
+    parts: Weights,
+    scale_parts: Array,
+    contraction: Array,
+    steps: Integers,
+    bounds: Integers,
+    links: Integers,
+    scales: Array,
+    w: Weights,
+    x: Samples,
+) -> None:
     n = w.potential_factors.shape[0]
     n_samples = x.dq.shape[1] - LANES
     longest = 0
@@ -87,7 +100,7 @@ def _all_pairs(parts, scale_parts, contraction, steps, bounds, links, scales, w,
 
 
 @compiled
-def _load_contraction(block, contraction, t, u) -> None:  # type: ignore[no-untyped-def]
+def _load_contraction(block: Array, contraction: Array, t: Index, u: Index) -> None:
     # Pairs below the diagonal stand for their mirror images too; those beyond it do not count.
     n = block.shape[0]
     for m in range(LANES):
@@ -101,8 +114,22 @@ def _load_contraction(block, contraction, t, u) -> None:  # type: ignore[no-unty
 
 
 @compiled
-def _kinetic_segment(  # type: ignore[no-untyped-def]
-    grad, scale_grad, block, y, adj, tape, factor, out, work, steps, scales, w, x, t, u
+def _kinetic_segment(
+    grad: Weights,
+    scale_grad: Array,
+    block: Array,
+    y: Jet,
+    adj: Jet,
+    tape: Jet,
+    factor: Factor,
+    out: Factor,
+    work: Array,
+    steps: Integers,
+    scales: Array,
+    w: Weights,
+    x: Samples,
+    t: Index,
+    u: Index,
 ) -> None:
     for k in range(steps.shape[0]):
         step = steps[k]
@@ -127,7 +154,20 @@ def _kinetic_segment(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _potential(grad, block, p, adj, tape, factor, out, links, w, x, t, u) -> None:  # type: ignore[no-untyped-def]
+def _potential(
+    grad: Weights,
+    block: Array,
+    p: Product,
+    adj: Product,
+    tape: Product,
+    factor: Factor,
+    out: Factor,
+    links: Integers,
+    w: Weights,
+    x: Samples,
+    t: Index,
+    u: Index,
+) -> None:
     n = w.potential_factors.shape[0]
     products.start(p)
     for b in range(n):

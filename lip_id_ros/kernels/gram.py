@@ -8,11 +8,14 @@ from numpy.typing import NDArray
 
 from lip_id_ros.kernels import jets, products
 from lip_id_ros.kernels.features import Samples
-from lip_id_ros.kernels.lanes import compiled, compiled_parallel, LANES
+from lip_id_ros.kernels.jets import Factor, Jet
+from lip_id_ros.kernels.lanes import compiled, compiled_parallel, Index, LANES
+from lip_id_ros.kernels.products import Product
 from lip_id_ros.kernels.program import ADD, EnergyKernel, MULTIPLY, RESET, SQUARE
 from lip_id_ros.kernels.weights import step_scales, Weights
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 def gram(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:
@@ -91,13 +94,15 @@ def energy_covariance(
 
 def _arguments(
     kernel: EnergyKernel, weights: Weights
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Weights]:
+) -> tuple[Integers, Integers, Array, Weights]:
     links = kernel.potential_links.astype(np.int64)
     return kernel.kinetic, links, step_scales(kernel, weights), weights
 
 
 @compiled
-def run_kinetic_step(y, factor, step, w, x, t, z, u) -> None:  # type: ignore[no-untyped-def]
+def run_kinetic_step(
+    y: Jet, factor: Factor, step: Integers, w: Weights, x: Samples, t: Index, z: Samples, u: Index
+) -> None:
     """Run one step of a program other than the emission."""
     operation, b, k, low, high = step[0], step[1], step[2], step[4], step[5]
     if operation == RESET:
@@ -110,8 +115,19 @@ def run_kinetic_step(y, factor, step, w, x, t, z, u) -> None:  # type: ignore[no
 
 
 @compiled
-def torque_block(  # type: ignore[no-untyped-def]
-    block, y, p, factor, steps, links, scales, w, x, t, z, u
+def torque_block(
+    block: Array,
+    y: Jet,
+    p: Product,
+    factor: Factor,
+    steps: Integers,
+    links: Integers,
+    scales: Array,
+    w: Weights,
+    x: Samples,
+    t: Index,
+    z: Samples,
+    u: Index,
 ) -> None:
     """Set block[i, j] to the torque covariances of x at t and z at u, u + 1, ..."""
     n = w.potential_factors.shape[0]
@@ -132,8 +148,20 @@ def torque_block(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _energy_rows(  # type: ignore[no-untyped-def]
-    kinetic, potential, y, p, factor, steps, links, scales, w, x, t, z, u
+def _energy_rows(
+    kinetic: Array,
+    potential: Array,
+    y: Jet,
+    p: Product,
+    factor: Factor,
+    steps: Integers,
+    links: Integers,
+    scales: Array,
+    w: Weights,
+    x: Samples,
+    t: Index,
+    z: Samples,
+    u: Index,
 ) -> None:
     n = w.potential_factors.shape[0]
     kinetic[:] = 0.0
@@ -154,7 +182,7 @@ def _energy_rows(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _store(out, block, t, u, count) -> None:  # type: ignore[no-untyped-def]
+def _store(out: Array, block: Array, t: Index, u: Index, count: Index) -> None:
     n = block.shape[0]
     for i in range(n):
         for m in range(count):
@@ -163,7 +191,9 @@ def _store(out, block, t, u, count) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled_parallel
-def _fill_lower(out, steps, links, scales, w, x) -> None:  # type: ignore[no-untyped-def]
+def _fill_lower(
+    out: Array, steps: Integers, links: Integers, scales: Array, w: Weights, x: Samples
+) -> None:
     n = w.potential_factors.shape[0]
     n_samples = x.dq.shape[1] - LANES
     # One short and one long row together, so that the threads share the triangle evenly.
@@ -180,7 +210,15 @@ def _fill_lower(out, steps, links, scales, w, x) -> None:  # type: ignore[no-unt
 
 
 @compiled_parallel
-def _fill_cross(out, steps, links, scales, w, x, z) -> None:  # type: ignore[no-untyped-def]
+def _fill_cross(
+    out: Array,
+    steps: Integers,
+    links: Integers,
+    scales: Array,
+    w: Weights,
+    x: Samples,
+    z: Samples,
+) -> None:
     n = w.potential_factors.shape[0]
     columns = z.dq.shape[1] - LANES
     for index in numba.prange(x.dq.shape[1] - LANES):
@@ -193,7 +231,9 @@ def _fill_cross(out, steps, links, scales, w, x, z) -> None:  # type: ignore[no-
 
 
 @compiled_parallel
-def _fill_diagonal(out, steps, links, scales, w, x) -> None:  # type: ignore[no-untyped-def]
+def _fill_diagonal(
+    out: Array, steps: Integers, links: Integers, scales: Array, w: Weights, x: Samples
+) -> None:
     n = w.potential_factors.shape[0]
     for index in numba.prange(x.dq.shape[1] - LANES):
         y, p, factor = jets.new_jet(n), products.new_product(n), jets.new_factor()
@@ -204,7 +244,16 @@ def _fill_diagonal(out, steps, links, scales, w, x) -> None:  # type: ignore[no-
 
 
 @compiled_parallel
-def _fill_energy(kinetic, potential, steps, links, scales, w, x, z) -> None:  # type: ignore[no-untyped-def]
+def _fill_energy(
+    kinetic: Array,
+    potential: Array,
+    steps: Integers,
+    links: Integers,
+    scales: Array,
+    w: Weights,
+    x: Samples,
+    z: Samples,
+) -> None:
     n = w.potential_factors.shape[0]
     columns = z.dq.shape[1] - LANES
     for index in numba.prange(x.dq.shape[1] - LANES):
@@ -219,7 +268,7 @@ def _fill_energy(kinetic, potential, steps, links, scales, w, x, z) -> None:  # 
 
 
 @compiled_parallel
-def _mirror(out) -> None:  # type: ignore[no-untyped-def]
+def _mirror(out: Array) -> None:
     for index in numba.prange(out.shape[0]):
         i = np.int64(index)
         for j in range(i + 1, out.shape[1]):

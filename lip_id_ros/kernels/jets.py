@@ -21,7 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.kernels.lanes import compiled, LANES
+from lip_id_ros.kernels.features import Samples
+from lip_id_ros.kernels.lanes import compiled, Index, LANES
 
 Array = NDArray[np.float64]
 
@@ -104,7 +105,7 @@ def reset(y: Jet) -> None:
 
 
 @compiled
-def load_factor(out: Factor, w, x, t, z, u, b) -> None:  # type: ignore[no-untyped-def]
+def load_factor(out: Factor, w: Array, x: Samples, t: Index, z: Samples, u: Index, b: int) -> None:
     """Evaluate the factor of joint b, of weights w, between x at t and z at u, u + 1, ..."""
     a, rate = out
     w0, w1, w2 = w[0], w[1], w[2]
@@ -203,7 +204,9 @@ def _multiply_scalars(y: Jet, factor: Factor, b: int) -> None:
 
 
 @compiled
-def add_velocity(y: Jet, weight, x, t, z, u, b) -> None:  # type: ignore[no-untyped-def]
+def add_velocity(
+    y: Jet, weight: float, x: Samples, t: Index, z: Samples, u: Index, b: int
+) -> None:
     """Set y = y + weight dq_b dq'_b."""
     s, r, c, pp = y.s, y.r, y.c, y.pp
     v, dv = weight * x.dq[b, t], weight * x.ddq[b, t]

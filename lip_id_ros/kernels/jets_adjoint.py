@@ -12,8 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.jets import Factor, Jet
-from lip_id_ros.kernels.lanes import compiled, LANES
+from lip_id_ros.kernels.lanes import compiled, Index, LANES
 
 Array = NDArray[np.float64]
 
@@ -217,7 +218,7 @@ def _matrices(adj: Jet, out: Factor, y: Jet, factor: Factor, low: int, high: int
 
 
 @compiled
-def add_velocity(adj: Jet, x, t, z, u, b) -> float:  # type: ignore[no-untyped-def]
+def add_velocity(adj: Jet, x: Samples, t: Index, z: Samples, u: Index, b: int) -> float:
     """Go back through y = y + weight dq_b dq'_b; return the derivative by the weight."""
     s, r, c = adj.s, adj.r, adj.c
     dq, ddq = x.dq[b, t], x.ddq[b, t]
@@ -231,7 +232,9 @@ def add_velocity(adj: Jet, x, t, z, u, b) -> float:  # type: ignore[no-untyped-d
 
 
 @compiled
-def load_factor(grad: Array, out: Factor, x, t, z, u, b) -> None:  # type: ignore[no-untyped-def]
+def load_factor(
+    grad: Array, out: Factor, x: Samples, t: Index, z: Samples, u: Index, b: int
+) -> None:
     """Go back through the evaluation of a factor: add the derivatives by w_0, w_1, w_2 to grad."""
     f1, f2, g1, g2 = x.f[0, b, t], x.f[1, b, t], x.g[0, b, t], x.g[1, b, t]
     dq = x.dq[b, t]

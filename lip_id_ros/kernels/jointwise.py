@@ -65,19 +65,19 @@ class Friction:
 
     def covariance(self, parameters: Array, x: Array, z: Array) -> Array:
         """Return the covariances, shape (n, N, M)."""
-        return (x * parameters[:, None, :]) @ z.transpose(0, 2, 1)
+        return np.asarray((x * parameters[:, None, :]) @ z.transpose(0, 2, 1))
 
     def prior_variance(self, parameters: Array, x: Array) -> Array:
         """Return the prior variances, shape (N, n)."""
-        return np.einsum('itc,ic->ti', x * x, parameters)
+        return np.asarray(np.einsum('itc,ic->ti', x * x, parameters))
 
     def gradient(self, parameters: Array, x: Array, contraction: Array) -> Array:
         """Return the derivatives, shape (n, 3)."""
-        return np.einsum('itc,itc->ic', x, contraction @ x)
+        return np.asarray(np.einsum('itc,itc->ic', x, contraction @ x))
 
     def coefficients(self, parameters: Array, x: Array, alpha: Array) -> Array:
         """Return the coefficients' posterior mean, shape (n, 3), for alpha of shape (N, n)."""
-        return parameters * np.einsum('itc,ti->ic', x, alpha)
+        return np.asarray(parameters * np.einsum('itc,ti->ic', x, alpha))
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,15 @@ number of joints.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, cast, TypeVar
 
 import numba
+import numpy as np
 
 LANES = 32
+
+# Loops over `numba.prange` count without a sign; np.int64 of it mixes with other integers.
+Index = int | np.int64
 
 # Reassociation and fused multiply-add only: not-a-number and infinity keep their meaning.
 FAST_MATH = {'contract', 'reassoc', 'arcp', 'nsz'}
@@ -25,7 +29,7 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 def compiled(function: Function) -> Function:
     """Compile a function of scalars and arrays to be called from other compiled functions."""
     wrap = numba.njit(fastmath=FAST_MATH, error_model='numpy', cache=True, nogil=True)
-    return wrap(function)  # type: ignore[no-any-return]
+    return cast('Function', wrap(function))
 
 
 def compiled_parallel(function: Function) -> Function:
@@ -33,4 +37,4 @@ def compiled_parallel(function: Function) -> Function:
     wrap = numba.njit(
         fastmath=FAST_MATH, error_model='numpy', cache=True, nogil=True, parallel=True
     )
-    return wrap(function)  # type: ignore[no-any-return]
+    return cast('Function', wrap(function))

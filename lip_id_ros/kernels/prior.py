@@ -131,7 +131,7 @@ class TorquePrior:
         """Prior variances of noiseless torques, shape (N, n)."""
         weights = self.hyperparameters.weights
         blocks = energy.prior_blocks(self.kernel.energy, weights, x.packed)
-        out = np.einsum('tii->ti', blocks).copy()
+        out: Array = np.einsum('tii->ti', blocks).copy()
         for kernel, parameters, inputs in self._terms(x):
             out += kernel.prior_variance(parameters, inputs)
         return out

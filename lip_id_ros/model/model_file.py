@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import hashlib
 import os
 from typing import Any, TYPE_CHECKING
@@ -141,7 +141,7 @@ def _energy_kernel(header: Mapping[str, Any], n_joints: int) -> EnergyKernel:
 
 
 def _jointwise(name: str, basis: JointBasis, arrays: Arrays) -> JointwiseKernel:
-    makers = {
+    makers: dict[str, Callable[[], JointwiseKernel]] = {
         'friction': lambda: Friction(arrays['friction_sign_width']),
         'residual': lambda: Residual(basis, arrays['residual_scales']),
     }

@@ -24,6 +24,7 @@ from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.program import ADD, MULTIPLY, RESET, SQUARE
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 class TrainingSide(NamedTuple):
@@ -64,9 +65,9 @@ class Program(NamedTuple):
 
     """
 
-    steps: NDArray[np.int64]
-    bounds: NDArray[np.int64]
-    links: NDArray[np.int64]
+    steps: Integers
+    bounds: Integers
+    links: Integers
     scales: Array
     factors: Array
     velocities: Array
@@ -115,7 +116,9 @@ def new_scratch(n_steps: int) -> Scratch:
 
 
 @compiled
-def _load_factor(a, w, f, g, side, u, b) -> None:  # type: ignore[no-untyped-def]
+def _load_factor(
+    a: Array, w: Array, f: Array, g: Array, side: TrainingSide, u: int, b: int
+) -> None:
     w0 = w[0]
     wf1, wf2 = w[1] * f[0, b], w[2] * f[1, b]
     wg1, wg2 = w[1] * g[0, b], w[2] * g[1, b]
@@ -132,7 +135,7 @@ def _load_factor(a, w, f, g, side, u, b) -> None:  # type: ignore[no-untyped-def
 
 
 @compiled
-def _multiply(x, dx, a, dq) -> None:  # type: ignore[no-untyped-def]
+def _multiply(x: Array, dx: Array, a: Array, dq: float) -> None:
     for m in range(LANES):
         a0, a1, a2 = a[0, m], a[1, m], a[2, m]
         b0, b1, b2 = dq * a[3, m], dq * a[4, m], dq * a[5, m]
@@ -149,7 +152,7 @@ def _multiply(x, dx, a, dq) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _multiply_back(adj, dadj, x, a, dq) -> float:  # type: ignore[no-untyped-def]
+def _multiply_back(adj: Array, dadj: Array, x: Array, a: Array, dq: float) -> float:
     # Returns the derivative of T by q_b; x is the state before the step.
     total = 0.0
     for m in range(LANES):
@@ -173,7 +176,16 @@ def _multiply_back(adj, dadj, x, a, dq) -> float:  # type: ignore[no-untyped-def
 
 
 @compiled
-def _add(x, dx, weight, dq, ddq, side, u, b) -> None:  # type: ignore[no-untyped-def]
+def _add(
+    x: Array,
+    dx: Array,
+    weight: float,
+    dq: float,
+    ddq: float,
+    side: TrainingSide,
+    u: int,
+    b: int,
+) -> None:
     v, dv = weight * dq, weight * ddq
     dz, ddz = side.dq[b, u : u + LANES], side.ddq[b, u : u + LANES]
     alpha = side.alpha[b, u : u + LANES]
@@ -187,7 +199,7 @@ def _add(x, dx, weight, dq, ddq, side, u, b) -> None:  # type: ignore[no-untyped
 
 
 @compiled
-def _add_back(dadj, weight, side, u, b) -> float:  # type: ignore[no-untyped-def]
+def _add_back(dadj: Array, weight: float, side: TrainingSide, u: int, b: int) -> float:
     # Returns the time derivative of the momentum, d/dt dT/d(dq_b).
     dz, ddz = side.dq[b, u : u + LANES], side.ddq[b, u : u + LANES]
     alpha = side.alpha[b, u : u + LANES]
@@ -198,7 +210,7 @@ def _add_back(dadj, weight, side, u, b) -> float:  # type: ignore[no-untyped-def
 
 
 @compiled
-def _square(x, scale) -> float:  # type: ignore[no-untyped-def]
+def _square(x: Array, scale: float) -> float:
     total = 0.0
     for m in range(LANES):
         total += x[0, m] * x[3, m] + x[1, m] * x[2, m]
@@ -206,7 +218,7 @@ def _square(x, scale) -> float:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _square_back(adj, dadj, x, dx, scale) -> None:  # type: ignore[no-untyped-def]
+def _square_back(adj: Array, dadj: Array, x: Array, dx: Array, scale: float) -> None:
     k = 2.0 * scale
     for m in range(LANES):
         adj[0, m] += k * x[3, m]
@@ -220,7 +232,16 @@ def _square_back(adj, dadj, x, dx, scale) -> None:  # type: ignore[no-untyped-de
 
 
 @compiled
-def kinetic_energy(tau, program, work, side, f, g, dq, ddq) -> float:  # type: ignore[no-untyped-def]
+def kinetic_energy(
+    tau: Array,
+    program: Program,
+    work: Scratch,
+    side: TrainingSide,
+    f: Array,
+    g: Array,
+    dq: Array,
+    ddq: Array,
+) -> float:
     """Return T and add d/dt dT/d(dq) - dT/dq to tau, for a query with features f, slopes g."""
     total = 0.0
     for k in range(len(program.bounds) - 1):
@@ -232,7 +253,17 @@ def kinetic_energy(tau, program, work, side, f, g, dq, ddq) -> float:  # type: i
 
 
 @compiled
-def _forward(program, steps, work, side, f, g, dq, ddq, u) -> float:  # type: ignore[no-untyped-def]
+def _forward(
+    program: Program,
+    steps: Integers,
+    work: Scratch,
+    side: TrainingSide,
+    f: Array,
+    g: Array,
+    dq: Array,
+    ddq: Array,
+    u: int,
+) -> float:
     total = 0.0
     for k in range(steps.shape[0]):
         operation, b, group, scale = steps[k, 0], steps[k, 1], steps[k, 2], steps[k, 3]
@@ -254,7 +285,15 @@ def _forward(program, steps, work, side, f, g, dq, ddq, u) -> float:  # type: ig
 
 
 @compiled
-def _backward(tau, program, steps, work, side, dq, u) -> None:  # type: ignore[no-untyped-def]
+def _backward(
+    tau: Array,
+    program: Program,
+    steps: Integers,
+    work: Scratch,
+    side: TrainingSide,
+    dq: Array,
+    u: int,
+) -> None:
     work.adj[:] = 0.0
     work.dadj[:] = 0.0
     for k in range(steps.shape[0] - 1, 0, -1):
@@ -268,7 +307,9 @@ def _backward(tau, program, steps, work, side, dq, u) -> None:  # type: ignore[n
 
 
 @compiled
-def potential_energy(tau, program, work, side, f, g) -> float:  # type: ignore[no-untyped-def]
+def potential_energy(
+    tau: Array, program: Program, work: Scratch, side: TrainingSide, f: Array, g: Array
+) -> float:
     """Return V and add dV/dq to tau, for one query with features f and slopes g."""
     total = 0.0
     if len(program.links) == 0:
@@ -280,7 +321,9 @@ def potential_energy(tau, program, work, side, f, g) -> float:  # type: ignore[n
 
 
 @compiled
-def _potential_forward(program, work, side, f, g, u) -> float:  # type: ignore[no-untyped-def]
+def _potential_forward(
+    program: Program, work: Scratch, side: TrainingSide, f: Array, g: Array, u: int
+) -> float:
     # x[0] is the product of the factors, x[1] its derivative along alpha.
     x = work.x
     x[0] = 1.0
@@ -301,7 +344,7 @@ def _potential_forward(program, work, side, f, g, u) -> float:  # type: ignore[n
 
 
 @compiled
-def _potential_backward(tau, program, work) -> None:  # type: ignore[no-untyped-def]
+def _potential_backward(tau: Array, program: Program, work: Scratch) -> None:
     adj = work.adj
     adj[0] = 0.0
     adj[1] = 0.0

@@ -18,6 +18,7 @@ from lip_id_ros.serving.contraction import (
     new_scratch,
     potential_energy,
     Program,
+    Scratch,
     TrainingSide,
 )
 
@@ -152,7 +153,7 @@ def _joint_terms(model: TrainedModel) -> JointTerms:
 
 
 @compiled
-def _features(f, g, arm, q) -> None:  # type: ignore[no-untyped-def]
+def _features(f: Array, g: Array, arm: Arm, q: Array) -> None:
     for b in range(len(q)):
         if arm.prismatic[b]:
             f[0, b] = (q[b] - arm.centre[b]) / arm.half_range[b]
@@ -167,14 +168,16 @@ def _features(f, g, arm, q) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _friction(tau, terms, dq) -> None:  # type: ignore[no-untyped-def]
+def _friction(tau: Array, terms: JointTerms, dq: Array) -> None:
     c = terms.coefficients
     for i in range(len(dq)):
         tau[i] += c[i, 0] * dq[i] + c[i, 1] * np.tanh(dq[i] / terms.sign_width[i]) + c[i, 2]
 
 
 @compiled
-def _residual(tau, terms, side, f, dq, ddq) -> None:  # type: ignore[no-untyped-def]
+def _residual(
+    tau: Array, terms: JointTerms, side: TrainingSide, f: Array, dq: Array, ddq: Array
+) -> None:
     n = len(dq)
     for t in range(terms.weights.shape[1]):
         position, velocity, acceleration = 0.0, 0.0, 0.0
@@ -192,8 +195,18 @@ def _residual(tau, terms, side, f, dq, ddq) -> None:  # type: ignore[no-untyped-
 
 
 @compiled
-def evaluate_one(  # type: ignore[no-untyped-def]
-    parts, energies, arm, program, side, terms, work, features, q, dq, ddq
+def evaluate_one(
+    parts: Array,
+    energies: Array,
+    arm: Arm,
+    program: Program,
+    side: TrainingSide,
+    terms: JointTerms,
+    work: Scratch,
+    features: Array,
+    q: Array,
+    dq: Array,
+    ddq: Array,
 ) -> None:
     """
     Evaluate one query.
@@ -222,7 +235,17 @@ def evaluate_one(  # type: ignore[no-untyped-def]
 
 
 @compiled_parallel
-def evaluate_many(parts, energies, arm, program, side, terms, q, dq, ddq) -> None:  # type: ignore[no-untyped-def]
+def evaluate_many(
+    parts: Array,
+    energies: Array,
+    arm: Arm,
+    program: Program,
+    side: TrainingSide,
+    terms: JointTerms,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+) -> None:
     """Evaluate N queries at once: `evaluate_one` for every row, on all threads."""
     n_steps = max(program.steps.shape[0], q.shape[1])
     for index in numba.prange(q.shape[0]):
