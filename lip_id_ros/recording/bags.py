@@ -12,16 +12,14 @@ from types import TracebackType
 from typing import Any
 
 from rosbags import rosbag1, rosbag2
-from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
-from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
+from rosbags.interfaces import Connection
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 from lip_id_ros.errors import SourceError
 
 METADATA = 'metadata.yaml'
 KINDS = {'.mcap': 'rosbag2 file (mcap)', '.db3': 'rosbag2 file (sqlite3)', '.bag': 'ROS 1 bag'}
 FOLDER = 'rosbag2 folder'
-
-_IDL_RULE = '=' * 80 + '\n'  # between the definitions of a type and of those it uses
 
 Reader = rosbag1.Reader | rosbag2.Reader
 Decoder = Callable[[bytes], Any]
@@ -204,33 +202,15 @@ def _topics(connections: Sequence[Sequence[Connection]]) -> tuple[Topic, ...]:
 
 
 def _decoder(connection: Connection, is_ros1: bool) -> Decoder:
-    """Use the bag's own definition of this type alone: others in the bag may be unreadable."""
+    """Trust the known definition of a standard type; take the bag's own for any other."""
     name = connection.msgtype
-    types = _types(connection.msgdef, name)
-    if types is None:
-        store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
-    else:
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
+    if name not in store.fielddefs:
         store = get_typestore(Stores.EMPTY)
-        store.register(types)
+        store.register(get_types_from_msg(connection.msgdef.data, name))
     if is_ros1:
         return lambda data: store.deserialize_ros1(data, name)
     return lambda data: store.deserialize_cdr(data, name)
-
-
-def _types(definition: MessageDefinition, name: str) -> Any:
-    if definition.format == MessageDefinitionFormat.NONE:
-        return None
-    if definition.format == MessageDefinitionFormat.MSG:
-        return get_types_from_msg(definition.data, name)
-    types: dict[str, Any] = {}
-    for part in definition.data.split(_IDL_RULE):
-        if part.strip():
-            types.update(get_types_from_idl(part.split('\n', 1)[1] if _named(part) else part))
-    return types
-
-
-def _named(idl: str) -> bool:
-    return idl.startswith('IDL: ')
 
 
 def _decoded(decode: Decoder, data: bytes) -> Any:
