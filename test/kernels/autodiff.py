@@ -62,13 +62,13 @@ class Oracle:
     def torque_block(self, x: State, z: State) -> Tensor:
         """Covariance of the torques at x (rows) and z (columns), shape (n, n)."""
 
-        def rows(qz: Tensor, dz: Tensor) -> Tensor:
-            return euler_lagrange(lambda q, dq: self.lagrangian(q, dq, qz, dz), x)
+        def row(i: int) -> Scalar:
+            def torque(qz: Tensor, dz: Tensor) -> Tensor:
+                return euler_lagrange(lambda q, dq: self.lagrangian(q, dq, qz, dz), x)[i]
 
-        n = len(x[0])
-        return torch.stack(
-            [euler_lagrange(lambda qz, dz, i=i: rows(qz, dz)[i], z) for i in range(n)]
-        )
+            return torque
+
+        return torch.stack([euler_lagrange(row(i), z) for i in range(len(x[0]))])
 
     def kinetic_row(self, x: State, z: State) -> Tensor:
         """Covariance of the kinetic energy at x with the torques at z, shape (n,)."""

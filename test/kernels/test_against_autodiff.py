@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from kernels.cases import ARMS, MEMBERS, random_basis, random_states, random_weights
+from kernels.cases import ARMS, Array, MEMBERS, random_basis, random_states, random_weights
 import numpy as np
 import pytest
 
-from lip_id_ros.kernels import FAMILY, Weights
+from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, Weights
 from lip_id_ros.kernels.gradient import contracted_gradient
 from lip_id_ros.kernels.gram import cross_gram, energy_covariance, gram, prior_blocks
 
 torch = pytest.importorskip('torch', reason='the oracle differentiates with torch')
 
+from kernels.autodiff import Oracle, State  # noqa: E402
+
 CASES = [(member, arm) for member in MEMBERS for arm in ARMS]
 
 
-def setting(member, types, n_samples, seed=0):
+def setting(
+    member: str, types: tuple[str, ...], n_samples: int, seed: int = 0
+) -> tuple[EnergyKernel, JointBasis, Weights, tuple[Array, Array, Array]]:
     """Return kernel, basis, weights and joint states."""
     rng = np.random.default_rng(seed)
     kernel = FAMILY[member](len(types))
@@ -23,16 +27,15 @@ def setting(member, types, n_samples, seed=0):
     return kernel, basis, random_weights(kernel, rng), random_states(n_samples, len(types), rng)
 
 
-def tensors(states, t):
+def tensors(states: tuple[Array, Array, Array], t: int) -> State:
     """Return sample t as tensors."""
-    return tuple(torch.tensor(x[t]) for x in states)
+    q, dq, ddq = states
+    return torch.tensor(q[t]), torch.tensor(dq[t]), torch.tensor(ddq[t])
 
 
 @pytest.mark.parametrize(('member', 'types'), CASES)
-def test_torque_blocks(member, types):
+def test_torque_blocks(member: str, types: tuple[str, ...]) -> None:
     """The closed-form Gram matrix is the Euler-Lagrange operator applied to both sides."""
-    from kernels.autodiff import Oracle
-
     kernel, basis, weights, x = setting(member, types, 3)
     z = random_states(2, len(types), np.random.default_rng(1))
     oracle = Oracle(kernel, basis, weights)
@@ -47,10 +50,8 @@ def test_torque_blocks(member, types):
 
 
 @pytest.mark.parametrize(('member', 'types'), CASES)
-def test_energy_covariances(member, types):
+def test_energy_covariances(member: str, types: tuple[str, ...]) -> None:
     """Covariances of energies and torques, the sign of the potential included."""
-    from kernels.autodiff import Oracle
-
     kernel, basis, weights, x = setting(member, types, 2)
     z = random_states(3, len(types), np.random.default_rng(1))
     oracle = Oracle(kernel, basis, weights)
@@ -63,7 +64,7 @@ def test_energy_covariances(member, types):
 
 
 @pytest.mark.parametrize('member', MEMBERS)
-def test_gram_is_the_symmetric_cross_gram(member):
+def test_gram_is_the_symmetric_cross_gram(member: str) -> None:
     """The half-filled and mirrored Gram matrix is the whole one, past the width of the lanes."""
     kernel, basis, weights, x = setting(member, ('revolute', 'prismatic', 'revolute'), 71)
     packed = basis.pack(*x)
@@ -77,21 +78,19 @@ def test_gram_is_the_symmetric_cross_gram(member):
 
 
 @pytest.mark.parametrize('member', MEMBERS)
-def test_gradient_against_autograd(member):
+def test_gradient_against_autograd(member: str) -> None:
     """Derivatives by every weight, against automatic differentiation through the oracle."""
-    from kernels.autodiff import Oracle
-
     kernel, basis, weights, x = setting(member, ('revolute', 'prismatic', 'revolute'), 2)
     rng = np.random.default_rng(2)
     contraction = rng.normal(size=(6, 6))
     contraction += contraction.T
-    leaves = Weights(*(torch.tensor(w, requires_grad=True) for w in weights))
-    oracle = Oracle(kernel, basis, leaves)
-    total = sum(
+    leaves = [torch.tensor(w, requires_grad=True) for w in weights]
+    oracle = Oracle(kernel, basis, Weights(*leaves))
+    total = torch.stack([
         (torch.tensor(contraction[3 * t : 3 * t + 3, 3 * u : 3 * u + 3])
          * oracle.torque_block(tensors(x, t), tensors(x, u))).sum()
         for t in range(2) for u in range(2)
-    )  # fmt: skip
+    ]).sum()  # fmt: skip
     total.backward()
     got = contracted_gradient(kernel, weights, basis.pack(*x), contraction)
     for name, leaf, derivative in zip(Weights._fields, leaves, got, strict=True):
@@ -102,7 +101,7 @@ def test_gradient_against_autograd(member):
 
 @pytest.mark.parametrize('n_samples', [1, 2, 33, 40])
 @pytest.mark.parametrize('member', MEMBERS)
-def test_gradient_against_differences(member, n_samples):
+def test_gradient_against_differences(member: str, n_samples: int) -> None:
     """The same for sample numbers around the width of the lanes, by central differences."""
     kernel, basis, weights, x = setting(member, ('revolute', 'revolute', 'prismatic'), n_samples)
     packed = basis.pack(*x)
@@ -111,9 +110,9 @@ def test_gradient_against_differences(member, n_samples):
     got = contracted_gradient(kernel, weights, packed, contraction)
     direction = random_weights(kernel, np.random.default_rng(4))
 
-    def moved(step):
+    def moved(step: float) -> float:
         shifted = Weights(*(w + step * d for w, d in zip(weights, direction, strict=True)))
-        return (contraction * gram(kernel, shifted, packed)).sum()
+        return float((contraction * gram(kernel, shifted, packed)).sum())
 
     expected = (moved(1e-5) - moved(-1e-5)) / 2e-5
     along = sum((g * d).sum() for g, d in zip(got, direction, strict=True))

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from kernels.cases import random_states
+from kernels.cases import Array, random_states
 import numpy as np
 import pytest
 
-from lip_id_ros.kernels import Friction, JointBasis, Residual
+from lip_id_ros.kernels import Friction, JointBasis, JointwiseKernel, Residual
 
 N_JOINTS = 3
 TYPES = ('revolute', 'prismatic', 'revolute')
 
 
-def make(name):
+def make(name: str) -> tuple[JointwiseKernel, Array, Array, Array]:
     """Return a kernel, its parameters and two sets of inputs."""
     rng = np.random.default_rng(0)
     basis = JointBasis(TYPES, rng.normal(size=3), 0.5 + rng.random(3))
-    kernels = {
+    kernels: dict[str, tuple[JointwiseKernel, Array]] = {
         'friction': (Friction(0.1 + rng.random(3)), rng.random((3, 3))),
         'residual': (Residual(basis, 0.5 + rng.random((2, 3))), 0.5 + rng.random((3, 4))),
     }
@@ -26,7 +26,7 @@ def make(name):
     return kernel, parameters, x, z
 
 
-def test_friction_by_definition():
+def test_friction_by_definition() -> None:
     """The kernel is linear in velocity, smooth sign and a constant."""
     rng = np.random.default_rng(1)
     kernel, parameters = Friction(np.full(3, 0.2)), rng.random((3, 3))
@@ -41,7 +41,7 @@ def test_friction_by_definition():
                 assert got[i, t, u] == pytest.approx(expected)
 
 
-def test_residual_by_definition():
+def test_residual_by_definition() -> None:
     """A squared exponential of distances in features, velocities and accelerations."""
     rng = np.random.default_rng(1)
     basis = JointBasis(TYPES, np.zeros(3), np.ones(3))
@@ -62,7 +62,7 @@ def test_residual_by_definition():
 
 
 @pytest.mark.parametrize('name', ['friction', 'residual'])
-def test_prior_variance_is_the_diagonal(name):
+def test_prior_variance_is_the_diagonal(name: str) -> None:
     """The shortcut and the whole agree."""
     kernel, parameters, x, _ = make(name)
     diagonal = np.einsum('itt->ti', kernel.covariance(parameters, x, x))
@@ -70,7 +70,7 @@ def test_prior_variance_is_the_diagonal(name):
 
 
 @pytest.mark.parametrize('name', ['friction', 'residual'])
-def test_gradient(name):
+def test_gradient(name: str) -> None:
     """Against central differences by every parameter."""
     kernel, parameters, x, _ = make(name)
     contraction = np.random.default_rng(2).normal(size=(3, 7, 7))

@@ -19,7 +19,7 @@ TYPES = st.lists(st.sampled_from(['revolute', 'prismatic']), min_size=1, max_siz
 @pytest.mark.parametrize('member', MEMBERS)
 @given(types=TYPES, seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=25)
-def test_gram_is_positive_semidefinite(member, types, seed):
+def test_gram_is_positive_semidefinite(member: str, types: tuple[str, ...], seed: int) -> None:
     """For any arm and any positive weights."""
     rng = np.random.default_rng(seed)
     kernel = FAMILY[member](len(types))
@@ -31,7 +31,7 @@ def test_gram_is_positive_semidefinite(member, types, seed):
 
 
 @pytest.mark.parametrize('member', [m for m in MEMBERS if m != 'lip'])
-def test_inertia_does_not_depend_on_the_first_joint(member):
+def test_inertia_does_not_depend_on_the_first_joint(member: str) -> None:
     """Turning the whole arm about its first joint changes no inertial torque."""
     rng = np.random.default_rng(0)
     kernel = without_potential(FAMILY[member](4))
@@ -45,7 +45,7 @@ def test_inertia_does_not_depend_on_the_first_joint(member):
     np.testing.assert_allclose(after, before, rtol=1e-12)
 
 
-def test_lip_depends_on_the_first_joint():
+def test_lip_depends_on_the_first_joint() -> None:
     """The paper's kernel does not know that; what the test above holds is not trivial."""
     rng = np.random.default_rng(0)
     kernel = without_potential(FAMILY['lip'](2))
@@ -58,7 +58,7 @@ def test_lip_depends_on_the_first_joint():
     assert abs(after - before).max() > 1e-2 * abs(before).max()
 
 
-def test_prismatic_unit_and_origin_only_change_the_conditioning():
+def test_prismatic_unit_and_origin_only_change_the_conditioning() -> None:
     """The functions that a prismatic joint can be part of are the same in any unit."""
     rng = np.random.default_rng(0)
     kernel = FAMILY['recursive'](2)
@@ -72,7 +72,7 @@ def test_prismatic_unit_and_origin_only_change_the_conditioning():
     assert ranks[0] == ranks[1] < 60
 
 
-def test_wrong_shapes_are_refused():
+def test_wrong_shapes_are_refused() -> None:
     """One sentence says what was expected and what came."""
     basis = JointBasis(('revolute',) * 3, np.zeros(3), np.ones(3))
     good, bad = np.zeros((4, 3)), np.zeros((4, 2))
