@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import sys
 import time
@@ -45,16 +45,19 @@ class Lines:
     ----------
     stream : text file
         Where to.
+    clock : callable
+        Seconds that only go forward.
 
     """
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
         self._stream = stream
-        self._last = time.monotonic()
+        self._clock = clock
+        self._last = clock()
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Take a report."""
-        now = time.monotonic()
+        now = self._clock()
         if now - self._last >= QUIET_SECONDS:
             self._last = now
             print(f'{stage}: {done} of {total}' if total else stage, file=self._stream, flush=True)

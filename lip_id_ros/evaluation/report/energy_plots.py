@@ -91,6 +91,6 @@ def _draw(panel: Axes, curve: _Curve, outcome: Outcome, band: Band) -> None:
         linewidth=0,
         label='± 2 standard deviations',
     )
-    panel.set_title(curve.title)
+    panel.set_title(curve.title, loc='left')
     style.remark(panel, curve.nmse_percent)
     panel.set_ylabel('energy [J]')

@@ -33,7 +33,6 @@ SETTINGS: Any = {
     'font.size': 11,
     'axes.titlesize': 12,
     'axes.titleweight': 'bold',
-    'axes.titlelocation': 'left',
     'axes.grid': True,
     'axes.axisbelow': True,
     'axes.spines.top': False,
@@ -91,7 +90,7 @@ def joint_grid(
     grid = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False)
     panels = list(grid.flat)
     for joint, (name, kind) in enumerate(zip(joint_names, joint_types, strict=True)):
-        panels[joint].set_title(name)
+        panels[joint].set_title(name, loc='left')
         panels[joint].set_ylabel(f'{symbol} [{TORQUE_UNITS[kind]}]')
         draw(panels[joint], joint)
     for panel in panels[len(joint_names) :]:

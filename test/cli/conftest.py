@@ -1,0 +1,51 @@
+"""Recordings of three pendulums, and a model fitted on one of them through the command line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from simulation.pendulums import swing
+
+from lip_id_ros.cli import main
+from lip_id_ros.simulation import write_bag
+
+SETTINGS = """
+preprocessing:
+  cutoff_hz: 8.0
+fit:
+  subset: 25
+  max_samples: 50
+  iterations: 8
+  residual: false
+"""
+
+
+@dataclass(frozen=True)
+class Workshop:
+    """Files that the tests read, and must not change."""
+
+    bag: Path
+    other_bag: Path
+    settings: Path
+    model: Path
+
+
+@pytest.fixture(scope='session')
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Workshop:
+    folder = tmp_path_factory.mktemp('workshop')
+    files = Workshop(folder / 'run', folder / 'other', folder / 'arm.yaml', folder / 'arm.npz')
+    for seed, bag in enumerate((files.bag, files.other_bag)):
+        write_bag(bag, swing(seed, rate=50.0), start=1.7e9)
+    files.settings.write_text(SETTINGS)
+    status = main(['fit', str(files.bag), '-o', str(files.model), '--config', str(files.settings)])
+    assert status == 0
+    return files
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder, which is also the current one."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

@@ -1,0 +1,289 @@
+"""Bad input: exit status 1, one line on stderr that names the culprit, no file left behind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from cli.conftest import Workshop
+import numpy as np
+import pytest
+from simulation.pendulums import swing
+
+from lip_id_ros import evaluation
+from lip_id_ros.cli import main
+from lip_id_ros.evaluation.mcap_writer import JointStateTrack, write_bag_folder
+from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.simulation import write_bag
+
+Capture = pytest.CaptureFixture[str]
+FIT = ('fit', 'SOURCE', '-o', 'out.npz')
+
+
+def bag(path: Path, **signals: Any) -> None:
+    """Write a bag of the pendulums with some signals taken away or changed."""
+    data = swing(1, rate=50.0)
+    given = {'position': data.q, 'velocity': data.dq, 'effort': data.tau, **signals}
+    write_bag_folder(path, [JointStateTrack('/joint_states', data.joint_names, data.t, **given)])
+
+
+def npz(path: Path, **arrays: Any) -> None:
+    data = swing(1)
+    given = {'q': data.q, 'dq': data.dq, 'ddq': data.ddq, 'tau': data.tau, **arrays}
+    np.savez(path, **{name: value for name, value in given.items() if value is not None})
+
+
+def no_topic(path: Path) -> None:
+    write_bag(path, swing(1), topic='/joint_states')
+    file = path / f'{path.name}.mcap'
+    content = file.read_bytes()
+    file.write_bytes(content.replace(b'sensor_msgs/msg/JointState', b'sensor_msgs/msg/JointXtate'))
+    (path / 'metadata.yaml').unlink()
+
+
+SOURCES: dict[str, tuple[Callable[[Path], object], str]] = {
+    'missing': (lambda path: None, 'SOURCE: No such file or directory'),
+    'empty folder': (lambda path: path.mkdir(), r'SOURCE must hold a bag'),
+    'no messages': (lambda path: write_bag_folder(path, []), r'SOURCE .*joint_states'),
+    'no effort': (lambda path: bag(path, effort=None), r'SOURCE.* effort'),
+    'NaN in effort': (
+        lambda path: bag(path, effort=np.full((1000, 3), np.nan)), r'SOURCE.*effort'
+    ),
+    'NaN in position': (
+        lambda path: bag(path, position=np.full((1000, 3), np.nan)), r'SOURCE.*position'
+    ),
+    'too short': (
+        lambda path: write_bag(path, swing(1, duration=0.5)), r'SOURCE must hold a motion of'
+    ),
+    'still': (
+        lambda path: bag(path, effort=np.zeros((1000, 3))), r"torque of joint 'shoulder' is the"
+    ),
+}  # fmt: skip
+
+ARRAYS: dict[str, tuple[dict[str, Any], str]] = {
+    'no torque': ({'tau': None}, 'tau is missing'),
+    'other length': ({'dq': np.zeros((7, 3))}, r'dq must have shape \(400, 3\)'),
+    'not a number': ({'tau': np.full((400, 3), np.nan)}, 'tau must be finite'),
+    'text': ({'q': np.array([['a'] * 3] * 400)}, 'q must hold numbers'),
+    'few samples': (
+        {name: np.random.default_rng(0).normal(size=(4, 3)) for name in ('q', 'dq', 'ddq', 'tau')},
+        'at least 10 samples',
+    ),
+    'object': ({'q': np.array([None, {}], dtype=object)}, 'is not a data set'),
+}
+
+SETTINGS: dict[str, tuple[str, str]] = {
+    'wrong section': ('fitting: {}', "fitting in .*arm.yaml is not a setting; did you mean 'fit'"),
+    'wrong key': ('fit: {kernal: lip}', "fit.kernal in .*arm.yaml .* did you mean 'kernel'"),
+    'wrong type': ('fit: {subset: many}', 'fit.subset in .*arm.yaml must be a whole number'),
+    'out of range': ('preprocessing: {cutoff_hz: -1}', r'preprocessing.cutoff_hz .* >= 0'),
+    'not YAML': ('fit: [', 'arm.yaml is not YAML'),
+    'unknown kernel': ('fit: {kernel: magic}', 'fit.kernel in .*lip or nested or recursive'),
+    'wrong topic': ('recording: {topic: /elsewhere}', "recording.topic .* not '/elsewhere'"),
+    'unknown joint': ('recording: {joints: [knee]}', 'knee'),
+    'scale per joint': ('recording: {effort_scale: [1.0, 2.0]}', 'effort_scale .*3'),
+}
+
+
+def failure(arguments: list[str], capsys: Capture) -> str:
+    """Return the one line on stderr of a command that fails as it should."""
+    capsys.readouterr()
+    assert main(arguments) == 1
+    output = capsys.readouterr()
+    assert output.out == ''
+    lines = output.err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith('lip_id: error: ')
+    return lines[0]
+
+
+def check(line: str, pattern: str) -> None:
+    with pytest.raises(RuntimeError, match=pattern):
+        raise RuntimeError(line)
+
+
+# a data set of a torque that never changes is a data set, but nothing to learn from
+CASES = [(verb, name) for name in SOURCES for verb in ('fit', 'dataset')]
+CASES.remove(('dataset', 'still'))
+
+
+@pytest.mark.parametrize(('verb', 'name'), CASES)
+def test_recordings(verb: str, name: str, here: Path, capsys: Capture) -> None:
+    make, pattern = SOURCES[name]
+    make(here / 'SOURCE')
+    before = set(here.rglob('*'))
+
+    check(failure([verb, *FIT[1:]], capsys), pattern)
+
+    assert set(here.rglob('*')) == before
+
+
+@pytest.mark.parametrize('name', ARRAYS)
+def test_data_sets(name: str, here: Path, capsys: Capture) -> None:
+    arrays, pattern = ARRAYS[name]
+    npz(here / 'data.npz', **arrays)
+
+    check(failure(['fit', 'data.npz', '-o', 'out.npz'], capsys), pattern)
+
+    assert list(here.iterdir()) == [here / 'data.npz']
+
+
+@pytest.mark.parametrize('name', SETTINGS)
+def test_settings(name: str, workshop: Workshop, here: Path, capsys: Capture) -> None:
+    text, pattern = SETTINGS[name]
+    (here / 'arm.yaml').write_text(text)
+
+    line = failure(['fit', str(workshop.bag), '-o', 'out.npz', '--config', 'arm.yaml'], capsys)
+
+    check(line, pattern)
+    assert list(here.iterdir()) == [here / 'arm.yaml']
+
+
+def test_missing_settings_file(workshop: Workshop, here: Path, capsys: Capture) -> None:
+    line = failure(['fit', str(workshop.bag), '-o', 'out.npz', '--config', 'no.yaml'], capsys)
+    check(line, 'no.yaml: No such file')
+
+
+def test_a_bag_without_joint_states(here: Path, capsys: Capture) -> None:
+    no_topic(here / 'SOURCE')
+    check(failure(list(FIT), capsys), r'SOURCE must have a topic of sensor_msgs/msg/JointState')
+
+
+@pytest.mark.parametrize('suffix', ['.db3', '.mcap', '.bag', '.npz', '.txt'])
+def test_a_file_that_is_something_else(suffix: str, here: Path, capsys: Capture) -> None:
+    (here / f'noise{suffix}').write_bytes(bytes(range(256)) * 8)
+    check(failure(['dataset', f'noise{suffix}', '-o', 'out.npz'], capsys), f'noise{suffix}')
+    assert len(list(here.iterdir())) == 1
+
+
+MODEL_VERBS = (
+    ('evaluate', 'MODEL', 'BAG', '--json', 'out.json', '--report', 'report'),
+    ('predict', 'MODEL', 'BAG', '-o', 'out.npz'),
+    ('bench', 'MODEL', '--json', 'out.json'),
+)
+
+
+def damage(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    path.write_bytes(content)
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:1000])
+
+
+def foreign(path: Path) -> None:
+    npz(path.with_suffix('.npz'))
+    path.with_suffix('.npz').replace(path)
+
+
+def newer(path: Path) -> None:
+    arrays, header = read_npz(path)
+    write_npz(path, arrays, {**header, 'version': 999})
+
+
+def lacking(path: Path) -> None:
+    arrays, header = read_npz(path)
+    write_npz(path, arrays, {'schema': header['schema'], 'version': header['version']})
+
+
+@pytest.mark.parametrize('spoil', [damage, truncate, foreign, newer, lacking, Path.unlink])
+@pytest.mark.parametrize('command', MODEL_VERBS, ids=lambda command: command[0])
+def test_models(
+    command: tuple[str, ...],
+    spoil: Callable[[Path], None],
+    workshop: Workshop,
+    here: Path,
+    capsys: Capture,
+) -> None:
+    (here / 'MODEL').write_bytes(workshop.model.read_bytes())
+    spoil(here / 'MODEL')
+    before = set(here.iterdir())
+
+    line = failure([str(workshop.bag) if word == 'BAG' else word for word in command], capsys)
+
+    check(line, 'MODEL')
+    assert set(here.iterdir()) == before
+
+
+def test_a_data_set_without_a_joint_of_the_model(
+    workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    swing(1).with_joints(('shoulder', 'elbow')).save('data.npz')
+    for command in MODEL_VERBS[:2]:
+        words = {'MODEL': str(workshop.model), 'BAG': 'data.npz'}
+        line = failure([words.get(word, word) for word in command], capsys)
+        check(line, "joint 'wrist' is not in the data set")
+    assert list(here.iterdir()) == [here / 'data.npz']
+
+
+def test_a_prediction_in_no_known_format(workshop: Workshop, here: Path, capsys: Capture) -> None:
+    line = failure(['predict', str(workshop.model), str(workshop.bag), '-o', 'out.csv'], capsys)
+    check(line, 'out.csv must end in .npz or .mcap')
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ('output', 'pattern'),
+    [('no/out.npz', 'no: No such file or directory'), ('.', r'\.: Is a directory')],
+)
+def test_a_place_that_cannot_be_written_is_found_before_the_work(
+    output: str, pattern: str, here: Path, capsys: Capture
+) -> None:
+    # the source does not exist either: nobody has looked for it yet
+    check(failure(['fit', 'SOURCE', '-o', output], capsys), pattern)
+
+
+def test_a_fit_that_breaks_leaves_the_older_model(
+    workshop: Workshop, here: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (here / 'out.npz').write_text('precious')
+
+    def fail(*_: Any) -> None:
+        raise OSError(28, 'No space left on device', 'out.npz')
+
+    monkeypatch.setattr('lip_id_ros.model.model_file.write', fail)
+    line = failure(
+        ['fit', str(workshop.bag), '-o', 'out.npz', '--config', str(workshop.settings)], capsys
+    )
+
+    check(line, 'out.npz: No space left on device')
+    assert (here / 'out.npz').read_text() == 'precious'
+
+
+def test_interruption_is_quiet(
+    workshop: Workshop, here: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluation, 'run', interrupt)
+    status = main(['predict', str(workshop.model), str(workshop.bag), '-o', 'out.npz'])
+
+    assert status == 130
+    assert capsys.readouterr().err == 'lip_id: interrupted\n'
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    'arguments',
+    [
+        (),
+        ('teach',),
+        ('fit', 'bag'),
+        ('fit', '-o', 'out.npz'),
+        ('fit', 'bag', '-o', 'out.npz', '--kernel', 'magic'),
+        ('fit', 'bag', '-o', 'out.npz', '--holdout', '1.5'),
+        ('fit', 'bag', '-o', 'out.npz', '--holdout', 'half'),
+        ('fit', 'bag', '-o', 'out.npz', '--joints', 'a,,b'),
+        ('bench',),
+    ],
+)
+def test_wrong_usage(arguments: tuple[str, ...], capsys: Capture) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+
+    assert stopped.value.code == 2
+    assert 'usage: lip_id' in capsys.readouterr().err

@@ -1,0 +1,97 @@
+"""What is printed where, and how far long work is."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from lip_id_ros.cli import outline, output, progress_display
+from lip_id_ros.cli.main import one_line
+from lip_id_ros.errors import DataError
+
+Capture = pytest.CaptureFixture[str]
+
+
+def test_json_is_written_whole(tmp_path: Path) -> None:
+    output.write_json(str(tmp_path / 'a.json'), {'x': [1.5, None]})
+    assert json.loads((tmp_path / 'a.json').read_text()) == {'x': [1.5, None]}
+
+
+def test_json_that_would_not_be_json_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match='JSON'):
+        output.write_json(str(tmp_path / 'a.json'), {'x': float('nan')})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_json_is_asked_for(capsys: Capture) -> None:
+    output.write_json(None, {'x': 1})
+    assert capsys.readouterr().out == ''
+
+
+def test_quick_work_says_nothing_and_slow_work_now_and_then() -> None:
+    times = iter([0.0, 1.0, 11.0, 12.0, 22.5])
+    stream = io.StringIO()
+    lines = progress_display.Lines(stream, clock=lambda: next(times))
+
+    lines('fit', 1, 10)
+    lines('fit', 2, 10)
+    lines('fit', 3, 10)
+    lines('reading', 0, 0)
+
+    assert stream.getvalue() == 'fit: 2 of 10\nreading\n'
+
+
+def test_bars_are_shown_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = io.StringIO()
+    monkeypatch.setattr(
+        progress_display, 'Console', lambda stderr: Console(file=shown, force_terminal=True)
+    )
+    with progress_display.progress_display() as progress:
+        progress('reading', 0, 0)
+        progress('hyperparameters', 3, 60)
+
+    assert 'hyperparameters' in shown.getvalue()
+    assert '3/60' in shown.getvalue()
+
+
+def test_an_error_of_several_lines_becomes_one() -> None:
+    assert one_line(DataError('first\n  second')) == 'first second'
+
+
+def test_an_error_of_the_file_system_names_the_file() -> None:
+    assert one_line(FileNotFoundError(2, 'No such file', 'bag')) == 'bag: No such file'
+    assert one_line(OSError('disk full')) == 'disk full'
+
+
+def test_outline_of_a_nested_description(capsys: Capture) -> None:
+    description = {
+        'kind': 'bag',
+        'topics': [{'name': '/a', 'messages': 2}, {'name': '/b', 'messages': 0}],
+        'dropped': {},
+        'compressed': False,
+        'timing': {'rate_hz': 125.000001, 'gaps': [], 'longest': None},
+        'ranges': {'x': {'position': [-1.0, 2.5], 'velocity': None}},
+    }
+
+    outline.described(description, Console(width=80))
+
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:12] == [
+        'kind: bag',
+        'topics 1:',
+        '  name: /a',
+        '  messages: 2',
+        'topics 2:',
+        '  name: /b',
+        '  messages: 0',
+        'dropped: none',
+        'compressed: no',
+        'timing:',
+        '  rate_hz: 125',
+        '  gaps: none',
+    ]
+    assert any('-1 to 2.5' in line and 'absent' in line for line in lines)

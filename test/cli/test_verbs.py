@@ -1,0 +1,213 @@
+"""Every verb from arguments to files and output, on small recordings."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+import subprocess
+import sys
+import time
+
+from cli.conftest import Workshop
+import numpy as np
+import pytest
+
+from lip_id_ros.cli import main
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.files import read_npz
+from lip_id_ros.serving import Predictor, TrainedModel
+
+Capture = pytest.CaptureFixture[str]
+
+
+def lip_id(*arguments: object) -> None:
+    assert main([str(argument) for argument in arguments]) == 0
+
+
+def test_fit_writes_a_model_and_shows_its_joints(
+    workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    lip_id('fit', workshop.bag, '-o', 'arm.npz', '--config', workshop.settings, '--seed', 3)
+
+    model = TrainedModel.load('arm.npz')
+    output = capsys.readouterr()
+    assert model.joint_names == ('shoulder', 'elbow', 'wrist')
+    assert model.n_samples == 50
+    assert all(name in output.out for name in model.joint_names)
+    assert 'Written: arm.npz' in output.out
+    assert '--holdout' in output.out
+    assert output.err == ''
+    assert list(here.iterdir()) == [here / 'arm.npz']
+
+
+def test_fit_takes_kernel_and_joints_from_the_command_line(workshop: Workshop, here: Path) -> None:
+    lip_id(
+        'fit', workshop.bag, '-o', 'arm.npz', '--config', workshop.settings,
+        '--kernel', 'lip', '--joints', 'wrist,elbow',
+    )  # fmt: skip
+
+    model = TrainedModel.load('arm.npz')
+    assert model.kernel == 'lip'
+    assert model.joint_names == ('wrist', 'elbow')
+
+
+def test_held_out_samples_are_the_last_and_are_not_learned_from(
+    workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    lip_id('dataset', workshop.bag, '-o', 'data.npz', '--config', workshop.settings)
+    first, rest = Dataset.load('data.npz').split(0.75)
+    capsys.readouterr()
+
+    lip_id('fit', 'data.npz', '-o', 'arm.npz', '--config', workshop.settings, '--holdout', 0.25)
+
+    model, output = TrainedModel.load('arm.npz'), capsys.readouterr().out
+    assert np.isin(model.states.q[:, 0], first.q[:, 0]).all()
+    assert 'the last 25 % of the samples' in output
+    assert f'{rest.n_samples} samples, compared with the measured torques' in output
+
+
+def test_evaluate_writes_figures_and_report(
+    workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    lip_id(
+        'evaluate', workshop.model, workshop.other_bag, '--json', 'figures.json', '--report', 'out'
+    )
+
+    figures = json.loads((here / 'figures.json').read_text())
+    output = capsys.readouterr().out
+    assert figures['joint_names'] == ['shoulder', 'elbow', 'wrist']
+    assert max(figures['nmse_percent']) < 5
+    assert figures['kinetic_nmse_percent'] is None
+    assert 'training data' not in output
+    page = (here / 'out' / 'index.html').read_text(encoding='utf-8')
+    assert str(workshop.other_bag) in page
+    assert 'training data' not in page
+
+
+def test_evaluating_the_training_data_is_said_plainly(
+    workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    lip_id('evaluate', workshop.model, workshop.bag, '--report', 'out')
+
+    assert 'These are training data' in capsys.readouterr().out
+    assert 'These are training data' in (here / 'out' / 'index.html').read_text(encoding='utf-8')
+
+
+def test_json_on_standard_output_is_nothing_but_json(workshop: Workshop, capsys: Capture) -> None:
+    lip_id('evaluate', workshop.model, workshop.other_bag, '--json', '-')
+
+    output = capsys.readouterr()
+    assert json.loads(output.out)['n_samples'] > 100
+    assert 'shoulder' in output.err
+
+
+def test_recordings_are_prepared_as_for_the_fit(workshop: Workshop, here: Path) -> None:
+    lip_id('predict', workshop.model, workshop.bag, '-o', 'as_fit.npz')
+    lip_id('dataset', workshop.bag, '-o', 'data.npz', '--config', workshop.settings)
+    (here / 'other.yaml').write_text('preprocessing: {cutoff_hz: 2.0}')
+    lip_id('predict', workshop.model, workshop.bag, '-o', 'other.npz', '--config', 'other.yaml')
+
+    as_fit, other = read_npz('as_fit.npz')[0], read_npz('other.npz')[0]
+    np.testing.assert_array_equal(as_fit['tau_measured'], Dataset.load('data.npz').tau)
+    assert as_fit['tau_measured'].shape != other['tau_measured'].shape
+
+
+def test_predict_gives_the_parts_of_the_torque(workshop: Workshop, here: Path) -> None:
+    lip_id('predict', workshop.model, workshop.other_bag, '-o', 'out.npz')
+
+    arrays, _ = read_npz('out.npz')
+    parts = sum(arrays[name] for name in ('inertial', 'coriolis', 'gravity', 'friction'))
+    np.testing.assert_allclose(arrays['tau'], parts, atol=1e-9)
+    assert np.all(arrays['tau_std'] > 0)
+
+
+def test_predict_writes_mcap(workshop: Workshop, here: Path) -> None:
+    (here / 'topic.yaml').write_text('recording: {topic: /measured}')
+
+    lip_id('predict', workshop.model, workshop.other_bag, '-o', 'out.mcap')
+    lip_id('dataset', 'out.mcap', '-o', 'again.npz', '--config', 'topic.yaml')
+
+    assert Dataset.load('again.npz').joint_names == ('shoulder', 'elbow', 'wrist')
+
+
+def test_dataset_keeps_its_joints_and_types(
+    workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    lip_id('dataset', workshop.bag, workshop.other_bag, '-o', 'data.npz', '--joints', 'wrist')
+
+    data = Dataset.load('data.npz')
+    assert data.joint_names == ('wrist',)
+    assert set(data.segment.tolist()) == {0, 1}
+    assert 'uninterrupted segments: 2' in capsys.readouterr().out
+
+
+def test_inspect_tells_a_bag_a_data_set_and_a_model(
+    workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    lip_id('dataset', workshop.bag, '-o', 'data.npz')
+    capsys.readouterr()
+    kinds = {}
+    for path in (workshop.bag, 'data.npz', workshop.model):
+        lip_id('inspect', path, '--json', '-')
+        kinds[str(path)] = json.loads(capsys.readouterr().out)['kind']
+
+    assert list(kinds.values()) == ['rosbag2 folder', 'data set', 'model']
+
+
+def test_inspect_shows_rate_and_ranges(workshop: Workshop, capsys: Capture) -> None:
+    lip_id('inspect', workshop.bag)
+
+    output = capsys.readouterr().out
+    assert 'rate_hz: 50' in output
+    assert 'topic: /joint_states' in output
+    assert all(name in output for name in ('shoulder', 'position', 'effort'))
+
+
+def test_inspect_shows_what_a_model_was_fitted_on(workshop: Workshop, capsys: Capture) -> None:
+    lip_id('inspect', workshop.model)
+
+    output = capsys.readouterr().out
+    assert 'kernel: recursive' in output
+    assert f'source: {workshop.bag}' in output
+
+
+def test_bench_measures_and_writes(workshop: Workshop, here: Path) -> None:
+    lip_id('bench', workshop.model, '--json', 'bench.json')
+
+    figures = json.loads((here / 'bench.json').read_text())
+    assert figures['n_joints'] == 3
+    assert figures['n_samples'] == TrainedModel.load(workshop.model).n_samples
+    assert 0 < figures['one_query_us_median'] <= figures['one_query_us_p99']
+
+
+def test_the_same_command_gives_the_same_model(workshop: Workshop, here: Path) -> None:
+    lip_id('fit', workshop.bag, '-o', 'again.npz', '--config', workshop.settings)
+
+    states = np.random.default_rng(0).normal(size=(3, 5, 3))
+    first = Predictor(TrainedModel.load(workshop.model)).predict(*states)
+    again = Predictor(TrainedModel.load('again.npz')).predict(*states)
+    np.testing.assert_allclose(again.tau, first.tau, rtol=1e-6)
+
+
+def test_help_is_quick_and_names_every_verb() -> None:
+    begin = time.perf_counter()
+    ran = subprocess.run(
+        [sys.executable, '-m', 'lip_id_ros.cli', '--help'],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    elapsed = time.perf_counter() - begin
+
+    assert all(
+        f'\n    {verb}' in ran.stdout
+        for verb in ('fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench')
+    )
+    assert elapsed < 2.0  # 0.05 s on an idle machine
+
+
+@pytest.mark.parametrize('verb', ['fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench'])
+def test_every_verb_has_help_with_an_example(verb: str, capsys: Capture) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main([verb, '--help'])
+
+    assert stopped.value.code == 0
+    assert f'lip_id {verb} ' in capsys.readouterr().out.split('example', 1)[1]

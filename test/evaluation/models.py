@@ -1,0 +1,26 @@
+"""A real model, fitted in a second or two and shared by all tests of a run."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from simulation.pendulums import swing
+
+from lip_id_ros.config import FitSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp import fit
+from lip_id_ros.serving import TrainedModel
+
+QUICK = FitSettings(subset=25, max_samples=50, iterations=10, residual=False)
+
+
+@cache
+def training() -> Dataset:
+    """Return the motion that the model is fitted on."""
+    return swing(1)
+
+
+@cache
+def small_model() -> TrainedModel:
+    """Return a model of the pendulums."""
+    return fit(training(), QUICK)

@@ -1,0 +1,170 @@
+"""From predictions to figures, with an estimator whose errors are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import json
+import math
+
+from evaluation.stubs import Knowing
+import numpy as np
+import pytest
+from simulation.pendulums import swing
+
+from lip_id_ros.errors import DataError, ModelError
+from lip_id_ros.evaluation import evaluate, matched, run
+from lip_id_ros.evaluation.outcome import deviation
+from lip_id_ros.evaluation.tables import error_table, notes, percent
+
+KEYS = {
+    'joint_names',
+    'n_samples',
+    'nmse_percent',
+    'nmse_percent_mean',
+    'rmse',
+    'kinetic_nmse_percent',
+    'potential_nmse_percent',
+    'inertia_not_pd_percent',
+    'inertia_min_eigenvalue',
+}
+
+
+def test_the_truth_has_no_error() -> None:
+    evaluation = evaluate(Knowing(), swing(1))
+
+    np.testing.assert_allclose(evaluation.nmse_percent, 0.0, atol=1e-20)
+    assert evaluation.kinetic_nmse_percent == pytest.approx(0.0, abs=1e-20)
+    assert evaluation.potential_nmse_percent == pytest.approx(0.0, abs=1e-20)
+    assert evaluation.inertia_not_pd_percent == 0.0
+    assert evaluation.inertia_min_eigenvalue == pytest.approx(0.2)
+    assert evaluation.against_truth
+
+
+def test_known_errors_are_found() -> None:
+    data = swing(1)
+    assert data.tau_noiseless is not None
+    assert data.kinetic is not None
+    evaluation = evaluate(Knowing(torque_error=0.2, energy_error=0.1, offset=50.0), data)
+
+    np.testing.assert_allclose(evaluation.rmse, 0.2)
+    np.testing.assert_allclose(
+        evaluation.nmse_percent, 100 * 0.04 / np.var(data.tau_noiseless, axis=0)
+    )
+    assert evaluation.nmse_percent_mean == pytest.approx(np.mean(evaluation.nmse_percent))
+    assert evaluation.kinetic_nmse_percent == pytest.approx(1.0 / np.var(data.kinetic))
+    assert evaluation.potential_nmse_percent == pytest.approx(0.0, abs=1e-20)
+
+
+def test_measured_torques_serve_where_the_true_ones_are_unknown() -> None:
+    data = replace(swing(1, noise=0.3), tau_noiseless=None, kinetic=None, potential=None)
+    evaluation = evaluate(Knowing(), data)
+
+    np.testing.assert_allclose(evaluation.rmse, 0.3, rtol=0.1)
+    assert not evaluation.against_truth
+    assert evaluation.kinetic_nmse_percent is None
+    assert evaluation.potential_nmse_percent is None
+    assert 'measured torques' in notes(evaluation)[0]
+
+
+def test_a_model_without_potential_energy_is_not_asked_for_it() -> None:
+    evaluation = evaluate(Knowing(offset=None), swing(1))
+
+    assert evaluation.potential_nmse_percent is None
+    assert evaluation.kinetic_nmse_percent is not None
+
+
+def test_indefinite_inertia_is_reported() -> None:
+    evaluation = evaluate(Knowing(inertia=np.array([0.5, 0.3, -0.02])), swing(1))
+
+    assert evaluation.inertia_not_pd_percent == 100.0
+    assert evaluation.inertia_min_eigenvalue == pytest.approx(-0.02)
+    assert 'at 100 % of the samples' in notes(evaluation)[1]
+
+
+def test_json_holds_the_documented_keys_and_no_nan() -> None:
+    data = swing(1)
+    still = np.array(data.tau_noiseless)
+    still[:, 1] = 2.0
+    evaluation = evaluate(Knowing(offset=None), replace(data, tau_noiseless=still))
+
+    figures = evaluation.to_json()
+
+    assert set(figures) == KEYS
+    assert json.loads(json.dumps(figures, allow_nan=False)) == figures
+    assert figures['nmse_percent'][1] is None
+    assert figures['potential_nmse_percent'] is None
+    assert figures['nmse_percent_mean'] == pytest.approx(0.0, abs=1e-20)
+    assert figures['joint_names'] == ['shoulder', 'elbow', 'wrist']
+
+
+def test_a_joint_that_never_varies_leaves_no_mean() -> None:
+    data = swing(1).select([0])
+    figures = evaluate(Knowing(), data).to_json()
+
+    assert figures['nmse_percent_mean'] is None
+
+
+def test_work_is_done_in_blocks_and_reported() -> None:
+    data = swing(1, duration=60.0)
+    estimator, reports = Knowing(), []
+    outcome = run(estimator, data, lambda *report: reports.append(report))
+
+    assert data.n_samples == 1200
+    assert estimator.calls == [500, 500, 200]
+    assert reports[-1] == ('predict', 1200, 1200)
+    np.testing.assert_array_equal(
+        outcome.prediction.tau, Knowing().predict(data.q, data.dq, data.ddq).tau
+    )
+
+
+def test_deviations_are_joined_too() -> None:
+    data = swing(1).select(range(120))
+    std = deviation(Knowing(), data)
+
+    assert std.tau.shape == (120, 3)
+    assert std.potential is not None
+    assert std.potential.shape == (120,)
+    assert deviation(Knowing(offset=None), data).potential is None
+
+
+def test_joints_are_matched_by_name() -> None:
+    data = swing(1)
+    turned = data.with_joints(('wrist', 'shoulder', 'elbow'))
+
+    np.testing.assert_array_equal(matched(turned, data).q, data.q)
+
+
+def test_a_missing_joint_is_named() -> None:
+    data = swing(1)
+    with pytest.raises(DataError, match=r"joint 'wrist' is not in the data set"):
+        matched(data.with_joints(('shoulder', 'elbow')), data)
+
+
+def test_a_joint_of_another_type_is_named() -> None:
+    data = swing(1)
+    other = replace(data, joint_types=('revolute', 'prismatic', 'revolute'))
+    with pytest.raises(ModelError, match=r"joint 'elbow' must be revolute .* but is prismatic"):
+        matched(other, data)
+
+
+def test_table_shows_every_joint_and_energy() -> None:
+    table = error_table(evaluate(Knowing(torque_error=0.2), swing(1)), 'Here')
+
+    assert table.title == 'Here'
+    assert [row[0] for row in table.rows] == [
+        'shoulder',
+        'elbow',
+        'wrist',
+        'mean of the joints',
+        'kinetic energy',
+        'potential energy',
+    ]
+    assert table.rows[0][2] == '0.2 N m'
+
+
+@pytest.mark.parametrize(
+    ('value', 'text'),
+    [(math.nan, '-'), (0.0, '<0.0001'), (0.01234, '0.0123'), (3.14159, '3.1416'), (42.0, '42')],
+)
+def test_percent(value: float, text: str) -> None:
+    assert percent(value) == text

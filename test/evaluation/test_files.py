@@ -1,0 +1,124 @@
+"""What is written can be read back, by others too, and is whole or absent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from evaluation.stubs import Knowing
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+import numpy as np
+import pytest
+from simulation.pendulums import swing
+
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.evaluation import mcap_writer, run
+from lip_id_ros.evaluation.mcap_writer import JointStateTrack, write_bag_folder, write_mcap
+from lip_id_ros.evaluation.prediction_file import (
+    write_prediction_mcap,
+    write_prediction_npz,
+    writer_for,
+)
+from lip_id_ros.files import read_npz
+
+
+def messages(path: Path) -> list[tuple[str, Any]]:
+    with path.open('rb') as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        return [
+            (channel.topic, decoded) for _, channel, _, decoded in reader.iter_decoded_messages()
+        ]
+
+
+def seconds(message: Any) -> float:
+    return float(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
+
+
+def test_tracks_are_merged_in_the_order_of_time(tmp_path: Path) -> None:
+    first = JointStateTrack('/a', ['x'], np.array([0.0, 2.0]), position=np.array([[1.0], [2.0]]))
+    second = JointStateTrack('/b', ['y'], np.array([1.0, 3.0]), effort=np.array([[5.0], [6.0]]))
+
+    write_mcap(tmp_path / 'out.mcap', [first, second])
+
+    found = messages(tmp_path / 'out.mcap')
+    assert [topic for topic, _ in found] == ['/a', '/b', '/a', '/b']
+    assert [seconds(message) for _, message in found] == [0.0, 1.0, 2.0, 3.0]
+    assert [list(message.position) for _, message in found] == [[1.0], [], [2.0], []]
+    assert [list(message.effort) for _, message in found] == [[], [5.0], [], [6.0]]
+    assert list(found[0][1].name) == ['x']
+    assert list(tmp_path.iterdir()) == [tmp_path / 'out.mcap']
+
+
+def test_a_failure_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    track = JointStateTrack('/a', ['x'], np.array([0.0]))
+    (tmp_path / 'out.mcap').write_text('precious')
+
+    def fail(*_: Any) -> None:
+        raise OSError('disk full')
+
+    monkeypatch.setattr(mcap_writer, '_serialized', fail)
+    for write in (write_mcap, write_bag_folder):
+        with pytest.raises(OSError, match=r'disk full|exists'):
+            write(tmp_path / 'out.mcap', [track])
+    with pytest.raises(OSError, match='disk full'):
+        write_bag_folder(tmp_path / 'bag', [track])
+
+    assert (tmp_path / 'out.mcap').read_text() == 'precious'
+    assert list(tmp_path.iterdir()) == [tmp_path / 'out.mcap']
+
+
+def test_npz_holds_everything_predicted(tmp_path: Path) -> None:
+    data, estimator, path = swing(1), Knowing(torque_error=0.1), tmp_path / 'out.npz'
+
+    write_prediction_npz(path, estimator, run(estimator, data))
+
+    arrays, header = read_npz(path)
+    expected = estimator.predict(data.q, data.dq, data.ddq)
+    assert header['format'] == 'lip_id_ros prediction'
+    assert set(header['units']) == set(arrays) - {'segment', 'joint_names'}
+    for name in ('tau', 'inertial', 'coriolis', 'gravity', 'friction', 'kinetic', 'potential'):
+        np.testing.assert_array_equal(arrays[name], getattr(expected, name))
+    np.testing.assert_array_equal(arrays['tau_measured'], data.tau)
+    np.testing.assert_array_equal(arrays['t'], data.t)
+    assert arrays['tau_std'].shape == data.tau.shape
+    assert arrays['kinetic_std'].shape == (data.n_samples,)
+    assert arrays['joint_names'].tolist() == list(data.joint_names)
+
+
+def test_npz_without_potential_energy(tmp_path: Path) -> None:
+    estimator = Knowing(offset=None)
+
+    write_prediction_npz(tmp_path / 'out.npz', estimator, run(estimator, swing(1)))
+
+    arrays, _ = read_npz(tmp_path / 'out.npz')
+    assert not {'potential', 'potential_std'} & set(arrays)
+
+
+def test_mcap_shows_measured_beside_predicted(tmp_path: Path) -> None:
+    data, estimator = swing(1), Knowing(torque_error=0.1)
+
+    write_prediction_mcap(tmp_path / 'out.mcap', estimator, run(estimator, data))
+
+    found = messages(tmp_path / 'out.mcap')
+    measured = [message for topic, message in found if topic == '/measured']
+    predicted = [message for topic, message in found if topic == '/predicted']
+    np.testing.assert_array_equal([list(message.effort) for message in measured], data.tau)
+    np.testing.assert_array_equal([list(message.position) for message in measured], data.q)
+    np.testing.assert_allclose(
+        [list(message.effort) for message in predicted],
+        estimator.predict(data.q, data.dq, data.ddq).tau,
+    )
+    np.testing.assert_allclose([seconds(message) for message in predicted], data.t, atol=1e-9)
+    assert tuple(predicted[0].name) == data.joint_names
+
+
+@pytest.mark.parametrize('name', ['out', 'out.csv', 'npz'])
+def test_a_suffix_that_names_no_format(name: str) -> None:
+    with pytest.raises(ConfigError, match=rf'{name} must end in .npz or .mcap'):
+        writer_for(name)
+
+
+def test_the_suffix_chooses_the_format() -> None:
+    assert writer_for('a.npz') is write_prediction_npz
+    assert writer_for('b/a.mcap') is write_prediction_mcap
