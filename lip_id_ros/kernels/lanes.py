@@ -10,9 +10,13 @@ number of joints.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+import hashlib
+from pathlib import Path
 from typing import Any, cast, TypeVar
 
 import numba
+from numba.core.caching import FunctionCache
 import numpy as np
 
 LANES = 32
@@ -28,13 +32,39 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 
 def compiled(function: Function) -> Function:
     """Compile a function of scalars and arrays to be called from other compiled functions."""
-    wrap = numba.njit(fastmath=FAST_MATH, error_model='numpy', cache=True, nogil=True)
-    return cast('Function', wrap(function))
+    wrap = numba.njit(fastmath=FAST_MATH, error_model='numpy', nogil=True)
+    return _cached(function, wrap(function))
 
 
 def compiled_parallel(function: Function) -> Function:
     """Compile a function whose `numba.prange` loops run on all threads."""
-    wrap = numba.njit(
-        fastmath=FAST_MATH, error_model='numpy', cache=True, nogil=True, parallel=True
-    )
-    return cast('Function', wrap(function))
+    wrap = numba.njit(fastmath=FAST_MATH, error_model='numpy', nogil=True, parallel=True)
+    return _cached(function, wrap(function))
+
+
+class _Cache(FunctionCache):
+    """
+    Machine code on disk that is made anew when any source that it may contain has changed.
+
+    What `numba.njit(cache=True)` keeps follows the outermost function's own file only, so that a
+    formula changed in another module would go on being computed as before (numba issue 1833).
+
+    """
+
+    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
+        home = Path(self._py_func.__code__.co_filename).parent
+        key = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]
+        return (*key, _digest(Path(__file__).parent), _digest(home))
+
+
+@cache
+def _digest(folder: Path) -> str:
+    digest = hashlib.sha256()
+    for source in sorted(folder.glob('*.py')):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+def _cached(function: Function, dispatcher: Any) -> Function:
+    dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
+    return cast('Function', dispatcher)

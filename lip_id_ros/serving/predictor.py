@@ -91,11 +91,9 @@ class Predictor:
         self._features = np.empty((4, n))
         self._parts = np.empty((3, n))
         self._energies = np.empty(2)
-        self._potential_offset = 0.0 if model.has_potential else np.nan
-        if model.has_potential:
-            self._potential_offset = self.query(
-                model.potential_reference, *np.zeros((2, n))
-            ).potential
+        self._state = np.zeros((3, n))
+        self._potential_offset = 0.0
+        self._potential_offset = self._reference_potential()
 
     @property
     def n_joints(self) -> int:
@@ -115,12 +113,14 @@ class Predictor:
 
         Parameters
         ----------
-        q, dq, ddq : float64 arrays, shape (n,)
+        q, dq, ddq : arrays, shape (n,)
             Positions [rad or m], velocities, accelerations.
 
         """
-        parts, energies = self._parts, self._energies
-        evaluate_one(parts, energies, *self._contracted, self._work, self._features, q, dq, ddq)
+        parts, energies, state = self._parts, self._energies, self._state
+        # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
+        state[0], state[1], state[2] = q, dq, ddq
+        evaluate_one(parts, energies, *self._contracted, self._work, self._features, *state)
         return Query(
             parts[0] + parts[1] + parts[2],
             float(energies[0]),
@@ -197,6 +197,14 @@ class Predictor:
     def _uncertainty(self) -> Uncertainty:
         return Uncertainty(self.model)
 
+    def _reference_potential(self) -> float:
+        # Also where there is none: the first query compiles.
+        still = np.zeros(self.n_joints)
+        if not self.model.has_potential:
+            self.query(still, still, still)
+            return np.nan
+        return self.query(self.model.potential_reference, still, still).potential
+
     def _evaluate(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         parts = np.empty((len(q), 3, self.n_joints))
         energies = np.empty((len(q), 2))
@@ -204,7 +212,8 @@ class Predictor:
         return parts, energies
 
     def _checked(self, *arrays: ArrayLike) -> list[Array]:
-        out = [np.ascontiguousarray(x, dtype=np.float64) for x in arrays]
+        # Copied for the reason in `query`.
+        out = [np.array(x, dtype=np.float64, order='C') for x in arrays]
         for x in out:
             if x.ndim != 2 or x.shape != out[0].shape or x.shape[1] != self.n_joints:
                 raise ShapeError(

@@ -1,0 +1,66 @@
+"""Compiled code is kept from run to run, and made anew when a formula changes in any module."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+INNER = """
+from lip_id_ros.kernels.lanes import compiled
+
+@compiled
+def inner(x: float) -> float:
+    return {factor} * x
+"""
+
+OUTER = """
+from inner import inner
+from lip_id_ros.kernels.lanes import compiled
+
+@compiled
+def outer(x: float) -> float:
+    return inner(x)
+
+value = outer(1.0)
+print(value, sum(outer.stats.cache_hits.values()))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / 'inner.py').write_text(INNER.format(factor=2.0))
+    (tmp_path / 'outer.py').write_text(OUTER)
+    return tmp_path
+
+
+def run(folder: Path) -> tuple[float, int]:
+    """Return what the outer function computes in a new process, and how often from disk."""
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'PYTHONDONTWRITEBYTECODE': '1'}
+    environment.pop('NUMBA_CACHE_DIR', None)
+    ran = subprocess.run(
+        [sys.executable, 'outer.py'],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    value, hits = ran.stdout.split()
+    return float(value), int(hits)
+
+
+def test_compiled_code_is_kept(folder: Path) -> None:
+    assert run(folder) == (2.0, 0)
+    assert run(folder) == (2.0, 1)
+
+
+def test_a_change_in_another_module_is_seen(folder: Path) -> None:
+    run(folder)
+    (folder / 'inner.py').write_text(INNER.format(factor=3.0))
+    assert run(folder) == (3.0, 0)
