@@ -9,11 +9,23 @@ from pathlib import Path
 import tempfile
 from typing import Any, BinaryIO
 import zipfile
+import zlib
 
 import numpy as np
 from numpy.typing import NDArray
 
 HEADER = 'header_json'
+
+DAMAGE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    KeyError,
+    NotImplementedError,
+    OSError,
+    RuntimeError,
+)
+"""What reading a damaged, truncated or encrypted archive raises."""
 
 
 def write_atomically(path: str | os.PathLike[str], writer: Callable[[BinaryIO], None]) -> None:
@@ -111,7 +123,7 @@ def read_npz(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dic
                 if not isinstance(npz, np.lib.npyio.NpzFile):
                     raise ValueError('not an npz archive')
                 arrays = {name: npz[name] for name in npz.files}
-        except (zipfile.BadZipFile, EOFError, KeyError, OSError) as error:
+        except DAMAGE as error:
             raise ValueError(f'damaged archive: {error}') from error
     text = arrays.pop(HEADER, None)
     header = json.loads(str(text)) if text is not None else {}

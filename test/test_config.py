@@ -118,19 +118,6 @@ def test_every_setting_has_a_description_and_an_allowed_default() -> None:
         assert documented.check(documented.default, key) == documented.default
 
 
-def test_defaults_of_a_fit() -> None:
-    assert FitSettings() == FitSettings(
-        kernel='recursive',
-        friction=True,
-        residual=True,
-        subset=200,
-        max_samples=1000,
-        iterations=60,
-        prior_precision=0.05,
-        seed=0,
-    )
-
-
 def test_read_config_keeps_defaults_for_what_is_not_named(config_file: Path) -> None:
     config_file.write_text(
         'recording:\n  joints: [a, b]\n  effort_scale: [1, -2.5]\n'

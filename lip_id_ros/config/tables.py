@@ -67,13 +67,15 @@ class FitSettings(Settings):
     )
     friction: bool = setting(True, 'Add friction per joint, linear in dq and sign(dq).')
     residual: bool = setting(
-        True, 'Add a squared-exponential term per joint for what the rest leaves over.'
+        False,
+        'Add a squared-exponential term per joint for what the rest leaves over: fits the '
+        'recorded motion more closely, and foreign motions worse.',
     )
     subset: int = setting(
-        200, 'Samples that hyperparameters are fitted on, well spread over the data.', minimum=1
+        250, 'Samples that hyperparameters are fitted on, well spread over the data.', minimum=1
     )
     max_samples: int = setting(1000, 'Samples that the posterior is conditioned on.', minimum=1)
-    iterations: int = setting(60, 'Most iterations of the optimiser.', minimum=0)
+    iterations: int = setting(40, 'Most iterations of the optimiser.', minimum=0)
     prior_precision: float = setting(
         0.05, 'Precision of the prior on log hyperparameters; 0 for none.', minimum=0.0
     )
