@@ -26,8 +26,6 @@ setup(
     ],
     install_requires=[
         'matplotlib>=3.6',
-        'mcap>=1.1',
-        'mcap-ros2-support>=0.5',
         'numba>=0.57',
         'numpy>=1.26',
         'pyyaml>=6.0',
@@ -38,7 +36,7 @@ setup(
     extras_require={
         'sim': ['pin>=2.7', 'example-robot-data>=4.1'],
         'torch': ['torch>=2.1'],
-        'test': ['hypothesis>=6.98', 'pytest>=7.4,<9'],
+        'test': ['hypothesis>=6.98', 'mcap>=1.1', 'mcap-ros2-support>=0.5', 'pytest>=7.4,<9'],
     },
     zip_safe=True,
     entry_points={
@@ -46,6 +44,7 @@ setup(
             'lip_id = lip_id_ros.cli:main',
             'train = lip_id_ros.nodes.train:main',
             'serve = lip_id_ros.nodes.serve:main',
+            'simulated_panda = lip_id_ros.demo.robot:main',
         ],
     },
 )

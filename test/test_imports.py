@@ -48,8 +48,6 @@ FOREIGN = {
     'numba': ('kernels', 'serving'),  # beside the loops that it compiles
     'torch': ('kernels/plain',),
     'rosbags': ('recording', 'evaluation/mcap_writer'),
-    'mcap': ('recording',),
-    'mcap_ros2': ('recording',),
     'yaml': ('config',),
     'pinocchio': ('simulation',),
     'example_robot_data': ('simulation',),
