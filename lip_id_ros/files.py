@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 import json
 import os
 from pathlib import Path
-import tempfile
 from typing import Any, BinaryIO
+import uuid
 import zipfile
 import zlib
 
@@ -32,7 +33,8 @@ def write_atomically(path: str | os.PathLike[str], writer: Callable[[BinaryIO], 
     """
     Write a file under a temporary name beside its place, then rename it.
 
-    A reader never sees half a file, and a failure leaves what was there before.
+    A reader never sees half a file, and a failure leaves what was there before, even where the
+    power goes.
 
     Parameters
     ----------
@@ -48,21 +50,19 @@ def write_atomically(path: str | os.PathLike[str], writer: Callable[[BinaryIO], 
 
     """
     target = Path(path)
-    descriptor, name = tempfile.mkstemp(prefix=f'.{target.name}.', dir=target.parent)
+    temporary = target.with_name(f'.{target.name}.{uuid.uuid4().hex}')
     try:
-        with os.fdopen(descriptor, 'wb') as file:
+        with open(temporary, 'xb') as file:
             writer(file)
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, target)
+    except BaseException as error:
+        with suppress(OSError):
+            temporary.unlink()
+        if isinstance(error, OSError) and error.filename == os.fspath(temporary):
+            error.filename = os.fspath(target)  # the name that the caller knows
         raise
-
-
-def _umask() -> int:
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask
 
 
 def write_npz(
@@ -118,13 +118,14 @@ def read_npz(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dic
 
     """
     with open(path, 'rb') as file:
+        if not zipfile.is_zipfile(file):
+            raise ValueError('not an npz archive, or only a part of one')
+        file.seek(0)
         try:
             with np.load(file, allow_pickle=False) as npz:
-                if not isinstance(npz, np.lib.npyio.NpzFile):
-                    raise ValueError('not an npz archive')
                 arrays = {name: npz[name] for name in npz.files}
         except DAMAGE as error:
-            raise ValueError(f'damaged archive: {error}') from error
+            raise ValueError(f'damaged archive: {str(error) or "it ends too early"}') from error
     text = arrays.pop(HEADER, None)
     header = json.loads(str(text)) if text is not None else {}
     if not isinstance(header, dict):

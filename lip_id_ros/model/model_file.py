@@ -1,9 +1,10 @@
-"""The model file: npz with a JSON header, checked against a hash of its arrays; no pickle."""
+"""The model file: npz with a JSON header, checked against a hash of both; no pickle."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 import hashlib
+import json
 import os
 from typing import Any, TYPE_CHECKING
 
@@ -48,9 +49,8 @@ def write(path: str | os.PathLike[str], model: TrainedModel) -> None:
         'jointwise': [kernel.name for kernel in model.prior.kernel.jointwise],
         'summary': dict(model.summary),
         'provenance': dict(model.provenance),
-        'sha256': _digest(arrays),
     }
-    write_npz(path, arrays, header)
+    write_npz(path, arrays, {**header, 'sha256': _digest(arrays, header)})
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def _check(path: str | os.PathLike[str], arrays: Arrays, header: Mapping[str, An
             f'{os.fspath(path)} has model format {header.get("version")!r}, but this program '
             f'reads format {VERSION}; fit again or use the version that wrote it.'
         )
-    if header.get('sha256') != _digest(arrays):
+    if header.get('sha256') != _digest(arrays, header):
         raise ModelError(
             f'{os.fspath(path)} is damaged: its contents do not match their hash; '
             'fit again or copy the file anew.'
@@ -148,8 +148,9 @@ def _jointwise(name: str, basis: JointBasis, arrays: Arrays) -> JointwiseKernel:
     return makers[name]()
 
 
-def _digest(arrays: Arrays) -> str:
-    digest = hashlib.sha256()
+def _digest(arrays: Arrays, header: Mapping[str, Any]) -> str:
+    rest = {key: value for key, value in header.items() if key != 'sha256'}
+    digest = hashlib.sha256(json.dumps(rest, sort_keys=True).encode())
     for name in sorted(arrays):
         digest.update(name.encode())
         digest.update(repr(arrays[name].shape).encode())
