@@ -47,13 +47,13 @@ class CholeskyFactor:
             If the matrix is not finite or not positive definite even with jitter.
 
         """
-        diagonal = np.diagonal(matrix)
-        scale = float(np.mean(diagonal))
-        if not np.isfinite(scale):
+        # LAPACK may take a matrix with NaN in it and return NaN.
+        if not np.isfinite(matrix.sum()):
             raise FitError(
                 'the Gram matrix was expected to be finite but is not: '
                 'check the data for values beyond what the robot can do.'
             )
+        scale = float(np.mean(np.diagonal(matrix)))
         for relative in JITTERS:
             work = np.array(matrix.T, order='F')
             np.einsum('ii->i', work)[:] += relative * scale
