@@ -93,8 +93,8 @@ def _check(dataset: Dataset) -> None:
         )
     still = [
         name
-        for name, deviation in zip(dataset.joint_names, dataset.tau.std(axis=0), strict=True)
-        if deviation == 0.0
+        for name, extent in zip(dataset.joint_names, np.ptp(dataset.tau, axis=0), strict=True)
+        if extent == 0.0
     ]
     if still:
         raise DataError(

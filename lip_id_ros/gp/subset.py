@@ -24,7 +24,8 @@ def spread(basis: JointBasis, q: Array, dq: Array, ddq: Array, count: int) -> ND
     Returns
     -------
     int array, shape (min(count, N),)
-        Increasing row numbers. Begins from the sample nearest the mean; no randomness.
+        Increasing row numbers; fewer where the rest only repeats them. Begins from the sample
+        nearest the mean; no randomness.
 
     """
     if count >= len(q):
@@ -35,9 +36,11 @@ def spread(basis: JointBasis, q: Array, dq: Array, ddq: Array, count: int) -> ND
     distance = ((points - points[chosen[0]]) ** 2).sum(axis=1)
     for _ in range(count - 1):
         farthest = int(np.argmax(distance))
+        if distance[farthest] == 0.0:
+            break
         chosen.append(farthest)
         np.minimum(distance, ((points - points[farthest]) ** 2).sum(axis=1), out=distance)
-    return np.unique(chosen)
+    return np.sort(chosen)
 
 
 def _standardised(basis: JointBasis, q: Array, dq: Array, ddq: Array) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import minimize, OptimizeResult
 
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import from_vector, names, to_vector
@@ -96,11 +96,13 @@ def maximise(
 
     progress(STAGE, 0, iterations)
     bounds = np.column_stack([centre - RANGE, centre + RANGE])
-    options = {'maxiter': iterations, 'maxcor': 30, 'maxfun': 4 * max(iterations, 1)}
-    result = minimize(
-        objective, centre, jac=True, method='L-BFGS-B', bounds=bounds, callback=report,
-        options=options,
-    )  # fmt: skip
+    result = OptimizeResult(x=centre, nit=0, success=False, message='no iterations asked for')
+    if iterations > 0:  # else L-BFGS would still take one
+        options = {'maxiter': iterations, 'maxcor': 30, 'maxfun': 4 * iterations}
+        result = minimize(
+            objective, centre, jac=True, method='L-BFGS-B', bounds=bounds, callback=report,
+            options=options,
+        )  # fmt: skip
     progress(STAGE, iterations, iterations)
     found = np.asarray(result.x)
     value, _ = likelihood.value_and_gradient(found)
