@@ -1,4 +1,4 @@
-"""Node `robot`: a simulated Panda that moves on exciting sums of sinusoids."""
+"""Node `simulated_panda`: a simulated Panda that moves on exciting sums of sinusoids."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ from lip_id_ros.simulation.panda import MOTION
 
 @dataclass(frozen=True)
 class RobotSettings(Settings):
-    """The node `robot`."""
+    """The node `simulated_panda`."""
 
     seed: int = setting(1, 'Seed of the motion; change it for another motion.', minimum=0)
+    paused: bool = setting(False, 'Stand still and publish nothing.')
     rate_hz: float = setting(100.0, 'Samples per simulated second.', unit='Hz', minimum=1.0)
     speed: float = setting(2.0, 'Simulated seconds per second.', minimum=0.01)
     torque_noise: float = setting(0.05, 'Noise on efforts.', unit='N m', minimum=0.0)
@@ -64,12 +65,13 @@ class RobotNode(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__('robot')
+        super().__init__('simulated_panda')
         self._table = {row.name: row for row in rows(RobotSettings)}
         parameters.declare(self, self._table)
         self._start_ns = self.get_clock().now().nanoseconds
         self._n_published = 0
         self._begin()
+        self._paused = self._settings().paused
         self._joint_states = self.create_publisher(JointState, 'joint_states', qos.OUTPUT)
         self._reference = self.create_publisher(
             JointTrajectory, 'desired_trajectory', qos.REFERENCE
@@ -88,12 +90,17 @@ class RobotNode(Node):
     def _on_change(self, changed: Sequence[Parameter]) -> None:
         if any(parameter.name == 'seed' for parameter in changed):
             self._begin()
+        self._paused = self._settings().paused
 
     def _begin(self) -> None:
         self._exact, self._measured = motion(self._settings())
         self._row = 0
 
     def _step(self) -> None:
+        if not self._paused:
+            self._publish()
+
+    def _publish(self) -> None:
         stamp = messages.stamp_at(self._start_ns + self._n_published * self._step_ns)
         self._joint_states.publish(joint_state(stamp, self._measured, self._row))
         self._reference.publish(reference(stamp, self._exact, self._row))
@@ -122,7 +129,7 @@ def reference(stamp: Time, exact: Dataset, row: int) -> JointTrajectory:
 
 
 def main() -> int:
-    """Run the node `robot`."""
+    """Run the node `simulated_panda`."""
     return running.run(RobotNode)
 
 

@@ -19,11 +19,6 @@ Array = NDArray[np.float64]
 NANOSECONDS = 1_000_000_000
 
 
-def seconds(stamp: Time) -> float:
-    """Return a stamp in seconds; at today's dates exact to about 0.2 microseconds."""
-    return float(stamp.sec) + float(stamp.nanosec) / NANOSECONDS
-
-
 def stamp_at(nanoseconds: int) -> Time:
     """Return a time in nanoseconds as a stamp."""
     sec, nanosec = divmod(nanoseconds, NANOSECONDS)
@@ -38,19 +33,6 @@ def is_zero(stamp: Time) -> bool:
 def doubles(values: Array) -> array[float]:
     """Return a vector as messages hold it without converting element by element."""
     return array('d', values.tobytes())
-
-
-def joint_sample(
-    message: JointState,
-) -> tuple[float, list[str], array[float], array[float], array[float]]:
-    """Return stamp [s], names, positions, velocities and efforts as the message has them."""
-    return (
-        seconds(message.header.stamp),
-        message.name,
-        message.position,
-        message.velocity,
-        message.effort,
-    )
 
 
 def torque_message(stamp: Time, names: Sequence[str], tau: Array) -> JointState:

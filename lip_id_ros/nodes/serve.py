@@ -27,7 +27,7 @@ from lip_id_ros.nodes.background import outcome
 from lip_id_ros.nodes.status import OK, Status, StatusPublisher, WARN
 from lip_id_ros.runtime.feedforward import Answer, Feedforward
 from lip_id_ros.runtime.loading import load_feedforward, make_limits, require_joints
-from lip_id_ros.runtime.references import RefusedError
+from lip_id_ros.runtime.references import ON_PURPOSE, RefusedError
 from lip_id_ros.runtime.server import Server
 from lip_id_ros.runtime.settings import serve_parameters, ServeSettings
 
@@ -64,8 +64,14 @@ class ServeNode(LifecycleNode):
 
     def stop(self) -> None:
         """Let go of the robot and end the lifecycle."""
-        self.trigger_shutdown()
+        if self._state_label != 'finalized':
+            self.trigger_shutdown()
         self._pool.shutdown()
+
+    @property
+    def _state_label(self) -> str:
+        label: str = self._state_machine.current_state[1]
+        return label
 
     def _make_outputs(self) -> None:
         publisher = self.create_lifecycle_publisher
@@ -171,10 +177,11 @@ class ServeNode(LifecycleNode):
         try:
             answer(message)
         except RefusedError as refused:
-            self.get_logger().warning(
-                f'refused a reference ({refused.reason}): {refused}',
-                throttle_duration_sec=WARNING_PERIOD_S,
-            )
+            if refused.reason not in ON_PURPOSE:
+                self.get_logger().warning(
+                    f'refused a reference ({refused.reason}): {refused}',
+                    throttle_duration_sec=WARNING_PERIOD_S,
+                )
 
     def _answer_sample(self, message: JointTrajectory) -> None:
         answer = self._server.sample(message.joint_names, message.points)
@@ -205,6 +212,7 @@ class ServeNode(LifecycleNode):
         if not request.data:
             self._let_go()
         self._server.enabled = request.data
+        self._publish_status()
         response.success = True
         response.message = 'enabled' if request.data else 'disabled'
         return response
@@ -238,7 +246,7 @@ class ServeNode(LifecycleNode):
     # status
 
     def _publish_status(self) -> None:
-        values = {'state': self._state_machine.current_state[1], **self._server.status()}
+        values = {'state': self._state_label, **self._server.status()}
         level = WARN if self._server.n_refused > self._refused_before else OK
         self._refused_before = self._server.n_refused
         self._status.publish(Status(level, self._server.summary, values))

@@ -17,9 +17,10 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.errors import DataError, LipIdError
-from lip_id_ros.nodes import messages, parameters, qos, running
+from lip_id_ros.nodes import parameters, qos, running
 from lip_id_ros.nodes.background import outcome
 from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
+from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.runtime.job import JobState
 from lip_id_ros.runtime.jobs import Jobs
 from lip_id_ros.runtime.recorder import Recorder
@@ -110,29 +111,26 @@ class TrainNode(Node):
     # messages and services
 
     def _on_joint_state(self, message: JointState) -> None:
-        self._recorder.add(*messages.joint_sample(message))
+        self._recorder.add(from_joint_state(message))
 
     def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._recorder.recording = request.data
-        response.success = True
         state = 'recording' if request.data else 'stopped'
-        response.message = f'{state}, {len(self._recorder)} samples kept'
-        return response
+        return self._answer(response, True, f'{state}, {len(self._recorder)} samples kept')
 
     def _on_clear(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = True
-        response.message = f'forgot {len(self._recorder)} samples'
+        text = f'forgot {len(self._recorder)} samples'
         self._recorder.clear()
-        return response
+        return self._answer(response, True, text)
 
     def _on_fit(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:
             path = self._settings().model_path
             n_samples, _ = self._start('fit', path)
         except LipIdError as error:
-            return _answer(response, False, str(error))
+            return self._answer(response, False, str(error))
         text = f'fitting {n_samples} samples into {path}; progress and outcome are in ~/status'
-        return _answer(response, True, text)
+        return self._answer(response, True, text)
 
     async def _on_save_dataset(
         self, request: Trigger.Request, response: Trigger.Response
@@ -142,9 +140,9 @@ class TrainNode(Node):
             _, work = self._start('dataset', self._settings().dataset_path)
             result = await outcome(self, work)
         except (LipIdError, OSError) as error:
-            return _answer(response, False, str(error))
+            return self._answer(response, False, str(error))
         self._recorder.mark_saved(rows)
-        return _answer(response, True, f'{result["n_samples"]} samples in {result["path"]}')
+        return self._answer(response, True, f'{result["n_samples"]} samples in {result["path"]}')
 
     def _start(self, task: str, path: str) -> tuple[int, Future[Mapping[str, Any]]]:
         samples = self._recorder.samples(self._topic)
@@ -152,6 +150,12 @@ class TrainNode(Node):
             raise DataError(f'no samples of {self._topic} are kept; call record and move the arm.')
         settings = fit_values(self._values())
         return samples.n_samples, self._jobs.start(task, samples, settings, path)
+
+    def _answer(self, response: Any, success: bool, text: str) -> Any:
+        self._publish_status()
+        response.success = success
+        response.message = text
+        return response
 
     # status
 
@@ -177,12 +181,6 @@ class TrainNode(Node):
             self.get_logger().error(f'{job.task} failed: {job.error}')
         elif job.state == 'done':
             self.get_logger().info(f'{job.task} done: {job.result["path"]}')
-
-
-def _answer(response: Trigger.Response, success: bool, text: str) -> Trigger.Response:
-    response.success = success
-    response.message = text
-    return response
 
 
 def _summary(values: Mapping[str, Any]) -> str:

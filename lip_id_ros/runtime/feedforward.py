@@ -103,7 +103,7 @@ class Feedforward:
 
         """
         columns = self._order.columns(names)
-        q, dq, ddq = stack(points, len(names))[:, 0, columns]
+        q, dq, ddq = stack(points, len(names))[:, 0].take(columns, axis=1)
         query = self._predictor.query(q, dq, ddq)
         return Answer(query.tau, query.kinetic, query.potential)
 

@@ -16,7 +16,7 @@ from lip_id_ros.serving import Predictor, TrainedModel
 
 def load_feedforward(path: str, joints: Sequence[str]) -> Feedforward:
     """
-    Load a model and make it answer once, so that what is compiled on first use is compiled now.
+    Load a model and let it answer, so that what is compiled on first use is compiled now.
 
     Parameters
     ----------
@@ -36,8 +36,9 @@ def load_feedforward(path: str, joints: Sequence[str]) -> Feedforward:
     model = TrainedModel.load(path)
     require_joints(model.joint_names, joints, path)
     predictor = Predictor(model)
-    rest = np.zeros(model.n_joints)
-    predictor.query(rest, rest, rest)
+    rest = np.zeros((1, model.n_joints))
+    predictor.query(rest[0], rest[0], rest[0])
+    predictor.predict(rest, rest, rest)
     return Feedforward(predictor, model.joint_names)
 
 

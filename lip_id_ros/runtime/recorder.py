@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lip_id_ros.recording import JointSamples, SampleBuffer
+from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.runtime import recording_file
 
 
@@ -37,17 +38,10 @@ class Recorder:
         """Return the number of messages kept."""
         return len(self._buffer)
 
-    def add(
-        self,
-        stamp_s: float,
-        names: Sequence[str],
-        position: Sequence[float],
-        velocity: Sequence[float],
-        effort: Sequence[float],
-    ) -> None:
+    def add(self, message: JointMessage) -> None:
         """Take one message while recording; what cannot be used is counted."""
         if self.recording:
-            self._buffer.add(stamp_s, names, position, velocity, effort)
+            self._buffer.add(1e-9 * message.stamp_ns, *message[1:])
 
     def clear(self) -> None:
         """Forget all messages and counts."""

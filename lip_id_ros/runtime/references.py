@@ -17,9 +17,17 @@ Array = NDArray[np.float64]
 class Point(Protocol):
     """The fields of a trajectory_msgs/JointTrajectoryPoint that are read."""
 
-    positions: Sequence[float]
-    velocities: Sequence[float]
-    accelerations: Sequence[float]
+    @property
+    def positions(self) -> Sequence[float]:
+        """Positions [rad or m]."""
+
+    @property
+    def velocities(self) -> Sequence[float]:
+        """Velocities [rad/s or m/s]."""
+
+    @property
+    def accelerations(self) -> Sequence[float]:
+        """Accelerations [rad/s^2 or m/s^2]."""
 
 
 class Reason(StrEnum):
@@ -35,6 +43,9 @@ class Reason(StrEnum):
     NOT_FINITE = 'value not finite'
     NOT_FINITE_TORQUE = 'torque not finite'
 
+
+ON_PURPOSE = frozenset({Reason.INACTIVE, Reason.DISABLED})
+"""Refused because somebody wanted it so: counted, but nothing to warn of."""
 
 _SENTENCES = {
     Reason.INACTIVE: 'the node is not active; activate it through its lifecycle',

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from lip_id_ros.config import RecordingSettings
 from lip_id_ros.recording import JointSamples, read_sources
+from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.runtime.recorder import Recorder
 from lip_id_ros.runtime.recording_file import hand_over, take_over
 
 NAMES = ['a', 'b']
 
 
+def message(
+    stamp_s: float,
+    position: Sequence[float],
+    velocity: Sequence[float] = (),
+    effort: Sequence[float] = (),
+) -> JointMessage:
+    return JointMessage(round(stamp_s * 1e9), NAMES, position, velocity, effort)
+
+
 def filled(n_rows: int) -> Recorder:
     recorder = Recorder((), max_rows=1000)
     recorder.recording = True
     for row in range(n_rows):
-        recorder.add(100.0 + 0.5 * row, NAMES, [row, -row], [1.0, 2.0], [3.0, 4.0])
+        recorder.add(message(100.0 + 0.5 * row, [row, -row], [1.0, 2.0], [3.0, 4.0]))
     return recorder
 
 
@@ -33,8 +44,8 @@ def assert_same(first: JointSamples, second: JointSamples) -> None:
 def test_nothing_is_kept_while_not_recording() -> None:
     recorder = filled(2)
     recorder.recording = False
-    recorder.add(200.0, NAMES, [0.0, 0.0], [], [])
-    recorder.add(200.0, [], [], [], [])
+    recorder.add(message(200.0, [0.0, 0.0]))
+    recorder.add(message(200.0, []))
     assert recorder.status() == {
         'recording': False,
         'rows': 2,
@@ -48,7 +59,7 @@ def test_memory_is_bounded_and_what_is_left_out_is_counted() -> None:
     recorder = Recorder((), max_rows=2)
     recorder.recording = True
     for row in range(5):
-        recorder.add(1.0 + row, NAMES, [0.0, 0.0], [], [])
+        recorder.add(message(1.0 + row, [0.0, 0.0]))
     assert len(recorder) == 2
     assert recorder.n_rejected == 3
 
@@ -81,7 +92,7 @@ def test_saved_samples_are_not_kept_again(tmp_path: Path) -> None:
 
 def test_samples_handed_over_arrive_unchanged(tmp_path: Path) -> None:
     recorder = filled(4)
-    recorder.add(1.0, NAMES, [0.0, 0.0], [], [])
+    recorder.add(message(1.0, [0.0, 0.0]))
     samples = recorder.samples('/joint_states')
     hand_over(tmp_path / 'recording', samples)
     arrived = take_over(tmp_path / 'recording')

@@ -1,0 +1,137 @@
+"""The conductor's end of the ROS graph: calls to the nodes, and what they publish."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import json
+import threading
+import time
+from typing import Any
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
+import rclpy
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from lip_id_ros.errors import LipIdError
+from lip_id_ros.nodes import qos
+from lip_id_ros.nodes.running import make_executor
+
+ANSWER_SECONDS = 60.0
+POLL_SECONDS = 0.1
+
+
+class Graph:
+    """
+    Services and topics of the demo's nodes.
+
+    Parameters
+    ----------
+    node : Node
+        Spun by another thread.
+    alive : callable
+        Whether the nodes still run.
+
+    """
+
+    def __init__(self, node: Node, alive: Callable[[], bool]) -> None:
+        self.node = node
+        self._alive = alive
+        self.train_status: dict[str, Any] = {}
+        self._record = node.create_client(SetBool, '/train/record')
+        self._save = node.create_client(Trigger, '/train/save_dataset')
+        self._fit = node.create_client(Trigger, '/train/fit')
+        self._lifecycle = node.create_client(ChangeState, '/serve/change_state')
+        self._robot = node.create_client(SetParameters, '/simulated_panda/set_parameters')
+        self._plans = node.create_publisher(JointTrajectory, '/desired_trajectory', qos.REFERENCE)
+        node.create_subscription(String, '/train/status', self._on_status, qos.LATCHED)
+
+    def wait_until(self, condition: Callable[[], bool], what: str, seconds: float) -> None:
+        """
+        Wait for a condition.
+
+        Raises
+        ------
+        LipIdError
+            If it does not come true in time, or a node ends before.
+
+        """
+        deadline = time.monotonic() + seconds
+        while not condition():
+            if not self._alive():
+                raise LipIdError(f'the nodes ended while waiting for {what}; see nodes.log.')
+            if time.monotonic() > deadline:
+                raise LipIdError(f'{what} did not come in {seconds:g} s; see nodes.log.')
+            time.sleep(POLL_SECONDS)
+
+    def set_recording(self, recording: bool) -> None:
+        """Start or stop recording in `train`."""
+        self._succeed(self._record, SetBool.Request(data=recording))
+
+    def save_dataset(self) -> None:
+        """Let `train` save its data set."""
+        self._succeed(self._save, Trigger.Request())
+
+    def start_fit(self) -> None:
+        """Let `train` begin a fit."""
+        self._succeed(self._fit, Trigger.Request())
+
+    def activate_serve(self) -> None:
+        """Let `serve` load the model and answer."""
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            request = ChangeState.Request(transition=Transition(id=transition))
+            if not self._call(self._lifecycle, request).success:
+                raise LipIdError('serve could not be activated; see nodes.log.')
+
+    def set_robot(self, **parameters: Any) -> None:
+        """Set parameters of the simulated arm."""
+        changes = [Parameter(name, value=value) for name, value in parameters.items()]
+        request = SetParameters.Request(
+            parameters=[change.to_parameter_msg() for change in changes]
+        )
+        for result in self._call(self._robot, request).results:
+            if not result.successful:
+                raise LipIdError(f'the simulated arm refused a parameter: {result.reason}')
+
+    def publish_plan(self, plan: JointTrajectory) -> None:
+        """Ask for the efforts of a plan."""
+        self._plans.publish(plan)
+
+    def _succeed(self, client: Client, request: Any) -> None:
+        response = self._call(client, request)
+        if not response.success:
+            raise LipIdError(f'{client.srv_name}: {response.message}')
+
+    def _call(self, client: Client, request: Any) -> Any:
+        self.wait_until(client.service_is_ready, client.srv_name, ANSWER_SECONDS)
+        answer = client.call_async(request)
+        self.wait_until(answer.done, f'the answer of {client.srv_name}', ANSWER_SECONDS)
+        return answer.result()
+
+    def _on_status(self, message: String) -> None:
+        self.train_status = json.loads(message.data)
+
+
+@contextmanager
+def spinning(name: str) -> Iterator[Node]:
+    """Give a node that is spun in another thread while the block runs."""
+    rclpy.init(args=[])
+    node = rclpy.create_node(name)
+    executor = make_executor('events')
+    executor.add_node(node)
+    thread = threading.Thread(target=executor.spin, name='executor')
+    thread.start()
+    try:
+        yield node
+    finally:
+        executor.shutdown()
+        thread.join()
+        node.destroy_node()
+        rclpy.shutdown()

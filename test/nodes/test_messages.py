@@ -1,0 +1,67 @@
+"""Conversions between messages and arrays lose nothing."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from builtin_interfaces.msg import Time
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from lip_id_ros.nodes import messages
+from lip_id_ros.recording.joint_messages import from_joint_state
+
+pytestmark = pytest.mark.ros
+
+VECTORS = arrays(np.float64, st.integers(0, 9), elements=st.floats(allow_nan=True))
+MATRICES = arrays(
+    np.float64, array_shapes(min_dims=2, max_dims=2, max_side=6), elements=st.floats(-1e9, 1e9)
+)
+STAMPS = st.builds(Time, sec=st.integers(0, 2**31 - 1), nanosec=st.integers(0, 999_999_999))
+
+
+@given(st.integers(0, 2**31 * 10**9 - 1))
+def test_stamps_keep_every_nanosecond(nanoseconds: int) -> None:
+    stamp = messages.stamp_at(nanoseconds)
+    assert stamp.sec * 10**9 + stamp.nanosec == nanoseconds
+    assert messages.is_zero(stamp) == (nanoseconds == 0)
+
+
+@given(STAMPS, VECTORS)
+def test_torques_arrive_as_they_were_sent(stamp: Time, tau: NDArray[np.float64]) -> None:
+    names = [f'joint_{number}' for number in range(len(tau))]
+    sent = messages.torque_message(stamp, names, tau)
+    message = deserialize_message(serialize_message(sent), JointState)
+    arrived = from_joint_state(message)
+    assert arrived.stamp_ns == stamp.sec * 10**9 + stamp.nanosec
+    assert list(arrived.names) == names
+    np.testing.assert_array_equal(arrived.effort, tau)
+    assert len(arrived.position) == len(arrived.velocity) == 0
+
+
+@given(MATRICES)
+def test_a_plan_keeps_all_but_its_efforts(tau: NDArray[np.float64]) -> None:
+    points = [JointTrajectoryPoint(positions=row.tolist()) for row in -tau]
+    plan = JointTrajectory(joint_names=[str(column) for column in range(tau.shape[1])])
+    plan.points = points
+    filled = messages.with_effort(plan, tau)
+    np.testing.assert_array_equal([point.effort for point in filled.points], tau)
+    np.testing.assert_array_equal([point.positions for point in filled.points], -tau)
+
+
+def test_diagnostics_flatten_what_is_nested() -> None:
+    message = messages.diagnostics_message(
+        Time(sec=3), 'train', b'\x01', 'so so', {'rows': 3, 'job': {'state': 'idle'}}
+    )
+    (status,) = message.status
+    assert message.header.stamp.sec == 3
+    assert (status.name, status.level, status.message) == ('train', b'\x01', 'so so')
+    assert {pair.key: pair.value for pair in status.values} == {'rows': '3', 'job.state': 'idle'}

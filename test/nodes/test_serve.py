@@ -1,0 +1,240 @@
+"""Node `serve` in a process of its own: its lifecycle, its answers, and what it never says."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+import signal
+from typing import TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from lifecycle_msgs.msg import Transition
+from nodes import toy
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from lip_id_ros.nodes import messages
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph
+
+pytestmark = pytest.mark.ros
+
+REFERENCE = '/serve/desired_trajectory'
+TORQUE = '/serve/feedforward_torque'
+SWAPPED = toy.JOINTS[::-1]
+
+
+def point(q: list[float], dq: list[float], ddq: list[float]) -> JointTrajectoryPoint:
+    return JointTrajectoryPoint(positions=q, velocities=dq, accelerations=ddq)
+
+
+def trajectory(names: tuple[str, ...], *points: JointTrajectoryPoint) -> JointTrajectory:
+    message = JointTrajectory(joint_names=list(names), points=list(points))
+    message.header.stamp = messages.stamp_at(1_234_567_890_123_456_789)
+    return message
+
+
+GOOD = trajectory(toy.JOINTS, point([0.3, -0.2], [0.5, 1.0], [1.0, -1.0]))
+EXPECTED = toy.torque(np.array([0.3, -0.2]), np.array([1.0, -1.0]))
+
+
+def test_a_sample_is_answered_with_torque_and_energies(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    graph.start('serve', model_path=model_path)
+    torques = client.listen(JointState, TORQUE)
+    kinetic = client.listen(Float64, '/serve/kinetic_energy')
+    potential = client.listen(Float64, '/serve/potential_energy')
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    publisher.publish(GOOD)
+    client.wait_until(lambda: torques and kinetic and potential, 'answer')
+    assert torques[0].header.stamp == GOOD.header.stamp
+    assert torques[0].name == list(toy.JOINTS)
+    np.testing.assert_allclose(torques[0].effort, EXPECTED, atol=0.1)
+    assert kinetic[0].data == pytest.approx(toy.kinetic(np.array([0.5, 1.0])), abs=0.05)
+    assert math.isfinite(potential[0].data)
+
+    # the same motion, joints in another order and one more: the same answer
+    publisher.publish(
+        trajectory(('tool', *SWAPPED), point([9, -0.2, 0.3], [9, 1, 0.5], [9, -1, 1]))
+    )
+    client.wait_until(lambda: len(torques) == 2, 'second answer')
+    assert torques[1].effort == torques[0].effort
+
+
+def test_a_plan_comes_back_with_efforts(ros: tuple[Graph, Client], model_path: str) -> None:
+    graph, client = ros
+    graph.start('serve', model_path=model_path, torque_limits=[4.0, 100.0])
+    plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    _, q, dq, ddq = toy.motion(200, seed=5)
+    rows = zip(q[:, ::-1].tolist(), dq[:, ::-1].tolist(), ddq[:, ::-1].tolist(), strict=True)
+    plan = trajectory(SWAPPED, *(point(*row) for row in rows))
+    for number, each in enumerate(plan.points):
+        each.time_from_start.sec = number
+    publisher.publish(plan)
+    client.wait_until(lambda: plans, 'plan')
+    efforts = np.array([each.effort for each in plans[0].points])[:, ::-1]
+    expected = np.clip(toy.torque(q, ddq), [-4.0, -100.0], [4.0, 100.0])
+    np.testing.assert_allclose(efforts, expected, atol=0.3)
+    assert np.abs(efforts[:, 0]).max() == 4.0
+    for each in plans[0].points:
+        each.effort = []
+    assert plans[0] == plan
+
+
+def test_bad_references_are_counted_and_the_node_lives(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    serve = graph.start('serve', model_path=model_path)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    two = [0.0, 0.0]
+    bad = [
+        trajectory(toy.JOINTS),
+        trajectory(('shoulder',), point([0.0], [0.0], [0.0])),
+        trajectory(('elbow', 'elbow'), point(two, two, two)),
+        trajectory(toy.JOINTS, point(two, two, [])),
+        trajectory(toy.JOINTS, point([0.0], two, two)),
+        trajectory(toy.JOINTS, point(two, [math.nan, 0.0], two)),
+        trajectory(toy.JOINTS, point(two, two, two), point(two, two, [math.inf, 0.0])),
+        trajectory((*toy.JOINTS, 'tool'), *[point([0.0] * 3, [0.0] * 3, [0.0] * 3)] * 2),
+    ]
+    for message in bad:
+        publisher.publish(message)
+    publisher.publish(GOOD)
+    client.wait_until(lambda: torques, 'answer')
+    status = client.status('serve', lambda status: status['answered']['samples'] == 1)
+    assert status['refused'] == {
+        'no points': 1,
+        'joint missing': 1,
+        'joint name repeated': 1,
+        'wrong length': 2,
+        'value not finite': 2,
+        'foreign joint in a plan': 1,
+    }
+    assert len(torques) == 1
+    assert 'refused a reference (no points): a trajectory needs at least one point' in serve.log
+
+
+def test_lifecycle_without_autostart(
+    ros: tuple[Graph, Client], model_path: str, foreign_model_path: str
+) -> None:
+    graph, client = ros
+    serve = graph.start('serve', autostart=False, joints=list(SWAPPED))
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    assert client.state() == 'unconfigured'
+    assert not client.transition(Transition.TRANSITION_CONFIGURE)
+    assert client.state() == 'unconfigured'
+    assert "No such file or directory: 'model.npz'" in serve.log
+    assert client.set_parameter('serve', 'model_path', foreign_model_path).successful
+    assert not client.transition(Transition.TRANSITION_CONFIGURE)
+    assert 'must be a model of the joints elbow, shoulder, but has left, right;' in serve.log
+    assert client.set_parameter('serve', 'model_path', model_path).successful
+    assert client.transition(Transition.TRANSITION_CONFIGURE)
+    assert client.state() == 'inactive'
+    publisher.publish(GOOD)
+    client.status('serve', lambda status: status['refused'] == {'inactive': 1})
+    assert client.transition(Transition.TRANSITION_ACTIVATE)
+    publisher.publish(GOOD)
+    client.wait_until(lambda: torques, 'answer')
+    assert client.transition(Transition.TRANSITION_DEACTIVATE)
+    client.wait_until(lambda: len(torques) == 2, 'zero torque')
+    assert list(torques[1].effort) == [0.0, 0.0]
+    assert client.transition(Transition.TRANSITION_CLEANUP)
+    assert client.state() == 'unconfigured'
+    assert client.transition(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+    assert client.state() == 'finalized'
+    assert serve.end() == 0, serve.log
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_the_last_word_is_zero_torque(
+    ros: tuple[Graph, Client], model_path: str, number: int
+) -> None:
+    graph, client = ros
+    serve = graph.start('serve', model_path=model_path, publish_commands=True)
+    commands = client.listen(Float64MultiArray, '/serve/commands')
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    publisher.publish(GOOD)
+    client.wait_until(lambda: commands, 'command')
+    np.testing.assert_allclose(commands[0].data, EXPECTED, atol=0.1)
+    assert serve.end(number) == 0, serve.log
+    client.wait_until(lambda: len(commands) == 2, 'zero torque')
+    assert list(commands[1].data) == [0.0, 0.0]
+
+
+def test_disabled_means_silent_after_one_zero(ros: tuple[Graph, Client], model_path: str) -> None:
+    graph, client = ros
+    graph.start('serve', model_path=model_path)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    assert client.switch('/serve/enable', False).success
+    publisher.publish(GOOD)
+    status = client.status('serve', lambda status: status['refused'])
+    assert status['refused'] == {'disabled': 1}
+    assert [list(each.effort) for each in torques] == [[0.0, 0.0]]
+    assert client.switch('/serve/enable', True).success
+    publisher.publish(GOOD)
+    client.wait_until(lambda: len(torques) == 2, 'answer')
+
+
+def test_limits_change_while_it_runs_and_wrong_ones_are_refused(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    graph.start('serve', model_path=model_path)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    result = client.set_parameter('serve', 'torque_limits', [1.0, 2.0, 3.0])
+    assert result.reason.startswith('torque_limits must hold one limit per joint (2)')
+    result = client.set_parameter('serve', 'joints', ['left', 'right'])
+    assert 'must be a model of the joints left, right, but has shoulder, elbow;' in result.reason
+    assert not client.set_parameter('serve', 'output_scale', 1.5).successful
+    assert client.set_parameter('serve', 'torque_limits', [0.5, 0.25]).successful
+    publisher.publish(GOOD)
+    client.wait_until(lambda: torques, 'answer')
+    assert list(torques[0].effort) == [0.5, -0.25]
+    client.status('serve', lambda status: status['limited'] == 1)
+
+
+def test_reload_swaps_the_model_or_keeps_the_old_one(
+    ros: tuple[Graph, Client], model_path: str, foreign_model_path: str, tmp_path: Path
+) -> None:
+    graph, client = ros
+    graph.start('serve', model_path=model_path)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    publisher.publish(GOOD)
+    client.set_parameter('serve', 'model_path', foreign_model_path)
+    answer = client.trigger('/serve/reload_model')
+    assert not answer.success
+    assert 'must be a model of the joints shoulder, elbow, but has left, right;' in answer.message
+    (tmp_path / 'broken.npz').write_bytes(b'not a model')
+    client.set_parameter('serve', 'model_path', str(tmp_path / 'broken.npz'))
+    answer = client.trigger('/serve/reload_model')
+    assert not answer.success
+    assert 'broken.npz' in answer.message
+    client.set_parameter('serve', 'model_path', model_path)
+    answer = client.trigger('/serve/reload_model')
+    assert answer.success
+    assert answer.message == f'serves {model_path}'
+    publisher.publish(GOOD)
+    client.wait_until(lambda: len(torques) == 2, 'answer')
+    assert torques[0].effort == torques[1].effort

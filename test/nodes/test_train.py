@@ -1,0 +1,200 @@
+"""Node `train` in a process of its own: what it keeps, what it drops, what it saves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+import time
+from typing import Any, TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from builtin_interfaces.msg import Time
+from nodes import toy
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+
+from lip_id_ros.config import RecordingSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.nodes import messages, qos
+from lip_id_ros.recording import read_sources
+from lip_id_ros.serving import Predictor, TrainedModel
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph
+
+pytestmark = pytest.mark.ros
+
+START_NS = 1_700_000_000_000_000_000
+
+
+def joint_state(row: int, **changes: Any) -> JointState:
+    fields = {'name': list(toy.JOINTS), 'position': [0.1, 0.2], 'velocity': [0.0, 0.0]}
+    message = JointState(**{**fields, 'effort': [1.0, 2.0], **changes})
+    message.header.stamp = messages.stamp_at(START_NS + row * 10_000_000)
+    return message
+
+
+def heard_publisher(client: Client) -> Any:
+    """Return a publisher that a recording `train` hears; what goes out before is lost."""
+    publisher = client.speak(JointState, '/joint_states', qos.OUTPUT)
+    client.node.create_timer(0.05, lambda: heard or publisher.publish(JointState()))
+    heard: list[Any] = []
+    heard.append(client.status('train', lambda status: status['rejected'].get('no joint names')))
+    return publisher
+
+
+def publish_motion(client: Client, n_samples: int) -> None:
+    publisher = heard_publisher(client)
+    _, q, dq, ddq = toy.motion(n_samples)
+    tau = toy.torque(q, ddq) + 1e-3 * np.random.default_rng(1).standard_normal(q.shape)
+    for row in range(n_samples):
+        # elbow first: what counts is the name
+        values = {'position': q[row, ::-1], 'velocity': dq[row, ::-1], 'effort': tau[row, ::-1]}
+        changes = {name: value.tolist() for name, value in values.items()}
+        publisher.publish(joint_state(row, name=list(toy.JOINTS[::-1]), **changes))
+        time.sleep(0.001)
+
+
+def start_recording(client: Client) -> None:
+    assert client.switch('/train/record', True).success
+
+
+def test_records_fits_and_saves(ros: tuple[Graph, Client], tmp_path: Path) -> None:
+    graph, client = ros
+    train = graph.start(
+        'train',
+        recording__joints=list(toy.JOINTS),
+        fit__subset=30,
+        fit__max_samples=60,
+        fit__iterations=15,
+        fit__residual=False,
+        preprocessing__decimate=5,
+    )
+    answer = client.trigger('/train/fit')
+    assert not answer.success
+    assert answer.message == (
+        'no samples of /joint_states are kept; call record and move the arm.'
+    )
+    start_recording(client)
+    publish_motion(client, 600)
+    client.status('train', lambda status: status['rows'] == 600)
+
+    assert client.trigger('/train/fit').success
+    answer = client.trigger('/train/fit')
+    assert not answer.success
+    assert answer.message == 'a fit is running; wait until ~/status shows its end.'
+    status = client.status('train', lambda status: status['job']['state'] in ('done', 'failed'))
+    assert status['job']['state'] == 'done', train.log
+    assert status['job']['result']['path'] == 'model.npz'
+    model = TrainedModel.load(tmp_path / 'model.npz')
+    assert model.joint_names == toy.JOINTS
+    _, q, dq, ddq = toy.motion(300, seed=5)
+    error = Predictor(model).predict(q, dq, ddq).tau - toy.torque(q, ddq)
+    assert (error.var(axis=0) < 0.05 * toy.torque(q, ddq).var(axis=0)).all()
+
+    answer = client.trigger('/train/save_dataset')
+    assert answer.success, answer.message
+    data = Dataset.load(tmp_path / 'dataset.npz')
+    assert answer.message == f'{data.n_samples} samples in dataset.npz'
+    assert data.joint_names == toy.JOINTS
+    assert train.end() == 0, train.log
+    assert not (tmp_path / 'unsaved.mcap').exists()
+
+
+def test_bad_messages_are_counted_and_the_node_lives(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    train = graph.start('train')
+    start_recording(client)
+    publisher = heard_publisher(client)
+    bad: dict[str, dict[str, Any]] = {
+        'joint missing': {'name': ['shoulder', 'wrist']},
+        'only foreign joints': {'name': ['a', 'b']},
+        'joint name repeated': {'name': ['elbow', 'elbow']},
+        'position empty': {'position': []},
+        'velocity not as long as names': {'velocity': [1.0]},
+        'effort not as long as names': {'effort': [1.0, 2.0, 3.0]},
+        'value not finite': {'effort': [float('nan'), 0.0]},
+    }
+    publisher.publish(joint_state(1))
+    for row, changes in enumerate(bad.values(), start=2):
+        publisher.publish(joint_state(row, **changes))
+    publisher.publish(joint_state(1))
+    publisher.publish(joint_state(0))
+    unstamped = joint_state(0)
+    unstamped.header.stamp = Time()
+    publisher.publish(unstamped)
+    publisher.publish(joint_state(50))
+    expected = dict.fromkeys([*bad, 'stamp repeated', 'stamp went back', 'stamp zero'], 1)
+    status = client.status('train', lambda status: status['rows'] == 2)
+    assert status['rejected'].pop('no joint names') > 0
+    assert status['rejected'] == expected
+    assert train.alive
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_what_was_recorded_outlives_the_node(
+    ros: tuple[Graph, Client], tmp_path: Path, number: int
+) -> None:
+    graph, client = ros
+    train = graph.start('train', record_on_start=True, unsaved_path='kept.mcap')
+    publish_motion(client, 50)
+    client.status('train', lambda status: status['rows'] == 50)
+    assert train.end(number) == 0, train.log
+    assert 'kept 50 unsaved samples in kept.mcap' in train.log
+    (samples,) = read_sources(
+        [tmp_path / 'kept.mcap'], RecordingSettings(joints=('shoulder', 'elbow'))
+    )
+    np.testing.assert_array_equal(samples.position, toy.motion(50)[1])
+
+
+def test_wrong_parameters_are_refused_with_a_sentence(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    graph.start('train')
+    for name, value, sentence in (
+        ('fit.kernel', 'rbf', "fit.kernel must be a text lip or nested or recursive, not 'rbf'."),
+        ('fit.subset', 2.5, 'fit.subset must be a whole number >= 1, not 2.5.'),
+        ('fit.friction', 'yes', "fit.friction must be true or false, not 'yes'."),
+        ('recording.joint_types', ['round'], 'recording.joint_types must be a list of texts '),
+    ):
+        result = client.set_parameter('train', name, value)
+        assert not result.successful
+        assert result.reason.startswith(sentence)
+    assert not client.set_parameter('train', 'preprocessing.cutoff_hz', -1.0).successful
+    assert client.set_parameter('train', 'preprocessing.cutoff_hz', 5).successful
+    assert client.set_parameter('train', 'recording.joints', ['b', 'a']).successful
+
+
+def test_joints_do_not_change_under_what_is_recorded(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    graph.start('train', record_on_start=True)
+    publish_motion(client, 3)
+    client.status('train', lambda status: status['rows'] == 3)
+    result = client.set_parameter('train', 'recording.joints', ['elbow'])
+    assert result.reason == ('recording.joints cannot change while samples are kept; call clear.')
+    assert client.trigger('/train/clear').message == 'forgot 3 samples'
+    assert client.set_parameter('train', 'recording.joints', ['elbow']).successful
+    publish_motion(client, 3)
+    client.status('train', lambda s: s['rows'] == 3 and s['joint_names'] == ['elbow'])
+
+
+def test_wrong_start_gives_one_line_and_status_one(ros: tuple[Graph, Client]) -> None:
+    graph, _ = ros
+    train = graph.start('train', fit__kernel='rbf', max_row=7)
+    while train.alive:
+        time.sleep(0.05)
+    assert train.end() == 1
+    assert "must be a text lip or nested or recursive, not 'rbf'." in train.log
+    assert 'Traceback' not in train.log
+
+
+def test_unknown_parameters_are_warned_of(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    train = graph.start('train', max_row=7)
+    client.call(SetBool, '/train/record', SetBool.Request(data=False))
+    assert (
+        "max_row in the parameters given is not a setting; did you mean 'max_rows'?" in train.log
+    )

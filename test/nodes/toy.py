@@ -1,0 +1,62 @@
+"""Two decoupled pendulums: torques and energies in one line, and a model fitted in seconds."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.config import FitSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp import fit
+from lip_id_ros.serving import Predictor, TrainedModel
+
+Array = NDArray[np.float64]
+
+JOINTS = ('shoulder', 'elbow')
+INERTIA = np.array([1.5, 0.6])  # kg m^2
+WEIGHT = np.array([8.0, 3.0])  # N m
+RATE_HZ = 100.0
+CHEAP = FitSettings(subset=30, max_samples=60, iterations=15, friction=False, residual=False)
+
+
+def torque(q: Array, ddq: Array) -> Array:
+    return np.asarray(INERTIA * ddq + WEIGHT * np.sin(q))
+
+
+def kinetic(dq: Array) -> Array:
+    return np.asarray(0.5 * dq**2 @ INERTIA)
+
+
+def motion(n_samples: int, seed: int = 0) -> tuple[Array, Array, Array, Array]:
+    """Times, positions, velocities, accelerations of a sum of three sinusoids per joint."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n_samples) / RATE_HZ
+    omega = np.array([1.0, 2.3, 4.1])[:, np.newaxis, np.newaxis]
+    amplitude, phase = rng.uniform(0.2, 0.5, (3, 1, 2)), rng.uniform(0, 6, (3, 1, 2))
+    angle = omega * t[:, np.newaxis] + phase
+    q = (amplitude * np.sin(angle)).sum(axis=0)
+    dq = (amplitude * omega * np.cos(angle)).sum(axis=0)
+    ddq = -(amplitude * omega**2 * np.sin(angle)).sum(axis=0)
+    return t, q, dq, ddq
+
+
+def dataset(joints: tuple[str, ...] = JOINTS) -> Dataset:
+    t, q, dq, ddq = motion(600)
+    tau = torque(q, ddq) + 1e-3 * np.random.default_rng(1).standard_normal(q.shape)
+    return Dataset(
+        t=t,
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        tau=tau,
+        joint_names=joints,
+        joint_types=('revolute',) * 2,
+        segment=np.zeros(len(t), dtype=np.int64),
+    )
+
+
+def model(joints: tuple[str, ...] = JOINTS) -> TrainedModel:
+    """Fit, and compile what answers, so that no node has to while a test waits."""
+    fitted = fit(dataset(joints), CHEAP)
+    Predictor(fitted).predict(*np.zeros((3, 1, 2)))
+    return fitted
