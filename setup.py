@@ -30,7 +30,7 @@ setup(
         'numpy>=1.26',
         'pyyaml>=6.0',
         'rich>=13.0',
-        'rosbags>=0.10',
+        'rosbags>=0.11.7',
         'scipy>=1.11',
     ],
     extras_require={
