@@ -37,6 +37,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.serving import Predictor, TrainedModel
 
     output.require_folder(args.json)
+    output.require_no_file(args.report)
     model = TrainedModel.load(args.model)
     config = settings.of_model(model, args.config)
     with progress_display() as progress:

@@ -44,6 +44,25 @@ def require_folder(path: str | None) -> None:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
 
 
+def require_no_file(folder: str | None) -> None:
+    """
+    Fail before the work, not after it, where a folder cannot be made.
+
+    Parameters
+    ----------
+    folder : str or None
+        To be made, or there already.
+
+    Raises
+    ------
+    OSError
+        If a file is in its place.
+
+    """
+    if folder is not None and Path(folder).exists() and not Path(folder).is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), folder)
+
+
 def console(json_target: str | None = None) -> Console:
     """Return where tables go: standard output, or standard error where JSON takes that."""
     to_stderr = json_target == STANDARD_OUTPUT

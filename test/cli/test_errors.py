@@ -236,6 +236,12 @@ def test_a_place_that_cannot_be_written_is_found_before_the_work(
     check(failure(['fit', 'SOURCE', '-o', output], capsys), pattern)
 
 
+def test_a_report_in_the_place_of_a_file(here: Path, capsys: Capture) -> None:
+    (here / 'report').write_text('precious')
+    line = failure(['evaluate', 'no.npz', 'no_bag', '--report', 'report'], capsys)
+    check(line, 'report: Not a directory')
+
+
 def test_a_fit_that_breaks_leaves_the_older_model(
     workshop: Workshop, here: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
