@@ -1,0 +1,1 @@
+"""Measurements of speed and accuracy, kept so that anyone can repeat them."""
