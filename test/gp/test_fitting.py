@@ -1,0 +1,142 @@
+"""A fit as a whole: what it refuses, what it keeps to, what it reports."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+import json
+from typing import Any
+
+from gp.arms import ARMS, dataset_of, noise_of, random_motion
+import numpy as np
+import pytest
+
+from lip_id_ros.config import FitSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import DataError
+from lip_id_ros.gp import fit
+from lip_id_ros.model import TrainedModel
+
+
+@cache
+def samples(n_samples: int = 40) -> Dataset:
+    """Return motions of the polar arm with a little noise."""
+    arm = ARMS['polar']
+    motion = random_motion(arm, n_samples, seed=0)
+    tau = arm.torque(*motion)
+    return dataset_of(arm, motion, tau + noise_of(tau, 0.01))
+
+
+def quick(dataset: Dataset, **settings: Any) -> TrainedModel:
+    return fit(dataset, FitSettings(**{'iterations': 3, 'residual': False, **settings}))
+
+
+def test_too_few_samples() -> None:
+    with pytest.raises(DataError, match=r'at least 10 samples, but the data set has 9; record'):
+        fit(samples().select(np.arange(9)))
+
+
+@pytest.mark.parametrize('torque', [0.0, 0.1, -3.7e3])
+def test_a_torque_that_never_changes(torque: float) -> None:
+    """Also where the mean of equal numbers is not quite that number."""
+    tau = samples().tau.copy()
+    tau[:, 1] = torque
+    with pytest.raises(DataError, match=r"joint 'joint_2' is the same in all 40 samples.*effort"):
+        fit(replace(samples(), tau=tau))
+
+
+def test_summary() -> None:
+    model = quick(samples(), kernel='nested')
+    summary = json.loads(json.dumps(model.summary))
+    assert summary == model.summary
+    assert summary.keys() == {
+        'at_bounds',
+        'converged',
+        'iterations',
+        'jitter',
+        'negative_log_likelihood',
+        'noise_std',
+        'optimiser_message',
+        'potential_reference',
+        'seconds_optimising',
+        'seconds_total',
+    }
+    np.testing.assert_allclose(summary['noise_std'], model.noise_std)
+    assert 0.0 <= summary['seconds_optimising'] <= summary['seconds_total']
+
+
+def test_the_model_knows_where_it_comes_from() -> None:
+    dataset = replace(samples(), provenance={'sources': ['a.mcap']})
+    model = quick(dataset, max_samples=15)
+    assert model.provenance == {'sources': ['a.mcap'], 'n_samples_available': 40}
+    assert model.joint_names == dataset.joint_names
+    assert model.joint_types == dataset.joint_types
+    assert model.kernel == 'recursive'
+    assert model.n_joints == 2
+
+
+def test_samples_are_capped() -> None:
+    model = quick(samples(), max_samples=15, subset=12)
+    assert model.n_samples == 15
+    rows = (samples().q[:, None] == model.states.q).all(axis=2)
+    assert rows.any(axis=0).all()
+
+
+def test_the_potential_is_zero_at_the_mean_of_the_positions() -> None:
+    model = quick(samples())
+    np.testing.assert_allclose(model.potential_reference, samples().q.mean(axis=0))
+
+
+def test_alpha_solves_the_normal_equations() -> None:
+    model = quick(samples())
+    gram = model.prior.noisy_gram(model.states)
+    np.testing.assert_allclose(
+        gram @ model.alpha.ravel(), model.tau.ravel(), atol=1e-8 * abs(model.tau).max()
+    )
+
+
+@pytest.mark.parametrize(
+    ('friction', 'residual', 'terms'),
+    [
+        (False, False, ()),
+        (True, False, ('friction',)),
+        (False, True, ('residual',)),
+        (True, True, ('friction', 'residual')),
+    ],
+)
+def test_terms_are_switchable(friction: bool, residual: bool, terms: tuple[str, ...]) -> None:
+    model = quick(samples(), friction=friction, residual=residual)
+    assert tuple(kernel.name for kernel in model.prior.kernel.jointwise) == terms
+
+
+def test_gravity_compensated_torques_have_no_potential() -> None:
+    assert quick(samples()).has_potential
+    assert not quick(replace(samples(), gravity_compensated=True)).has_potential
+
+
+def test_the_same_data_give_the_same_model() -> None:
+    first, second = quick(samples(), subset=20), quick(samples(), subset=20)
+    np.testing.assert_array_equal(first.alpha, second.alpha)
+    assert first.summary['negative_log_likelihood'] == second.summary['negative_log_likelihood']
+
+
+def test_a_joint_that_rests_is_no_obstacle() -> None:
+    """Nothing divides by the extent of its motion."""
+    arm = ARMS['polar']
+    q, dq, ddq = random_motion(arm, 40, seed=0)
+    for x in (q, dq, ddq):
+        x[:, 1] = 0.1 if x is q else 0.0
+    tau = arm.torque(q, dq, ddq)
+    model = quick(dataset_of(arm, (q, dq, ddq), tau + noise_of(tau, 0.01)))
+    assert np.isfinite(model.alpha).all()
+
+
+def test_progress_goes_through_all_stages() -> None:
+    calls: list[tuple[str, int, int]] = []
+    fit(samples(), FitSettings(iterations=2), lambda *call: calls.append(call))
+    stages = list(dict.fromkeys(stage for stage, _, _ in calls))
+    assert stages == ['hyperparameters', 'posterior']
+    for stage in stages:
+        done = [(done, total) for name, done, total in calls if name == stage]
+        assert done[0][0] == 0
+        assert done[-1][0] == done[-1][1] > 0

@@ -1,0 +1,157 @@
+"""Models learned from arms in closed form know inertia, torques and energies, not only sums."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from gp.arms import Arm, ARMS, dataset_of, noise_of, random_motion
+from kernels.cases import Array
+import numpy as np
+import pytest
+
+from lip_id_ros.config import FitSettings
+from lip_id_ros.gp import fit
+from lip_id_ros.kernels import Friction
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
+
+MEMBERS = ('lip', 'nested', 'recursive')
+CASES = [(name, member) for name in ARMS for member in MEMBERS]
+N_SAMPLES = 80
+ITERATIONS = 25
+
+VISCOUS, COULOMB = np.array([0.8, 0.3]), np.array([1.5, 0.6])
+
+
+@cache
+def learned(name: str, member: str) -> Predictor:
+    """Fit on torques with noise of one part in a thousand."""
+    arm = ARMS[name]
+    motion = random_motion(arm, N_SAMPLES, seed=0)
+    tau = arm.torque(*motion)
+    dataset = dataset_of(arm, motion, tau + noise_of(tau))
+    return Predictor(
+        fit(dataset, FitSettings(kernel=member, friction=False, iterations=ITERATIONS))
+    )
+
+
+def unseen(arm: Arm) -> tuple[Array, Array, Array]:
+    return random_motion(arm, 100, seed=1)
+
+
+def assert_close(got: Array, expected: Array, size: float) -> None:
+    """Within two parts in a thousand of a size."""
+    np.testing.assert_allclose(got, expected, rtol=0.0, atol=2e-3 * size)
+
+
+@pytest.mark.parametrize(('name', 'member'), CASES)
+def test_torques(name: str, member: str) -> None:
+    """Inertial, Coriolis and gravity torques, each by itself."""
+    arm = ARMS[name]
+    q, dq, ddq = motion = unseen(arm)
+    tau = arm.torque(*motion)
+    got = learned(name, member).predict(*motion)
+    size = abs(tau).max()
+    assert_close(got.tau, tau, size)
+    assert_close(got.inertial, arm.inertial(q, ddq), size)
+    assert_close(got.coriolis, arm.coriolis(q, dq), size)
+    assert_close(got.gravity, arm.gravity(q), size)
+
+
+@pytest.mark.parametrize(('name', 'member'), CASES)
+def test_inertia_matrix(name: str, member: str) -> None:
+    arm = ARMS[name]
+    q, _, _ = unseen(arm)
+    expected = arm.inertia(q)
+    assert_close(learned(name, member).inertia_matrix(q), expected, abs(expected).max())
+
+
+@pytest.mark.parametrize(('name', 'member'), CASES)
+def test_energies(name: str, member: str) -> None:
+    """The potential energy is zero at the reference positions."""
+    arm = ARMS[name]
+    q, dq, ddq = unseen(arm)
+    predictor = learned(name, member)
+    got = predictor.predict(q, dq, ddq)
+    kinetic = arm.kinetic(q, dq)
+    assert_close(got.kinetic, kinetic, kinetic.max())
+    reference = predictor.model.potential_reference[None]
+    potential = arm.potential(q) - arm.potential(reference)
+    assert got.potential is not None
+    assert_close(got.potential, potential, abs(potential).max())
+
+
+@pytest.mark.parametrize(('name', 'member'), CASES)
+def test_noise_is_recovered(name: str, member: str) -> None:
+    model = learned(name, member).model
+    true = 1e-3 * ARMS[name].torque(*random_motion(ARMS[name], N_SAMPLES, seed=0)).std(axis=0)
+    np.testing.assert_allclose(model.noise_std, true, rtol=0.2)
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_true_torques_lie_within_the_uncertainty(member: str) -> None:
+    """The deviation tells the size of the error: neither far too small nor far too large."""
+    arm = ARMS['two_links']
+    motion = unseen(arm)
+    predictor = learned('two_links', member)
+    error = predictor.predict(*motion).tau - arm.torque(*motion)
+    score = np.sqrt(np.mean((error / predictor.standard_deviation(*motion).tau) ** 2))
+    assert 0.3 < score < 2.0
+
+
+@cache
+def learned_with_friction(member: str) -> TrainedModel:
+    arm = ARMS['two_links']
+    motion = random_motion(arm, 120, seed=0)
+    dq = motion[1]
+    tau = arm.torque(*motion) + VISCOUS * dq + COULOMB * np.sign(dq)
+    dataset = dataset_of(arm, motion, tau + noise_of(tau))
+    return fit(dataset, FitSettings(kernel=member, friction=True, iterations=ITERATIONS))
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_friction_coefficients_are_recovered(member: str) -> None:
+    model = learned_with_friction(member)
+    (friction,) = model.prior.kernel.jointwise
+    (parameters,) = model.prior.hyperparameters.jointwise
+    assert isinstance(friction, Friction)
+    got = friction.coefficients(parameters, model.states.jointwise[0], model.alpha)
+    np.testing.assert_allclose(got[:, 0], VISCOUS, rtol=0.02)
+    np.testing.assert_allclose(got[:, 1], COULOMB, rtol=0.02)
+    np.testing.assert_allclose(got[:, 2], 0.0, atol=0.02)
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_friction_is_told_from_inertia_and_gravity(member: str) -> None:
+    """What dissipates is not in the Lagrangian torques."""
+    arm = ARMS['two_links']
+    q, dq, ddq = motion = unseen(arm)
+    fast = (abs(dq) > 0.2).all(axis=1)  # away from where the smooth sign turns
+    got = Predictor(learned_with_friction(member)).predict(*motion)
+    size = abs(arm.torque(*motion)).max()
+    assert_close(got.inertial, arm.inertial(q, ddq), size)
+    assert_close(got.coriolis, arm.coriolis(q, dq), size)
+    assert_close(got.gravity, arm.gravity(q), size)
+    assert_close(got.friction[fast], (VISCOUS * dq + COULOMB * np.sign(dq))[fast], size)
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_torques_without_gravity(member: str) -> None:
+    """From gravity-compensated torques inertia is learned as well; no potential is reported."""
+    arm = ARMS['two_links']
+    q, dq, ddq = motion = random_motion(arm, N_SAMPLES, seed=0)
+    tau = arm.torque(*motion) - arm.gravity(q)
+    dataset = dataset_of(arm, motion, tau + noise_of(tau), gravity_compensated=True)
+    predictor = Predictor(
+        fit(dataset, FitSettings(kernel=member, friction=False, iterations=ITERATIONS))
+    )
+    q, dq, ddq = unseen(arm)
+    got = predictor.predict(q, dq, ddq)
+    assert not predictor.model.has_potential
+    assert got.potential is None
+    assert np.isnan(predictor.query(q[0], dq[0], ddq[0]).potential)
+    assert predictor.standard_deviation(q, dq, ddq).potential is None
+    assert not got.gravity.any()
+    expected = arm.inertia(q)
+    assert_close(predictor.inertia_matrix(q), expected, abs(expected).max())
+    assert_close(got.coriolis, arm.coriolis(q, dq), abs(got.tau).max())
