@@ -23,7 +23,12 @@ def main(arguments: list[str]) -> int:
     if name not in available():
         print(f'no benchmark {name!r}; there are {", ".join(available())}', file=sys.stderr)
         return 2
-    status: int = importlib.import_module(f'benchmarks.{name}').main(rest)
+    return run(name, rest)
+
+
+def run(name: str, arguments: list[str]) -> int:
+    """Run one benchmark and return its exit status."""
+    status: int = importlib.import_module(f'benchmarks.{name}').main(arguments)
     return status
 
 

@@ -110,7 +110,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
         nargs='*',
         default=[],
         metavar='NAME=VALUE',
-        help='fit settings, such as residual=true',
+        help='such as residual=true',
     )
     parser.add_argument(
         '--results', type=Path, default=Path('panda_monte_carlo.json'),
