@@ -13,8 +13,8 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo import topics
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import Outcome, run
+from lip_id_ros.evaluation.estimator import Estimator
 from lip_id_ros.recording.bags import Bag
-from lip_id_ros.serving import Predictor
 from lip_id_ros.simulation.arm import Dynamics
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def read_served(bag_path: str | os.PathLike[str], joint_names: tuple[str, ...]) 
     )
 
 
-def outcome_of(served: Served, arm: Dynamics, predictor: Predictor) -> Outcome:
+def outcome_of(served: Served, arm: Dynamics, predictor: Estimator) -> Outcome:
     """
     Set the answers beside the truth.
 
@@ -97,7 +97,7 @@ def outcome_of(served: Served, arm: Dynamics, predictor: Predictor) -> Outcome:
     served : Served
     arm : Dynamics
         The simulated arm, which knows the truth.
-    predictor : Predictor
+    predictor : Estimator
         Of the served model; gives what is not published: the parts of the torque.
 
     """

@@ -21,7 +21,7 @@ from lip_id_ros.nodes import parameters, qos, running
 from lip_id_ros.nodes.background import outcome
 from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.job import JobState
+from lip_id_ros.runtime.job import JobState, Task
 from lip_id_ros.runtime.jobs import Jobs
 from lip_id_ros.runtime.recorder import Recorder
 from lip_id_ros.runtime.settings import fit_values, own_values, train_parameters, TrainSettings
@@ -144,12 +144,13 @@ class TrainNode(Node):
         self._recorder.mark_saved(rows)
         return self._answer(response, True, f'{result["n_samples"]} samples in {result["path"]}')
 
-    def _start(self, task: str, path: str) -> tuple[int, Future[Mapping[str, Any]]]:
+    def _start(self, kind: str, path: str) -> tuple[int, Future[Mapping[str, Any]]]:
         samples = self._recorder.samples(self._topic)
         if samples.n_samples == 0:
             raise DataError(f'no samples of {self._topic} are kept; call record and move the arm.')
-        settings = fit_values(self._values())
-        return samples.n_samples, self._jobs.start(task, samples, settings, path)
+        values = self._values()
+        task = Task(kind, fit_values(values), path, values['fit_niceness'])
+        return samples.n_samples, self._jobs.start(task, samples)
 
     def _answer(self, response: Any, success: bool, text: str) -> Any:
         self._publish_status()

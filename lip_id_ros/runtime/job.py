@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 import json
 import subprocess
 import sys
@@ -12,6 +12,30 @@ from typing import Any, IO
 from lip_id_ros.errors import LipIdError
 
 STOP_SECONDS = 2.0
+
+
+@dataclass(frozen=True)
+class Task:
+    """
+    What is asked of a job.
+
+    Attributes
+    ----------
+    kind : str
+        'fit' or 'dataset'.
+    settings : mapping
+        Settings of a fit by ``section.name``.
+    path : str
+        Where the result is saved.
+    niceness : int
+        How much it gives way to other processes.
+
+    """
+
+    kind: str
+    settings: Mapping[str, object]
+    path: str
+    niceness: int = 0
 
 
 @dataclass(frozen=True)
@@ -52,24 +76,17 @@ class Job:
 
     Parameters
     ----------
-    task : str
-        'fit' or 'dataset'.
+    task : Task
     recording : str
         File of the samples.
-    settings : mapping
-        Settings of a fit by ``section.name``.
-    path : str
-        Where the result is saved.
 
     """
 
-    def __init__(
-        self, task: str, recording: str, settings: Mapping[str, object], path: str
-    ) -> None:
-        request = {'task': task, 'recording': recording, 'settings': settings, 'path': path}
-        self.state = JobState(task, 'running', 'start')
+    def __init__(self, task: Task, recording: str) -> None:
+        request = json.dumps({**asdict(task), 'recording': recording})
+        self.state = started(task)
         self._process = subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.runtime.job_process', json.dumps(request)],
+            [sys.executable, '-m', 'lip_id_ros.runtime.job_process', request],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             text=True,
@@ -112,6 +129,11 @@ class Job:
     def _follow(self, lines: IO[str]) -> None:
         for line in lines:
             self.state = advanced(self.state, line)
+
+
+def started(task: Task) -> JobState:
+    """Return the state of a job that has just begun."""
+    return JobState(task.kind, 'running', 'start')
 
 
 def advanced(state: JobState, line: str) -> JobState:

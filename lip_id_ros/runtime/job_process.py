@@ -19,8 +19,6 @@ from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.progress import Progress
 from lip_id_ros.runtime.recording_file import take_over
 
-NICENESS = 5  # recording goes first
-
 
 def main(arguments: list[str], output: TextIO) -> int:
     """
@@ -29,8 +27,7 @@ def main(arguments: list[str], output: TextIO) -> int:
     Parameters
     ----------
     arguments : list of str
-        One JSON text with `recording` (path), `settings` (by ``section.name``), `task` ('fit' or
-        'dataset') and `path`: where the result is saved.
+        The request of `lip_id_ros.runtime.job.Job` as one JSON text.
     output : text stream
         Gets one JSON object per line: `progress` (stage, done, total), then `result` or `error`.
 
@@ -40,8 +37,8 @@ def main(arguments: list[str], output: TextIO) -> int:
         Exit status.
 
     """
-    os.nice(NICENESS)
     request = json.loads(arguments[0])
+    os.nice(request['niceness'])
     try:
         result = _work(request, _reporter(output))
     except (LipIdError, OSError) as error:
@@ -56,7 +53,7 @@ def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     samples = take_over(request['recording'])
     dataset = preprocess(samples, config.preprocessing, config.recording)
     result: dict[str, Any] = {'path': request['path'], 'n_samples': dataset.n_samples}
-    if request['task'] == 'dataset':
+    if request['kind'] == 'dataset':
         dataset.save(request['path'])
         return result
     model = fit(dataset, config.fit, progress)

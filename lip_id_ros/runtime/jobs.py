@@ -11,7 +11,7 @@ from typing import Any
 
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.runtime.job import Job, JobState
+from lip_id_ros.runtime.job import Job, JobState, started, Task
 from lip_id_ros.runtime.recording_file import hand_over
 
 
@@ -29,22 +29,15 @@ class Jobs:
         """Where the last job stands."""
         return self._job.state if self._job else self._state
 
-    def start(
-        self, task: str, samples: JointSamples, settings: Mapping[str, object], path: str
-    ) -> Future[Mapping[str, Any]]:
+    def start(self, task: Task, samples: JointSamples) -> Future[Mapping[str, Any]]:
         """
         Start a job; returns at once.
 
         Parameters
         ----------
-        task : str
-            'fit' or 'dataset'.
+        task : Task
         samples : JointSamples
             What it works on.
-        settings : mapping
-            Settings of a fit by ``section.name``.
-        path : str
-            Where the result is saved.
 
         Returns
         -------
@@ -60,8 +53,8 @@ class Jobs:
         if self.state.state == 'running':
             raise LipIdError(f'a {self.state.task} is running; wait until ~/status shows its end.')
         self._job = None
-        self._state = JobState(task, 'running', 'start')
-        return self._pool.submit(self._run, task, samples, settings, path)
+        self._state = started(task)
+        return self._pool.submit(self._run, task, samples)
 
     def stop(self) -> None:
         """End the job in hand."""
@@ -70,14 +63,12 @@ class Jobs:
             self._job.stop()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def _run(
-        self, task: str, samples: JointSamples, settings: Mapping[str, object], path: str
-    ) -> Mapping[str, Any]:
+    def _run(self, task: Task, samples: JointSamples) -> Mapping[str, Any]:
         try:
             with tempfile.TemporaryDirectory(prefix='lip_id_ros_') as folder:
                 recording = str(Path(folder) / 'recording.npz')
                 hand_over(recording, samples)
-                self._job = Job(task, recording, settings, path)
+                self._job = Job(task, recording)
                 if self._stopped:
                     self._job.stop()
                 return self._job.wait()

@@ -30,6 +30,9 @@ class TrainSettings(Settings):
     max_rows: int = setting(
         1_000_000, 'Most samples kept in memory; later ones are refused and counted.', minimum=1
     )
+    fit_niceness: int = setting(
+        5, 'How much a fit gives way to other processes of the machine.', minimum=0, maximum=19
+    )
     executor: str = setting('events', _EXECUTOR_HELP, choices=EXECUTORS)
 
 
