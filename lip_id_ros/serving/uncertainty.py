@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,14 +65,15 @@ class Uncertainty:
             If the shapes are wrong.
 
         """
-        parts = list(self._blocks(self._prior.kernel.states(q, dq, ddq)))
-        tau, kinetic, potential = (np.sqrt(np.concatenate(x)) for x in zip(*parts, strict=True))
-        return Deviation(tau, kinetic, potential if self._model.has_potential else None)
-
-    def _blocks(self, x: JointStates) -> Iterator[tuple[Array, Array, Array]]:
-        for start in range(0, len(x), BLOCK):
+        tau, kinetic, potential = np.empty_like(q), np.empty(len(q)), np.empty(len(q))
+        for start in range(0, len(q), BLOCK):
             rows = slice(start, start + BLOCK)
-            yield self._variances(self._prior.kernel.states(x.q[rows], x.dq[rows], x.ddq[rows]))
+            x = self._prior.kernel.states(q[rows], dq[rows], ddq[rows])
+            tau[rows], kinetic[rows], potential[rows] = self._variances(x)
+        has_potential = self._model.has_potential
+        return Deviation(
+            np.sqrt(tau), np.sqrt(kinetic), np.sqrt(potential) if has_potential else None
+        )
 
     def _variances(self, x: JointStates) -> tuple[Array, Array, Array]:
         prior, training = self._prior, self._model.states

@@ -1,0 +1,209 @@
+"""The fast posterior mean against covariances times alpha, and the physics that it must obey."""
+
+from __future__ import annotations
+
+from kernels.cases import ARMS, Array, MEMBERS, random_states
+import numpy as np
+import pytest
+from serving.models import random_model, random_model_without_potential
+
+from lip_id_ros.errors import ShapeError
+from lip_id_ros.kernels.lanes import LANES
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
+from lip_id_ros.serving.evaluator import evaluate_many, evaluate_one
+
+States = tuple[Array, Array, Array]
+CASES = [(member, types) for member in MEMBERS for types in ARMS]
+
+
+def queries(n: int, n_samples: int = 5) -> States:
+    return random_states(n_samples, n, np.random.default_rng(9))
+
+
+def assert_close(got: Array, expected: Array) -> None:
+    np.testing.assert_allclose(got, expected, rtol=1e-10, atol=1e-11 * abs(expected).max())
+
+
+def check_against_covariances(model: TrainedModel) -> None:
+    """Compare with cross-covariances times alpha."""
+    x = queries(model.n_joints)
+    prior, alpha = model.prior, model.alpha.ravel()
+    states = prior.kernel.states(*x)
+    tau = (prior.cross_gram(states, model.states) @ alpha).reshape(x[0].shape)
+    kinetic, potential = (c @ alpha for c in prior.energy_covariance(states, model.states))
+    rest = prior.kernel.states(model.potential_reference[None], *np.zeros((2, 1, model.n_joints)))
+    _, reference = prior.energy_covariance(rest, model.states)
+    predictor = Predictor(model)
+    got = predictor.predict(*x)
+    assert got.potential is not None
+    assert_close(got.tau, tau)
+    assert_close(got.kinetic, kinetic)
+    assert_close(got.potential, potential - reference @ alpha)
+    for t in range(len(tau)):
+        one = predictor.query(x[0][t], x[1][t], x[2][t])
+        assert_close(one.tau, tau[t])
+        assert one.kinetic == pytest.approx(got.kinetic[t], rel=1e-12)
+        assert one.potential == pytest.approx(got.potential[t], rel=1e-12)
+
+
+@pytest.mark.parametrize(('member', 'types'), CASES)
+def test_every_member_and_arm(member: str, types: tuple[str, ...]) -> None:
+    check_against_covariances(random_model(member, types))
+
+
+@pytest.mark.parametrize('n_samples', [1, LANES - 1, LANES, LANES + 1, 2 * LANES, 2 * LANES + 1])
+@pytest.mark.parametrize('member', MEMBERS)
+def test_numbers_of_samples_around_the_width_of_the_loops(member: str, n_samples: int) -> None:
+    check_against_covariances(random_model(member, n_samples=n_samples))
+
+
+@pytest.mark.parametrize('terms', [(), ('friction',), ('residual',)])
+def test_other_terms(terms: tuple[str, ...]) -> None:
+    check_against_covariances(random_model('recursive', terms=terms))
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_parts_of_the_torque(member: str) -> None:
+    """Each part depends on what it may depend on, and together they are the torque."""
+    q, dq, ddq = queries(3)
+    predictor = Predictor(random_model(member))
+    got = predictor.predict(q, dq, ddq)
+    assert_close(got.inertial + got.coriolis + got.gravity + got.friction, got.tau)
+    faster = predictor.predict(q, 2.0 * dq, -3.0 * ddq)
+    assert_close(faster.inertial, -3.0 * got.inertial)
+    assert_close(faster.coriolis, 4.0 * got.coriolis)
+    assert_close(faster.gravity, got.gravity)
+    assert_close(faster.kinetic, 4.0 * got.kinetic)
+    assert faster.potential is not None
+    assert got.potential is not None
+    assert_close(faster.potential, got.potential)
+    assert abs(got.coriolis).max() > 1e-3
+    assert abs(got.friction).max() > 1e-3
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_inertia_matrix(member: str) -> None:
+    q, dq, ddq = queries(3)
+    predictor = Predictor(random_model(member))
+    matrix = predictor.inertia_matrix(q)
+    got = predictor.predict(q, dq, ddq)
+    np.testing.assert_array_equal(matrix, matrix.transpose(0, 2, 1))
+    assert_close(np.einsum('tij,tj->ti', matrix, ddq), got.inertial)
+    assert_close(0.5 * np.einsum('ti,tij,tj->t', dq, matrix, dq), got.kinetic)
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_gravity_is_the_slope_of_the_potential(member: str) -> None:
+    q, dq, ddq = queries(3)
+    predictor = Predictor(random_model(member))
+    gravity = predictor.predict(q, dq, ddq).gravity
+    for joint, step in enumerate(1e-5 * np.eye(3)):
+        up = predictor.predict(q + step, dq, ddq).potential
+        down = predictor.predict(q - step, dq, ddq).potential
+        assert up is not None
+        assert down is not None
+        slope = (up - down) / 2e-5
+        np.testing.assert_allclose(gravity[:, joint], slope, atol=1e-8 * abs(gravity).max())
+
+
+def swing(t: Array) -> States:
+    """Return a smooth motion of three joints with its true derivatives, at times t."""
+    w = np.array([1.0, 1.7, 2.3])
+    phase = np.array([0.3, 1.1, 2.0])
+    angle = t[:, None] * w + phase
+    return 0.8 * np.sin(angle), 0.8 * w * np.cos(angle), -0.8 * w**2 * np.sin(angle)
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_power_balance(member: str) -> None:
+    """d(T + V)/dt = dq . tau for any weights, since torques and energies are of one Lagrangian."""
+    predictor = Predictor(random_model(member))
+    t, step = np.linspace(0.0, 3.0, 40), 1e-3
+
+    def energy(steps: int) -> Array:
+        got = predictor.predict(*swing(t + steps * step))
+        assert got.potential is not None
+        return got.kinetic + got.potential
+
+    change = (8.0 * (energy(1) - energy(-1)) - (energy(2) - energy(-2))) / (12.0 * step)
+    x = swing(t)
+    got = predictor.predict(*x)
+    power = (x[1] * (got.inertial + got.coriolis + got.gravity)).sum(axis=1)
+    np.testing.assert_allclose(power, change, rtol=0.0, atol=1e-8 * abs(power).max())
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_without_potential(member: str) -> None:
+    predictor = Predictor(random_model_without_potential(member))
+    q, dq, ddq = queries(3)
+    got = predictor.predict(q, dq, ddq)
+    assert got.potential is None
+    assert not got.gravity.any()
+    one = predictor.query(q[0], dq[0], ddq[0])
+    assert np.isnan(one.potential)
+    assert_close(one.tau, got.tau[0])
+
+
+def test_the_potential_is_zero_at_its_reference() -> None:
+    model = random_model('recursive')
+    got = Predictor(model).query(model.potential_reference, *np.ones((2, 3)))
+    assert got.potential == 0.0
+
+
+def test_nothing_is_compiled_once_a_predictor_stands() -> None:
+    """Whatever arrays come: a controller cannot wait for a compiler."""
+    predictor = Predictor(random_model('recursive'))
+    states = queries(3)
+    predictor.predict(*states)
+    before = len(evaluate_one.signatures), len(evaluate_many.signatures)  # type: ignore[attr-defined]
+    expected = predictor.predict(*states).tau
+    for x in states:
+        x.flags.writeable = False
+    wide = [np.asfortranarray(np.repeat(x, 2, axis=1)) for x in states]
+    np.testing.assert_array_equal(predictor.predict(*states).tau, expected)
+    np.testing.assert_array_equal(predictor.predict(*(x[:, ::2] for x in wide)).tau, expected)
+    np.testing.assert_array_equal(predictor.predict(*(x.tolist() for x in states)).tau, expected)
+    assert_close(predictor.query(*(x[0] for x in states)).tau, expected[0])
+    assert_close(predictor.query(*(x[0, ::2] for x in wide)).tau, expected[0])
+    after = len(evaluate_one.signatures), len(evaluate_many.signatures)  # type: ignore[attr-defined]
+    assert after == before
+
+
+def test_a_query_keeps_its_answer() -> None:
+    """The next query does not write over it."""
+    predictor = Predictor(random_model('recursive'))
+    q, dq, ddq = queries(3)
+    first = predictor.query(q[0], dq[0], ddq[0])
+    kept = first.tau.copy()
+    predictor.query(q[1], dq[1], ddq[1])
+    np.testing.assert_array_equal(first.tau, kept)
+
+
+def test_no_queries_have_no_answers() -> None:
+    predictor = Predictor(random_model('recursive'))
+    empty = np.empty((0, 3))
+    assert predictor.predict(empty, empty, empty).tau.shape == (0, 3)
+    assert predictor.inertia_matrix(empty).shape == (0, 3, 3)
+    deviation = predictor.standard_deviation(empty, empty, empty)
+    assert deviation.tau.shape == (0, 3)
+    assert deviation.kinetic.shape == (0,)
+
+
+def test_training_range() -> None:
+    model = random_model('recursive')
+    low, high = Predictor(model).training_range
+    for row, x in enumerate((model.states.q, model.states.dq, model.states.ddq)):
+        np.testing.assert_array_equal(low[row], x.min(axis=0))
+        np.testing.assert_array_equal(high[row], x.max(axis=0))
+
+
+@pytest.mark.parametrize('shapes', [((5, 2),) * 3, ((5, 3), (4, 3), (5, 3)), ((3,),) * 3])
+def test_wrong_shapes(shapes: tuple[tuple[int, ...], ...]) -> None:
+    predictor = Predictor(random_model('recursive'))
+    arrays = [np.zeros(shape) for shape in shapes]
+    sentence = r'must have shape \(N, 3\), but one has \(.*\); pass one row per sample'
+    with pytest.raises(ShapeError, match=sentence):
+        predictor.predict(*arrays)
+    with pytest.raises(ShapeError, match=sentence):
+        predictor.standard_deviation(*arrays)
