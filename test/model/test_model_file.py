@@ -1,0 +1,223 @@
+"""One model, one file: what is loaded answers as what was saved, and nothing else is loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+import os
+from pathlib import Path
+import re
+from typing import Any
+
+from gp.cases import P, R
+from hypothesis import given
+from hypothesis import strategies as st
+from kernels.cases import MEMBERS, random_states
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+from serving.models import BOTH, random_model, random_model_without_potential
+
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import ModelError
+from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
+
+Arrays = dict[str, NDArray[Any]]
+Header = dict[str, Any]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Name of a file that is not there yet."""
+    return tmp_path / 'model.npz'
+
+
+@pytest.fixture
+def saved(path: Path) -> Path:
+    """File of a sound model."""
+    random_model('recursive').save(path)
+    return path
+
+
+def assert_same_answers(first: TrainedModel, second: TrainedModel) -> None:
+    """Compare predictions and deviations to the last bit."""
+    x = random_states(5, first.n_joints, np.random.default_rng(3))
+    for got, expected in zip(answers(second, x), answers(first, x), strict=True):
+        np.testing.assert_array_equal(got, expected)
+
+
+def answers(model: TrainedModel, x: Any) -> list[Any]:
+    predictor = Predictor(model)
+    found = [*vars(predictor.predict(*x)).values()]
+    found += vars(predictor.standard_deviation(*x)).values()
+    return [*found, predictor.inertia_matrix(x[0])]
+
+
+@pytest.mark.parametrize('terms', [(), ('residual',), BOTH])
+@pytest.mark.parametrize('member', MEMBERS)
+def test_round_trip(member: str, terms: tuple[str, ...], path: Path) -> None:
+    model = replace(
+        random_model(member, (R, P, R), terms=terms),
+        provenance={'sources': ['a.mcap'], 'n_samples_available': 9},
+    )
+    model.save(path)
+    loaded = TrainedModel.load(path)
+    assert_same_answers(model, loaded)
+    for name in ('joint_names', 'joint_types', 'kernel', 'n_samples', 'summary', 'provenance'):
+        assert getattr(loaded, name) == getattr(model, name)
+    np.testing.assert_array_equal(loaded.tau, model.tau)
+    np.testing.assert_array_equal(loaded.noise_std, model.noise_std)
+    assert os.listdir(path.parent) == [path.name]
+
+
+def test_round_trip_without_potential(path: Path) -> None:
+    model = random_model_without_potential('lip')
+    model.save(path)
+    assert not TrainedModel.load(path).has_potential
+    assert_same_answers(model, TrainedModel.load(path))
+
+
+def test_a_model_is_saved_over_an_older_one(saved: Path) -> None:
+    random_model('lip').save(saved)
+    assert TrainedModel.load(saved).kernel == 'lip'
+
+
+def test_a_missing_file(path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match='model'):
+        TrainedModel.load(path)
+
+
+def test_a_missing_folder(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"none/model\.npz'$"):
+        random_model('recursive').save(tmp_path / 'none' / 'model.npz')
+    assert os.listdir(tmp_path) == []
+
+
+def test_what_cannot_be_written_leaves_nothing(path: Path) -> None:
+    model = replace(random_model('recursive'), provenance={'time': object()})
+    with pytest.raises(TypeError, match='not JSON serializable'):
+        model.save(path)
+    assert os.listdir(path.parent) == []
+
+
+def check_refused(path: Path, sentence: str) -> None:
+    """The sentence names the file and ends in what to do."""
+    with pytest.raises(ModelError, match=sentence) as caught:
+        TrainedModel.load(path)
+    text = str(caught.value)
+    assert text.startswith(f'{path} ')
+    assert re.search(r'; (fit again|pass the file that)[^;]*\.$', text)
+
+
+@pytest.mark.parametrize('share', [0.0, 0.3, 0.99])
+def test_a_truncated_file(saved: Path, share: float) -> None:
+    content = saved.read_bytes()
+    saved.write_bytes(content[: int(share * len(content))])
+    check_refused(saved, r'is not a readable model file \(not an npz archive')
+
+
+def test_random_bytes(path: Path) -> None:
+    path.write_bytes(np.random.default_rng(0).bytes(1000))
+    check_refused(path, r'is not a readable model file \(not an npz archive')
+
+
+def test_an_npz_of_something_else(path: Path) -> None:
+    np.savez(path, q=np.ones(3))
+    check_refused(path, r'is not a model of lip_id_ros \(its schema is None, expected')
+
+
+def test_a_data_set(path: Path) -> None:
+    x = np.random.default_rng(0).normal(size=(4, 2))
+    Dataset(
+        t=np.arange(4.0),
+        q=x,
+        dq=x,
+        ddq=x,
+        tau=x,
+        joint_names=('a', 'b'),
+        joint_types=(R, R),
+        segment=np.zeros(4, dtype=np.int64),
+    ).save(path)
+    check_refused(path, r'is not a model of lip_id_ros \(its schema is ')
+
+
+def changed(path: Path, change: Callable[[Arrays, Header], None]) -> Path:
+    """Write the file again with its arrays or header changed."""
+    arrays, header = read_npz(path)
+    change(arrays, header)
+    write_npz(path, arrays, header)
+    return path
+
+
+def test_a_newer_format(saved: Path) -> None:
+    newer = changed(saved, lambda _, header: header.update(version=2))
+    check_refused(newer, 'has model format 2, but this program reads format 1')
+
+
+def flip(arrays: Arrays, _: Header) -> None:
+    arrays['alpha'][0, 0] = -arrays['alpha'][0, 0]
+
+
+def drop(arrays: Arrays, _: Header) -> None:
+    del arrays['alpha']
+
+
+def rename(_: Arrays, header: Header) -> None:
+    header['joint_names'] = header['joint_names'][::-1]
+
+
+def switch(_: Arrays, header: Header) -> None:
+    header['kernel'] = 'recursive_per_link'
+
+
+@pytest.mark.parametrize('change', [flip, drop, rename, switch])
+def test_contents_that_are_not_those_that_were_written(
+    saved: Path, change: Callable[[Arrays, Header], None]
+) -> None:
+    check_refused(changed(saved, change), 'is damaged: its contents do not match their hash')
+
+
+@given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
+def test_no_flipped_bit_changes_an_answer(
+    place: float, bit: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Whatever goes wrong on the way, a model is refused or is the one that was saved."""
+    path = tmp_path_factory.mktemp('model') / 'model.npz'
+    model = random_model('recursive', terms=())
+    model.save(path)
+    content = bytearray(path.read_bytes())
+    content[int(place * len(content))] ^= 1 << bit
+    path.write_bytes(content)
+    try:
+        loaded = TrainedModel.load(path)
+    except ModelError:
+        return
+    np.testing.assert_array_equal(loaded.alpha, model.alpha)
+    assert loaded.summary == model.summary
+
+
+def other_kernel(_: Arrays, header: Header) -> None:
+    header['kernel'] = 'perceptron'
+
+
+def other_joints(_: Arrays, header: Header) -> None:
+    header['joint_types'] = [R, R]
+
+
+@pytest.mark.parametrize(
+    ('change', 'what'),
+    [(drop, "'alpha'"), (other_kernel, "'perceptron'"), (other_joints, r'shape \(N, 2\)')],
+)
+def test_contents_that_do_not_fit_together(
+    saved: Path,
+    change: Callable[[Arrays, Header], None],
+    what: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The hash is right and the contents are not: another program's mistake."""
+    stored = read_npz(saved)[1]['sha256']
+    monkeypatch.setattr('lip_id_ros.model.model_file._digest', lambda *_: stored)
+    sentence = f'says it is a model but lacks or contradicts itself in .*{what}'
+    check_refused(changed(saved, change), sentence)
