@@ -44,6 +44,7 @@ setup(
             'lip_id = lip_id_ros.cli:main',
             'train = lip_id_ros.nodes.train:main',
             'serve = lip_id_ros.nodes.serve:main',
+            'replay = lip_id_ros.nodes.replay:main',
             'simulated_panda = lip_id_ros.demo.robot:main',
         ],
     },

@@ -6,13 +6,13 @@ from array import array
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 Array = NDArray[np.float64]
 
@@ -62,6 +62,47 @@ def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
     for point, effort in zip(plan.points, tau, strict=True):
         point.effort = doubles(effort)
     return plan
+
+
+def recorded_joint_state(recorded: Any) -> JointState:
+    """Return a message that was read from a bag, as one that can be published."""
+    message = JointState(
+        name=list(recorded.name),
+        position=_doubles(recorded.position),
+        velocity=_doubles(recorded.velocity),
+        effort=_doubles(recorded.effort),
+    )
+    _copy_header(recorded, message)
+    return message
+
+
+def recorded_trajectory(recorded: Any) -> JointTrajectory:
+    """Return a message that was read from a bag, as one that can be published."""
+    message = JointTrajectory(joint_names=list(recorded.joint_names))
+    message.points = [_recorded_point(point) for point in recorded.points]
+    _copy_header(recorded, message)
+    return message
+
+
+def _recorded_point(recorded: Any) -> JointTrajectoryPoint:
+    after = recorded.time_from_start
+    return JointTrajectoryPoint(
+        positions=_doubles(recorded.positions),
+        velocities=_doubles(recorded.velocities),
+        accelerations=_doubles(recorded.accelerations),
+        effort=_doubles(recorded.effort),
+        time_from_start=Duration(sec=int(after.sec), nanosec=int(after.nanosec)),
+    )
+
+
+def _copy_header(recorded: Any, message: Any) -> None:
+    stamp = recorded.header.stamp
+    message.header.stamp = Time(sec=int(stamp.sec), nanosec=int(stamp.nanosec))
+    message.header.frame_id = recorded.header.frame_id
+
+
+def _doubles(values: Any) -> array[float]:
+    return doubles(np.asarray(values, dtype=np.float64))
 
 
 def diagnostics_message(

@@ -40,15 +40,10 @@ def free_domain() -> int:
 class Process:
     """A node of the package in a process of its own."""
 
-    def __init__(self, module: str, folder: Path, domain: int, arguments: list[str]) -> None:
+    def __init__(
+        self, module: str, folder: Path, environment: dict[str, str], arguments: list[str]
+    ) -> None:
         self.log_path = folder / f'{module}.log'
-        environment = {
-            **os.environ,
-            'ROS_DOMAIN_ID': str(domain),
-            'ROS_LOG_DIR': str(folder / 'ros_log'),
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-            'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),
-        }
         with open(self.log_path, 'wb') as log:
             self._popen = subprocess.Popen(
                 [sys.executable, '-m', f'lip_id_ros.nodes.{module}', '--ros-args', *arguments],
@@ -152,6 +147,13 @@ class Graph:
     def __init__(self, folder: Path) -> None:
         self.domain = free_domain()
         self.folder = folder
+        self.environment = {
+            **os.environ,
+            'ROS_DOMAIN_ID': str(self.domain),
+            'ROS_LOG_DIR': str(folder / 'ros_log'),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),
+        }
         self.processes: list[Process] = []
         self.context = Context()
 
@@ -160,7 +162,7 @@ class Graph:
         arguments = []
         for name, value in parameters.items():
             arguments += ['-p', f'{name.replace("__", ".")}:={json.dumps(value)}']
-        process = Process(module, self.folder, self.domain, arguments)
+        process = Process(module, self.folder, self.environment, arguments)
         self.processes.append(process)
         return process
 

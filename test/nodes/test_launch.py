@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-import os
 from pathlib import Path
 import subprocess
 import sys
@@ -39,7 +38,7 @@ def launched(graph: Graph, name: str, *arguments: str) -> Iterator[Path]:
     with open(log_path, 'wb') as log:
         process = subprocess.Popen(
             [sys.executable, '-m', 'lip_id_ros.demo.launching', name, *arguments],
-            env={**os.environ, 'ROS_DOMAIN_ID': str(graph.domain)},
+            env=graph.environment,
             cwd=graph.folder,
             stdout=log,
             stderr=subprocess.STDOUT,
