@@ -162,6 +162,26 @@ class TwoLinks(Arm):
         return G * (m1 * r1 + m2 * self.length), G * m2 * r2
 
 
+@dataclass(frozen=True)
+class Slider(Arm):
+    """A mass that is lifted along a vertical rail."""
+
+    mass: float = 0.8
+    joint_types: tuple[str, ...] = ('prismatic',)
+
+    def inertia(self, q: Array) -> Array:
+        return np.full((len(q), 1, 1), self.mass)
+
+    def coriolis(self, q: Array, dq: Array) -> Array:
+        return np.zeros_like(q)
+
+    def gravity(self, q: Array) -> Array:
+        return np.full_like(q, self.mass * G)
+
+    def potential(self, q: Array) -> Array:
+        return self.mass * G * q[:, 0]
+
+
 def symmetric(first: Array | float, coupling: Array | float, second: float, q: Array) -> Array:
     """Stack 2 x 2 matrices of the given entries."""
     entries = np.empty((len(q), 2, 2))
@@ -174,6 +194,7 @@ ARMS: dict[str, Arm] = {
     'pendulum': Pendulum(),
     'cart_pole': CartPole(),
     'polar': PolarArm(),
+    'slider': Slider(),
     'two_links': TwoLinks(),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 from gp.arms import Arm, ARMS, dataset_of, noise_of, random_motion
@@ -155,3 +156,31 @@ def test_torques_without_gravity(member: str) -> None:
     expected = arm.inertia(q)
     assert_close(predictor.inertia_matrix(q), expected, abs(expected).max())
     assert_close(got.coriolis, arm.coriolis(q, dq), abs(got.tau).max())
+
+
+def with_offset_variance(model: TrainedModel, variance: float) -> TrainedModel:
+    """Condition on the same samples under another prior of the friction's offset."""
+    at = model.prior.hyperparameters
+    friction = at.jointwise[0].copy()
+    friction[:, 2] = variance
+    prior = replace(model.prior, hyperparameters=replace(at, jointwise=(friction,)))
+    gram = prior.noisy_gram(model.states)
+    alpha = np.linalg.solve(gram, model.tau.ravel()).reshape(model.tau.shape)
+    return replace(model, prior=prior, alpha=alpha)
+
+
+def test_a_constant_force_of_a_sliding_joint_is_gravity_or_offset() -> None:
+    """Data tell the sum of the weight and the friction's offset; how it is split, the prior."""
+    arm = ARMS['slider']
+    motion = random_motion(arm, N_SAMPLES, seed=0)
+    tau = arm.torque(*motion)
+    dataset = dataset_of(arm, motion, tau + noise_of(tau))
+    model = fit(dataset, FitSettings(kernel='recursive', iterations=ITERATIONS))
+    weight = arm.gravity(unseen(arm)[0])
+    shares = []
+    for variance in (1e-6, 1e6):
+        got = Predictor(with_offset_variance(model, variance)).predict(*unseen(arm))
+        assert_close(got.gravity + got.friction, weight, weight.max())
+        shares.append((got.gravity / weight).mean())
+    assert shares[0] > 0.9
+    assert shares[1] < 0.1
