@@ -16,6 +16,7 @@ import rclpy
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -122,7 +123,7 @@ class Graph:
 @contextmanager
 def spinning(name: str) -> Iterator[Node]:
     """Give a node that is spun in another thread while the block runs."""
-    rclpy.init(args=[])
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node(name)
     executor = make_executor('events')
     executor.add_node(node)

@@ -36,6 +36,7 @@ BAG = 'served_bag'
 TRAINING_ROWS = 5000  # one period of the motion at 100 Hz
 SERVED_ROWS = 2500
 START_SECONDS, RECORD_SECONDS, FIT_SECONDS, SERVE_SECONDS = 60.0, 120.0, 600.0, 60.0
+INTERRUPTED = 130  # what a shell expects after Ctrl-C
 SETTLE_SECONDS = 1.0  # for messages under way, and for subscriptions to find each other
 
 
@@ -58,6 +59,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (LipIdError, OSError) as error:
         print(f'demo: error: {error}', file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED
     return conclude(evaluation, output)
 
 
