@@ -60,11 +60,12 @@ class TrainNode(Node):
 
     def stop(self) -> None:
         """Keep what was recorded, then end the job in hand."""
-        settings = self._settings()
-        kept = self._recorder.keep_unsaved(settings.unsaved_path, self._topic)
-        if kept is not None:
-            self.get_logger().info(f'kept {len(self._recorder)} unsaved samples in {kept}')
-        self._jobs.stop()
+        try:
+            kept = self._recorder.keep_unsaved(self._settings().unsaved_path, self._topic)
+            if kept is not None:
+                self.get_logger().info(f'kept {len(self._recorder)} unsaved samples in {kept}')
+        finally:
+            self._jobs.stop()
 
     def _make_services(self) -> None:
         self.create_service(SetBool, '~/record', self._on_record)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+import tempfile
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,8 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
     Parameters
     ----------
     path : path
-        Where the file goes; a number is added to its name if there is one already.
+        Where the file goes; a number is added to its name if there is one already. Where nothing
+        can be written, it goes to the system's temporary folder instead.
     samples : JointSamples
         At least one.
     topic : str
@@ -67,10 +69,9 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
     Raises
     ------
     OSError
-        If the file cannot be written.
+        If it cannot be written there either.
 
     """
-    target = _free(Path(path))
     track = JointStateTrack(
         topic,
         samples.joint_names,
@@ -79,6 +80,14 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
         samples.velocity if samples.has_velocity else None,
         samples.effort if samples.has_effort else None,
     )
+    try:
+        return _write_beside(Path(path), track)
+    except OSError:
+        return _write_beside(Path(tempfile.gettempdir()) / Path(path).name, track)
+
+
+def _write_beside(path: Path, track: JointStateTrack) -> Path:
+    target = _free(path)
     write_mcap(target, [track])
     return target
 

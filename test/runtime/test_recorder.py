@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from lip_id_ros.config import RecordingSettings
 from lip_id_ros.recording import JointSamples, read_sources
@@ -79,6 +80,15 @@ def test_an_earlier_bag_is_never_overwritten(tmp_path: Path) -> None:
     path.write_text('precious')
     assert filled(3).keep_unsaved(str(path), 't') == tmp_path / 'unsaved_1.mcap'
     assert path.read_text() == 'precious'
+
+
+def test_samples_go_elsewhere_where_the_folder_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
+    kept = filled(3).keep_unsaved(str(tmp_path / 'gone' / 'unsaved.mcap'), 't')
+    assert kept == tmp_path / 'unsaved.mcap'
+    assert kept.exists()
 
 
 def test_saved_samples_are_not_kept_again(tmp_path: Path) -> None:
