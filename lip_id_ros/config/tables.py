@@ -52,7 +52,12 @@ class PreprocessingSettings(Settings):
     min_segment_s: float = setting(
         1.0, 'Shorter segments are dropped and counted.', unit='s', minimum=0.0
     )
-    decimate: int = setting(1, 'Keep every k-th sample.', minimum=1)
+    decimate: int = setting(
+        0,
+        'Keep every k-th sample; 0 for about four in each period of the cut-off, since the '
+        'low-pass leaves nothing new in between.',
+        minimum=0,
+    )
     max_samples: int = setting(
         0, 'Keep at most this many samples, evenly spread; 0 for all.', minimum=0
     )

@@ -12,17 +12,30 @@ from numpy.typing import NDArray
 from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.gp.initial import initial_hyperparameters, make_friction, make_residual
+from lip_id_ros.gp.initial import (
+    initial_hyperparameters,
+    make_friction,
+    make_residual,
+    starting_points,
+)
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.subset import spread
-from lip_id_ros.gp.training import maximise, Optimum
-from lip_id_ros.kernels import FAMILY, JointBasis, JointwiseKernel, TorqueKernel, TorquePrior
+from lip_id_ros.gp.training import maximise, Objective, Optimum
+from lip_id_ros.kernels import (
+    FAMILY,
+    Hyperparameters,
+    JointBasis,
+    JointwiseKernel,
+    TorqueKernel,
+    TorquePrior,
+)
 from lip_id_ros.kernels.program import EnergyKernel, without_potential
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.progress import Progress, silent
 
 LEAST_SAMPLES = 10
+TRIAL_ITERATIONS = 12
 CONDITIONING = 'posterior'
 
 
@@ -111,13 +124,30 @@ def _covering(dataset: Dataset, kernel: TorqueKernel, count: int) -> Dataset:
 def _optimise(
     kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
 ) -> Optimum:
-    start = initial_hyperparameters(
+    centre = initial_hyperparameters(
         kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
     )
-    subset = _covering(dataset, kernel, settings.subset)
-    states = kernel.states(subset.q, subset.dq, subset.ddq)
-    likelihood = MarginalLikelihood(kernel, states, subset.tau, start)
-    return maximise(likelihood, start, settings.iterations, settings.prior_precision, progress)
+
+    def objective(count: int) -> Objective:
+        some = _covering(dataset, kernel, count)
+        states = kernel.states(some.q, some.dq, some.ddq)
+        likelihood = MarginalLikelihood(kernel, states, some.tau, centre)
+        return Objective(likelihood, centre, settings.prior_precision)
+
+    start = _best_start(objective(max(LEAST_SAMPLES, settings.subset // 3)), settings, progress)
+    return maximise(objective(settings.subset), start, settings.iterations, progress)
+
+
+def _best_start(
+    objective: Objective, settings: FitSettings, progress: Progress
+) -> Hyperparameters:
+    # Tried on fewer samples, so that all of them together cost less than the optimisation itself.
+    iterations = min(TRIAL_ITERATIONS, settings.iterations)
+    trials = [
+        maximise(objective, start, iterations, progress, f'start {number}')
+        for number, start in enumerate(starting_points(objective.centre), start=1)
+    ]
+    return min(trials, key=lambda trial: trial.value).hyperparameters
 
 
 def _condition(kernel: TorqueKernel, optimum: Optimum, dataset: Dataset) -> TrainedModel:
@@ -146,5 +176,6 @@ def _report(optimum: Optimum) -> dict[str, Any]:
         'converged': optimum.converged,
         'optimiser_message': optimum.message,
         'at_bounds': list(optimum.at_bounds),
+        'rejected_steps': optimum.rejected,
         'noise_std': noise.tolist(),
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,12 @@ Array = NDArray[np.float64]
 
 NOISE_SHARE = 0.02
 """Initial standard deviation of the noise, as a share of each torque's."""
+
+NOISIER = 5.0
+"""Factor on the noise's standard deviation in the noisier starting points."""
+
+WEAKER = 0.01
+"""Factor on the scales of the kinetic energy in the weakest of them."""
 
 RESIDUAL_SHARE = 0.05
 """Initial standard deviation of the residual, likewise."""
@@ -63,6 +71,19 @@ def initial_hyperparameters(
         jointwise=tuple(starts[kernel.name]() for kernel in jointwise),
         noise_variance=(NOISE_SHARE * deviation) ** 2,
     )
+
+
+def starting_points(centre: Hyperparameters) -> list[Hyperparameters]:
+    """
+    Return where an optimisation may begin: little noise, much noise, and weak inertia with it.
+
+    From little noise alone the first steps can collapse the noise of one joint, and the rest then
+    interpolates; which start is right shows after a few iterations.
+
+    """
+    noisy = replace(centre, noise_variance=centre.noise_variance * NOISIER**2)
+    weak = noisy.weights._replace(kinetic_scales=noisy.weights.kinetic_scales * WEAKER)
+    return [centre, noisy, replace(noisy, weights=weak)]
 
 
 def initial_friction(dq: Array, deviation: Array) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize, OptimizeResult
 
+from lip_id_ros.errors import FitError
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import from_vector, names, to_vector
 from lip_id_ros.kernels import Hyperparameters
@@ -18,7 +19,36 @@ Array = NDArray[np.float64]
 RANGE = np.log(1e6)
 """How far a hyperparameter may go from where it starts, up or down."""
 
+FAR_WORSE = 10.0
 STAGE = 'hyperparameters'
+
+
+@dataclass(frozen=True)
+class Objective:
+    """
+    Negative log posterior of the log-hyperparameters, up to a constant.
+
+    Attributes
+    ----------
+    likelihood : MarginalLikelihood
+    centre : Hyperparameters
+        Of the Gaussian prior on their logarithms.
+    prior_precision : float
+        Of each logarithm; 0 for plain maximum likelihood. The noise has no prior.
+
+    """
+
+    likelihood: MarginalLikelihood
+    centre: Hyperparameters
+    prior_precision: float
+
+    def value_and_gradient(self, vector: Array) -> tuple[float, Array]:
+        """Evaluate at one vector of log-hyperparameters, shape (p,)."""
+        value, gradient = self.likelihood.value_and_gradient(vector)
+        away = vector - to_vector(self.centre)
+        away[-self.centre.noise_variance.size :] = 0.0
+        penalty = 0.5 * self.prior_precision * float(away @ away)
+        return value + penalty, gradient + self.prior_precision * away
 
 
 @dataclass(frozen=True)
@@ -29,8 +59,10 @@ class Optimum:
     Attributes
     ----------
     hyperparameters : Hyperparameters
+    value : float
+        Of the objective.
     negative_log_likelihood : float
-        At the optimum, on the samples that were optimised on.
+        On the samples that were optimised on.
     iterations : int
     converged : bool
         False where the iterations ran out first.
@@ -38,82 +70,99 @@ class Optimum:
         The optimiser's own words.
     at_bounds : tuple of str
         Hyperparameters that ran to a bound.
+    rejected : int
+        Steps that led where the Gram matrix cannot be factorised, and were shortened.
 
     """
 
     hyperparameters: Hyperparameters
+    value: float
     negative_log_likelihood: float
     iterations: int
     converged: bool
     message: str
     at_bounds: tuple[str, ...]
+    rejected: int
 
 
 def maximise(
-    likelihood: MarginalLikelihood,
+    objective: Objective,
     start: Hyperparameters,
     iterations: int,
-    prior_precision: float,
     progress: Progress = silent,
+    stage: str = STAGE,
 ) -> Optimum:
     """
     Maximise the posterior of the log-hyperparameters.
 
-    Their prior is a weak Gaussian around their start.
-
     Parameters
     ----------
-    likelihood : MarginalLikelihood
+    objective : Objective
     start : Hyperparameters
-        Also the centre of the prior.
     iterations : int
         Most iterations of L-BFGS; 0 keeps the start.
-    prior_precision : float
-        Of each log-hyperparameter; 0 for plain maximum likelihood. The noise has no prior.
     progress : callable
+    stage : str
+        What to call this in progress reports.
 
     Raises
     ------
     FitError
-        If a Gram matrix cannot be factorised.
+        If the Gram matrix cannot be factorised at the start.
 
     """
-    centre = to_vector(start)
-    precision = np.full_like(centre, prior_precision)
-    precision[-start.noise_variance.size :] = 0.0
-
-    def objective(vector: Array) -> tuple[float, Array]:
-        value, gradient = likelihood.value_and_gradient(vector)
-        away = vector - centre
-        return value + 0.5 * float(precision @ away**2), gradient + precision * away
-
     done = 0
+    guarded = _Guarded(objective)
 
     def report(_: Array) -> None:
         nonlocal done
         done += 1
-        progress(STAGE, done, iterations)
+        progress(stage, done, iterations)
 
-    progress(STAGE, 0, iterations)
+    progress(stage, 0, iterations)
+    first, centre = to_vector(start), to_vector(objective.centre)
     bounds = np.column_stack([centre - RANGE, centre + RANGE])
-    result = OptimizeResult(x=centre, nit=0, success=False, message='no iterations asked for')
+    result = OptimizeResult(x=first, nit=0, success=False, message='no iterations asked for')
     if iterations > 0:  # else L-BFGS would still take one
         options = {'maxiter': iterations, 'maxcor': 30, 'maxfun': 4 * iterations}
         result = minimize(
-            objective, centre, jac=True, method='L-BFGS-B', bounds=bounds, callback=report,
+            guarded, first, jac=True, method='L-BFGS-B', bounds=bounds, callback=report,
             options=options,
         )  # fmt: skip
-    progress(STAGE, iterations, iterations)
+    progress(stage, iterations, iterations)
     found = np.asarray(result.x)
-    value, _ = likelihood.value_and_gradient(found)
+    value, _ = objective.value_and_gradient(found)
+    likelihood, _ = objective.likelihood.value_and_gradient(found)
     return Optimum(
         hyperparameters=from_vector(found, start),
-        negative_log_likelihood=value,
+        value=value,
+        negative_log_likelihood=likelihood,
         iterations=int(result.nit),
         converged=bool(result.success),
         message=str(result.message),
         at_bounds=_at_bounds(found, bounds, names(start)),
+        rejected=guarded.rejected,
     )
+
+
+class _Guarded:
+    """The objective for a line search: a step too far is a bad step, not the end of the fit."""
+
+    def __init__(self, objective: Objective) -> None:
+        self._objective = objective
+        self._worst: float | None = None
+        self.rejected = 0
+
+    def __call__(self, vector: Array) -> tuple[float, Array]:
+        try:
+            value, gradient = self._objective.value_and_gradient(vector)
+        except FitError:
+            if self._worst is None:
+                raise
+            self.rejected += 1
+            return self._worst + FAR_WORSE * (1.0 + abs(self._worst)), np.zeros_like(vector)
+        self._worst = value if self._worst is None else max(value, self._worst)
+        return value, gradient
 
 
 def _at_bounds(found: Array, bounds: Array, labels: list[str]) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ from lip_id_ros.preprocessing.segments import (
     Piece,
     smooth,
 )
-from lip_id_ros.preprocessing.selection import at_most
+from lip_id_ros.preprocessing.selection import at_most, stride
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.timing import GAP_STEPS, median_step
 
@@ -135,7 +135,7 @@ def _motions(
             continue
         motion = smooth(piece, rate, settings).rows(slice(edge, -edge))
         dropped[EDGE] += 2 * edge
-        motions.append(motion.rows(slice(None, None, settings.decimate)))
+        motions.append(motion.rows(slice(None, None, stride(rate, settings))))
         dropped[DECIMATED] += motion.t.size - motions[-1].t.size
     return motions
 
@@ -168,6 +168,7 @@ def _provenance(
         'rate_hz': rate,
         'filtered': is_filtered(rate, settings.cutoff_hz),
         'velocity': 'recorded' if samples.has_velocity else 'differentiated from position',
+        'kept_every': stride(rate, settings),
         'preprocessing': dataclasses.asdict(settings),
     }
 

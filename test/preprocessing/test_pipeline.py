@@ -88,6 +88,9 @@ def test_nothing_crosses_a_gap() -> None:
             )
 
 
+EVERY = PreprocessingSettings(decimate=1)
+
+
 @pytest.mark.parametrize(('max_gap_s', 'n_segments'), [(0.0, 2), (0.3, 1), (0.05, 2)])
 def test_longest_step_within_a_segment_is_a_setting(max_gap_s: float, n_segments: int) -> None:
     t = np.concatenate([T[:400], T[420:]])
@@ -97,7 +100,7 @@ def test_longest_step_within_a_segment_is_a_setting(max_gap_s: float, n_segments
 
 def test_short_segments_and_edges_are_counted() -> None:
     t = np.concatenate([T[:400], T[450:500], T[600:]])
-    data = preprocess(recording(t))
+    data = preprocess(recording(t), EVERY)
     edge = 29
     assert dropped(data) == {'segment too short': 50, 'edge of a segment': 4 * edge}
     assert data.n_samples == 800 - 4 * edge
@@ -119,14 +122,24 @@ def test_every_sample_is_kept_or_counted(decimate: int, max_samples: int) -> Non
 
 
 def test_decimation_keeps_every_kth_sample_of_a_segment() -> None:
-    whole = preprocess(recording(T))
+    whole = preprocess(recording(T), EVERY)
     some = preprocess(recording(T), PreprocessingSettings(decimate=7))
     np.testing.assert_array_equal(some.ddq, whole.ddq[::7])
 
 
+def test_what_the_low_pass_makes_redundant_is_left_out() -> None:
+    whole = preprocess(recording(T), EVERY)
+    some = preprocess(recording(T))
+    k = some.provenance['sources'][0]['kept_every']
+    assert k == int(100.0 / (4 * PreprocessingSettings().cutoff_hz))
+    np.testing.assert_array_equal(some.q, whole.q[::k])
+    unfiltered = preprocess(recording(T), PreprocessingSettings(cutoff_hz=0.0))
+    assert unfiltered.provenance['sources'][0]['kept_every'] == 1
+
+
 def test_limit_spreads_evenly() -> None:
-    data = preprocess(recording(T), PreprocessingSettings(max_samples=10))
-    whole = preprocess(recording(T))
+    data = preprocess(recording(T), PreprocessingSettings(decimate=1, max_samples=10))
+    whole = preprocess(recording(T), EVERY)
     assert data.n_samples == 10
     assert (data.t[0], data.t[-1]) == (whole.t[0], whole.t[-1])
     assert np.ptp(np.diff(data.t)) < 0.02
