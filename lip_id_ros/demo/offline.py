@@ -19,7 +19,7 @@ import numpy as np
 
 from lip_id_ros.cli.output import console
 from lip_id_ros.cli.progress_display import progress_display
-from lip_id_ros.config import Config, FitSettings, PreprocessingSettings
+from lip_id_ros.config import Config, FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo.judge import judge, verdict_table
 from lip_id_ros.errors import LipIdError
@@ -165,7 +165,6 @@ def conclude(evaluation: Evaluation, output: Path) -> int:
 
 
 DEMO_CONFIG = Config(
-    preprocessing=PreprocessingSettings(decimate=10),
     fit=FitSettings(max_samples=500),
 )
 
