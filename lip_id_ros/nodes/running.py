@@ -11,6 +11,7 @@ from typing import Protocol
 import rclpy
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -18,6 +19,9 @@ from rclpy.signals import SignalHandlerOptions
 from lip_id_ros.errors import LipIdError
 
 EXECUTORS = ('events', 'single_threaded')
+
+
+RCLError = rclpy_implementation.RCLError  # such as a parameter file that is not YAML
 
 
 class Stoppable(Protocol):
@@ -47,13 +51,13 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
         Exit status: 1 if the node could not be made, with one line in the log.
 
     """
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     stopped = _stop_event()
     try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
-    except (LipIdError, InvalidParameterValueException, OSError) as error:
+    except (LipIdError, InvalidParameterValueException, RCLError, OSError) as error:
         get_logger('lip_id_ros').fatal(str(error))
-        rclpy.shutdown()
+        rclpy.try_shutdown()
         return 1
     try:
         _spin(node, stopped)

@@ -65,6 +65,10 @@ class Process:
         """Ask the process to end and return its exit status."""
         if self.alive:
             self._popen.send_signal(number)
+        return self.wait()
+
+    def wait(self) -> int:
+        """Return the exit status."""
         try:
             return self._popen.wait(TIMEOUT_S)
         except subprocess.TimeoutExpired:
@@ -162,6 +166,10 @@ class Graph:
         arguments = []
         for name, value in parameters.items():
             arguments += ['-p', f'{name.replace("__", ".")}:={json.dumps(value)}']
+        return self.start_with(module, arguments)
+
+    def start_with(self, module: str, arguments: list[str]) -> Process:
+        """Start a node with ROS arguments."""
         process = Process(module, self.folder, self.environment, arguments)
         self.processes.append(process)
         return process

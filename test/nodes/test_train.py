@@ -184,10 +184,18 @@ def test_joints_do_not_change_under_what_is_recorded(ros: tuple[Graph, Client]) 
 def test_wrong_start_gives_one_line_and_status_one(ros: tuple[Graph, Client]) -> None:
     graph, _ = ros
     train = graph.start('train', fit__kernel='rbf', max_row=7)
-    while train.alive:
-        time.sleep(0.05)
-    assert train.end() == 1
+    assert train.wait() == 1
     assert "must be a text lip or nested or recursive, not 'rbf'." in train.log
+    assert 'Traceback' not in train.log
+
+
+def test_broken_parameter_file_gives_one_line(ros: tuple[Graph, Client], tmp_path: Path) -> None:
+    graph, _ = ros
+    path = tmp_path / 'broken.yaml'
+    path.write_text('/train:\n  ros__parameters:\n    fit:\n    max_rows: 3\n')
+    train = graph.start_with('train', ['--params-file', str(path)])
+    assert train.wait() == 1
+    assert f"Couldn't parse params file: '--params-file {path}'" in train.log
     assert 'Traceback' not in train.log
 
 
