@@ -100,6 +100,18 @@ def test_true_torques_lie_within_the_uncertainty(member: str) -> None:
     assert 0.3 < score < 2.0
 
 
+@pytest.mark.parametrize('member', MEMBERS)
+@pytest.mark.parametrize('name', ['cart_pole', 'two_links'])
+def test_torques_without_noise(name: str, member: str) -> None:
+    """The functions that a textbook arm needs are all there: little but rounding is left."""
+    arm = ARMS[name]
+    dataset = dataset_of(arm, random_motion(arm, N_SAMPLES, seed=0))
+    model = fit(dataset, FitSettings(kernel=member, friction=False, iterations=ITERATIONS))
+    tau = arm.torque(*unseen(arm))
+    got = Predictor(model).predict(*unseen(arm)).tau
+    np.testing.assert_allclose(got, tau, rtol=0.0, atol=1e-6 * abs(tau).max())
+
+
 @cache
 def learned_with_friction(member: str) -> TrainedModel:
     arm = ARMS['two_links']

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from gp.cases import random_likelihood, TYPES
-from kernels.cases import MEMBERS
+from kernels.cases import Array, MEMBERS
 import numpy as np
 import pytest
 
+from lip_id_ros.errors import FitError
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import from_vector, to_vector
 from lip_id_ros.gp.training import maximise, Objective, Optimum, RANGE, STAGE
@@ -22,7 +23,7 @@ def improve(likelihood: MarginalLikelihood, iterations: int, prior_precision: fl
     return maximise(objective, likelihood.like, iterations)
 
 
-def value(likelihood: MarginalLikelihood, vector: np.ndarray) -> float:
+def value(likelihood: MarginalLikelihood, vector: Array) -> float:
     return likelihood.value_and_gradient(vector)[0]
 
 
@@ -90,6 +91,33 @@ def test_the_start_need_not_be_the_centre_of_the_prior() -> None:
     penalty = 0.5 * 0.5 * 0.3**2 * (len(centre) - noise)
     assert found.value == pytest.approx(value(likelihood, centre + 0.3) + penalty)
     assert found.negative_log_likelihood == pytest.approx(value(likelihood, centre + 0.3))
+
+
+class Walled(MarginalLikelihood):
+    """A likelihood that cannot be factorised further than `RADIUS` from where it is looked for."""
+
+    RADIUS = 1.5
+
+    def value_and_gradient(self, vector: Array) -> tuple[float, Array]:
+        if np.linalg.norm(vector - to_vector(self.like)) > self.RADIUS:
+            raise FitError('beyond the wall')
+        return super().value_and_gradient(vector)
+
+
+def test_a_step_too_far_is_shortened() -> None:
+    likelihood = Walled(**vars(small()))
+    found = improve(likelihood, 30, 0.0)
+    assert found.rejected > 0
+    start, end = to_vector(likelihood.like), to_vector(found.hyperparameters)
+    assert 0.5 < np.linalg.norm(end - start) <= Walled.RADIUS
+    assert found.value < value(likelihood, start) - 1.0
+
+
+def test_a_start_that_cannot_be_factorised_is_an_error() -> None:
+    likelihood = Walled(**vars(small()))
+    away = from_vector(to_vector(likelihood.like) + 1.0, likelihood.like)
+    with pytest.raises(FitError, match='beyond the wall'):
+        maximise(Objective(likelihood, likelihood.like, 0.0), away, 10)
 
 
 def test_progress_is_reported() -> None:
