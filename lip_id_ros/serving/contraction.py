@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.program import ADD, MULTIPLY, RESET, SQUARE
+from lip_id_ros.kernels.recipe import Recipe
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -45,34 +46,6 @@ class TrainingSide(NamedTuple):
     dq: Array
     ddq: Array
     alpha: Array
-
-
-class Program(NamedTuple):
-    """
-    An energy kernel with its weights, ready to be run.
-
-    Attributes
-    ----------
-    steps : int array, shape (n_steps, 6)
-    bounds : int array
-        Where each run that begins with a reset starts, and the end.
-    links : int array
-        Links after which the potential energy is emitted.
-    scales : array
-        Signed weight of every square.
-    factors, velocities, potential_factors, potential_scales : arrays
-        As in `Weights`.
-
-    """
-
-    steps: Integers
-    bounds: Integers
-    links: Integers
-    scales: Array
-    factors: Array
-    velocities: Array
-    potential_factors: Array
-    potential_scales: Array
 
 
 class Scratch(NamedTuple):
@@ -234,7 +207,7 @@ def _square_back(adj: Array, dadj: Array, x: Array, dx: Array, scale: float) -> 
 @compiled
 def kinetic_energy(
     tau: Array,
-    program: Program,
+    how: Recipe,
     work: Scratch,
     side: TrainingSide,
     f: Array,
@@ -244,17 +217,17 @@ def kinetic_energy(
 ) -> float:
     """Return T and add d/dt dT/d(dq) - dT/dq to tau, for a query with features f, slopes g."""
     total = 0.0
-    for k in range(len(program.bounds) - 1):
-        steps = program.steps[program.bounds[k] : program.bounds[k + 1]]
+    for k in range(len(how.bounds) - 1):
+        steps = how.steps[how.bounds[k] : how.bounds[k + 1]]
         for u in range(0, side.dq.shape[1], LANES):
-            total += _forward(program, steps, work, side, f, g, dq, ddq, u)
-            _backward(tau, program, steps, work, side, dq, u)
+            total += _forward(how, steps, work, side, f, g, dq, ddq, u)
+            _backward(tau, how, steps, work, side, dq, u)
     return total
 
 
 @compiled
 def _forward(
-    program: Program,
+    how: Recipe,
     steps: Integers,
     work: Scratch,
     side: TrainingSide,
@@ -271,23 +244,23 @@ def _forward(
             work.x[:] = 0.0
             work.dx[:] = 0.0
         elif operation == ADD:
-            weight = program.velocities[group, b]
+            weight = how.velocities[group, b]
             _add(work.x, work.dx, weight, dq[b], ddq[b], side, u, b)
         elif operation == MULTIPLY:
             work.tape[k] = work.x
-            _load_factor(work.a[k], program.factors[group, b], f, g, side, u, b)
+            _load_factor(work.a[k], how.factors[group, b], f, g, side, u, b)
             _multiply(work.x, work.dx, work.a[k], dq[b])
         elif operation == SQUARE:
             work.tape[k] = work.x
             work.dtape[k] = work.dx
-            total += _square(work.x, program.scales[scale])
+            total += _square(work.x, how.scales[scale])
     return total
 
 
 @compiled
 def _backward(
     tau: Array,
-    program: Program,
+    how: Recipe,
     steps: Integers,
     work: Scratch,
     side: TrainingSide,
@@ -299,60 +272,54 @@ def _backward(
     for k in range(steps.shape[0] - 1, 0, -1):
         operation, b, group, scale = steps[k, 0], steps[k, 1], steps[k, 2], steps[k, 3]
         if operation == ADD:
-            tau[b] += _add_back(work.dadj, program.velocities[group, b], side, u, b)
+            tau[b] += _add_back(work.dadj, how.velocities[group, b], side, u, b)
         elif operation == MULTIPLY:
             tau[b] -= _multiply_back(work.adj, work.dadj, work.tape[k], work.a[k], dq[b])
         elif operation == SQUARE:
-            _square_back(work.adj, work.dadj, work.tape[k], work.dtape[k], program.scales[scale])
+            _square_back(work.adj, work.dadj, work.tape[k], work.dtape[k], how.scales[scale])
 
 
 @compiled
 def potential_energy(
-    tau: Array, program: Program, work: Scratch, side: TrainingSide, f: Array, g: Array
+    tau: Array, how: Recipe, work: Scratch, side: TrainingSide, f: Array, g: Array
 ) -> float:
     """Return V and add dV/dq to tau, for one query with features f and slopes g."""
     total = 0.0
-    if len(program.links) == 0:
+    if not how.potential_scales.any():
         return total
     for u in range(0, side.dq.shape[1], LANES):
-        total += _potential_forward(program, work, side, f, g, u)
-        _potential_backward(tau, program, work)
+        total += _potential_forward(how, work, side, f, g, u)
+        _potential_backward(tau, how, work)
     return total
 
 
 @compiled
 def _potential_forward(
-    program: Program, work: Scratch, side: TrainingSide, f: Array, g: Array, u: int
+    how: Recipe, work: Scratch, side: TrainingSide, f: Array, g: Array, u: int
 ) -> float:
     # x[0] is the product of the factors, x[1] its derivative along alpha.
     x = work.x
     x[0] = 1.0
     x[1] = 0.0
     total = 0.0
-    emitted = 0
-    for b in range(program.potential_factors.shape[0]):
+    for b in range(how.potential_scales.shape[0]):
         a = work.a[b]
         work.tape[b] = x
-        _load_factor(a, program.potential_factors[b], f, g, side, u, b)
+        _load_factor(a, how.potential_factors[b], f, g, side, u, b)
         for m in range(LANES):
             x[1, m] = a[0, m] * x[1, m] + a[2, m] * x[0, m]
             x[0, m] *= a[0, m]
-        if emitted < len(program.links) and program.links[emitted] == b:
-            total += program.potential_scales[emitted] * x[1].sum()
-            emitted += 1
+        total += how.potential_scales[b] * x[1].sum()
     return total
 
 
 @compiled
-def _potential_backward(tau: Array, program: Program, work: Scratch) -> None:
+def _potential_backward(tau: Array, how: Recipe, work: Scratch) -> None:
     adj = work.adj
     adj[0] = 0.0
     adj[1] = 0.0
-    emitted = len(program.links) - 1
-    for b in range(program.potential_factors.shape[0] - 1, -1, -1):
-        if emitted >= 0 and program.links[emitted] == b:
-            adj[1] += program.potential_scales[emitted]
-            emitted -= 1
+    for b in range(how.potential_scales.shape[0] - 1, -1, -1):
+        adj[1] += how.potential_scales[b]
         a, x = work.a[b], work.tape[b]
         total = 0.0
         for m in range(LANES):

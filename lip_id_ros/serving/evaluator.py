@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from lip_id_ros.kernels.jointwise import Friction, Residual
 from lip_id_ros.kernels.lanes import compiled, compiled_parallel, LANES
-from lip_id_ros.kernels.program import RESET
-from lip_id_ros.kernels.weights import step_scales
+from lip_id_ros.kernels.recipe import Recipe, recipe
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving.contraction import (
     kinetic_energy,
     new_scratch,
     potential_energy,
-    Program,
     Scratch,
     TrainingSide,
 )
@@ -76,7 +74,7 @@ class Contracted(NamedTuple):
     """A model's posterior mean, ready to be evaluated."""
 
     arm: Arm
-    program: Program
+    how: Recipe
     side: TrainingSide
     terms: JointTerms
 
@@ -86,25 +84,9 @@ def contract(model: TrainedModel) -> Contracted:
     basis = model.prior.kernel.basis
     return Contracted(
         arm=Arm(basis.prismatic, basis.centre, basis.half_range),
-        program=_program(model),
+        how=recipe(model.prior.kernel.energy, model.prior.hyperparameters.weights),
         side=_training_side(model),
         terms=_joint_terms(model),
-    )
-
-
-def _program(model: TrainedModel) -> Program:
-    kernel = model.prior.kernel.energy
-    weights = model.prior.hyperparameters.weights
-    resets = np.flatnonzero(kernel.kinetic[:, 0] == RESET)
-    return Program(
-        steps=kernel.kinetic,
-        bounds=np.append(resets, len(kernel.kinetic)),
-        links=kernel.potential_links.astype(np.int64),
-        scales=step_scales(kernel, weights),
-        factors=weights.factors,
-        velocities=weights.velocities,
-        potential_factors=weights.potential_factors,
-        potential_scales=weights.potential_scales,
     )
 
 
@@ -199,7 +181,7 @@ def evaluate_one(
     parts: Array,
     energies: Array,
     arm: Arm,
-    program: Program,
+    how: Recipe,
     side: TrainingSide,
     terms: JointTerms,
     work: Scratch,
@@ -217,7 +199,7 @@ def evaluate_one(
         Set to the torques of the kinetic energy, of gravity, and of friction and residual.
     energies : array, shape (2,)
         Set to kinetic and potential energy.
-    arm, program, side, terms
+    arm, how, side, terms
         The model, as `Contracted`.
     work : Scratch
     features : array, shape (4, n)
@@ -228,8 +210,8 @@ def evaluate_one(
     f, g = features[:2], features[2:]
     _features(f, g, arm, q)
     parts[:] = 0.0
-    energies[0] = kinetic_energy(parts[0], program, work, side, f, g, dq, ddq)
-    energies[1] = potential_energy(parts[1], program, work, side, f, g)
+    energies[0] = kinetic_energy(parts[0], how, work, side, f, g, dq, ddq)
+    energies[1] = potential_energy(parts[1], how, work, side, f, g)
     _friction(parts[2], terms, dq)
     _residual(parts[2], terms, side, f, dq, ddq)
 
@@ -239,7 +221,7 @@ def evaluate_many(
     parts: Array,
     energies: Array,
     arm: Arm,
-    program: Program,
+    how: Recipe,
     side: TrainingSide,
     terms: JointTerms,
     q: Array,
@@ -247,10 +229,10 @@ def evaluate_many(
     ddq: Array,
 ) -> None:
     """Evaluate N queries at once: `evaluate_one` for every row, on all threads."""
-    n_steps = max(program.steps.shape[0], q.shape[1])
+    n_steps = max(how.steps.shape[0], q.shape[1])
     for index in numba.prange(q.shape[0]):
         t = np.int64(index)
         work, features = new_scratch(n_steps), np.empty((4, q.shape[1]))
         evaluate_one(
-            parts[t], energies[t], arm, program, side, terms, work, features, q[t], dq[t], ddq[t]
+            parts[t], energies[t], arm, how, side, terms, work, features, q[t], dq[t], ddq[t]
         )
