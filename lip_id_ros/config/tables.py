@@ -68,7 +68,9 @@ class FitSettings(Settings):
     """The model and its training."""
 
     kernel: str = setting(
-        'recursive', 'Family of energy kernels.', choices=('lip', 'nested', 'recursive', 'recursive_per_link')
+        'recursive',
+        'Family of energy kernels.',
+        choices=('lip', 'nested', 'recursive', 'recursive_per_link'),
     )
     friction: bool = setting(True, 'Add friction per joint, linear in dq and sign(dq).')
     residual: bool = setting(

@@ -17,7 +17,7 @@ from lip_id_ros.kernels.weights import Weights
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JointStates:
     """
     Joint states prepared for every kernel of a prior.

@@ -16,7 +16,7 @@ from lip_id_ros.model import model_file
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TrainedModel:
     """
     Gaussian process posterior of an arm's torques and energies.
