@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory
+from lip_id_ros.simulation.limits import MotionLimits
 from lip_id_ros.simulation.panda import MOTION
 
 N_SAMPLES = 500
@@ -21,10 +24,16 @@ def run_pair(n_joints: int, seed: int) -> tuple[Dataset, Dataset]:
     """Return a training run and an unseen test run, with noise of 0.01 N m on the torques."""
     arm, rng = panda(n_joints), np.random.default_rng(seed)
     t = np.arange(N_SAMPLES, dtype=np.float64) * STEP_S
+    limits = half_ranges(n_joints)
     first, second = (
-        make_dataset(
-            arm, SinusoidTrajectory.random(MOTION.first(n_joints), rng), t, NOISE_STD, rng
-        )
+        make_dataset(arm, SinusoidTrajectory.random(limits, rng), t, NOISE_STD, rng)
         for _ in range(2)
     )
     return first, second
+
+
+def half_ranges(n_joints: int) -> MotionLimits:
+    """Limit positions to the middle half of each joint's range; velocities as the paper's table."""
+    low, high = (np.array(x[:n_joints]) for x in (LOWEST, HIGHEST))
+    centre, reach = (low + high) / 2, (high - low) / 4
+    return replace(MOTION.first(n_joints), q_min=centre - reach, q_max=centre + reach)
