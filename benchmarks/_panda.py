@@ -33,7 +33,7 @@ def run_pair(n_joints: int, seed: int) -> tuple[Dataset, Dataset]:
 
 
 def half_ranges(n_joints: int) -> MotionLimits:
-    """Limit positions to the middle half of each joint's range; velocities as the paper's table."""
+    """Take the middle half of each joint's range, and the velocities of the paper's table."""
     low, high = (np.array(x[:n_joints]) for x in (LOWEST, HIGHEST))
     centre, reach = (low + high) / 2, (high - low) / 4
     return replace(MOTION.first(n_joints), q_min=centre - reach, q_max=centre + reach)
