@@ -1,0 +1,48 @@
+"""The benchmarks run, in their smallest form: what they measure is not judged here."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import panda_monte_carlo
+from benchmarks.__main__ import available, main
+
+pytest.importorskip('pinocchio', reason='the simulated arm needs pinocchio')
+
+SMALL = ['--joints', '3', '--kernels', 'recursive', '--set', 'subset=30', 'iterations=3']
+
+
+def test_finished_cells_are_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    results = tmp_path / 'results.json'
+    assert main(['panda_monte_carlo', *SMALL, '--seeds', '0', '--results', str(results)]) == 0
+    (first,) = json.loads(results.read_text()).values()
+    assert len(first['nmse_percent']) == 3
+    assert '3 joints, medians of 1 seeds' in capsys.readouterr().out
+    assert main(['panda_monte_carlo', *SMALL, '--seeds', '0', '1', '--results', str(results)]) == 0
+    cells = json.loads(results.read_text())
+    assert len(cells) == 2
+    assert first in cells.values()
+
+
+def test_summary_compares_medians_with_the_papers_kernel() -> None:
+    def cell(*errors: float) -> panda_monte_carlo.Cell:
+        energies = ('kinetic_nmse_percent', 'potential_nmse_percent', 'inertia_not_pd_percent')
+        return {'nmse_percent': list(errors), 'fit_s': 1.0, **dict.fromkeys(energies, 0.0)}
+
+    chosen = {
+        'lip': [cell(1.0, 4.0), cell(2.0, 8.0), cell(9.0, 9.0)],
+        'recursive': [cell(0.5, 0.5), cell(1.0, 2.0), cell(1.0, 3.0)],
+    }
+    table = panda_monte_carlo.summarise(2, chosen)
+    (*_, ratios) = table.columns
+    expected = np.sqrt(1.0 / 2.0 * 2.0 / 8.0)
+    assert list(ratios.cells) == ['1.00', f'{expected:.2f}']
+
+
+def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['panda']) == 2
+    assert ', '.join(available()) in capsys.readouterr().err
