@@ -48,10 +48,11 @@ def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:
 def cautions(model: TrainedModel, evaluation: Evaluation | None) -> list[str]:
     """Say what a user should know before relying on a fit."""
     texts = []
-    if not model.summary['converged']:
+    at_bounds = model.summary['at_bounds']
+    if at_bounds:
         texts.append(
-            f'The optimiser stopped after {model.summary["iterations"]} iterations without '
-            'converging; raise fit.iterations if the errors are large.'
+            f'{len(at_bounds)} hyperparameters ran to a bound ({", ".join(at_bounds[:4])}): the model '
+            'probably interpolates the recording; record more, or leave fit.residual out.'
         )
     if evaluation is None:
         texts.append(HONEST)
