@@ -51,8 +51,8 @@ def cautions(model: TrainedModel, evaluation: Evaluation | None) -> list[str]:
     at_bounds = model.summary['at_bounds']
     if at_bounds:
         texts.append(
-            f'{len(at_bounds)} hyperparameters ran to a bound ({", ".join(at_bounds[:4])}): the model '
-            'probably interpolates the recording; record more, or leave fit.residual out.'
+            f'{len(at_bounds)} hyperparameters ran to a bound ({", ".join(at_bounds[:4])}): the fit '
+            'may interpolate the recording; judge it on unseen data before you trust it.'
         )
     if evaluation is None:
         texts.append(HONEST)
