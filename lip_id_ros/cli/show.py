@@ -50,9 +50,10 @@ def cautions(model: TrainedModel, evaluation: Evaluation | None) -> list[str]:
     texts = []
     at_bounds = model.summary['at_bounds']
     if at_bounds:
+        some = ', '.join(at_bounds[:4])
         texts.append(
-            f'{len(at_bounds)} hyperparameters ran to a bound ({", ".join(at_bounds[:4])}): the fit '
-            'may interpolate the recording; judge it on unseen data before you trust it.'
+            f'{len(at_bounds)} hyperparameters ran to a bound ({some}): the fit may interpolate '
+            'the recording; judge it on unseen data before you trust it.'
         )
     if evaluation is None:
         texts.append(HONEST)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import io
 import json
 from pathlib import Path
 
+from cli.conftest import Workshop
 import pytest
 from rich.console import Console
 
-from lip_id_ros.cli import outline, output, progress_display
+from lip_id_ros.cli import outline, output, progress_display, show
 from lip_id_ros.cli.main import one_line
 from lip_id_ros.errors import DataError
+from lip_id_ros.serving import TrainedModel
 
 Capture = pytest.CaptureFixture[str]
 
@@ -95,3 +98,12 @@ def test_outline_of_a_nested_description(capsys: Capture) -> None:
         '  gaps: none',
     ]
     assert any('-1 to 2.5' in line and 'absent' in line for line in lines)
+
+
+def test_hyperparameters_at_a_bound_are_a_caution(workshop: Workshop) -> None:
+    model = TrainedModel.load(workshop.model)
+    free = replace(model, summary={**model.summary, 'at_bounds': []})
+    stuck = replace(model, summary={**model.summary, 'at_bounds': ['noise_variance[0]']})
+    assert not any('ran to a bound' in text for text in show.cautions(free, None))
+    (found,) = (text for text in show.cautions(stuck, None) if 'ran to a bound' in text)
+    assert '1 hyperparameters ran to a bound (noise_variance[0])' in found
