@@ -16,6 +16,7 @@ same steps, and a new member of the family is a new list.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -136,7 +137,34 @@ FAMILY = {kernel.__name__: kernel for kernel in (recursive, recursive_per_link, 
 
 def without_potential(kernel: EnergyKernel) -> EnergyKernel:
     """Return the kernel with no potential energy, for torques that leave gravity out."""
-    return replace(kernel, potential_links=kernel.potential_links[:0])
+    return with_potential_after(kernel, [])
+
+
+def with_product_potential(kernel: EnergyKernel) -> EnergyKernel:
+    """Return the kernel with the paper's potential energy: one product over all joints."""
+    return with_potential_after(kernel, [kernel.n_joints - 1])
+
+
+def with_potential_per_link(kernel: EnergyKernel) -> EnergyKernel:
+    """Return the kernel with one potential energy for every link, the product up to it."""
+    return with_potential_after(kernel, range(kernel.n_joints))
+
+
+def with_potential_after(kernel: EnergyKernel, links: Iterable[int]) -> EnergyKernel:
+    """Return the kernel with the running product emitted after the factors of the given links."""
+    return replace(kernel, potential_links=np.array(list(links), dtype=np.int64))
+
+
+def with_own_potential(kernel: EnergyKernel) -> EnergyKernel:
+    """Return the kernel as the family has it."""
+    return kernel
+
+
+POTENTIALS = {
+    'kernel': with_own_potential,
+    'product': with_product_potential,
+    'per_link': with_potential_per_link,
+}
 
 
 def _every_link(n_joints: int) -> NDArray[np.int64]:
