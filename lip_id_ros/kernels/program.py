@@ -115,19 +115,20 @@ def nested(n_joints: int) -> EnergyKernel:
     Entries that depend only on the joints beyond min(j, k), with degree two.
 
     For each link, the entries with min(j, k) = m are the difference of the squares of the velocity
-    sums from m and from m + 1 on, both times the factors beyond m.
+    sums from m and from m + 1 on, both times the factors beyond m. One run per m emits the first
+    of them and, times one factor more, the second of those of m - 1.
 
     """
     steps: list[Step] = []
     for i in range(n_joints):
         for m in range(i + 1):
-            for first, scale in ((m, i), (m + 1, n_joints + i)):
-                if first > i:
-                    continue
-                steps.append((RESET, 0, i, 0, 0, 0))
-                steps.extend((ADD, b, i, 0, m, b) for b in range(first, i + 1))
-                steps.extend((MULTIPLY, b, i, 0, m, i + 1) for b in range(m + 1, i + 1))
-                steps.append((SQUARE, 0, i, scale, m, i + 1))
+            steps.append((RESET, 0, i, 0, 0, 0))
+            steps.extend((ADD, b, i, 0, m, b) for b in range(m, i + 1))
+            steps.extend((MULTIPLY, b, i, 0, m, i + 1) for b in range(m + 1, i + 1))
+            steps.append((SQUARE, 0, i, i, m, i + 1))
+            if m > 0:
+                steps.append((MULTIPLY, m, i, 0, m, i + 1))
+                steps.append((SQUARE, 0, i, n_joints + i, m, i + 1))
     signs = np.repeat([1.0, -1.0], n_joints)
     return _kernel('nested', n_joints, steps, n_joints, _every_link(n_joints), signs)
 
