@@ -40,7 +40,7 @@ class EnergyKernel:
     n_joints : int
     kinetic : int array, shape (n_steps, 6)
         Steps with the columns `COLUMNS`; `low` and `high` bound the joints that y depends on
-        before the step.
+        before the step; at a reset, those that it will depend on until the next.
     n_factor_sets : int
         1 where all links share joint factors and velocity weights, n where each has its own.
     kinetic_signs : float array, shape (n_scales,)
@@ -71,7 +71,7 @@ def recursive(n_joints: int) -> EnergyKernel:
     with degree one up to k and two beyond. The inertia matrix never depends on the first joint.
 
     """
-    steps: list[Step] = [(RESET, 0, 0, 0, 0, 0)]
+    steps: list[Step] = [(RESET, 0, 0, 0, 0, n_joints)]
     for b in range(n_joints):
         if b > 0:
             steps.append((MULTIPLY, b, 0, 0, 0, b))
@@ -84,7 +84,7 @@ def recursive_per_link(n_joints: int) -> EnergyKernel:
     """As `recursive`, with factors and velocity weights of its own for every link."""
     steps: list[Step] = []
     for i in range(n_joints):
-        steps.append((RESET, 0, i, 0, 0, 0))
+        steps.append((RESET, 0, i, 0, 0, i + 1))
         for b in range(i + 1):
             if b > 0:
                 steps.append((MULTIPLY, b, i, 0, 0, b))
@@ -103,7 +103,7 @@ def lip(n_joints: int) -> EnergyKernel:
     """
     steps: list[Step] = []
     for i in range(n_joints):
-        steps.append((RESET, 0, i, 0, 0, 0))
+        steps.append((RESET, 0, i, 0, 0, i + 1))
         steps.extend((ADD, b, i, 0, 0, b) for b in range(i + 1))
         steps.extend((MULTIPLY, b, i, 0, 0, i + 1) for b in range(i + 1))
         steps.append((SQUARE, 0, i, i, 0, i + 1))
@@ -122,7 +122,7 @@ def nested(n_joints: int) -> EnergyKernel:
     steps: list[Step] = []
     for i in range(n_joints):
         for m in range(i + 1):
-            steps.append((RESET, 0, i, 0, 0, 0))
+            steps.append((RESET, 0, i, 0, m, i + 1))
             steps.extend((ADD, b, i, 0, m, b) for b in range(m, i + 1))
             steps.extend((MULTIPLY, b, i, 0, m, i + 1) for b in range(m + 1, i + 1))
             steps.append((SQUARE, 0, i, i, m, i + 1))
