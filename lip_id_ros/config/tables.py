@@ -72,6 +72,12 @@ class FitSettings(Settings):
         'Family of energy kernels.',
         choices=('lip', 'nested', 'recursive', 'recursive_per_link'),
     )
+    potential: str = setting(
+        'kernel',
+        'Potential energy: one product over all joints, one for every link, or as the kernel has '
+        'it (lip the product, the others one for every link).',
+        choices=('kernel', 'product', 'per_link'),
+    )
     friction: bool = setting(True, 'Add friction per joint, linear in dq and sign(dq).')
     residual: bool = setting(
         False,

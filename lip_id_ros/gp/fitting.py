@@ -29,7 +29,7 @@ from lip_id_ros.kernels import (
     TorqueKernel,
     TorquePrior,
 )
-from lip_id_ros.kernels.program import EnergyKernel, without_potential
+from lip_id_ros.kernels.program import EnergyKernel, POTENTIALS, without_potential
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.progress import Progress, silent
@@ -95,7 +95,9 @@ def make_kernel(dataset: Dataset, settings: FitSettings) -> TorqueKernel:
 
 def _energy_kernel(dataset: Dataset, settings: FitSettings) -> EnergyKernel:
     kernel = FAMILY[settings.kernel](dataset.n_joints)
-    return without_potential(kernel) if dataset.gravity_compensated else kernel
+    if dataset.gravity_compensated:
+        return without_potential(kernel)
+    return POTENTIALS[settings.potential](kernel)
 
 
 def _check(dataset: Dataset) -> None:

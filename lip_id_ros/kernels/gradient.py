@@ -160,7 +160,7 @@ def _kinetic_segment(
             jets_adjoint.copy_jet(jets_adjoint.tape_entry(tape, k), y, step[4], step[5])
         if step[0] != SQUARE:
             run_kinetic_step(y, factor, step, how, x, t, x, u)
-    jets.reset(adj)
+    jets.reset(adj, steps[0, 4], steps[0, 5])
     for k in range(steps.shape[0] - 1, 0, -1):
         operation, b, group, scale, low, high = steps[k]
         before = jets_adjoint.tape_entry(tape, k)

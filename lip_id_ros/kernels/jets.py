@@ -93,15 +93,17 @@ def new_factor() -> Factor:
 
 
 @compiled
-def reset(y: Jet) -> None:
-    """Set y = 0."""
+def reset(y: Jet, low: int, high: int) -> None:
+    """Set y = 0 for a y that will depend on joints low..high-1 only; the rest is never read."""
     y.s[:] = 0.0
-    y.r[:] = 0.0
-    y.c[:] = 0.0
-    y.pp[:] = 0.0
-    y.pg[:] = 0.0
-    y.gp[:] = 0.0
-    y.gg[:] = 0.0
+    for i in range(low, high):
+        y.r[:, i] = 0.0
+        y.c[:, i] = 0.0
+        y.pp[i] = 0.0
+        for j in range(low, high):
+            y.pg[i, j] = 0.0
+            y.gp[i, j] = 0.0
+            y.gg[i, j] = 0.0
 
 
 @compiled

@@ -52,7 +52,7 @@ def run_kinetic_step(
     """Run one step of a program other than the emission."""
     operation, b, k, low, high = step[0], step[1], step[2], step[4], step[5]
     if operation == RESET:
-        jets.reset(y)
+        jets.reset(y, low, high)
     elif operation == MULTIPLY:
         jets.load_factor(factor, how.factors[k, b], x, t, z, u, b)
         jets.multiply(y, factor, b, low, high)

@@ -16,6 +16,7 @@ same steps, and a new member of the family is a new list.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,7 +40,7 @@ class EnergyKernel:
     n_joints : int
     kinetic : int array, shape (n_steps, 6)
         Steps with the columns `COLUMNS`; `low` and `high` bound the joints that y depends on
-        before the step.
+        before the step; at a reset, those that it will depend on until the next.
     n_factor_sets : int
         1 where all links share joint factors and velocity weights, n where each has its own.
     kinetic_signs : float array, shape (n_scales,)
@@ -70,7 +71,7 @@ def recursive(n_joints: int) -> EnergyKernel:
     with degree one up to k and two beyond. The inertia matrix never depends on the first joint.
 
     """
-    steps: list[Step] = [(RESET, 0, 0, 0, 0, 0)]
+    steps: list[Step] = [(RESET, 0, 0, 0, 0, n_joints)]
     for b in range(n_joints):
         if b > 0:
             steps.append((MULTIPLY, b, 0, 0, 0, b))
@@ -83,7 +84,7 @@ def recursive_per_link(n_joints: int) -> EnergyKernel:
     """As `recursive`, with factors and velocity weights of its own for every link."""
     steps: list[Step] = []
     for i in range(n_joints):
-        steps.append((RESET, 0, i, 0, 0, 0))
+        steps.append((RESET, 0, i, 0, 0, i + 1))
         for b in range(i + 1):
             if b > 0:
                 steps.append((MULTIPLY, b, i, 0, 0, b))
@@ -102,7 +103,7 @@ def lip(n_joints: int) -> EnergyKernel:
     """
     steps: list[Step] = []
     for i in range(n_joints):
-        steps.append((RESET, 0, i, 0, 0, 0))
+        steps.append((RESET, 0, i, 0, 0, i + 1))
         steps.extend((ADD, b, i, 0, 0, b) for b in range(i + 1))
         steps.extend((MULTIPLY, b, i, 0, 0, i + 1) for b in range(i + 1))
         steps.append((SQUARE, 0, i, i, 0, i + 1))
@@ -114,19 +115,20 @@ def nested(n_joints: int) -> EnergyKernel:
     Entries that depend only on the joints beyond min(j, k), with degree two.
 
     For each link, the entries with min(j, k) = m are the difference of the squares of the velocity
-    sums from m and from m + 1 on, both times the factors beyond m.
+    sums from m and from m + 1 on, both times the factors beyond m. One run per m emits the first
+    of them and, times one factor more, the second of those of m - 1.
 
     """
     steps: list[Step] = []
     for i in range(n_joints):
         for m in range(i + 1):
-            for first, scale in ((m, i), (m + 1, n_joints + i)):
-                if first > i:
-                    continue
-                steps.append((RESET, 0, i, 0, 0, 0))
-                steps.extend((ADD, b, i, 0, m, b) for b in range(first, i + 1))
-                steps.extend((MULTIPLY, b, i, 0, m, i + 1) for b in range(m + 1, i + 1))
-                steps.append((SQUARE, 0, i, scale, m, i + 1))
+            steps.append((RESET, 0, i, 0, m, i + 1))
+            steps.extend((ADD, b, i, 0, m, b) for b in range(m, i + 1))
+            steps.extend((MULTIPLY, b, i, 0, m, i + 1) for b in range(m + 1, i + 1))
+            steps.append((SQUARE, 0, i, i, m, i + 1))
+            if m > 0:
+                steps.append((MULTIPLY, m, i, 0, m, i + 1))
+                steps.append((SQUARE, 0, i, n_joints + i, m, i + 1))
     signs = np.repeat([1.0, -1.0], n_joints)
     return _kernel('nested', n_joints, steps, n_joints, _every_link(n_joints), signs)
 
@@ -136,7 +138,34 @@ FAMILY = {kernel.__name__: kernel for kernel in (recursive, recursive_per_link, 
 
 def without_potential(kernel: EnergyKernel) -> EnergyKernel:
     """Return the kernel with no potential energy, for torques that leave gravity out."""
-    return replace(kernel, potential_links=kernel.potential_links[:0])
+    return with_potential_after(kernel, [])
+
+
+def with_product_potential(kernel: EnergyKernel) -> EnergyKernel:
+    """Return the kernel with the paper's potential energy: one product over all joints."""
+    return with_potential_after(kernel, [kernel.n_joints - 1])
+
+
+def with_potential_per_link(kernel: EnergyKernel) -> EnergyKernel:
+    """Return the kernel with one potential energy for every link, the product up to it."""
+    return with_potential_after(kernel, range(kernel.n_joints))
+
+
+def with_potential_after(kernel: EnergyKernel, links: Iterable[int]) -> EnergyKernel:
+    """Return the kernel with the running product emitted after the factors of the given links."""
+    return replace(kernel, potential_links=np.array(list(links), dtype=np.int64))
+
+
+def with_own_potential(kernel: EnergyKernel) -> EnergyKernel:
+    """Return the kernel as the family has it."""
+    return kernel
+
+
+POTENTIALS = {
+    'kernel': with_own_potential,
+    'product': with_product_potential,
+    'per_link': with_potential_per_link,
+}
 
 
 def _every_link(n_joints: int) -> NDArray[np.int64]:

@@ -25,13 +25,13 @@ from lip_id_ros.kernels import (
     TorquePrior,
     Weights,
 )
-from lip_id_ros.kernels.program import without_potential
+from lip_id_ros.kernels.program import with_potential_after
 
 if TYPE_CHECKING:
     from lip_id_ros.model.trained_model import TrainedModel
 
 SCHEMA = 'lip_id_ros/model'
-VERSION = 1
+VERSION = 2
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -43,7 +43,7 @@ def write(path: str | os.PathLike[str], model: TrainedModel) -> None:
         'schema': SCHEMA,
         'version': VERSION,
         'kernel': model.kernel,
-        'has_potential': model.has_potential,
+        'potential_links': model.prior.kernel.energy.potential_links.tolist(),
         'joint_names': list(model.joint_names),
         'joint_types': list(model.joint_types),
         'jointwise': [kernel.name for kernel in model.prior.kernel.jointwise],
@@ -137,7 +137,7 @@ def _restore(arrays: Arrays, header: Mapping[str, Any]) -> dict[str, Any]:
 
 def _energy_kernel(header: Mapping[str, Any], n_joints: int) -> EnergyKernel:
     kernel = FAMILY[header['kernel']](n_joints)
-    return kernel if header['has_potential'] else without_potential(kernel)
+    return with_potential_after(kernel, header['potential_links'])
 
 
 def _jointwise(name: str, basis: JointBasis, arrays: Arrays) -> JointwiseKernel:

@@ -115,6 +115,25 @@ def test_gravity_compensated_torques_have_no_potential() -> None:
     assert not quick(replace(samples(), gravity_compensated=True)).has_potential
 
 
+@pytest.mark.parametrize(
+    ('kernel', 'potential', 'links'),
+    [
+        ('recursive', 'kernel', [0, 1]),
+        ('recursive', 'product', [1]),
+        ('lip', 'kernel', [1]),
+        ('lip', 'per_link', [0, 1]),
+    ],
+)
+def test_the_potential_is_the_settings(kernel: str, potential: str, links: list[int]) -> None:
+    model = quick(samples(), kernel=kernel, potential=potential)
+    np.testing.assert_array_equal(model.prior.kernel.energy.potential_links, links)
+
+
+def test_gravity_compensation_overrules_the_choice_of_the_potential() -> None:
+    model = quick(replace(samples(), gravity_compensated=True), potential='per_link')
+    assert not model.has_potential
+
+
 def test_the_same_data_give_the_same_model() -> None:
     first, second = quick(samples(), subset=20), quick(samples(), subset=20)
     np.testing.assert_array_equal(first.alpha, second.alpha)

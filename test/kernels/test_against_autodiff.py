@@ -9,6 +9,7 @@ import pytest
 from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, Weights
 from lip_id_ros.kernels.gradient import contracted_gradient
 from lip_id_ros.kernels.gram import cross_gram, energy_covariance, gram, prior_blocks
+from lip_id_ros.kernels.program import POTENTIALS
 
 torch = pytest.importorskip('torch', reason='the oracle differentiates with torch')
 
@@ -45,6 +46,21 @@ def test_torque_blocks(member: str, types: tuple[str, ...]) -> None:
             for t in range(3)
         ]
     )
+    got = cross_gram(kernel, weights, basis.pack(*x), basis.pack(*z))
+    np.testing.assert_allclose(got, expected, rtol=1e-11, atol=1e-11 * abs(expected).max())
+
+
+@pytest.mark.parametrize('potential', POTENTIALS)
+@pytest.mark.parametrize('member', MEMBERS)
+def test_every_potential_with_every_member(member: str, potential: str) -> None:
+    """Any kinetic energy goes with any potential energy."""
+    rng = np.random.default_rng(5)
+    types = ('prismatic', 'revolute', 'revolute')
+    kernel = POTENTIALS[potential](FAMILY[member](3))
+    basis, weights = random_basis(types, rng), random_weights(kernel, rng)
+    x, z = random_states(1, 3, rng), random_states(1, 3, rng)
+    oracle = Oracle(kernel, basis, weights)
+    expected = oracle.torque_block(tensors(x, 0), tensors(z, 0)).numpy()
     got = cross_gram(kernel, weights, basis.pack(*x), basis.pack(*z))
     np.testing.assert_allclose(got, expected, rtol=1e-11, atol=1e-11 * abs(expected).max())
 

@@ -10,6 +10,7 @@ import pytest
 
 from lip_id_ros.kernels import EnergyKernel, FAMILY, Weights
 from lip_id_ros.kernels.plain import factor, kinetic_covariance, potential_covariance
+from lip_id_ros.kernels.program import POTENTIALS
 
 TYPES = ('revolute', 'prismatic', 'revolute', 'revolute')
 N = len(TYPES)
@@ -106,3 +107,14 @@ def test_potential_energy_by_products(member: str) -> None:
         total += scale * float(np.prod(factors))
     got = potential_covariance(pair.kernel, weights, pair.f[:, :, 0], pair.fz[:, :, 0])
     assert got == pytest.approx(total, rel=1e-12)
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+@pytest.mark.parametrize(('potential', 'links'), [('product', [N - 1]), ('per_link', range(N))])
+def test_the_potential_can_be_chosen(member: str, potential: str, links: list[int]) -> None:
+    """Apart from the kinetic energy, which stays; otherwise it is the member's own."""
+    own = FAMILY[member](N)
+    chosen = POTENTIALS[potential](own)
+    np.testing.assert_array_equal(chosen.potential_links, links)
+    np.testing.assert_array_equal(chosen.kinetic, own.kinetic)
+    assert POTENTIALS['kernel'](own) is own

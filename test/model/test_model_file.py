@@ -16,11 +16,12 @@ from kernels.cases import MEMBERS, random_states
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from serving.models import BOTH, random_model, random_model_without_potential
+from serving.models import BOTH, random_model, random_model_with, random_model_without_potential
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.kernels.program import POTENTIALS
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving import Predictor
 
@@ -77,6 +78,17 @@ def test_round_trip_without_potential(path: Path) -> None:
     model.save(path)
     assert not TrainedModel.load(path).has_potential
     assert_same_answers(model, TrainedModel.load(path))
+
+
+@pytest.mark.parametrize('potential', POTENTIALS)
+@pytest.mark.parametrize('member', ['lip', 'recursive'])
+def test_round_trip_of_every_potential(member: str, potential: str, path: Path) -> None:
+    model = random_model_with(POTENTIALS[potential], member)
+    model.save(path)
+    loaded = TrainedModel.load(path)
+    restored, links = (it.prior.kernel.energy.potential_links for it in (loaded, model))
+    np.testing.assert_array_equal(restored, links)
+    assert_same_answers(model, loaded)
 
 
 def test_a_model_is_saved_over_an_older_one(saved: Path) -> None:
@@ -152,8 +164,8 @@ def changed(path: Path, change: Callable[[Arrays, Header], None]) -> Path:
 
 
 def test_a_newer_format(saved: Path) -> None:
-    newer = changed(saved, lambda _, header: header.update(version=2))
-    check_refused(newer, 'has model format 2, but this program reads format 1')
+    newer = changed(saved, lambda _, header: header.update(version=3))
+    check_refused(newer, 'has model format 3, but this program reads format 2')
 
 
 def flip(arrays: Arrays, _: Header) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from gp.cases import random_hyperparameters, random_kernel, TYPES
 from kernels.cases import Array, random_states
 import numpy as np
 
-from lip_id_ros.kernels import Hyperparameters, TorqueKernel, TorquePrior
+from lip_id_ros.kernels import EnergyKernel, Hyperparameters, TorqueKernel, TorquePrior
 from lip_id_ros.kernels.program import without_potential
 from lip_id_ros.model import TrainedModel
 
@@ -28,10 +30,16 @@ def random_model(
 
 def random_model_without_potential(member: str) -> TrainedModel:
     """Return a model of torques that leave gravity out."""
+    return random_model_with(without_potential, member)
+
+
+def random_model_with(
+    potential: Callable[[EnergyKernel], EnergyKernel], member: str
+) -> TrainedModel:
+    """Return a model whose potential energy is another than the kernel's own."""
     rng = np.random.default_rng(0)
-    with_potential = random_kernel(member, TYPES, (), rng)
-    energy = without_potential(with_potential.energy)
-    kernel = TorqueKernel(energy, with_potential.basis)
+    own = random_kernel(member, TYPES, (), rng)
+    kernel = TorqueKernel(potential(own.energy), own.basis)
     hyperparameters = random_hyperparameters(kernel, rng)
     return conditioned(TorquePrior(kernel, hyperparameters), 7, rng)
 
