@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from lip_id_ros.model.trained_model import TrainedModel
 
 SCHEMA = 'lip_id_ros/model'
-VERSION = 2
+VERSION = 1
 
 Arrays = dict[str, NDArray[Any]]
 
