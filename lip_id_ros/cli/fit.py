@@ -28,6 +28,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     arguments.add_joints(parser)
     parser.add_argument(
+        '--device',
+        choices=('cpu', 'cuda'),
+        help='where to fit: cuda needs torch, and is the CPU where there is no device '
+        '(default: cpu)',
+    )
+    parser.add_argument(
         '--seed', type=int, metavar='K', help='seed of every random choice (default: 0)'
     )
     parser.add_argument(
