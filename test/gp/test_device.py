@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import subprocess
+import sys
 
 from gp.arms import ARMS as PHYSICAL_ARMS
 from gp.arms import dataset_of, random_motion
@@ -150,3 +152,16 @@ def test_fit_without_a_gpu_says_so() -> None:
     )
     assert on_cpu.summary['device_note'] == ''
     np.testing.assert_array_equal(model.alpha, on_cpu.alpha)
+
+
+def test_without_torch_says_so() -> None:
+    """In a process of its own, in which torch cannot be imported."""
+    program = (
+        "import sys; sys.modules['torch'] = None\n"
+        'from lip_id_ros.gp.backend import choose\n'
+        "print(choose('cuda').device, choose('cuda').note)"
+    )
+    ran = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, check=True
+    )
+    assert ran.stdout.startswith('cpu Fitted on the CPU instead of cuda: torch cannot be imported')
