@@ -1,4 +1,4 @@
-"""Cholesky factors of Gram matrices: the one place where jitter is added."""
+"""Cholesky factors of Gram matrices: the one place that says how much jitter is added."""
 
 from __future__ import annotations
 
@@ -12,6 +12,15 @@ from lip_id_ros.errors import FitError
 
 Array = NDArray[np.float64]
 JITTERS = (0.0, 1e-12, 1e-10, 1e-8, 1e-6)
+NOT_FINITE = (
+    'the Gram matrix was expected to be finite but is not: '
+    'check the data for values beyond what the robot can do.'
+)
+NOT_POSITIVE_DEFINITE = (
+    'the Gram matrix was expected to be positive definite but is not, even with '
+    f'{JITTERS[-1]:g} of its mean diagonal added: samples are probably repeated or the '
+    'noise variance too small; use fewer, better spread samples.'
+)
 
 
 @dataclass(frozen=True)
@@ -49,10 +58,7 @@ class CholeskyFactor:
         """
         # LAPACK may take a matrix with NaN in it and return NaN.
         if not np.isfinite(matrix.sum()):
-            raise FitError(
-                'the Gram matrix was expected to be finite but is not: '
-                'check the data for values beyond what the robot can do.'
-            )
+            raise FitError(NOT_FINITE)
         scale = float(np.mean(np.diagonal(matrix)))
         for relative in JITTERS:
             work = np.array(matrix.T, order='F')
@@ -60,11 +66,7 @@ class CholeskyFactor:
             lower, info = lapack.dpotrf(work, lower=1, clean=0, overwrite_a=1)
             if info == 0:
                 return cls(lower, relative * scale)
-        raise FitError(
-            'the Gram matrix was expected to be positive definite but is not, even with '
-            f'{JITTERS[-1]:g} of its mean diagonal added: samples are probably repeated or the '
-            'noise variance too small; use fewer, better spread samples.'
-        )
+        raise FitError(NOT_POSITIVE_DEFINITE)
 
     def solve(self, y: Array) -> Array:
         """Return K^-1 y for y of shape (m,) or (m, k)."""

@@ -46,7 +46,7 @@ FOREIGN = {
     'numpy': ('',),
     'scipy': ('',),
     'numba': ('kernels', 'serving'),  # beside the loops that it compiles
-    'torch': ('kernels/plain',),
+    'torch': ('kernels/plain', 'gp/device'),  # gp/backend imports it where asked for
     'rosbags': ('recording', 'evaluation/mcap_writer'),
     'yaml': ('config',),
     'pinocchio': ('simulation',),

@@ -23,10 +23,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_config(parser, 'default settings')
     parser.add_argument(
         '--kernel',
-        choices=('recursive', 'nested', 'lip'),
+        choices=('recursive', 'recursive_per_link', 'nested', 'lip'),
         help='energy kernel (default: recursive)',
     )
     arguments.add_joints(parser)
+    parser.add_argument(
+        '--device',
+        choices=('cpu', 'cuda'),
+        help='where to fit: cuda needs torch, and is the CPU where there is no device '
+        '(default: cpu)',
+    )
     parser.add_argument(
         '--seed', type=int, metavar='K', help='seed of every random choice (default: 0)'
     )

@@ -18,6 +18,7 @@ def for_fit(args: argparse.Namespace) -> Config:
     chosen = {
         'recording.joints': args.joints,
         'fit.kernel': args.kernel,
+        'fit.device': args.device,
         'fit.seed': args.seed,
     }
     return _chosen(args.config, chosen)

@@ -47,7 +47,7 @@ def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:
 
 def cautions(model: TrainedModel, evaluation: Evaluation | None) -> list[str]:
     """Say what a user should know before relying on a fit."""
-    texts = []
+    texts = [note] if (note := model.summary.get('device_note')) else []
     at_bounds = model.summary['at_bounds']
     if at_bounds:
         some = ', '.join(at_bounds[:4])

@@ -92,6 +92,12 @@ class FitSettings(Settings):
     prior_precision: float = setting(
         0.05, 'Precision of the prior on log hyperparameters; 0 for none.', minimum=0.0
     )
+    device: str = setting(
+        'cpu',
+        'Where hyperparameters are fitted; cuda needs torch, and is the CPU where that finds no '
+        'device.',
+        choices=('cpu', 'cuda'),
+    )
     seed: int = setting(0, 'Seed of every random choice.', minimum=0)
 
 

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
+from lip_id_ros.gp.backend import Backend, choose
 from lip_id_ros.gp.initial import (
     initial_hyperparameters,
     make_friction,
     make_residual,
     starting_points,
 )
-from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.subset import spread
 from lip_id_ros.gp.training import maximise, Objective, Optimum
 from lip_id_ros.kernels import (
@@ -66,7 +66,8 @@ def fit(
     started = time.monotonic()
     _check(dataset)
     kernel = make_kernel(dataset, settings)
-    optimum = _optimise(kernel, dataset, settings, progress)
+    backend = choose(settings.device)
+    optimum = _optimise(kernel, dataset, settings, backend, progress)
     optimised = time.monotonic()
     progress(CONDITIONING, 0, 1)
     model = _condition(kernel, optimum, _covering(dataset, kernel, settings.max_samples))
@@ -75,9 +76,10 @@ def fit(
         'seconds_optimising': round(optimised - started, 3),
         'seconds_total': round(time.monotonic() - started, 3),
     }
+    place = {'device': backend.device, 'device_note': backend.note}
     return replace(
         model,
-        summary={**model.summary, **_report(optimum), **times},
+        summary={**model.summary, **_report(optimum), **times, **place},
         provenance={**dataset.provenance, 'n_samples_available': dataset.n_samples},
     )
 
@@ -124,7 +126,11 @@ def _covering(dataset: Dataset, kernel: TorqueKernel, count: int) -> Dataset:
 
 
 def _optimise(
-    kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
+    kernel: TorqueKernel,
+    dataset: Dataset,
+    settings: FitSettings,
+    backend: Backend,
+    progress: Progress,
 ) -> Optimum:
     centre = initial_hyperparameters(
         kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
@@ -133,7 +139,7 @@ def _optimise(
     def objective(count: int) -> Objective:
         some = _covering(dataset, kernel, count)
         states = kernel.states(some.q, some.dq, some.ddq)
-        likelihood = MarginalLikelihood(kernel, states, some.tau, centre)
+        likelihood = backend.likelihood(kernel, states, some.tau, centre)
         return Objective(likelihood, centre, settings.prior_precision)
 
     start = _best_start(objective(max(LEAST_SAMPLES, settings.subset // 3)), settings, progress)

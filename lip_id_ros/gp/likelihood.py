@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,13 @@ from lip_id_ros.kernels.gradient import contracted_gradient
 from lip_id_ros.linear_algebra import CholeskyFactor
 
 Array = NDArray[np.float64]
+
+
+class Likelihood(Protocol):
+    """What the optimisation needs of a likelihood."""
+
+    def value_and_gradient(self, vector: Array) -> tuple[float, Array]:
+        """Return the negative logarithm at log-hyperparameters (p,), and its gradient (p,)."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize, OptimizeResult
 
 from lip_id_ros.errors import FitError
-from lip_id_ros.gp.likelihood import MarginalLikelihood
+from lip_id_ros.gp.likelihood import Likelihood
 from lip_id_ros.gp.log_vector import from_vector, names, to_vector
 from lip_id_ros.kernels import Hyperparameters
 from lip_id_ros.progress import Progress, silent
@@ -30,7 +30,7 @@ class Objective:
 
     Attributes
     ----------
-    likelihood : MarginalLikelihood
+    likelihood : Likelihood
     centre : Hyperparameters
         Of the Gaussian prior on their logarithms.
     prior_precision : float
@@ -38,7 +38,7 @@ class Objective:
 
     """
 
-    likelihood: MarginalLikelihood
+    likelihood: Likelihood
     centre: Hyperparameters
     prior_precision: float
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from pathlib import Path
 import subprocess
@@ -49,6 +50,26 @@ def test_fit_takes_kernel_and_joints_from_the_command_line(workshop: Workshop, h
     model = TrainedModel.load('arm.npz')
     assert model.kernel == 'lip'
     assert model.joint_names == ('wrist', 'elbow')
+
+
+def test_fit_without_a_device_says_so_and_goes_on(
+    workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    if cuda_is_available():
+        pytest.skip('needs a machine without a CUDA device')
+    lip_id('fit', workshop.bag, '-o', 'arm.npz', '--config', workshop.settings, '--device', 'cuda')
+
+    lines = capsys.readouterr().out.splitlines()
+    assert sum(line.startswith('Fitted on the CPU instead of cuda: torch') for line in lines) == 1
+    assert TrainedModel.load('arm.npz').summary['device'] == 'cpu'
+
+
+def cuda_is_available() -> bool:
+    try:
+        torch = importlib.import_module('torch')
+    except ImportError:
+        return False
+    return bool(torch.cuda.is_available())
 
 
 def test_held_out_samples_are_the_last_and_are_not_learned_from(

@@ -52,6 +52,8 @@ def test_summary() -> None:
     assert summary.keys() == {
         'at_bounds',
         'converged',
+        'device',
+        'device_note',
         'iterations',
         'jitter',
         'negative_log_likelihood',

@@ -164,8 +164,8 @@ def changed(path: Path, change: Callable[[Arrays, Header], None]) -> Path:
 
 
 def test_a_newer_format(saved: Path) -> None:
-    newer = changed(saved, lambda _, header: header.update(version=3))
-    check_refused(newer, 'has model format 3, but this program reads format 2')
+    newer = changed(saved, lambda _, header: header.update(version=2))
+    check_refused(newer, 'has model format 2, but this program reads format 1')
 
 
 def flip(arrays: Arrays, _: Header) -> None:

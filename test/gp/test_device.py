@@ -1,0 +1,167 @@
+"""The likelihood on a device against the compiled one, and where there is no device."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import subprocess
+import sys
+
+from gp.arms import ARMS as PHYSICAL_ARMS
+from gp.arms import dataset_of, random_motion
+from gp.cases import P, R, random_likelihood, TERMS, TYPES, without_gravity
+from kernels.cases import MEMBERS
+import numpy as np
+import pytest
+
+from lip_id_ros.config import FitSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import FitError
+from lip_id_ros.gp import fit
+from lip_id_ros.gp.fitting import make_kernel
+from lip_id_ros.gp.initial import initial_hyperparameters
+from lip_id_ros.gp.likelihood import MarginalLikelihood
+from lip_id_ros.gp.log_vector import to_vector
+from lip_id_ros.gp.training import maximise, Objective
+from lip_id_ros.kernels import TorquePrior
+from lip_id_ros.serving import Predictor
+
+torch = pytest.importorskip('torch', reason='the device path needs torch')
+
+from lip_id_ros.gp.device import TorchMarginalLikelihood  # noqa: E402
+
+DEVICES = ('cpu', pytest.param('cuda', marks=pytest.mark.gpu))
+ARMS = ((R,), (P,), (P, R), (R, R, P, R))
+
+
+def on_device(
+    likelihood: MarginalLikelihood, device: str, chunk_bytes: int = 2**20
+) -> TorchMarginalLikelihood:
+    return TorchMarginalLikelihood(
+        likelihood.kernel,
+        likelihood.states,
+        likelihood.tau,
+        likelihood.like,
+        device,
+        chunk_bytes,
+    )
+
+
+def assert_same(likelihood: MarginalLikelihood, other: TorchMarginalLikelihood) -> None:
+    at = to_vector(likelihood.like)
+    gram = TorquePrior(likelihood.kernel, likelihood.like).gram(likelihood.states)
+    np.testing.assert_allclose(other.gram(at), gram, rtol=1e-9, atol=1e-11 * np.abs(gram).max())
+    value, gradient = likelihood.value_and_gradient(at)
+    same_value, same_gradient = other.value_and_gradient(at)
+    assert same_value == pytest.approx(value, rel=1e-9)
+    atol = 1e-10 * np.abs(gradient).max()
+    np.testing.assert_allclose(same_gradient, gradient, rtol=1e-9, atol=atol)
+
+
+@pytest.mark.parametrize('device', DEVICES)
+@pytest.mark.parametrize('terms', TERMS)
+@pytest.mark.parametrize('member', MEMBERS)
+def test_terms(member: str, terms: tuple[str, ...], device: str) -> None:
+    likelihood = random_likelihood(member, TYPES, terms, 11)
+    assert_same(likelihood, on_device(likelihood, device))
+
+
+@pytest.mark.parametrize('device', DEVICES)
+@pytest.mark.parametrize('types', ARMS)
+@pytest.mark.parametrize('member', MEMBERS)
+def test_arms(member: str, types: tuple[str, ...], device: str) -> None:
+    likelihood = random_likelihood(member, types, ('friction', 'residual'), 7)
+    assert_same(likelihood, on_device(likelihood, device))
+
+
+@pytest.mark.parametrize('device', DEVICES)
+@pytest.mark.parametrize('member', MEMBERS)
+def test_without_gravity(member: str, device: str) -> None:
+    likelihood = without_gravity(random_likelihood(member, TYPES, ('friction',), 9))
+    assert_same(likelihood, on_device(likelihood, device))
+
+
+@pytest.mark.parametrize('chunk_bytes', [1, 60_000])
+def test_chunks_make_no_difference(chunk_bytes: int) -> None:
+    likelihood = random_likelihood('recursive', TYPES, ('friction', 'residual'), 11)
+    assert_same(likelihood, on_device(likelihood, 'cpu', chunk_bytes))
+
+
+def test_a_gram_matrix_that_is_not_finite() -> None:
+    likelihood = random_likelihood('recursive', TYPES, (), 5)
+    vector = to_vector(likelihood.like)
+    vector[-len(TYPES) :] = np.nan  # of the noise
+    with pytest.raises(FitError, match='Gram matrix was expected to be finite'):
+        on_device(likelihood, 'cpu').value_and_gradient(vector)
+
+
+def test_a_singular_gram_matrix_is_refused() -> None:
+    likelihood = random_likelihood('recursive', TYPES, (), 5)
+    vector = to_vector(likelihood.like)
+    vector[:] = -np.inf  # every hyperparameter 0
+    with pytest.raises(FitError, match='Gram matrix was expected to be positive definite'):
+        on_device(likelihood, 'cpu').value_and_gradient(vector)
+
+
+def motions() -> Dataset:
+    """Return motions of the polar arm with a little noise."""
+    arm = PHYSICAL_ARMS['polar']
+    motion = random_motion(arm, 40, seed=0)
+    tau = arm.torque(*motion)
+    noise = 0.01 * np.random.default_rng(1).normal(size=tau.shape)
+    return dataset_of(arm, motion, tau + noise)
+
+
+@pytest.mark.parametrize('device', DEVICES)
+def test_optimum_is_the_same(device: str) -> None:
+    """On the way there, rounding makes the two paths differ by more."""
+    dataset, settings = motions(), FitSettings()
+    kernel = make_kernel(dataset, settings)
+    start = initial_hyperparameters(
+        kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
+    )
+    states = kernel.states(dataset.q, dataset.dq, dataset.ddq)
+    likelihood = MarginalLikelihood(kernel, states, dataset.tau, start)
+    found, same = (
+        maximise(Objective(one, start, settings.prior_precision), start, 200)
+        for one in (likelihood, on_device(likelihood, device))
+    )
+    assert same.converged
+    assert found.converged
+    assert same.value == pytest.approx(found.value, rel=1e-8)
+    np.testing.assert_allclose(
+        to_vector(same.hyperparameters), to_vector(found.hyperparameters), atol=1e-6
+    )
+
+
+@pytest.mark.gpu
+def test_fit_on_a_gpu() -> None:
+    settings, data = FitSettings(iterations=200), motions()
+    model, on_cpu = fit(data, replace(settings, device='cuda')), fit(data, settings)
+    assert (model.summary['device'], model.summary['device_note']) == ('cuda', '')
+    tau, same_tau = (Predictor(m).predict(data.q, data.dq, data.ddq).tau for m in (on_cpu, model))
+    np.testing.assert_allclose(same_tau, tau, atol=1e-6 * np.abs(tau).max())
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason='needs a machine without a CUDA device')
+def test_fit_without_a_gpu_says_so() -> None:
+    settings = FitSettings(iterations=2, device='cuda')
+    model, on_cpu = fit(motions(), settings), fit(motions(), replace(settings, device='cpu'))
+    assert model.summary['device'] == 'cpu'
+    assert model.summary['device_note'] == (
+        'Fitted on the CPU instead of cuda: torch finds no CUDA device.'
+    )
+    assert on_cpu.summary['device_note'] == ''
+    np.testing.assert_array_equal(model.alpha, on_cpu.alpha)
+
+
+def test_without_torch_says_so() -> None:
+    """In a process of its own, in which torch cannot be imported."""
+    program = (
+        "import sys; sys.modules['torch'] = None\n"
+        'from lip_id_ros.gp.backend import choose\n'
+        "print(choose('cuda').device, choose('cuda').note)"
+    )
+    ran = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, check=True
+    )
+    assert ran.stdout.startswith('cpu Fitted on the CPU instead of cuda: torch cannot be imported')
