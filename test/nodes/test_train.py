@@ -155,7 +155,12 @@ def test_wrong_parameters_are_refused_with_a_sentence(ros: tuple[Graph, Client])
     graph, client = ros
     graph.start('train')
     for name, value, sentence in (
-        ('fit.kernel', 'rbf', "fit.kernel must be a text lip or nested or recursive, not 'rbf'."),
+        (
+            'fit.kernel',
+            'rbf',
+            'fit.kernel must be a text lip or nested or recursive or recursive_per_link, '
+            "not 'rbf'.",
+        ),
         ('fit.subset', 2.5, 'fit.subset must be a whole number >= 1, not 2.5.'),
         ('fit.friction', 'yes', "fit.friction must be true or false, not 'yes'."),
         ('recording.joint_types', ['round'], 'recording.joint_types must be a list of texts '),
@@ -185,7 +190,9 @@ def test_wrong_start_gives_one_line_and_status_one(ros: tuple[Graph, Client]) ->
     graph, _ = ros
     train = graph.start('train', fit__kernel='rbf', max_row=7)
     assert train.wait() == 1
-    assert "must be a text lip or nested or recursive, not 'rbf'." in train.log
+    assert (
+        "must be a text lip or nested or recursive or recursive_per_link, not 'rbf'." in train.log
+    )
     assert 'Traceback' not in train.log
 
 
