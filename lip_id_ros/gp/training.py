@@ -45,10 +45,17 @@ class Objective:
     def value_and_gradient(self, vector: Array) -> tuple[float, Array]:
         """Evaluate at one vector of log-hyperparameters, shape (p,)."""
         value, gradient = self.likelihood.value_and_gradient(vector)
+        return value + self.penalty(vector), gradient + self.prior_precision * self._away(vector)
+
+    def penalty(self, vector: Array) -> float:
+        """Return what the prior adds to the negative log likelihood."""
+        away = self._away(vector)
+        return 0.5 * self.prior_precision * float(away @ away)
+
+    def _away(self, vector: Array) -> Array:
         away = vector - to_vector(self.centre)
         away[-self.centre.noise_variance.size :] = 0.0
-        penalty = 0.5 * self.prior_precision * float(away @ away)
-        return value + penalty, gradient + self.prior_precision * away
+        return away
 
 
 @dataclass(frozen=True)
@@ -131,11 +138,10 @@ def maximise(
         )  # fmt: skip
     progress(stage, iterations, iterations)
     found = np.asarray(result.x)
-    value, _ = objective.value_and_gradient(found)
     likelihood, _ = objective.likelihood.value_and_gradient(found)
     return Optimum(
         hyperparameters=from_vector(found, start),
-        value=value,
+        value=likelihood + objective.penalty(found),
         negative_log_likelihood=likelihood,
         iterations=int(result.nit),
         converged=bool(result.success),
