@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.kernels import jets, products
+from lip_id_ros.kernels import entries, jets, products
+from lip_id_ros.kernels.entries import Terms
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.jets import Factor, Jet
 from lip_id_ros.kernels.lanes import compiled, Index
 from lip_id_ros.kernels.products import Product
-from lip_id_ros.kernels.program import ADD, MULTIPLY, RESET, SQUARE
+from lip_id_ros.kernels.program import ADD, EMIT, EXTEND, MULTIPLY, RESET, SQUARE, START
 from lip_id_ros.kernels.recipe import Recipe
 
 Array = NDArray[np.float64]
@@ -31,42 +32,63 @@ class Scratch(NamedTuple):
         The running product.
     factor : Factor
         The factor at hand.
+    terms : Terms
+        Of the entries at hand.
 
     """
 
     y: Jet
     p: Product
     factor: Factor
+    terms: Terms
 
 
 @compiled
 def new_scratch(n: int) -> Scratch:
     """Allocate working memory for n joints."""
-    return Scratch(jets.new_jet(n), products.new_product(n), jets.new_factor())
+    return Scratch(
+        jets.new_jet(n), products.new_product(n), jets.new_factor(), entries.new_terms(n)
+    )
 
 
 @compiled
-def run_kinetic_step(
-    y: Jet, factor: Factor, step: Integers, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
+def run_square_step(
+    work: Scratch, step: Integers, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
-    """Run one step of a program other than the emission."""
+    """Run one step on the velocity kernel other than the emission."""
     operation, b, k, low, high = step[0], step[1], step[2], step[4], step[5]
     if operation == RESET:
-        jets.reset(y, low, high)
+        jets.reset(work.y, low, high)
     elif operation == MULTIPLY:
-        jets.load_factor(factor, how.factors[k, b], x, t, z, u, b)
-        jets.multiply(y, factor, b, low, high)
+        jets.load_factor(work.factor, how.factors[k, b], x, t, z, u, b)
+        jets.multiply(work.y, work.factor, b, low, high)
     elif operation == ADD:
-        jets.add_velocity(y, how.velocities[k, b], x, t, z, u, b)
+        jets.add_velocity(work.y, how.velocities[k, b], x, t, z, u, b)
+
+
+@compiled
+def run_entry_step(
+    work: Scratch, step: Integers, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
+) -> None:
+    """Run one step on the product of squared factors; of an emission, prepare the terms."""
+    operation, b, k, low, middle, high = step
+    if operation == START:
+        products.start(work.p, high)
+    elif operation == EXTEND:
+        jets.load_factor(work.factor, how.factors[k, b], x, t, z, u, b)
+        products.square(work.factor)
+        products.extend(work.p, work.factor, b, low, high)
+    elif operation == EMIT:
+        entries.prepare(work.terms, work.p, how.velocities[k], x, t, z, u, low, middle, high)
 
 
 @compiled
 def run_potential_step(
-    p: Product, factor: Factor, b: int, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
+    work: Scratch, b: int, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
     """Extend the product by joint b."""
-    jets.load_factor(factor, how.potential_factors[b], x, t, z, u, b)
-    products.extend(p, factor, b)
+    jets.load_factor(work.factor, how.potential_factors[b], x, t, z, u, b)
+    products.extend(work.p, work.factor, b, 0, b)
 
 
 @compiled
@@ -74,19 +96,23 @@ def torque_block(
     block: Array, work: Scratch, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
     """Set block[i, j] to the torque covariances of x at t and z at u, u + 1, ..."""
-    y, p, factor = work
     block[:] = 0.0
-    for k in range(how.steps.shape[0]):
-        step = how.steps[k]
+    for step in how.squares:
         if step[0] == SQUARE:
-            jets.emit_square(block, y, how.scales[step[3]], step[4], step[5])
+            jets.emit_square(block, work.y, how.kinetic_scales[step[3]], step[4], step[5])
         else:
-            run_kinetic_step(y, factor, step, how, x, t, z, u)
-    products.start(p)
+            run_square_step(work, step, how, x, t, z, u)
+    for step in how.entries:
+        run_entry_step(work, step, how, x, t, z, u)
+        if step[0] == EMIT:
+            s, scale = how.velocities[step[2]], how.kinetic_scales[step[2]]
+            entries.emit(block, work.terms, work.p, scale, step[3], step[4], step[5])
+            entries.emit_diagonal(block, work.terms, s, scale, step[3], step[4], step[5])
+    products.start(work.p, how.potential_scales.shape[0])
     for b in range(how.potential_scales.shape[0]):
-        run_potential_step(p, factor, b, how, x, t, z, u)
+        run_potential_step(work, b, how, x, t, z, u)
         if how.potential_scales[b] != 0.0:
-            products.emit(block, p, how.potential_scales[b], b + 1)
+            products.emit(block, work.p, how.potential_scales[b], b + 1)
 
 
 @compiled
@@ -95,12 +121,16 @@ def kinetic_rows(
 ) -> None:
     """Set row[j] to the covariances of T of x at t with torque j of z at u, u + 1, ..."""
     row[:] = 0.0
-    for k in range(how.steps.shape[0]):
-        step = how.steps[k]
+    for step in how.squares:
         if step[0] == SQUARE:
-            jets.emit_energy_square(row, work.y, how.scales[step[3]], step[4], step[5])
+            jets.emit_energy_square(row, work.y, how.kinetic_scales[step[3]], step[4], step[5])
         else:
-            run_kinetic_step(work.y, work.factor, step, how, x, t, z, u)
+            run_square_step(work, step, how, x, t, z, u)
+    for step in how.entries:
+        run_entry_step(work, step, how, x, t, z, u)
+        if step[0] == EMIT:
+            scale = how.kinetic_scales[step[2]]
+            entries.emit_energy(row, work.terms, work.p, scale, step[3], step[5])
 
 
 @compiled
@@ -109,8 +139,8 @@ def potential_rows(
 ) -> None:
     """Set row[j] to the covariances of V of x at t with torque j of z at u, u + 1, ..."""
     row[:] = 0.0
-    products.start(work.p)
+    products.start(work.p, how.potential_scales.shape[0])
     for b in range(how.potential_scales.shape[0]):
-        run_potential_step(work.p, work.factor, b, how, x, t, z, u)
+        run_potential_step(work, b, how, x, t, z, u)
         if how.potential_scales[b] != 0.0:
             products.emit_energy(row, work.p, how.potential_scales[b], b + 1)

@@ -11,8 +11,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from lip_id_ros.kernels.program import ADD, EnergyKernel, MULTIPLY, RESET, SQUARE
-from lip_id_ros.kernels.weights import step_scales, Weights
+from lip_id_ros.kernels.program import (
+    ADD,
+    EMIT,
+    EnergyKernel,
+    EXTEND,
+    MULTIPLY,
+    RESET,
+    SQUARE,
+    START,
+)
+from lip_id_ros.kernels.weights import Weights
 
 
 def factor(w: Any, f: Any, fz: Any, b: int) -> Any:
@@ -41,10 +50,14 @@ def kinetic_covariance(
         [J^2].
 
     """
-    scales = step_scales(kernel, weights)
+    states = (weights, f, dq, fz, dz)
+    return _squares(kernel, *states) + _entries(kernel, *states)
+
+
+def _squares(kernel: EnergyKernel, weights: Weights, f: Any, dq: Any, fz: Any, dz: Any) -> Any:
     y: Any = 0.0
     total: Any = 0.0
-    for operation, b, group, scale, _, _ in kernel.kinetic:
+    for operation, b, group, link, _, _ in kernel.squares:
         if operation == RESET:
             y = 0.0
         elif operation == MULTIPLY:
@@ -52,7 +65,22 @@ def kinetic_covariance(
         elif operation == ADD:
             y = y + weights.velocities[group, b] * dq[b] * dz[b]
         elif operation == SQUARE:
-            total = total + scales[scale] * y * y
+            total = total + weights.kinetic_scales[link] * y * y
+    return total
+
+
+def _entries(kernel: EnergyKernel, weights: Weights, f: Any, dq: Any, fz: Any, dz: Any) -> Any:
+    product: Any = 1.0
+    total: Any = 0.0
+    for operation, b, link, low, middle, high in kernel.entries:
+        if operation == START:
+            product = 1.0
+        elif operation == EXTEND:
+            product = product * factor(weights.factors[link, b], f, fz, b) ** 2
+        elif operation == EMIT:
+            v = [weights.velocities[link, j] * dq[j] * dz[j] for j in range(low, high)]
+            near, far = sum(v[: middle - low]), sum(v[middle - low :])
+            total = total + weights.kinetic_scales[link] * near * (near + 2.0 * far) * product
     return total
 
 

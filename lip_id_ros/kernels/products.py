@@ -1,8 +1,8 @@
 """
-The potential energy kernel's running product and its derivatives, for `LANES` pairs at once.
+A running product of joint factors and its derivatives, for `LANES` pairs at once.
 
-The potential does not depend on velocities, so that of the Euler-Lagrange operators only -d/dq_i
-remains (docs/maths.md, section 2).
+The potential energy kernel is such a product, and does not depend on velocities, so that of the
+Euler-Lagrange operators only -d/dq_i remains (docs/maths.md, section 2).
 
 """
 
@@ -48,24 +48,36 @@ def new_product(n: int) -> Product:
 
 
 @compiled
-def start(x: Product) -> None:
-    """Set p = 1."""
+def start(x: Product, high: int) -> None:
+    """Set p = 1 for a p that will depend on joints 0..high-1 only; the rest is never read."""
     x.p[:] = 1.0
-    x.r[:] = 0.0
-    x.c[:] = 0.0
-    x.h[:] = 0.0
+    x.r[:high] = 0.0
+    x.c[:high] = 0.0
+    x.h[:high, :high] = 0.0
 
 
 @compiled
-def extend(x: Product, factor: Factor, b: int) -> None:
-    """Set p = a(q_b, q'_b) p, for a p that depends on the joints before b."""
+def square(factor: Factor) -> None:
+    """Set a(q_b, q'_b) to its square, without the rates."""
+    a = factor.a
+    for m in range(LANES):
+        a0, a1, a2, a3 = a[0, m], a[1, m], a[2, m], a[3, m]
+        a[0, m] = a0 * a0
+        a[1, m] = 2.0 * a0 * a1
+        a[2, m] = 2.0 * a0 * a2
+        a[3, m] = 2.0 * (a1 * a2 + a0 * a3)
+
+
+@compiled
+def extend(x: Product, factor: Factor, b: int, low: int, high: int) -> None:
+    """Set p = a(q_b, q'_b) p; before, p depends on joints low..high-1, afterwards on b too."""
     p, r, c, h = x
     a = factor.a
-    for i in range(b):
-        for j in range(b):
+    for i in range(low, high):
+        for j in range(low, high):
             for m in range(LANES):
                 h[i, j, m] *= a[0, m]
-    for i in range(b):
+    for i in range(low, high):
         for m in range(LANES):
             h[b, i, m] = a[1, m] * c[i, m]
             h[i, b, m] = a[2, m] * r[i, m]

@@ -30,21 +30,21 @@ def tape_entry(tape: Product, k: int) -> Product:
 
 
 @compiled
-def copy_product(out: Product, x: Product) -> None:
-    """Copy a product."""
+def copy_product(out: Product, x: Product, high: int) -> None:
+    """Copy the part of a product that belongs to joints 0..high-1."""
     out.p[:] = x.p
-    out.r[:] = x.r
-    out.c[:] = x.c
-    out.h[:] = x.h
+    out.r[:high] = x.r[:high]
+    out.c[:high] = x.c[:high]
+    out.h[:high, :high] = x.h[:high, :high]
 
 
 @compiled
-def clear(x: Product) -> None:
-    """Set an adjoint to zero."""
+def clear(x: Product, high: int) -> None:
+    """Set the part of an adjoint that belongs to joints 0..high-1 to zero."""
     x.p[:] = 0.0
-    x.r[:] = 0.0
-    x.c[:] = 0.0
-    x.h[:] = 0.0
+    x.r[:high] = 0.0
+    x.c[:high] = 0.0
+    x.h[:high, :high] = 0.0
 
 
 @compiled
@@ -60,15 +60,17 @@ def emit(adj: Product, w: Array, x: Product, scale: float, high: int) -> float:
 
 
 @compiled
-def extend(adj: Product, out: Factor, x: Product, factor: Factor, b: int) -> None:
-    """Go back through p = a p; `x` is the product before the step."""
+def extend(
+    adj: Product, out: Factor, x: Product, factor: Factor, b: int, low: int, high: int
+) -> None:
+    """Go back through p = a p; `x` is the product before it, on joints low..high-1."""
     a, grad = factor.a, out.a
-    for i in range(b):
-        for j in range(b):
+    for i in range(low, high):
+        for j in range(low, high):
             for m in range(LANES):
                 grad[0, m] += adj.h[i, j, m] * x.h[i, j, m]
                 adj.h[i, j, m] *= a[0, m]
-    for i in range(b):
+    for i in range(low, high):
         for m in range(LANES):
             row, column = adj.h[b, i, m], adj.h[i, b, m]
             grad[0, m] += adj.r[i, m] * x.r[i, m] + adj.c[i, m] * x.c[i, m]
@@ -88,3 +90,16 @@ def extend(adj: Product, out: Factor, x: Product, factor: Factor, b: int) -> Non
             + a[2, m] * adj.c[b, m]
             + a[3, m] * corner
         )
+
+
+@compiled
+def square(out: Factor, factor: Factor) -> None:
+    """Go back through a = a^2; `factor` is that before it."""
+    a, grad = factor.a, out.a
+    for m in range(LANES):
+        a0, a1, a2, a3 = a[0, m], a[1, m], a[2, m], a[3, m]
+        g0, g1, g2, g3 = grad[0, m], grad[1, m], grad[2, m], grad[3, m]
+        grad[0, m] = 2.0 * (a0 * g0 + a1 * g1 + a2 * g2 + a3 * g3)
+        grad[1, m] = 2.0 * (a0 * g1 + a2 * g3)
+        grad[2, m] = 2.0 * (a0 * g2 + a1 * g3)
+        grad[3, m] = 2.0 * a0 * g3

@@ -1,29 +1,32 @@
 r"""
-Energy kernels as short programs of three steps.
+Energy kernels as short programs.
 
-The kinetic energy kernel of link i is the square of a kernel y on that link's velocity,
+The kinetic energy kernel of link i is a sum over the entries (j, k) of its inertia matrix,
 
-.. math:: k_T = \sum_i \lambda_i\, y_i(x, x')^2, \qquad
-          y_i = \sum_j s_j \dot q_j \dot q'_j \; \prod_{b \in B_{ij}} a_b(q, q')
+.. math:: k_{T_i} = \lambda_i \sum_{jk} v_j v_k \prod_b a_b^{d_b(j, k)}, \qquad
+          v_j = s_j \dot q_j \dot q'_j,
 
-and the members of the family differ only in the joints B_ij whose factors a_b enter
-(docs/maths.md, section 3). So a kernel is a list of steps on one running y: multiply by a factor,
-add a velocity term, emit the square. The potential energy kernel is a product of factors, emitted
-as it is. Whoever evaluates a kernel (Gram matrix, gradient, serving, plain oracle) interprets the
-same steps, and a new member of the family is a new list.
+and the members of the family differ only in the degree d_b to which the factor a_b(q, q') of a
+joint enters an entry (docs/maths.md, section 3). There are two ways to sum many entries at once,
+and a program of steps for each. Where the sum is the square of a kernel y on velocities, the
+steps act on one running y: multiply by a factor, add a velocity term, emit the square. Where
+entries share their product of squared factors, the steps act on one running product: extend it by
+a joint, emit the entries that it belongs to. The potential energy kernel is a product of factors,
+emitted as it is. Whoever evaluates a kernel (Gram matrix, gradient, serving, plain oracle)
+interprets the same steps, and a new member of the family is a new list.
 
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 RESET, MULTIPLY, ADD, SQUARE = 0, 1, 2, 3
-COLUMNS = ('operation', 'joint', 'factor_set', 'scale', 'low', 'high')
+START, EXTEND, EMIT = 0, 1, 2
 
 Step = tuple[int, int, int, int, int, int]
 
@@ -38,15 +41,16 @@ class EnergyKernel:
     name : str
         As in `lip_id fit --kernel`.
     n_joints : int
-    kinetic : int array, shape (n_steps, 6)
-        Steps with the columns `COLUMNS`; `low` and `high` bound the joints that y depends on
-        before the step; at a reset, those that it will depend on until the next.
+    squares : int array, shape (n_steps, 6)
+        Steps on a running velocity kernel y: operation, joint, factor set, link, low, high. Before
+        the step, y depends on joints low..high-1; at a reset, those that it will depend on.
+    entries : int array, shape (n_steps, 6)
+        Steps on a running product of squared factors: operation, joint, link, low, middle, high.
+        Before an extension the product depends on joints low..high-1, at a start on those that it
+        will depend on. What is emitted are the entries whose lower index is in low..middle-1 and
+        whose higher one is below `high`.
     n_factor_sets : int
         1 where all links share joint factors and velocity weights, n where each has its own.
-    kinetic_signs : float array, shape (n_scales,)
-        Times the scale of link `kinetic_links[k]`, the weight of the square with scale number k:
-        +1 or -1.
-    kinetic_links : int array, shape (n_scales,)
     potential_links : int array
         The links after whose factor the running product is emitted.
 
@@ -54,10 +58,9 @@ class EnergyKernel:
 
     name: str
     n_joints: int
-    kinetic: NDArray[np.int64]
+    squares: NDArray[np.int64]
+    entries: NDArray[np.int64]
     n_factor_sets: int
-    kinetic_signs: NDArray[np.float64]
-    kinetic_links: NDArray[np.int64]
     potential_links: NDArray[np.int64]
 
 
@@ -77,7 +80,7 @@ def recursive(n_joints: int) -> EnergyKernel:
             steps.append((MULTIPLY, b, 0, 0, 0, b))
         steps.append((ADD, b, 0, 0, 0, b))
         steps.append((SQUARE, 0, 0, b, 0, b + 1))
-    return _kernel('recursive', n_joints, steps, 1, _every_link(n_joints))
+    return _kernel('recursive', n_joints, squares=steps, n_factor_sets=1)
 
 
 def recursive_per_link(n_joints: int) -> EnergyKernel:
@@ -90,7 +93,7 @@ def recursive_per_link(n_joints: int) -> EnergyKernel:
                 steps.append((MULTIPLY, b, i, 0, 0, b))
             steps.append((ADD, b, i, 0, 0, b))
         steps.append((SQUARE, 0, i, i, 0, i + 1))
-    return _kernel('recursive_per_link', n_joints, steps, n_joints, _every_link(n_joints))
+    return _kernel('recursive_per_link', n_joints, squares=steps)
 
 
 def lip(n_joints: int) -> EnergyKernel:
@@ -103,34 +106,30 @@ def lip(n_joints: int) -> EnergyKernel:
     """
     steps: list[Step] = []
     for i in range(n_joints):
-        steps.append((RESET, 0, i, 0, 0, i + 1))
-        steps.extend((ADD, b, i, 0, 0, b) for b in range(i + 1))
-        steps.extend((MULTIPLY, b, i, 0, 0, i + 1) for b in range(i + 1))
-        steps.append((SQUARE, 0, i, i, 0, i + 1))
-    return _kernel('lip', n_joints, steps, n_joints, np.array([n_joints - 1]))
+        end = i + 1
+        steps.append((START, 0, i, 0, 0, end))
+        steps.extend((EXTEND, b, i, b + 1, b + 1, end) for b in range(i, -1, -1))
+        steps.append((EMIT, 0, i, 0, end, end))
+    return with_product_potential(_kernel('lip', n_joints, entries=steps))
 
 
 def nested(n_joints: int) -> EnergyKernel:
     """
     Entries that depend only on the joints beyond min(j, k), with degree two.
 
-    For each link, the entries with min(j, k) = m are the difference of the squares of the velocity
-    sums from m and from m + 1 on, both times the factors beyond m. One run per m emits the first
-    of them and, times one factor more, the second of those of m - 1.
+    From a link's own joint down to the base: emit the entries of the joint at hand with those
+    beyond, then extend the product by its factor.
 
     """
     steps: list[Step] = []
     for i in range(n_joints):
-        for m in range(i + 1):
-            steps.append((RESET, 0, i, 0, m, i + 1))
-            steps.extend((ADD, b, i, 0, m, b) for b in range(m, i + 1))
-            steps.extend((MULTIPLY, b, i, 0, m, i + 1) for b in range(m + 1, i + 1))
-            steps.append((SQUARE, 0, i, i, m, i + 1))
-            if m > 0:
-                steps.append((MULTIPLY, m, i, 0, m, i + 1))
-                steps.append((SQUARE, 0, i, n_joints + i, m, i + 1))
-    signs = np.repeat([1.0, -1.0], n_joints)
-    return _kernel('nested', n_joints, steps, n_joints, _every_link(n_joints), signs)
+        end = i + 1
+        steps.append((START, 0, i, 0, 0, end))
+        for b in range(i, -1, -1):
+            steps.append((EMIT, b, i, b, b + 1, end))
+            if b > 0:
+                steps.append((EXTEND, b, i, b + 1, b + 1, end))
+    return _kernel('nested', n_joints, entries=steps)
 
 
 FAMILY = {kernel.__name__: kernel for kernel in (recursive, recursive_per_link, nested, lip)}
@@ -168,25 +167,22 @@ POTENTIALS = {
 }
 
 
-def _every_link(n_joints: int) -> NDArray[np.int64]:
-    return np.arange(n_joints)
-
-
 def _kernel(
     name: str,
     n_joints: int,
-    steps: list[Step],
-    n_factor_sets: int,
-    potential_links: NDArray[np.int64],
-    signs: NDArray[np.float64] | None = None,
+    squares: Sequence[Step] = (),
+    entries: Sequence[Step] = (),
+    n_factor_sets: int | None = None,
 ) -> EnergyKernel:
-    signs = np.ones(n_joints) if signs is None else signs
     return EnergyKernel(
         name=name,
         n_joints=n_joints,
-        kinetic=np.array(steps, dtype=np.int64),
-        n_factor_sets=n_factor_sets,
-        kinetic_signs=signs,
-        kinetic_links=np.arange(len(signs)) % n_joints,
-        potential_links=potential_links,
+        squares=_table(squares),
+        entries=_table(entries),
+        n_factor_sets=n_factor_sets or n_joints,
+        potential_links=np.arange(n_joints),
     )
+
+
+def _table(steps: Sequence[Step]) -> NDArray[np.int64]:
+    return np.array(steps, dtype=np.int64).reshape(len(steps), 6)

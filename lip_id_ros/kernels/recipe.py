@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.kernels.program import EnergyKernel, RESET
-from lip_id_ros.kernels.weights import step_scales, Weights
+from lip_id_ros.kernels.program import EnergyKernel, RESET, START
+from lip_id_ros.kernels.weights import Weights
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -16,43 +16,48 @@ Integers = NDArray[np.int64]
 
 class Recipe(NamedTuple):
     """
-    What to do to a running velocity kernel and a running product, and with which numbers.
+    What to do to a running velocity kernel and to running products, and with which numbers.
 
     Attributes
     ----------
-    steps : int array, shape (n_steps, 6)
-        Columns as in `lip_id_ros.kernels.program.COLUMNS`.
-    bounds : int array
-        Where each run that begins with a reset starts, and the end.
-    scales : array
-        Signed weight of every square.
-    factors, velocities, potential_factors : arrays
+    squares, entries : int arrays, shape (n_steps, 6)
+        Steps as in `lip_id_ros.kernels.program.EnergyKernel`.
+    square_bounds, entry_bounds : int arrays
+        Where each run that begins with a reset or a start begins, and the end.
+    factors, velocities, kinetic_scales, potential_factors : arrays
         As in `Weights`.
     potential_scales : array, shape (n,)
         Weight with which the product up to each joint is emitted; 0 where it is not.
 
     """
 
-    steps: Integers
-    bounds: Integers
-    scales: Array
+    squares: Integers
+    entries: Integers
+    square_bounds: Integers
+    entry_bounds: Integers
     factors: Array
     velocities: Array
+    kinetic_scales: Array
     potential_factors: Array
     potential_scales: Array
 
 
 def recipe(kernel: EnergyKernel, weights: Weights) -> Recipe:
     """Lay a kernel and its weights out."""
-    resets = np.flatnonzero(kernel.kinetic[:, 0] == RESET)
     potential_scales = np.zeros(kernel.n_joints)
     potential_scales[kernel.potential_links] = weights.potential_scales
     return Recipe(
-        steps=kernel.kinetic,
-        bounds=np.append(resets, len(kernel.kinetic)),
-        scales=step_scales(kernel, weights),
+        squares=kernel.squares,
+        entries=kernel.entries,
+        square_bounds=_bounds(kernel.squares, RESET),
+        entry_bounds=_bounds(kernel.entries, START),
         factors=weights.factors,
         velocities=weights.velocities,
+        kinetic_scales=weights.kinetic_scales,
         potential_factors=weights.potential_factors,
         potential_scales=potential_scales,
     )
+
+
+def _bounds(steps: Integers, first: int) -> Integers:
+    return np.append(np.flatnonzero(steps[:, 0] == first), len(steps))

@@ -48,8 +48,3 @@ def shapes(kernel: EnergyKernel) -> Weights:
         potential_factors=np.ones((n, 3)),
         potential_scales=np.ones(len(kernel.potential_links)),
     )
-
-
-def step_scales(kernel: EnergyKernel, weights: Weights) -> Array:
-    """Return the signed weight of every square that the kernel emits, shape (n_scales,)."""
-    return kernel.kinetic_signs * weights.kinetic_scales[kernel.kinetic_links]

@@ -1,15 +1,10 @@
 r"""
-The posterior mean of one query, contracted over the training samples.
+What a query and the training samples share in a contracted posterior mean.
 
-With alpha fixed, the kinetic energy's posterior mean is
-
-.. math:: \hat T(q, \dot q) = \sum_t \sum_i 2\lambda_i \left( y_i\, G'_\alpha y_i
-          + D' y_i\; \partial'_\alpha y_i \right)
-
-with y the velocity kernel of the program, and G'_alpha, \partial'_alpha the operators of training
-sample t summed with alpha_t (docs/maths.md, section 6). So a query carries only four numbers per
-training sample through the program, and their time derivatives; the torques follow from one pass
-back (reverse differentiation of T by dq and q).
+With alpha fixed, a query carries only a few numbers per training sample t through the program:
+a function y of both, D'y, and its derivatives by the training sample's momenta, positions or
+velocities summed with alpha_t (docs/maths.md, section 6), with their time derivatives along the
+query. The torques follow from one pass back (reverse differentiation of T by dq and q).
 
 """
 
@@ -21,11 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.kernels.lanes import compiled, LANES
-from lip_id_ros.kernels.program import ADD, MULTIPLY, RESET, SQUARE
 from lip_id_ros.kernels.recipe import Recipe
 
 Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class TrainingSide(NamedTuple):
@@ -55,13 +48,15 @@ class Scratch(NamedTuple):
     Attributes
     ----------
     x, dx : arrays, shape (4, LANES)
-        y, D'y, d'_alpha y, G'_alpha y and their time derivatives along the query.
+        The numbers at hand and their time derivatives along the query.
     adj, dadj : arrays, shape (4, LANES)
         Adjoints of x and their time derivatives.
     tape, dtape : arrays, shape (n_steps, 4, LANES)
         x and dx before every step.
     a : array, shape (n_steps, 6, LANES)
         Of every factor: a, D'a, d'_alpha a, and their derivatives by the query's q_b.
+    sums, dsums : arrays, shape (2, 3, LANES)
+        Velocity sums of entries, near and far, with D' and d'_alpha, and their time derivatives.
 
     """
 
@@ -72,11 +67,14 @@ class Scratch(NamedTuple):
     tape: Array
     dtape: Array
     a: Array
+    sums: Array
+    dsums: Array
 
 
 @compiled
-def new_scratch(n_steps: int) -> Scratch:
-    """Allocate working memory for programs of at most `n_steps` steps."""
+def new_scratch(how: Recipe) -> Scratch:
+    """Allocate working memory for a recipe."""
+    n_steps = max(how.squares.shape[0], how.entries.shape[0], how.potential_scales.shape[0])
     return Scratch(
         np.zeros((4, LANES)),
         np.zeros((4, LANES)),
@@ -85,13 +83,16 @@ def new_scratch(n_steps: int) -> Scratch:
         np.zeros((n_steps, 4, LANES)),
         np.zeros((n_steps, 4, LANES)),
         np.zeros((n_steps, 6, LANES)),
+        np.zeros((2, 3, LANES)),
+        np.zeros((2, 3, LANES)),
     )
 
 
 @compiled
-def _load_factor(
+def load_factor(
     a: Array, w: Array, f: Array, g: Array, side: TrainingSide, u: int, b: int
 ) -> None:
+    """Evaluate the factor of joint b, of weights w, at a query's features f and slopes g."""
     w0 = w[0]
     wf1, wf2 = w[1] * f[0, b], w[2] * f[1, b]
     wg1, wg2 = w[1] * g[0, b], w[2] * g[1, b]
@@ -105,226 +106,3 @@ def _load_factor(
         a[3, m] = wg1 * f1[m] + wg2 * f2[m]
         a[4, m] = wg1 * r1[m] + wg2 * r2[m]
         a[5, m] = wg1 * t1[m] + wg2 * t2[m]
-
-
-@compiled
-def _multiply(x: Array, dx: Array, a: Array, dq: float) -> None:
-    for m in range(LANES):
-        a0, a1, a2 = a[0, m], a[1, m], a[2, m]
-        b0, b1, b2 = dq * a[3, m], dq * a[4, m], dq * a[5, m]
-        y, y1, ya, yg = x[0, m], x[1, m], x[2, m], x[3, m]
-        d, d1, da, dg = dx[0, m], dx[1, m], dx[2, m], dx[3, m]
-        x[0, m] = a0 * y
-        x[1, m] = a0 * y1 + a1 * y
-        x[2, m] = a0 * ya
-        x[3, m] = a0 * yg + a1 * ya - a2 * y
-        dx[0, m] = a0 * d + b0 * y
-        dx[1, m] = a0 * d1 + a1 * d + b0 * y1 + b1 * y
-        dx[2, m] = a0 * da + b0 * ya
-        dx[3, m] = a0 * dg + a1 * da - a2 * d + b0 * yg + b1 * ya - b2 * y
-
-
-@compiled
-def _multiply_back(adj: Array, dadj: Array, x: Array, a: Array, dq: float) -> float:
-    # Returns the derivative of T by q_b; x is the state before the step.
-    total = 0.0
-    for m in range(LANES):
-        a0, a1, a2 = a[0, m], a[1, m], a[2, m]
-        s0, s1, s2 = a[3, m], a[4, m], a[5, m]
-        y, y1, ya, yg = x[0, m], x[1, m], x[2, m], x[3, m]
-        p0, p1, p2, p3 = adj[0, m], adj[1, m], adj[2, m], adj[3, m]
-        d0, d1, d2, d3 = dadj[0, m], dadj[1, m], dadj[2, m], dadj[3, m]
-        total += p0 * s0 * y + p1 * (s0 * y1 + s1 * y) + p2 * s0 * ya
-        total += p3 * (s0 * yg + s1 * ya - s2 * y)
-        adj[0, m] = a0 * p0 + a1 * p1 - a2 * p3
-        adj[1, m] = a0 * p1
-        adj[2, m] = a0 * p2 + a1 * p3
-        adj[3, m] = a0 * p3
-        b0, b1, b2 = dq * s0, dq * s1, dq * s2
-        dadj[0, m] = a0 * d0 + a1 * d1 - a2 * d3 + b0 * p0 + b1 * p1 - b2 * p3
-        dadj[1, m] = a0 * d1 + b0 * p1
-        dadj[2, m] = a0 * d2 + a1 * d3 + b0 * p2 + b1 * p3
-        dadj[3, m] = a0 * d3 + b0 * p3
-    return total
-
-
-@compiled
-def _add(
-    x: Array,
-    dx: Array,
-    weight: float,
-    dq: float,
-    ddq: float,
-    side: TrainingSide,
-    u: int,
-    b: int,
-) -> None:
-    v, dv = weight * dq, weight * ddq
-    dz, ddz = side.dq[b, u : u + LANES], side.ddq[b, u : u + LANES]
-    alpha = side.alpha[b, u : u + LANES]
-    for m in range(LANES):
-        x[0, m] += v * dz[m]
-        x[1, m] += v * ddz[m]
-        x[2, m] += v * alpha[m]
-        dx[0, m] += dv * dz[m]
-        dx[1, m] += dv * ddz[m]
-        dx[2, m] += dv * alpha[m]
-
-
-@compiled
-def _add_back(dadj: Array, weight: float, side: TrainingSide, u: int, b: int) -> float:
-    # Returns the time derivative of the momentum, d/dt dT/d(dq_b).
-    dz, ddz = side.dq[b, u : u + LANES], side.ddq[b, u : u + LANES]
-    alpha = side.alpha[b, u : u + LANES]
-    total = 0.0
-    for m in range(LANES):
-        total += dadj[0, m] * dz[m] + dadj[1, m] * ddz[m] + dadj[2, m] * alpha[m]
-    return weight * total
-
-
-@compiled
-def _square(x: Array, scale: float) -> float:
-    total = 0.0
-    for m in range(LANES):
-        total += x[0, m] * x[3, m] + x[1, m] * x[2, m]
-    return 2.0 * scale * total
-
-
-@compiled
-def _square_back(adj: Array, dadj: Array, x: Array, dx: Array, scale: float) -> None:
-    k = 2.0 * scale
-    for m in range(LANES):
-        adj[0, m] += k * x[3, m]
-        adj[1, m] += k * x[2, m]
-        adj[2, m] += k * x[1, m]
-        adj[3, m] += k * x[0, m]
-        dadj[0, m] += k * dx[3, m]
-        dadj[1, m] += k * dx[2, m]
-        dadj[2, m] += k * dx[1, m]
-        dadj[3, m] += k * dx[0, m]
-
-
-@compiled
-def kinetic_energy(
-    tau: Array,
-    how: Recipe,
-    work: Scratch,
-    side: TrainingSide,
-    f: Array,
-    g: Array,
-    dq: Array,
-    ddq: Array,
-) -> float:
-    """Return T and add d/dt dT/d(dq) - dT/dq to tau, for a query with features f, slopes g."""
-    total = 0.0
-    for k in range(len(how.bounds) - 1):
-        steps = how.steps[how.bounds[k] : how.bounds[k + 1]]
-        for u in range(0, side.dq.shape[1], LANES):
-            total += _forward(how, steps, work, side, f, g, dq, ddq, u)
-            _backward(tau, how, steps, work, side, dq, u)
-    return total
-
-
-@compiled
-def _forward(
-    how: Recipe,
-    steps: Integers,
-    work: Scratch,
-    side: TrainingSide,
-    f: Array,
-    g: Array,
-    dq: Array,
-    ddq: Array,
-    u: int,
-) -> float:
-    total = 0.0
-    for k in range(steps.shape[0]):
-        operation, b, group, scale = steps[k, 0], steps[k, 1], steps[k, 2], steps[k, 3]
-        if operation == RESET:
-            work.x[:] = 0.0
-            work.dx[:] = 0.0
-        elif operation == ADD:
-            weight = how.velocities[group, b]
-            _add(work.x, work.dx, weight, dq[b], ddq[b], side, u, b)
-        elif operation == MULTIPLY:
-            work.tape[k] = work.x
-            _load_factor(work.a[k], how.factors[group, b], f, g, side, u, b)
-            _multiply(work.x, work.dx, work.a[k], dq[b])
-        elif operation == SQUARE:
-            work.tape[k] = work.x
-            work.dtape[k] = work.dx
-            total += _square(work.x, how.scales[scale])
-    return total
-
-
-@compiled
-def _backward(
-    tau: Array,
-    how: Recipe,
-    steps: Integers,
-    work: Scratch,
-    side: TrainingSide,
-    dq: Array,
-    u: int,
-) -> None:
-    work.adj[:] = 0.0
-    work.dadj[:] = 0.0
-    for k in range(steps.shape[0] - 1, 0, -1):
-        operation, b, group, scale = steps[k, 0], steps[k, 1], steps[k, 2], steps[k, 3]
-        if operation == ADD:
-            tau[b] += _add_back(work.dadj, how.velocities[group, b], side, u, b)
-        elif operation == MULTIPLY:
-            tau[b] -= _multiply_back(work.adj, work.dadj, work.tape[k], work.a[k], dq[b])
-        elif operation == SQUARE:
-            _square_back(work.adj, work.dadj, work.tape[k], work.dtape[k], how.scales[scale])
-
-
-@compiled
-def potential_energy(
-    tau: Array, how: Recipe, work: Scratch, side: TrainingSide, f: Array, g: Array
-) -> float:
-    """Return V and add dV/dq to tau, for one query with features f and slopes g."""
-    total = 0.0
-    if not how.potential_scales.any():
-        return total
-    for u in range(0, side.dq.shape[1], LANES):
-        total += _potential_forward(how, work, side, f, g, u)
-        _potential_backward(tau, how, work)
-    return total
-
-
-@compiled
-def _potential_forward(
-    how: Recipe, work: Scratch, side: TrainingSide, f: Array, g: Array, u: int
-) -> float:
-    # x[0] is the product of the factors, x[1] its derivative along alpha.
-    x = work.x
-    x[0] = 1.0
-    x[1] = 0.0
-    total = 0.0
-    for b in range(how.potential_scales.shape[0]):
-        a = work.a[b]
-        work.tape[b] = x
-        _load_factor(a, how.potential_factors[b], f, g, side, u, b)
-        for m in range(LANES):
-            x[1, m] = a[0, m] * x[1, m] + a[2, m] * x[0, m]
-            x[0, m] *= a[0, m]
-        total += how.potential_scales[b] * x[1].sum()
-    return total
-
-
-@compiled
-def _potential_backward(tau: Array, how: Recipe, work: Scratch) -> None:
-    adj = work.adj
-    adj[0] = 0.0
-    adj[1] = 0.0
-    for b in range(how.potential_scales.shape[0] - 1, -1, -1):
-        adj[1] += how.potential_scales[b]
-        a, x = work.a[b], work.tape[b]
-        total = 0.0
-        for m in range(LANES):
-            total += adj[0, m] * a[3, m] * x[0, m]
-            total += adj[1, m] * (a[3, m] * x[1, m] + a[5, m] * x[0, m])
-            adj[0, m] = a[0, m] * adj[0, m] + a[2, m] * adj[1, m]
-            adj[1, m] *= a[0, m]
-        tau[b] += total

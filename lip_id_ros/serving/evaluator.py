@@ -12,13 +12,10 @@ from lip_id_ros.kernels.jointwise import Friction, Residual
 from lip_id_ros.kernels.lanes import compiled, compiled_parallel, LANES
 from lip_id_ros.kernels.recipe import Recipe, recipe
 from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving.contraction import (
-    kinetic_energy,
-    new_scratch,
-    potential_energy,
-    Scratch,
-    TrainingSide,
-)
+from lip_id_ros.serving.contraction import new_scratch, Scratch, TrainingSide
+from lip_id_ros.serving.entries import energy_of_entries
+from lip_id_ros.serving.potential import potential_energy
+from lip_id_ros.serving.squares import energy_of_squares
 
 Array = NDArray[np.float64]
 
@@ -210,7 +207,8 @@ def evaluate_one(
     f, g = features[:2], features[2:]
     _features(f, g, arm, q)
     parts[:] = 0.0
-    energies[0] = kinetic_energy(parts[0], how, work, side, f, g, dq, ddq)
+    energies[0] = energy_of_squares(parts[0], how, work, side, f, g, dq, ddq)
+    energies[0] += energy_of_entries(parts[0], how, work, side, f, g, dq, ddq)
     energies[1] = potential_energy(parts[1], how, work, side, f, g)
     _friction(parts[2], terms, dq)
     _residual(parts[2], terms, side, f, dq, ddq)
@@ -229,10 +227,9 @@ def evaluate_many(
     ddq: Array,
 ) -> None:
     """Evaluate N queries at once: `evaluate_one` for every row, on all threads."""
-    n_steps = max(how.steps.shape[0], q.shape[1])
     for index in numba.prange(q.shape[0]):
         t = np.int64(index)
-        work, features = new_scratch(n_steps), np.empty((4, q.shape[1]))
+        work, features = new_scratch(how), np.empty((4, q.shape[1]))
         evaluate_one(
             parts[t], energies[t], arm, how, side, terms, work, features, q[t], dq[t], ddq[t]
         )

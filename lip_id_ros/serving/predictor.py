@@ -87,7 +87,7 @@ class Predictor:
         self.model = model
         self._contracted = contract(model)
         n = model.n_joints
-        self._work = new_scratch(max(len(model.prior.kernel.energy.kinetic), n))
+        self._work = new_scratch(self._contracted.how)
         self._features = np.empty((4, n))
         self._parts = np.empty((3, n))
         self._energies = np.empty(2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +39,7 @@ class Oracle:
     """Covariances of one energy kernel between single joint states."""
 
     def __init__(self, kernel: EnergyKernel, basis: JointBasis, weights: Weights) -> None:
-        signs = torch.tensor(kernel.kinetic_signs)
-        self.kernel = dataclasses.replace(kernel, kinetic_signs=signs)
+        self.kernel = kernel
         self.basis = basis
         self.weights = Weights(*(torch.as_tensor(w) for w in weights))
 

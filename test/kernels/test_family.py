@@ -81,16 +81,16 @@ def test_kinetic_energy_as_squares_of_velocity_kernels(member: str) -> None:
     assert pair.kinetic() == pytest.approx(total, rel=1e-12)
 
 
-def test_nested_as_differences_of_squares() -> None:
-    """k_T = sum_i lambda_i sum_m (h_m^2 - h_{m+1}^2) prod_{m<b<=i} a_b^2."""
+def test_nested_as_one_product_for_every_joint() -> None:
+    """k_T = sum_i lambda_i sum_m v_m (v_m + 2 sum_{j>m} v_j) prod_{m<b<=i} a_b^2."""
     pair = Pair('nested')
     total = 0.0
     for i in range(N):
         for m in range(i + 1):
-            here = sum(pair.v(i, b) for b in range(m, i + 1))
+            here = pair.v(i, m)
             beyond = sum(pair.v(i, b) for b in range(m + 1, i + 1))
             factors = np.prod([pair.a(i, b) ** 2 for b in range(m + 1, i + 1)])
-            total += pair.weights.kinetic_scales[i] * (here**2 - beyond**2) * factors
+            total += pair.weights.kinetic_scales[i] * here * (here + 2.0 * beyond) * factors
     assert pair.kinetic() == pytest.approx(total, rel=1e-12)
 
 
@@ -116,5 +116,6 @@ def test_the_potential_can_be_chosen(member: str, potential: str, links: list[in
     own = FAMILY[member](N)
     chosen = POTENTIALS[potential](own)
     np.testing.assert_array_equal(chosen.potential_links, links)
-    np.testing.assert_array_equal(chosen.kinetic, own.kinetic)
+    np.testing.assert_array_equal(chosen.squares, own.squares)
+    np.testing.assert_array_equal(chosen.entries, own.entries)
     assert POTENTIALS['kernel'](own) is own

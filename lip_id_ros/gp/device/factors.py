@@ -57,6 +57,16 @@ def joint_factor(w: Tensor, x: TensorStates, z: TensorStates, b: int) -> Factor:
     )
 
 
+def square(k: Factor) -> Factor:
+    """Return a factor's square, without the rates."""
+    return k._replace(
+        a=k.a**2,
+        by_q=2.0 * k.a * k.by_q,
+        by_z=2.0 * k.a * k.by_z,
+        by_both=2.0 * (k.by_q * k.by_z + k.a * k.by_both),
+    )
+
+
 def left(values: Tensor) -> Tensor:
     """Lay values of the first samples, shape (N,), along the pairs, shape (N, 1, 1, 1)."""
     return values[:, None, None, None]

@@ -6,12 +6,12 @@ from typing import Any
 
 import torch
 
-from lip_id_ros.gp.device import jets, products
-from lip_id_ros.gp.device.factors import joint_factor
+from lip_id_ros.gp.device import entries, jets, products
+from lip_id_ros.gp.device.factors import joint_factor, square
 from lip_id_ros.gp.device.jointwise import COVARIANCES
 from lip_id_ros.gp.device.states import TensorStates
 from lip_id_ros.kernels import EnergyKernel, Hyperparameters, TorqueKernel, Weights
-from lip_id_ros.kernels.program import ADD, MULTIPLY, RESET, SQUARE
+from lip_id_ros.kernels.program import ADD, EMIT, EXTEND, MULTIPLY, RESET, SQUARE, START
 
 Tensor = Any
 
@@ -36,9 +36,8 @@ def cross_gram(
         Row t n + i is torque i of sample t [(N m)^2 or N^2].
 
     """
-    blocks = _kinetic(kernel.energy, at.weights, x, z)
-    if len(kernel.energy.potential_links):
-        blocks = blocks + _potential(kernel.energy, at.weights, x, z)
+    terms = (_squares, _entries, _potential)
+    blocks = sum(term(kernel.energy, at.weights, x, z) for term in terms)
     for k, term in enumerate(kernel.jointwise):
         each = COVARIANCES[term.name](at.jointwise[k], x.jointwise[k], z.jointwise[k])
         blocks = blocks + torch.diag_embed(each.permute(1, 2, 0))
@@ -46,10 +45,10 @@ def cross_gram(
     return blocks.permute(0, 2, 1, 3).reshape(len(blocks) * n, -1)
 
 
-def _kinetic(energy: EnergyKernel, weights: Weights, x: TensorStates, z: TensorStates) -> Tensor:
+def _squares(energy: EnergyKernel, weights: Weights, x: TensorStates, z: TensorStates) -> Tensor:
     y = jets.zero(x, z)
     total: Tensor = 0.0
-    for operation, b, group, scale, _, _ in energy.kinetic.tolist():
+    for operation, b, group, link, _, _ in energy.squares.tolist():
         if operation == RESET:
             y = jets.zero(x, z)
         elif operation == MULTIPLY:
@@ -57,8 +56,22 @@ def _kinetic(energy: EnergyKernel, weights: Weights, x: TensorStates, z: TensorS
         elif operation == ADD:
             y = jets.add_velocity(y, weights.velocities[group, b], x, z, b)
         elif operation == SQUARE:
-            size = weights.kinetic_scales[int(energy.kinetic_links[scale])]
-            total = total + float(energy.kinetic_signs[scale]) * size * jets.square(y)
+            total = total + weights.kinetic_scales[link] * jets.square(y)
+    return total
+
+
+def _entries(energy: EnergyKernel, weights: Weights, x: TensorStates, z: TensorStates) -> Tensor:
+    product = products.one(x, z)
+    total: Tensor = 0.0
+    for operation, b, link, *bounds in energy.entries.tolist():
+        if operation == START:
+            product = products.one(x, z)
+        elif operation == EXTEND:
+            factor = joint_factor(weights.factors[link, b], x, z, b)
+            product = products.extend(product, square(factor), b)
+        elif operation == EMIT:
+            block = entries.torque_block(product, weights.velocities[link], x, z, *bounds)
+            total = total + weights.kinetic_scales[link] * block
     return total
 
 
@@ -67,8 +80,8 @@ def _potential(energy: EnergyKernel, weights: Weights, x: TensorStates, z: Tenso
     links = energy.potential_links.tolist()
     total: Tensor = 0.0
     for b in range(energy.n_joints):
-        product = products.extend(product, joint_factor(weights.potential_factors[b], x, z, b))
+        factor = joint_factor(weights.potential_factors[b], x, z, b)
+        product = products.extend(product, factor, b)
         if b in links:
-            curvature = products.curvature(product, energy.n_joints)
-            total = total + weights.potential_scales[links.index(b)] * curvature
+            total = total + weights.potential_scales[links.index(b)] * product.h
     return total

@@ -139,7 +139,8 @@ class TorchMarginalLikelihood:
         """Yield the first sample of each chunk and that after its last."""
         energy, count = self.kernel.energy, len(self.states)
         jet_bytes = 4 * 8 * (energy.n_joints + 1) ** 2
-        pair_bytes = jet_bytes * (len(energy.kinetic) + energy.n_joints)
+        steps = len(energy.squares) + len(energy.entries) + energy.n_joints
+        pair_bytes = jet_bytes * steps
         size = max(1, self.chunk_bytes // (pair_bytes * count))
         for first in range(0, count, size):
             yield first, min(first + size, count)

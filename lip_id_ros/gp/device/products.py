@@ -1,4 +1,4 @@
-"""The potential energy kernel's running product for all pairs of samples."""
+"""A running product of joint factors for all pairs of samples."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Tensor = Any
 
 class Product(NamedTuple):
     """
-    A product of the factors of the first b joints.
+    A product of joint factors.
 
     Attributes
     ----------
     p : tensor, shape (N, M, 1, 1)
-    r, c : tensors, shapes (N, M, b, 1) and (N, M, 1, b)
+    r, c : tensors, shapes (N, M, n, 1) and (N, M, 1, n), or that broadcast to them
         dp/dq_i and dp/dq'_j.
-    h : tensor, shape (N, M, b, b)
+    h : tensor, shape (N, M, n, n), or that broadcasts to it
         d2p/dq_i dq'_j.
 
     """
@@ -34,29 +34,21 @@ class Product(NamedTuple):
 
 def one(x: TensorStates, z: TensorStates) -> Product:
     """Return the product of no factors."""
-    pairs = (x.dq.shape[1], z.dq.shape[1])
-    new = x.dq.new_zeros
-    return Product(
-        x.dq.new_ones((*pairs, 1, 1)),
-        new((*pairs, 0, 1)),
-        new((*pairs, 1, 0)),
-        new((*pairs, 0, 0)),
-    )
+    n, new = len(x.dq), x.dq.new_zeros
+    whole = x.dq.new_ones((x.dq.shape[1], z.dq.shape[1], 1, 1))
+    return Product(whole, new((1, 1, n, 1)), new((1, 1, 1, n)), new((1, 1, n, n)))
 
 
-def extend(x: Product, k: Factor) -> Product:
-    """Return the product with one joint's factor more."""
-    above = torch.cat([k.a * x.h, k.by_z * x.r], dim=-1)
-    below = torch.cat([k.by_q * x.c, k.by_both * x.p], dim=-1)
+def extend(x: Product, k: Factor, b: int) -> Product:
+    """Return the product with the factor of joint b, on which it does not depend yet."""
+    column = torch.eye(x.h.shape[-1], dtype=x.p.dtype, device=x.p.device)[b]
+    row = column[:, None]
     return Product(
         p=k.a * x.p,
-        r=torch.cat([k.a * x.r, k.by_q * x.p], dim=-2),
-        c=torch.cat([k.a * x.c, k.by_z * x.p], dim=-1),
-        h=torch.cat([above, below], dim=-2),
+        r=k.a * x.r + k.by_q * x.p * row,
+        c=k.a * x.c + k.by_z * x.p * column,
+        h=k.a * x.h
+        + row * (k.by_q * x.c)
+        + (k.by_z * x.r) * column
+        + k.by_both * x.p * row * column,
     )
-
-
-def curvature(x: Product, n: int) -> Tensor:
-    """Return d2p/dq_i dq'_j of all n joints, zero for those not in the product."""
-    rest = n - x.h.shape[-1]
-    return torch.nn.functional.pad(x.h, (0, rest, 0, rest))
