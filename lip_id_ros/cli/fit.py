@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
     from lip_id_ros.cli import output, settings, show
     from lip_id_ros.cli.progress_display import progress_display
-    from lip_id_ros.evaluation import evaluate
+    from lip_id_ros.evaluation import evaluate, with_inertia_check
     from lip_id_ros.gp import fit
     from lip_id_ros.preprocessing import load_dataset
     from lip_id_ros.serving import Predictor
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> None:
         training = load_dataset(args.sources, config, progress)
         if args.holdout is not None:
             training, held_out = training.split(1 - args.holdout)
-        model = fit(training, config.fit, progress)
+        model = with_inertia_check(fit(training, config.fit, progress))
         if args.holdout is not None:
             evaluation = evaluate(Predictor(model), held_out, progress)
         model.save(args.output)

@@ -55,6 +55,12 @@ def cautions(model: TrainedModel, evaluation: Evaluation | None) -> list[str]:
             f'{len(at_bounds)} hyperparameters ran to a bound ({some}): the fit may interpolate '
             'the recording; judge it on unseen data before you trust it.'
         )
+    if share := model.summary.get('inertia_not_pd_percent'):
+        texts.append(
+            f'The inertia matrix is not positive definite at {share:.3g} % of the training '
+            'samples: accelerations were too small, or a light joint too well hidden, to tell it. '
+            'Torques are not concerned; do not invert M(q).'
+        )
     if evaluation is None:
         texts.append(HONEST)
     return texts

@@ -23,7 +23,7 @@ from lip_id_ros.config import Config, FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo.judge import judge, verdict_table
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.evaluation import Evaluation, run, score
+from lip_id_ros.evaluation import Evaluation, run, score, with_inertia_check
 from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.evaluation.tables import error_table, notes
 from lip_id_ros.evaluation.terminal import show
@@ -117,7 +117,8 @@ def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
     with progress_display() as progress:
         training = record(output / TRAINING_BAG, TRAINING_SEED, size)
         test = record(output / TEST_BAG, TEST_SEED, size)
-        model = fit(load_dataset([training.bag], config, progress), config.fit, progress)
+        recorded = load_dataset([training.bag], config, progress)
+        model = with_inertia_check(fit(recorded, config.fit, progress))
         model.save(output / MODEL)
         unseen = test.with_truth(load_dataset([test.bag], config, progress))
         return report(output / REPORT, model, unseen, progress)

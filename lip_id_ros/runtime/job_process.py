@@ -14,6 +14,7 @@ from typing import Any, TextIO
 
 from lip_id_ros.config import Config, override
 from lip_id_ros.errors import LipIdError
+from lip_id_ros.evaluation import with_inertia_check
 from lip_id_ros.gp import fit
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.progress import Progress
@@ -56,7 +57,7 @@ def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     if request['kind'] == 'dataset':
         dataset.save(request['path'])
         return result
-    model = fit(dataset, config.fit, progress)
+    model = with_inertia_check(fit(dataset, config.fit, progress))
     model.save(request['path'])
     return {**result, 'summary': model.summary}
 

@@ -107,3 +107,12 @@ def test_hyperparameters_at_a_bound_are_a_caution(workshop: Workshop) -> None:
     assert not any('ran to a bound' in text for text in show.cautions(free, None))
     (found,) = (text for text in show.cautions(stuck, None) if 'ran to a bound' in text)
     assert '1 hyperparameters ran to a bound (noise_variance[0])' in found
+
+
+def test_an_indefinite_inertia_is_a_caution(workshop: Workshop) -> None:
+    model = TrainedModel.load(workshop.model)
+    good = replace(model, summary={**model.summary, 'inertia_not_pd_percent': 0.0})
+    bad = replace(model, summary={**model.summary, 'inertia_not_pd_percent': 12.5})
+    assert not any('inertia' in text for text in show.cautions(good, None))
+    (found,) = (text for text in show.cautions(bad, None) if 'inertia' in text)
+    assert 'is not positive definite at 12.5 % of the training samples' in found

@@ -1,0 +1,26 @@
+"""What a model's file says of its inertia matrix is what an evaluation on its samples finds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from evaluation.models import small_model, training
+import numpy as np
+import pytest
+
+from lip_id_ros.evaluation import evaluate, with_inertia_check
+from lip_id_ros.serving import Predictor, TrainedModel
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_the_summary_has_what_an_evaluation_finds(sign: float, tmp_path: Path) -> None:
+    """Weights of the other sign turn the inertia around: positive definite nowhere."""
+    model = replace(small_model(), alpha=sign * small_model().alpha)
+    with_inertia_check(model).save(tmp_path / 'model.npz')
+    summary = TrainedModel.load(tmp_path / 'model.npz').summary
+    own = [np.flatnonzero((training().q == q).all(axis=1))[0] for q in model.states.q]
+    expected = evaluate(Predictor(model), training().select(np.array(own)))
+    assert summary['inertia_not_pd_percent'] == pytest.approx(expected.inertia_not_pd_percent)
+    assert summary['inertia_min_eigenvalue'] == pytest.approx(expected.inertia_min_eigenvalue)
+    assert (summary['inertia_not_pd_percent'] > 50.0) == (sign < 0)
