@@ -96,7 +96,7 @@ def test_values_take_the_type_of_their_setting() -> None:
 
 
 def test_rows_carry_the_documentation() -> None:
-    assert row('count') == Row('count', 'int', 3, 'A count.', '', 1, 9, ())
+    assert row('count') == Row('count', 'int', 3, 'A count.', '', 1, 9, (), '')
     assert [row.kind for row in rows(Example)] == [
         'bool',
         'int',

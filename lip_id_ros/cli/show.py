@@ -10,6 +10,7 @@ from rich.console import Console
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import Evaluation
+from lip_id_ros.evaluation.cautions import of_fit
 from lip_id_ros.evaluation.report import Labels
 from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.evaluation.tables import error_table, notes, Table, TORQUE_UNITS
@@ -47,23 +48,8 @@ def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:
 
 def cautions(model: TrainedModel, evaluation: Evaluation | None) -> list[str]:
     """Say what a user should know before relying on a fit."""
-    texts = [note] if (note := model.summary.get('device_note')) else []
-    at_bounds = model.summary['at_bounds']
-    if at_bounds:
-        some = ', '.join(at_bounds[:4])
-        texts.append(
-            f'{len(at_bounds)} hyperparameters ran to a bound ({some}): the fit may interpolate '
-            'the recording; judge it on unseen data before you trust it.'
-        )
-    if share := model.summary.get('inertia_not_pd_percent'):
-        texts.append(
-            f'The inertia matrix is not positive definite at {share:.3g} % of the training '
-            'samples: accelerations were too small, or a light joint too well hidden, to tell it. '
-            'Torques are not concerned; do not invert M(q).'
-        )
-    if evaluation is None:
-        texts.append(HONEST)
-    return texts
+    unseen = [] if evaluation is not None else [HONEST]
+    return [*of_fit(model.summary), *unseen]
 
 
 def labels(args: argparse.Namespace, model: TrainedModel, warnings: Sequence[str]) -> Labels:

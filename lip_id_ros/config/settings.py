@@ -27,6 +27,7 @@ def setting(
     minimum: float | None = None,
     maximum: float | None = None,
     choices: tuple[str, ...] = (),
+    applies: str = '',
 ) -> Any:
     """
     Declare one field of a settings table.
@@ -43,6 +44,8 @@ def setting(
         Range of a number, ends included.
     choices : tuple of str
         The only texts allowed (for a list: in each element); empty for any.
+    applies : str
+        When a running node takes over a new value; empty where the table as a whole says so.
 
     Returns
     -------
@@ -56,6 +59,7 @@ def setting(
         'minimum': minimum,
         'maximum': maximum,
         'choices': choices,
+        'applies': applies,
     }
     return dataclasses.field(default=default, metadata={_KEY: details})
 
@@ -77,6 +81,7 @@ class Row:
     minimum: float | None
     maximum: float | None
     choices: tuple[str, ...]
+    applies: str
 
     @property
     def range(self) -> str:

@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from lip_id_ros.config import Row
 from lip_id_ros.config.settings import unknown_name
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.runtime.settings import AT_START
 
 _LARGEST_INTEGER = 2**63 - 1
 
@@ -36,12 +37,15 @@ def declare(node: Node, table: Mapping[str, Row]) -> None:
     ------
     InvalidParameterValueException
         If a value from a file or the command line is not allowed.
+    ConfigError
+        If a file or the command line gives a parameter that there is not: what a typing error
+        leaves at its default, such as a limit, would not be noticed.
 
     """
     node.add_on_set_parameters_callback(lambda changed: _check(table, changed))
     for name, row in table.items():
         node.declare_parameter(name, row.default, descriptor(row))
-    _warn_of_unknown(node, table)
+    _refuse_unknown(node, table)
 
 
 def values(node: Node, table: Mapping[str, Row]) -> dict[str, Any]:
@@ -74,6 +78,7 @@ def descriptor(row: Row) -> ParameterDescriptor:
     return ParameterDescriptor(
         description=f'{row.description} [{row.unit}]' if row.unit else row.description,
         additional_constraints=row.expected,
+        read_only=row.applies == AT_START,
         dynamic_typing=True,
         integer_range=_integer_range(row),
         floating_point_range=_floating_point_range(row),
@@ -104,7 +109,7 @@ def _check(table: Mapping[str, Row], changed: Sequence[Parameter]) -> SetParamet
     return SetParametersResult(successful=True)
 
 
-def _warn_of_unknown(node: Node, table: Mapping[str, Row]) -> None:
+def _refuse_unknown(node: Node, table: Mapping[str, Row]) -> None:
     for name in node._parameter_overrides:
         if not node.has_parameter(name) and not name.startswith('qos_overrides.'):
-            node.get_logger().warning(unknown_name(name, name, table, 'the parameters given'))
+            raise ConfigError(unknown_name(name, name, table, 'the parameters given'))

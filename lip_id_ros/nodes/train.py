@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from lip_id_ros.errors import DataError, LipIdError
+from lip_id_ros.errors import ConfigError, DataError, LipIdError
 from lip_id_ros.nodes import parameters, qos, running
 from lip_id_ros.nodes.background import outcome
 from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
@@ -24,10 +24,17 @@ from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.runtime.job import JobState, Task
 from lip_id_ros.runtime.jobs import Jobs
 from lip_id_ros.runtime.recorder import Recorder
-from lip_id_ros.runtime.settings import fit_values, own_values, train_parameters, TrainSettings
+from lip_id_ros.runtime.settings import (
+    fit_values,
+    own_values,
+    train_parameters,
+    TrainSettings,
+    WHILE_EMPTY,
+)
+from lip_id_ros.runtime.train_checks import check_together
+from lip_id_ros.runtime.training_set import in_words
 
 STATUS_PERIOD_S = 0.5
-FIXED_WHILE_ROWS_ARE_KEPT = ('recording.joints', 'max_rows')
 
 
 class TrainNode(Node):
@@ -36,8 +43,8 @@ class TrainNode(Node):
 
     Raises
     ------
-    InvalidParameterValueException
-        If a parameter is given a value that is not allowed.
+    InvalidParameterValueException, ConfigError
+        If a parameter is given a value that is not allowed, or there is no such parameter.
 
     """
 
@@ -45,6 +52,7 @@ class TrainNode(Node):
         super().__init__('train')
         self._table = train_parameters()
         parameters.declare(self, self._table)
+        check_together(self._values())
         self._jobs = Jobs()
         self._reported = JobState()
         self._rejected_before = 0
@@ -62,8 +70,9 @@ class TrainNode(Node):
         """Keep what was recorded, then end the job in hand."""
         try:
             kept = self._recorder.keep_unsaved(self._settings().unsaved_path, self._topic)
-            if kept is not None:
-                self.get_logger().info(f'kept {len(self._recorder)} unsaved samples in {kept}')
+            if kept:
+                files = ', '.join(map(str, kept))
+                self.get_logger().info(f'kept {len(self._recorder)} unsaved samples in {files}')
         finally:
             self._jobs.stop()
 
@@ -98,13 +107,25 @@ class TrainNode(Node):
 
     def _check_change(self, changed: Sequence[Parameter]) -> SetParametersResult:
         for parameter in changed:
-            if parameter.name in FIXED_WHILE_ROWS_ARE_KEPT and len(self._recorder):
+            if self._waits_for_clear(parameter):
                 sentence = f'{parameter.name} cannot change while samples are kept; call clear.'
                 return SetParametersResult(successful=False, reason=sentence)
+        try:
+            new = parameters.changed_values(self._table, changed)
+            check_together({**self._values(), **new})
+        except ConfigError as error:
+            return parameters.refused(error)
         return SetParametersResult(successful=True)
 
+    def _waits_for_clear(self, parameter: Parameter) -> bool:
+        return self._is_of_recorder(parameter) and len(self._recorder) > 0
+
+    def _is_of_recorder(self, parameter: Parameter) -> bool:
+        row = self._table.get(parameter.name)
+        return row is not None and row.applies == WHILE_EMPTY
+
     def _apply_change(self, changed: Sequence[Parameter]) -> None:
-        if any(parameter.name in FIXED_WHILE_ROWS_ARE_KEPT for parameter in changed):
+        if any(map(self._is_of_recorder, changed)):
             recording = self._recorder.recording
             self._recorder = self._new_recorder()
             self._recorder.recording = recording
@@ -127,31 +148,43 @@ class TrainNode(Node):
     def _on_fit(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:
             path = self._settings().model_path
-            n_samples, _ = self._start('fit', path)
+            sources, _ = self._start('fit', path)
         except LipIdError as error:
             return self._answer(response, False, str(error))
-        text = f'fitting {n_samples} samples into {path}; progress and outcome are in ~/status'
+        text = f'fitting {sources} into {path}; progress and outcome are in ~/status'
         return self._answer(response, True, text)
 
     async def _on_save_dataset(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        rows = len(self._recorder)
+        saved = self._recorder.saving()
         try:
             _, work = self._start('dataset', self._settings().dataset_path)
             result = await outcome(self, work)
         except (LipIdError, OSError) as error:
             return self._answer(response, False, str(error))
-        self._recorder.mark_saved(rows)
+        saved()
         return self._answer(response, True, f'{result["n_samples"]} samples in {result["path"]}')
 
-    def _start(self, kind: str, path: str) -> tuple[int, Future[Mapping[str, Any]]]:
-        samples = self._recorder.samples(self._topic)
-        if samples.n_samples == 0:
-            raise DataError(f'no samples of {self._topic} are kept; call record and move the arm.')
+    def _start(self, kind: str, path: str) -> tuple[str, Future[Mapping[str, Any]]]:
+        """Start a job; return on what, in words, and its future."""
         values = self._values()
-        task = Task(kind, fit_values(values), path, values['fit_niceness'])
-        return samples.n_samples, self._jobs.start(task, samples)
+        sections = self._recorder.samples(self._topic)
+        if not sections and not values['bags']:
+            raise DataError(
+                f'no samples of {self._topic} are kept; call record and move the arm, or name '
+                'recordings with bags.'
+            )
+        task = Task(
+            kind,
+            fit_values(values),
+            path,
+            bags=values['bags'],
+            holdout=values['holdout'],
+            niceness=values['fit_niceness'],
+        )
+        work = self._jobs.start(task, sections)
+        return in_words(len(self._recorder), values['bags']), work
 
     def _answer(self, response: Any, success: bool, text: str) -> Any:
         self._publish_status()
@@ -165,14 +198,18 @@ class TrainNode(Node):
         job = self._jobs.state
         values = {**self._recorder.status(), 'job': asdict(job)}
         self._report(job)
-        self._status.publish(Status(self._level(job), _summary(values), values))
+        self._status.publish(Status(self._level(job), self._summary(job), values))
+
+    def _summary(self, job: JobState) -> str:
+        work = f', {job.task} {job.state}' if job.state != 'idle' else ''
+        return self._recorder.summary + work
 
     def _level(self, job: JobState) -> bytes:
         rejected = self._recorder.n_rejected
         rose, self._rejected_before = rejected > self._rejected_before, rejected
         if job.state == 'failed':
             return ERROR
-        return WARN if rose else OK
+        return WARN if rose or self._recorder.is_full else OK
 
     def _report(self, job: JobState) -> None:
         """Log the end of a job, once."""
@@ -183,13 +220,8 @@ class TrainNode(Node):
             self.get_logger().error(f'{job.task} failed: {job.error}')
         elif job.state == 'done':
             self.get_logger().info(f'{job.task} done: {job.result["path"]}')
-
-
-def _summary(values: Mapping[str, Any]) -> str:
-    state = 'recording' if values['recording'] else 'not recording'
-    job = values['job']
-    work = f', {job["task"]} {job["state"]}' if job['state'] != 'idle' else ''
-    return f'{state}, {values["rows"]} samples kept{work}'
+            for sentence in (*job.result['left_out'], *job.result.get('cautions', ())):
+                self.get_logger().warning(sentence)
 
 
 def main() -> int:

@@ -33,6 +33,7 @@ class Reason(StrEnum):
     ZERO_STAMP = 'stamp zero'
     REPEATED_STAMP = 'stamp repeated'
     BACKWARD_STAMP = 'stamp went back'
+    FAR_STAMP = 'stamp far ahead'
     BUFFER_FULL = 'buffer full'
     NO_VELOCITY = 'velocity empty where others have it'
     NO_EFFORT = 'effort empty where others have it'
@@ -50,7 +51,7 @@ class SampleBuffer:
     Parameters
     ----------
     joint_names : sequence of str
-        Joints to keep, in this order; empty for those of the first message.
+        Joints to keep, in this order; empty for those of the first message that can be taken.
     max_rows : int, optional
         Most messages kept; later ones are dropped and counted.
     expected_rows : int
@@ -82,6 +83,11 @@ class SampleBuffer:
     def __len__(self) -> int:
         """Return the number of messages taken."""
         return self._size
+
+    @property
+    def last_stamp_s(self) -> float:
+        """Time of the last message taken [s]; minus infinity before the first."""
+        return self._last_stamp
 
     def add(
         self,
@@ -156,6 +162,11 @@ class SampleBuffer:
         self, stamp: float, names: Sequence[str], position: Any, velocity: Any, effort: Any
     ) -> Reason | None:
         key = tuple(names)
+        if key and not self.joint_names:
+            trial = SampleBuffer(key, expected_rows=1)
+            if (flaw := trial._take(stamp, key, position, velocity, effort)) is not None:
+                return flaw
+            self._adopt(key)
         order = self._orders.get(key)
         if order is None:
             order = self._remember_order(key)
@@ -197,6 +208,10 @@ class SampleBuffer:
         self._stamps, self._rows = stamps, rows
         return True
 
+    def _adopt(self, names: tuple[str, ...]) -> None:
+        self.joint_names = names
+        self._rows = np.empty((len(self._stamps), 3, len(names)))
+
     def _remember_order(self, names: tuple[str, ...]) -> NDArray[np.intp] | Reason:
         order = self._order(names)
         if len(self._orders) < _KNOWN_ORDERS:
@@ -208,9 +223,6 @@ class SampleBuffer:
             return Reason.NO_NAMES
         if len(set(names)) != len(names):
             return Reason.REPEATED_NAME
-        if not self.joint_names:
-            self.joint_names = names
-            self._rows = np.empty((len(self._stamps), 3, len(names)))
         present = [name in names for name in self.joint_names]
         if not any(present):
             return Reason.FOREIGN_JOINTS

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 import json
 import subprocess
@@ -27,6 +27,10 @@ class Task:
         Settings of a fit by ``section.name``.
     path : str
         Where the result is saved.
+    bags : sequence of str
+        Recordings and data sets that are used as well.
+    holdout : float
+        Share of the samples that is kept out of a fit, to judge it by.
     niceness : int
         How much it gives way to other processes.
 
@@ -35,6 +39,8 @@ class Task:
     kind: str
     settings: Mapping[str, object]
     path: str
+    bags: Sequence[str] = ()
+    holdout: float = 0.0
     niceness: int = 0
 
 
@@ -78,7 +84,7 @@ class Job:
     ----------
     task : Task
     recording : str
-        File of the samples.
+        Folder of the samples.
 
     """
 

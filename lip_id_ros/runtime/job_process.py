@@ -13,12 +13,18 @@ import sys
 from typing import Any, TextIO
 
 from lip_id_ros.config import Config, override
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.evaluation import with_inertia_check
+from lip_id_ros.evaluation import evaluate, with_inertia_check
+from lip_id_ros.evaluation.cautions import of_fit
 from lip_id_ros.gp import fit
-from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.progress import Progress
 from lip_id_ros.runtime.recording_file import take_over
+from lip_id_ros.runtime.training_set import training_set
+from lip_id_ros.serving import Predictor
+
+SHOWN = ('source', 'samples', 'dropped')
+"""What of a source's provenance is worth a look in ~/status."""
 
 
 def main(arguments: list[str], output: TextIO) -> int:
@@ -51,15 +57,39 @@ def main(arguments: list[str], output: TextIO) -> int:
 
 def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     config = override(Config(), request['settings'], 'the parameters')
-    samples = take_over(request['recording'])
-    dataset = preprocess(samples, config.preprocessing, config.recording)
-    result: dict[str, Any] = {'path': request['path'], 'n_samples': dataset.n_samples}
+    sections = take_over(request['recording'])
+    prepared = training_set(sections, request['bags'], config, progress)
+    result: dict[str, Any] = {
+        'path': request['path'],
+        'n_samples': prepared.dataset.n_samples,
+        'sources': _sources(prepared.dataset),
+        'left_out': list(prepared.left_out),
+    }
     if request['kind'] == 'dataset':
-        dataset.save(request['path'])
+        prepared.dataset.save(request['path'])
         return result
-    model = with_inertia_check(fit(dataset, config.fit, progress))
+    return {**result, **_fit(prepared.dataset, request, config, progress)}
+
+
+def _fit(
+    data: Dataset, request: dict[str, Any], config: Config, progress: Progress
+) -> dict[str, Any]:
+    """Fit and save; judge by what is held out, where that is asked for."""
+    training, held_out = data, None
+    if request['holdout'] > 0.0:
+        training, held_out = data.split(1.0 - request['holdout'])
+    model = with_inertia_check(fit(training, config.fit, progress))
+    judged = None
+    if held_out is not None:
+        judged = evaluate(Predictor(model), held_out, progress).to_json()
     model.save(request['path'])
-    return {**result, 'summary': model.summary}
+    return {'summary': model.summary, 'cautions': of_fit(model.summary), 'holdout': judged}
+
+
+def _sources(data: Dataset) -> list[dict[str, Any]]:
+    """Return what was used of each source, and what was dropped for which reason."""
+    sources = data.provenance.get('sources', [data.provenance])
+    return [{key: each[key] for key in SHOWN if key in each} for each in sources]
 
 
 def _reporter(output: TextIO) -> Progress:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 import tempfile
 from typing import Any
 
@@ -29,15 +28,15 @@ class Jobs:
         """Where the last job stands."""
         return self._job.state if self._job else self._state
 
-    def start(self, task: Task, samples: JointSamples) -> Future[Mapping[str, Any]]:
+    def start(self, task: Task, sections: Sequence[JointSamples]) -> Future[Mapping[str, Any]]:
         """
         Start a job; returns at once.
 
         Parameters
         ----------
         task : Task
-        samples : JointSamples
-            What it works on.
+        sections : sequence of JointSamples
+            What was recorded; may be none where the task names bags.
 
         Returns
         -------
@@ -54,7 +53,7 @@ class Jobs:
             raise LipIdError(f'a {self.state.task} is running; wait until ~/status shows its end.')
         self._job = None
         self._state = started(task)
-        return self._pool.submit(self._run, task, samples)
+        return self._pool.submit(self._run, task, sections)
 
     def stop(self) -> None:
         """End the job in hand."""
@@ -63,12 +62,11 @@ class Jobs:
             self._job.stop()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def _run(self, task: Task, samples: JointSamples) -> Mapping[str, Any]:
+    def _run(self, task: Task, sections: Sequence[JointSamples]) -> Mapping[str, Any]:
         try:
             with tempfile.TemporaryDirectory(prefix='lip_id_ros_') as folder:
-                recording = str(Path(folder) / 'recording.npz')
-                hand_over(recording, samples)
-                self._job = Job(task, recording)
+                hand_over(folder, sections)
+                self._job = Job(task, folder)
                 if self._stopped:
                     self._job.stop()
                 return self._job.wait()

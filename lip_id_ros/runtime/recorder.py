@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from lip_id_ros.recording import JointSamples, SampleBuffer
+from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.runtime import recording_file
+from lip_id_ros.runtime.sections import Sections
 
 
 class Recorder:
     """
-    A buffer that can be switched on and off.
+    A bounded recording that can be switched on and off.
 
     Parameters
     ----------
     joint_names : sequence of str
-        Joints to keep; empty for those of the first message.
+        Joints to keep; empty for those of the first message that can be taken.
     max_rows : int
         Most messages kept.
 
@@ -31,50 +32,68 @@ class Recorder:
 
     def __init__(self, joint_names: Sequence[str], max_rows: int) -> None:
         self.recording = False
-        self._buffer = SampleBuffer(joint_names, max_rows)
+        self._sections = Sections(joint_names, max_rows)
         self._saved_rows = 0
+        self._times_cleared = 0
 
     def __len__(self) -> int:
         """Return the number of messages kept."""
-        return len(self._buffer)
+        return len(self._sections)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints that are kept, empty while they are not known."""
+        return self._sections.joint_names
 
     def add(self, message: JointMessage) -> None:
         """Take one message while recording; what cannot be used is counted."""
         if self.recording:
-            self._buffer.add(1e-9 * message.stamp_ns, *message[1:])
+            self._sections.add(message)
 
     def clear(self) -> None:
         """Forget all messages and counts."""
-        self._buffer.clear()
+        self._sections.clear()
         self._saved_rows = 0
+        self._times_cleared += 1
 
-    def samples(self, topic: str) -> JointSamples:
-        """Return a copy of what was taken so far."""
-        return self._buffer.samples('recording', topic)
+    def samples(self, topic: str) -> list[JointSamples]:
+        """Return a copy of what was taken so far, by section."""
+        return self._sections.samples(topic)
 
-    def mark_saved(self, n_rows: int) -> None:
-        """Note that the first rows are in a file now."""
-        self._saved_rows = max(self._saved_rows, n_rows)
+    def saving(self) -> Callable[[], None]:
+        """Return what to call once all that is kept now has been saved."""
+        rows, cleared = len(self), self._times_cleared
 
-    def keep_unsaved(self, path: str, topic: str) -> Path | None:
+        def saved() -> None:
+            if cleared == self._times_cleared:
+                self._saved_rows = max(self._saved_rows, rows)
+
+        return saved
+
+    def keep_unsaved(self, path: str, topic: str) -> list[Path]:
         """
-        Write everything to a bag, unless it is saved already.
+        Write everything to bags, one for each section, unless it is saved already.
 
         Returns
         -------
-        Path or None
-            The bag, None where there was nothing to keep.
+        list of Path
+            The bags, none where there was nothing to keep.
 
         """
-        samples = self.samples(topic)
-        if len(self) <= self._saved_rows or samples.n_samples == 0:
-            return None
-        return recording_file.keep(path, samples, topic)
+        if len(self) <= self._saved_rows:
+            return []
+        sections = [samples for samples in self.samples(topic) if samples.n_samples]
+        return [recording_file.keep(path, samples, topic) for samples in sections]
 
     @property
     def n_rejected(self) -> int:
         """How many messages were dropped."""
-        return self._buffer.counts.total()
+        return self._sections.counts.total()
+
+    @property
+    def is_full(self) -> bool:
+        """Whether no further message is kept."""
+        return self._sections.is_full
 
     def status(self) -> dict[str, Any]:
         """Return what was done so far, JSON-able."""
@@ -82,6 +101,20 @@ class Recorder:
             'recording': self.recording,
             'rows': len(self),
             'rows_saved': self._saved_rows,
-            'joint_names': list(self._buffer.joint_names),
-            'rejected': {str(reason): count for reason, count in self._buffer.counts.items()},
+            'full': self.is_full,
+            'joint_names': list(self.joint_names),
+            'rejected': {
+                str(reason): count for reason, count in self._sections.counts.most_common()
+            },
         }
+
+    @property
+    def summary(self) -> str:
+        """What was done so far, in a sentence's beginning."""
+        counts = self._sections.counts.most_common(1)
+        parts = ['recording' if self.recording else 'not recording', f'{len(self)} samples kept']
+        if self.is_full:
+            parts.append('no more fit under max_rows: call save_dataset, then clear')
+        if counts:
+            parts.append(f'{self.n_rejected} messages rejected, mostly for: {counts[0][0]}')
+        return ', '.join(parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import json
 import os
 from pathlib import Path
@@ -17,17 +18,22 @@ from lip_id_ros.recording import JointSamples
 _ARRAYS = ('t', 'position', 'velocity', 'effort')
 
 
-def hand_over(path: str | os.PathLike[str], samples: JointSamples) -> None:
+def hand_over(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) -> None:
     """
     Write samples for `take_over`, as fast as the disk allows and with the interpreter free.
 
     Parameters
     ----------
-    path : path
-        A temporary file.
-    samples : JointSamples
+    folder : path
+        An empty one.
+    sections : sequence of JointSamples
 
     """
+    for number, samples in enumerate(sections):
+        _write(Path(folder) / f'{number}.npz', samples)
+
+
+def _write(path: Path, samples: JointSamples) -> None:
     header: dict[str, Any] = {
         'joint_names': samples.joint_names,
         'start_s': samples.start_s,
@@ -40,8 +46,13 @@ def hand_over(path: str | os.PathLike[str], samples: JointSamples) -> None:
         np.savez(file, **{HEADER: np.array(json.dumps(header)), **arrays})
 
 
-def take_over(path: str | os.PathLike[str]) -> JointSamples:
+def take_over(folder: str | os.PathLike[str]) -> list[JointSamples]:
     """Read what `hand_over` wrote."""
+    files = sorted(Path(folder).iterdir(), key=lambda path: int(path.stem))
+    return [_read(path) for path in files]
+
+
+def _read(path: Path) -> JointSamples:
     arrays, header = read_npz(path)
     fields: dict[str, Any] = {**arrays, **header, 'joint_names': tuple(header['joint_names'])}
     return JointSamples(**fields)

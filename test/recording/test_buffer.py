@@ -55,6 +55,17 @@ def test_joints_are_those_of_the_first_message_if_not_named() -> None:
     assert buffer.samples().joint_names == NAMES
 
 
+def test_a_message_that_is_dropped_does_not_choose_the_joints() -> None:
+    buffer = SampleBuffer()
+    assert buffer.add(1.0, ['finger'], [math.nan], [], []) is Reason.NOT_FINITE
+    assert buffer.add(1.0, ['finger'], [], [], []) is Reason.NO_POSITION
+    assert buffer.add(1.0, ['finger'] * 2, [0, 0], [], []) is Reason.REPEATED_NAME
+    assert buffer.joint_names == ()
+    assert buffer.last_stamp_s == -math.inf
+    assert filled(buffer, [2.0]).joint_names == NAMES
+    assert buffer.last_stamp_s == 2.0
+
+
 @pytest.mark.parametrize(
     ('message', 'reason'),
     [

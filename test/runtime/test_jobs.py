@@ -51,13 +51,19 @@ def test_what_a_library_prints_changes_nothing() -> None:
 
 def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
     task = Task('dataset', flatten(Config()), str(tmp_path / 'data.npz'), niceness=1)
-    work = jobs.start(task, samples(500))
+    work = jobs.start(task, [samples(500)])
     assert jobs.state.state == 'running'
     with pytest.raises(LipIdError, match=r'^a dataset is running; wait until ~/status shows'):
-        jobs.start(task, samples(500))
+        jobs.start(task, [samples(500)])
     result = work.result()
     data = Dataset.load(tmp_path / 'data.npz')
-    assert result == {'path': task.path, 'n_samples': data.n_samples}
+    source = data.provenance['sources'][0]
+    assert result == {
+        'path': task.path,
+        'n_samples': data.n_samples,
+        'sources': [{'source': 'the recording', 'samples': 500, 'dropped': source['dropped']}],
+        'left_out': [],
+    }
     assert data.joint_names == ('a', 'b')
     assert jobs.state == JobState('dataset', 'done', 'start', result=result)
     jobs.stop()
@@ -66,7 +72,7 @@ def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
 def test_a_failure_is_one_sentence_and_leaves_no_file(jobs: Jobs, tmp_path: Path) -> None:
     task = Task('fit', flatten(Config()), str(tmp_path / 'absent' / 'model.npz'))
     with pytest.raises(LipIdError) as failed:
-        jobs.start(task, samples(3)).result()
+        jobs.start(task, [samples(3)]).result()
     assert jobs.state.state == 'failed'
     assert jobs.state.error == str(failed.value)
     assert '\n' not in jobs.state.error
@@ -76,7 +82,7 @@ def test_a_failure_is_one_sentence_and_leaves_no_file(jobs: Jobs, tmp_path: Path
 
 def test_a_job_ends_with_its_owner(jobs: Jobs, tmp_path: Path) -> None:
     settings = flatten(Config()) | {'fit.iterations': 10**6, 'fit.subset': 400}
-    work = jobs.start(Task('fit', settings, str(tmp_path / 'model.npz')), samples(500))
+    work = jobs.start(Task('fit', settings, str(tmp_path / 'model.npz')), [samples(500)])
     begun = time.monotonic()
     jobs.stop()
     assert time.monotonic() - begun < 10

@@ -51,6 +51,7 @@ def test_nothing_is_kept_while_not_recording() -> None:
         'recording': False,
         'rows': 2,
         'rows_saved': 0,
+        'full': False,
         'joint_names': NAMES,
         'rejected': {},
     }
@@ -63,22 +64,27 @@ def test_memory_is_bounded_and_what_is_left_out_is_counted() -> None:
         recorder.add(message(1.0 + row, [0.0, 0.0]))
     assert len(recorder) == 2
     assert recorder.n_rejected == 3
+    assert recorder.is_full
+    assert recorder.summary == (
+        'recording, 2 samples kept, no more fit under max_rows: call save_dataset, then clear, '
+        '3 messages rejected, mostly for: buffer full'
+    )
 
 
 def test_unsaved_samples_are_kept_in_a_bag_that_reads_back(tmp_path: Path) -> None:
     recorder = filled(20)
     path = tmp_path / 'unsaved.mcap'
     kept = recorder.keep_unsaved(str(path), '/arm/joint_states')
-    assert kept == path
+    assert kept == [path]
     (read,) = read_sources([path], RecordingSettings())
-    assert_same(read, recorder.samples(''))
+    assert_same(read, recorder.samples('')[0])
     assert read.topic == '/arm/joint_states'
 
 
 def test_an_earlier_bag_is_never_overwritten(tmp_path: Path) -> None:
     path = tmp_path / 'unsaved.mcap'
     path.write_text('precious')
-    assert filled(3).keep_unsaved(str(path), 't') == tmp_path / 'unsaved_1.mcap'
+    assert filled(3).keep_unsaved(str(path), 't') == [tmp_path / 'unsaved_1.mcap']
     assert path.read_text() == 'precious'
 
 
@@ -87,25 +93,51 @@ def test_samples_go_elsewhere_where_the_folder_is_gone(
 ) -> None:
     monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
     kept = filled(3).keep_unsaved(str(tmp_path / 'gone' / 'unsaved.mcap'), 't')
-    assert kept == tmp_path / 'unsaved.mcap'
-    assert kept.exists()
+    assert kept == [tmp_path / 'unsaved.mcap']
+    assert kept[0].exists()
+
+
+def test_each_section_is_kept_in_a_bag_of_its_own(tmp_path: Path) -> None:
+    recorder = filled(5)
+    for row in range(4):
+        recorder.add(message(10.0 + row, [row, row]))
+    path = tmp_path / 'unsaved.mcap'
+    kept = recorder.keep_unsaved(str(path), 't')
+    assert kept == [path, tmp_path / 'unsaved_1.mcap']
+    for read, expected in zip(
+        read_sources(kept, RecordingSettings()), recorder.samples('t'), strict=True
+    ):
+        assert_same(read, expected)
 
 
 def test_saved_samples_are_not_kept_again(tmp_path: Path) -> None:
     recorder = filled(3)
-    recorder.mark_saved(3)
-    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') is None
+    recorder.saving()()
+    assert recorder.status()['rows_saved'] == 3
+    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') == []
     recorder.clear()
-    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') is None
+    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') == []
     assert list(tmp_path.iterdir()) == []
+
+
+def test_samples_recorded_after_a_clear_are_not_taken_for_saved(tmp_path: Path) -> None:
+    recorder = filled(3)
+    saved = recorder.saving()
+    recorder.clear()
+    recorder.add(message(1.0, [0.0, 0.0]))
+    saved()
+    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') != []
 
 
 def test_samples_handed_over_arrive_unchanged(tmp_path: Path) -> None:
     recorder = filled(4)
-    recorder.add(message(1.0, [0.0, 0.0]))
-    samples = recorder.samples('/joint_states')
-    hand_over(tmp_path / 'recording', samples)
-    arrived = take_over(tmp_path / 'recording')
-    assert_same(samples, arrived)
-    assert (arrived.source, arrived.topic) == ('recording', '/joint_states')
-    assert arrived.counts == {'stamp went back': 1}
+    recorder.add(message(1.0, []))
+    for row in range(3):
+        recorder.add(message(1.0 + row, [0.0, 0.0]))
+    sections = recorder.samples('/joint_states')
+    hand_over(tmp_path, sections)
+    arrived = take_over(tmp_path)
+    for one, other in zip(sections, arrived, strict=True):
+        assert_same(one, other)
+    assert (arrived[0].source, arrived[0].topic) == ('recording', '/joint_states')
+    assert [section.counts for section in arrived] == [{'position empty': 1}, {}]

@@ -1,0 +1,139 @@
+"""A live recording in sections: where the publisher's clock goes back, a new one begins."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from lip_id_ros.recording import JointSamples, Reason, SampleBuffer
+from lip_id_ros.recording.joint_messages import JointMessage
+
+LONGEST_STEP_S = 10.0
+"""A stamp further ahead of the last one may be wrong, and is doubted like one that went back."""
+
+CONFIRMED_BY = 3
+"""So many messages in a row that follow a doubted stamp show that the clock did jump."""
+
+MOST_SECTIONS = 100
+"""When the clock went back more often, it is not followed any more."""
+
+
+class Sections:
+    """
+    Samples of one topic, of which one wrong stamp can spoil nothing.
+
+    A message whose stamp went back or lies far ahead is held and counted as rejected. If the next
+    ones follow it, the clock has jumped: a restarted driver or simulation, a pause. The held
+    messages are then taken, into a new section if the clock went back, and no longer counted as
+    rejected. If the next one follows the stamps from before, the held stamp was wrong.
+
+    So the messages kept and those rejected make all that came, at any time.
+
+    Parameters
+    ----------
+    joint_names : sequence of str
+        Joints to keep; empty for those of the first message that can be taken.
+    max_rows : int
+        Most messages kept in all sections together.
+
+    """
+
+    def __init__(self, joint_names: Sequence[str], max_rows: int) -> None:
+        self._wanted = tuple(joint_names)
+        self._max_rows = max_rows
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all messages, counts and, unless they were given, the joints."""
+        self._closed: list[SampleBuffer] = []
+        self._current = SampleBuffer(self._wanted, self._max_rows)
+        self._let_go()
+
+    def __len__(self) -> int:
+        """Return the number of messages kept."""
+        return sum(len(section) for section in (*self._closed, self._current))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints that are kept, empty while they are not known."""
+        return self._current.joint_names
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Messages rejected, by reason."""
+        total: Counter[str] = Counter()
+        for section in (*self._closed, self._current):
+            total.update(section.counts)
+        return total
+
+    @property
+    def is_full(self) -> bool:
+        """Whether no further message is kept."""
+        return len(self) >= self._max_rows
+
+    def add(self, message: JointMessage) -> Reason | None:
+        """
+        Take one message, or reject and count it.
+
+        Returns
+        -------
+        Reason or None
+            Why the message is rejected, for now where its stamp jumped; None where it was taken.
+
+        """
+        stamp = 1e-9 * message.stamp_ns
+        doubt = self._doubt(stamp)
+        if doubt is not None:
+            return self._hold(stamp, message, doubt)
+        reason = self._current.add(stamp, *message[1:])
+        if reason is None and self._held:
+            self._let_go()
+        return reason
+
+    def samples(self, topic: str) -> list[JointSamples]:
+        """Return copies of what every section has taken so far."""
+        return [
+            section.samples('recording', topic)
+            for section in (*self._closed, self._current)
+            if len(section)
+        ]
+
+    def _doubt(self, stamp: float) -> Reason | None:
+        last = self._current.last_stamp_s
+        if not len(self._current) or stamp <= 0.0:
+            return None  # there is nothing to compare, or the buffer knows what is wrong
+        if stamp < last and len(self._closed) + 1 < MOST_SECTIONS:
+            return Reason.BACKWARD_STAMP
+        return Reason.FAR_STAMP if stamp > last + LONGEST_STEP_S else None
+
+    def _hold(self, stamp: float, message: JointMessage, doubt: Reason) -> Reason:
+        reason = self._trial(stamp).add(stamp, *message[1:]) or doubt
+        if self._max_rows - len(self) < CONFIRMED_BY:
+            reason = Reason.BUFFER_FULL
+        self._current.reject(reason)
+        if reason is doubt:
+            self._held.append((stamp, message, doubt))
+        if len(self._held) == CONFIRMED_BY:
+            self._follow()
+        return reason
+
+    def _trial(self, stamp: float) -> SampleBuffer:
+        """Return where doubted messages are checked, empty unless this stamp follows the last."""
+        if not 0.0 <= stamp - self._held_in.last_stamp_s <= LONGEST_STEP_S:
+            self._let_go()
+        return self._held_in
+
+    def _follow(self) -> None:
+        """Take what is held, in a new section if the clock went back."""
+        self._current.counts -= Counter(doubt for _, _, doubt in self._held)
+        if self._held[0][0] < self._current.last_stamp_s:
+            room = self._max_rows - len(self)
+            self._closed.append(self._current)
+            self._current = SampleBuffer(self.joint_names, room)
+        for stamp, message, _ in self._held:
+            self._current.add(stamp, *message[1:])
+        self._let_go()
+
+    def _let_go(self) -> None:
+        self._held: list[tuple[float, JointMessage, Reason]] = []
+        self._held_in = SampleBuffer(self.joint_names, expected_rows=CONFIRMED_BY)

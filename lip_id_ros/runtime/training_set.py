@@ -1,0 +1,90 @@
+"""One data set of what was recorded live and of bags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from lip_id_ros.config import Config
+from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.errors import DataError
+from lip_id_ros.preprocessing import load_dataset, preprocess
+from lip_id_ros.preprocessing.selection import at_most
+from lip_id_ros.progress import Progress
+from lip_id_ros.recording import JointSamples
+
+
+@dataclass(frozen=True)
+class TrainingSet:
+    """
+    A data set, and what of the live recording is not in it.
+
+    Attributes
+    ----------
+    dataset : Dataset
+    left_out : sequence of str
+        One sentence for each section that could not be used.
+
+    """
+
+    dataset: Dataset
+    left_out: Sequence[str] = ()
+
+
+def training_set(
+    sections: Sequence[JointSamples], bags: Sequence[str], config: Config, progress: Progress
+) -> TrainingSet:
+    """
+    Join a live recording and bags.
+
+    Parameters
+    ----------
+    sections : sequence of JointSamples
+        The live recording; a section that is too short is left out, unless nothing else is there.
+    bags : sequence of str
+        Recordings and data sets; where the settings name no joints, they must have those of the
+        live recording.
+    config : Config
+        Sections `recording` and `preprocessing` are used.
+    progress : callable
+
+    Raises
+    ------
+    LipIdError
+        If a bag cannot be used, or nothing is left.
+    OSError
+        If a bag does not exist or cannot be opened.
+
+    """
+    live, left_out = _of_sections(sections, config)
+    if not live and not bags:
+        raise DataError(left_out[0])
+    whole = replace(config, preprocessing=replace(config.preprocessing, max_samples=0))
+    parts = [*live, load_dataset(bags, _with_joints(whole, live), progress)] if bags else live
+    dataset = at_most(concatenate(parts), config.preprocessing.max_samples)
+    return TrainingSet(dataset, left_out)
+
+
+def in_words(n_samples: int, bags: Sequence[str]) -> str:
+    """Name the sources of a data set: '300 samples and a.mcap, b.mcap'."""
+    recorded = [f'{n_samples} samples'] if n_samples or not bags else []
+    return ' and '.join([*recorded, *([', '.join(bags)] if bags else [])])
+
+
+def _of_sections(
+    sections: Sequence[JointSamples], config: Config
+) -> tuple[list[Dataset], list[str]]:
+    usable, left_out = [], []
+    settings = replace(config.preprocessing, max_samples=0)
+    for samples in sections:
+        try:
+            usable.append(preprocess(samples, settings, config.recording))
+        except DataError as error:
+            left_out.append(str(error))
+    return usable, left_out
+
+
+def _with_joints(config: Config, live: Sequence[Dataset]) -> Config:
+    if config.recording.joints or not live:
+        return config
+    return replace(config, recording=replace(config.recording, joints=live[0].joint_names))
