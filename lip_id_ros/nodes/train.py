@@ -21,7 +21,7 @@ from lip_id_ros.nodes import parameters, qos, running
 from lip_id_ros.nodes.background import outcome
 from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.job import JobState, Task
+from lip_id_ros.runtime.job import in_words, JobState, Task
 from lip_id_ros.runtime.jobs import Jobs
 from lip_id_ros.runtime.recorder import Recorder
 from lip_id_ros.runtime.settings import (
@@ -32,7 +32,6 @@ from lip_id_ros.runtime.settings import (
     WHILE_EMPTY,
 )
 from lip_id_ros.runtime.train_checks import check_together
-from lip_id_ros.runtime.training_set import in_words
 
 STATUS_PERIOD_S = 0.5
 

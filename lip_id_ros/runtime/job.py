@@ -137,6 +137,12 @@ class Job:
             self.state = advanced(self.state, line)
 
 
+def in_words(n_samples: int, bags: Sequence[str]) -> str:
+    """Name the sources of a data set: '300 samples and a.mcap, b.mcap'."""
+    recorded = [f'{n_samples} samples'] if n_samples or not bags else []
+    return ' and '.join([*recorded, *([', '.join(bags)] if bags else [])])
+
+
 def started(task: Task) -> JobState:
     """Return the state of a job that has just begun."""
     return JobState(task.kind, 'running', 'start')

@@ -92,7 +92,7 @@ class ServeSettings(Settings):
     publish_commands: bool = setting(
         False, 'Also publish torques on ~/commands, for a forward_command_controller.'
     )
-    executor: str = setting('events', _EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)
+    executor: str = setting('events', _EXECUTOR_HELP, choices=EXECUTORS)
 
 
 def train_parameters() -> dict[str, Row]:

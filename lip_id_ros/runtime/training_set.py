@@ -65,12 +65,6 @@ def training_set(
     return TrainingSet(dataset, left_out)
 
 
-def in_words(n_samples: int, bags: Sequence[str]) -> str:
-    """Name the sources of a data set: '300 samples and a.mcap, b.mcap'."""
-    recorded = [f'{n_samples} samples'] if n_samples or not bags else []
-    return ' and '.join([*recorded, *([', '.join(bags)] if bags else [])])
-
-
 def _of_sections(
     sections: Sequence[JointSamples], config: Config
 ) -> tuple[list[Dataset], list[str]]:

@@ -15,7 +15,6 @@ from builtin_interfaces.msg import Time
 from nodes import toy
 import numpy as np
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
 
 from lip_id_ros.config import RecordingSettings
 from lip_id_ros.dataset import Dataset
@@ -77,7 +76,8 @@ def test_records_fits_and_saves(ros: tuple[Graph, Client], tmp_path: Path) -> No
     answer = client.trigger('/train/fit')
     assert not answer.success
     assert answer.message == (
-        'no samples of /joint_states are kept; call record and move the arm.'
+        'no samples of /joint_states are kept; call record and move the arm, or name recordings '
+        'with bags.'
     )
     start_recording(client)
     publish_motion(client, 600)
@@ -188,7 +188,7 @@ def test_joints_do_not_change_under_what_is_recorded(ros: tuple[Graph, Client]) 
 
 def test_wrong_start_gives_one_line_and_status_one(ros: tuple[Graph, Client]) -> None:
     graph, _ = ros
-    train = graph.start('train', fit__kernel='rbf', max_row=7)
+    train = graph.start('train', fit__kernel='rbf')
     assert train.wait() == 1
     assert (
         "must be a text lip or nested or recursive or recursive_per_link, not 'rbf'." in train.log
@@ -206,10 +206,29 @@ def test_broken_parameter_file_gives_one_line(ros: tuple[Graph, Client], tmp_pat
     assert 'Traceback' not in train.log
 
 
-def test_unknown_parameters_are_warned_of(ros: tuple[Graph, Client]) -> None:
-    graph, client = ros
+def test_an_unknown_parameter_is_refused(ros: tuple[Graph, Client]) -> None:
+    graph, _ = ros
     train = graph.start('train', max_row=7)
-    client.call(SetBool, '/train/record', SetBool.Request(data=False))
+    assert train.wait() == 1
     assert (
         "max_row in the parameters given is not a setting; did you mean 'max_rows'?" in train.log
     )
+    assert 'Traceback' not in train.log
+
+
+def test_parameters_that_contradict_each_other_are_refused(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    failed = graph.start('train', bags=['absent.mcap'])
+    assert failed.wait() == 1
+    assert 'bags must be recordings or data sets, but absent.mcap does not exist;' in failed.log
+    graph.start('train', recording__joints=['a', 'b'])
+    for name, value, sentence in (
+        ('recording.effort_scale', [1.0], 'must have one value for each of the 2'),
+        ('recording.joints', ['a', 'a'], "must name each joint once, but 'a' comes twice."),
+        ('bags', ['absent.mcap'], 'absent.mcap does not exist; correct the path'),
+        ('record_on_start', True, 'Trying to set a read-only parameter: record_on_start.'),
+    ):
+        result = client.set_parameter('train', name, value)
+        assert not result.successful
+        assert sentence in result.reason
+    assert client.set_parameter('train', 'recording.effort_scale', [1.0, -2.0]).successful

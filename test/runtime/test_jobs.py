@@ -13,7 +13,7 @@ from lip_id_ros.config import Config, flatten
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.runtime.job import advanced, JobState, Task
+from lip_id_ros.runtime.job import advanced, in_words, JobState, Task
 from lip_id_ros.runtime.jobs import Jobs
 
 RUNNING = JobState('fit', 'running', 'start')
@@ -89,3 +89,9 @@ def test_a_job_ends_with_its_owner(jobs: Jobs, tmp_path: Path) -> None:
     with pytest.raises(LipIdError, match=r'^the process of the fit ended with status -15\.$'):
         work.result()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_sources_are_named_in_words() -> None:
+    assert in_words(300, []) == '300 samples'
+    assert in_words(300, ['a.mcap', 'b.bag']) == '300 samples and a.mcap, b.bag'
+    assert in_words(0, ['a.mcap']) == 'a.mcap'

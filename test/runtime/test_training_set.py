@@ -12,7 +12,7 @@ from lip_id_ros.errors import DataError
 from lip_id_ros.progress import silent
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.runtime.recording_file import keep
-from lip_id_ros.runtime.training_set import in_words, training_set
+from lip_id_ros.runtime.training_set import training_set
 
 RECORDING = RecordingSettings(
     effort_scale=(2.0, -1.0), effort_offset=(0.5, 0.0), gravity_compensated=True
@@ -83,9 +83,3 @@ def test_the_bound_holds_for_all_sources_together(tmp_path: Path) -> None:
     data = training_set([samples(500)], [str(bag)], config, silent).dataset
     assert data.n_samples == 40
     assert len(set(data.segment)) == 2
-
-
-def test_sources_are_named_in_words() -> None:
-    assert in_words(300, []) == '300 samples'
-    assert in_words(300, ['a.mcap', 'b.bag']) == '300 samples and a.mcap, b.bag'
-    assert in_words(0, ['a.mcap']) == 'a.mcap'
