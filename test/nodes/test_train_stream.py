@@ -1,0 +1,166 @@
+"""Node `train` under streams: what goes wrong on a wire, for long, and while a fit runs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+import time
+from typing import Any, TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nodes import malformed, toy
+from nodes.test_train import heard_publisher, joint_state, start_recording
+import numpy as np
+
+from lip_id_ros.config import RecordingSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.nodes import messages
+from lip_id_ros.recording import read_sources
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph
+
+pytestmark = pytest.mark.ros
+
+
+def counted(status: dict[str, Any]) -> int:
+    return int(status['rows'] + sum(status['rejected'].values()))
+
+
+def start_counting(client: Client) -> Any:
+    """Return a publisher that is heard, of which nothing is counted yet."""
+    publisher = heard_publisher(client)
+    time.sleep(0.5)  # for what is still under way
+    assert client.trigger('/train/clear').success
+    client.status('train', lambda status: counted(status) == 0)
+    return publisher
+
+
+def publish_at(publisher: Any, rate_hz: float, stream: Any) -> int:
+    """Publish a stream at a rate; return how many messages there were."""
+    begun, count = time.monotonic(), 0
+    for count, message in enumerate(stream, start=1):
+        publisher.publish(message)
+        time.sleep(max(0.0, begun + count / rate_hz - time.monotonic()))
+    return count
+
+
+def test_one_wrong_stamp_spoils_nothing_and_a_restarted_clock_is_followed(
+    ros: tuple[Graph, Client], tmp_path: Path
+) -> None:
+    graph, client = ros
+    train = graph.start('train', record_on_start=True)
+    publisher = start_counting(client)
+    for row in range(10):
+        publisher.publish(joint_state(row))
+    publisher.publish(joint_state(10_000_000))
+    for row in range(10, 20):
+        publisher.publish(joint_state(row))
+    status = client.status('train', lambda status: counted(status) == 21)
+    assert (status['rows'], status['rejected']) == (20, {'stamp far ahead': 1})
+    for row in range(30):  # as after the restart of a simulation
+        message = joint_state(row)
+        message.header.stamp = messages.stamp_at(1_000_000_000 + row * 10_000_000)
+        publisher.publish(message)
+    status = client.status('train', lambda status: counted(status) == 51)
+    assert (status['rows'], status['rejected']) == (50, {'stamp far ahead': 1})
+    assert train.end() == 0
+    before, after = read_sources(
+        [tmp_path / 'unsaved.mcap', tmp_path / 'unsaved_1.mcap'], RecordingSettings()
+    )
+    assert (before.n_samples, after.n_samples) == (20, 30)
+    assert after.start_s == 1.0
+
+
+def test_what_is_full_says_so(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    graph.start('train', record_on_start=True, max_rows=5)
+    publisher = start_counting(client)
+    diagnostics = client.listen(DiagnosticArray, '/diagnostics')
+    for row in range(8):
+        publisher.publish(joint_state(row))
+    status = client.status('train', lambda status: counted(status) == 8)
+    assert status['full'] is True
+    assert status['rejected'] == {'buffer full': 3}
+    assert status['summary'].startswith(
+        'recording, 5 samples kept, no more fit under max_rows: call save_dataset, then clear'
+    )
+
+    def told() -> bool:
+        values = {pair.key: pair.value for pair in diagnostics[-1].status[0].values}
+        return values.get('rejected.buffer full') == '3'
+
+    client.wait_until(lambda: diagnostics and told(), 'the count in /diagnostics')
+    assert diagnostics[-1].status[0].level == b'\x01'
+
+
+@pytest.mark.slow
+def test_ten_thousand_malformed_messages_are_all_counted(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    train = graph.start('train', record_on_start=True, recording__joints=list(malformed.NAMES))
+    publisher = start_counting(client)
+    sent = publish_at(publisher, 2000.0, malformed.joint_states(10_000, seed=1))
+    assert sent == 10_000
+    status = client.status('train', lambda status: counted(status) == sent)
+    assert status['rows'] > 100
+    assert len(status['rejected']) > 10
+    assert train.alive
+    assert 'Traceback' not in train.log
+
+
+@pytest.mark.slow
+def test_no_message_is_lost_while_a_fit_runs(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    graph.start(
+        'train', record_on_start=True, fit__subset=60, preprocessing__decimate=2, fit__seed=1
+    )
+    publisher = start_counting(client)
+    _, q, dq, ddq = toy.motion(4000)
+    tau = toy.torque(q, ddq)
+
+    def stream(first: int, last: int) -> Any:
+        for row in range(first, last):
+            values = {'position': q[row], 'velocity': dq[row], 'effort': tau[row]}
+            lists = {name: value.tolist() for name, value in values.items()}
+            yield joint_state(row, **lists)
+
+    publish_at(publisher, 1000.0, stream(0, 1000))
+    client.status('train', lambda status: status['rows'] == 1000)
+    assert client.trigger('/train/fit').success
+    publish_at(publisher, 500.0, stream(1000, 4000))
+    status = client.status('train', lambda status: counted(status) == 4000)
+    assert (status['rows'], status['rejected']) == (4000, {})
+    heard = [json.loads(message.data) for message in client.received['/train/status']]
+    fitting = [each['rows'] for each in heard if each['job']['state'] == 'running']
+    assert max(fitting) - min(fitting) > 1500
+    client.status('train', lambda status: status['job']['state'] == 'done')
+
+
+def test_bags_and_live_samples_make_one_data_set(
+    ros: tuple[Graph, Client], tmp_path: Path
+) -> None:
+    graph, client = ros
+    toy.dataset().save(tmp_path / 'earlier.npz')
+    graph.start('train', bags=['earlier.npz'], recording__effort_scale=[1.0, -1.0])
+    start_recording(client)
+    publisher = start_counting(client)
+    _, q, dq, _ = toy.motion(400, seed=3)
+    for row in range(400):
+        values = {'position': q[row].tolist(), 'velocity': dq[row].tolist()}
+        publisher.publish(joint_state(row, effort=q[row].tolist(), **values))
+        time.sleep(0.001)
+    client.status('train', lambda status: status['rows'] == 400)
+    answer = client.trigger('/train/save_dataset')
+    assert answer.success, answer.message
+    status = client.status('train', lambda status: status['job']['state'] == 'done')
+    result = status['job']['result']
+    assert [source.get('samples') for source in result['sources']] == [400, None]
+    data = Dataset.load(tmp_path / 'dataset.npz')
+    assert data.n_samples == result['n_samples'] > 600
+    live = data.segment == data.segment[0]
+    assert np.count_nonzero(~live) == 600
+    np.testing.assert_allclose(data.tau[live], [1.0, -1.0] * data.q[live], atol=1e-6)
