@@ -170,10 +170,7 @@ class TrainNode(Node):
         values = self._values()
         sections = self._recorder.samples(self._topic)
         if not sections and not values['bags']:
-            raise DataError(
-                f'no samples of {self._topic} are kept; call record and move the arm, or name '
-                'recordings with bags.'
-            )
+            raise DataError(self._recorder.why_empty(self._topic))
         task = Task(
             kind,
             fit_values(values),

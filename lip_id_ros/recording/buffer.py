@@ -89,6 +89,11 @@ class SampleBuffer:
         """Time of the last message taken [s]; minus infinity before the first."""
         return self._last_stamp
 
+    @property
+    def seen_joints(self) -> tuple[str, ...]:
+        """Joints of all messages, also of those dropped; not of an endless variety."""
+        return tuple(dict.fromkeys(name for names in self._orders for name in names))
+
     def add(
         self,
         stamp_s: float,
@@ -155,7 +160,7 @@ class SampleBuffer:
             counts={str(reason): count for reason, count in counts.items() if count},
             source=source,
             topic=topic,
-            seen_joints=tuple(dict.fromkeys(name for names in self._orders for name in names)),
+            seen_joints=self.seen_joints,
         )
 
     def _take(

@@ -11,6 +11,9 @@ from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.runtime import recording_file
 from lip_id_ros.runtime.sections import Sections
 
+MOST_NAMES = 20
+"""So many foreign joints are named, where messages have an endless variety."""
+
 
 class Recorder:
     """
@@ -103,6 +106,7 @@ class Recorder:
             'rows_saved': self._saved_rows,
             'full': self.is_full,
             'joint_names': list(self.joint_names),
+            'other_joints': self._other_joints,
             'rejected': {
                 str(reason): count for reason, count in self._sections.counts.most_common()
             },
@@ -110,11 +114,24 @@ class Recorder:
 
     @property
     def summary(self) -> str:
-        """What was done so far, in a sentence's beginning."""
-        counts = self._sections.counts.most_common(1)
+        """What was done so far, in words."""
         parts = ['recording' if self.recording else 'not recording', f'{len(self)} samples kept']
         if self.is_full:
             parts.append('no more fit under max_rows: call save_dataset, then clear')
-        if counts:
-            parts.append(f'{self.n_rejected} messages rejected, mostly for: {counts[0][0]}')
-        return ', '.join(parts)
+        return ', '.join([*parts, *self._complaints()])
+
+    def why_empty(self, topic: str) -> str:
+        """Say why there is nothing to fit, in a sentence."""
+        found = ', '.join([f'no samples of {topic} are kept', *self._complaints()])
+        remedy = 'call record and move the arm, or name recordings with bags'
+        if self._other_joints:
+            remedy = f'choose recording.joints among {", ".join(self._other_joints)}'
+        return f'{found}; {remedy}.'
+
+    @property
+    def _other_joints(self) -> list[str]:
+        return list(self._sections.other_joints[:MOST_NAMES])
+
+    def _complaints(self) -> list[str]:
+        most = self._sections.counts.most_common(1)
+        return [f'{self.n_rejected} messages rejected, mostly for: {most[0][0]}'] if most else []

@@ -59,6 +59,13 @@ class Sections:
         return self._current.joint_names
 
     @property
+    def other_joints(self) -> tuple[str, ...]:
+        """Joints that messages have and that are not kept."""
+        sections = (*self._closed, self._current)
+        names = dict.fromkeys(name for section in sections for name in section.seen_joints)
+        return tuple(name for name in names if name not in self.joint_names)
+
+    @property
     def counts(self) -> Counter[str]:
         """Messages rejected, by reason."""
         total: Counter[str] = Counter()

@@ -53,6 +53,7 @@ def test_nothing_is_kept_while_not_recording() -> None:
         'rows_saved': 0,
         'full': False,
         'joint_names': NAMES,
+        'other_joints': [],
         'rejected': {},
     }
 
@@ -68,6 +69,21 @@ def test_memory_is_bounded_and_what_is_left_out_is_counted() -> None:
     assert recorder.summary == (
         'recording, 2 samples kept, no more fit under max_rows: call save_dataset, then clear, '
         '3 messages rejected, mostly for: buffer full'
+    )
+
+
+def test_a_recording_of_other_joints_names_them() -> None:
+    recorder = Recorder(['x', 'y'], max_rows=2)
+    assert recorder.why_empty('/states') == (
+        'no samples of /states are kept; call record and move the arm, or name recordings with '
+        'bags.'
+    )
+    recorder.recording = True
+    recorder.add(message(1.0, [0.0, 0.0]))
+    assert recorder.status()['other_joints'] == NAMES
+    assert recorder.why_empty('/states') == (
+        'no samples of /states are kept, 1 messages rejected, mostly for: only foreign joints; '
+        'choose recording.joints among a, b.'
     )
 
 
