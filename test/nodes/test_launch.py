@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import pytest
 
@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.demo.processes import end
+from lip_id_ros.recording import read_bag
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph
@@ -65,6 +66,42 @@ def test_two_arms_are_served_side_by_side(ros: tuple[Graph, Client], model_path:
         publisher.publish(GOOD)
         client.wait_until(lambda: left, 'answer')
         assert not right
+
+
+def test_two_arms_are_recorded_side_by_side(ros: tuple[Graph, Client], tmp_path: Path) -> None:
+    graph, client = ros
+    for arm in ('left', 'right'):
+        (tmp_path / arm).mkdir()
+    (tmp_path / 'arm.yaml').write_text(
+        '/**/train:\n  ros__parameters: {record_on_start: true, recording: {joints: [b, a]}}\n'
+    )
+    left = ('namespace:=left', 'folder:=left', 'params_file:=arm.yaml')
+    right = ('namespace:=right', 'folder:=right', 'joint_states:=/cell/right/states')
+    with (
+        launched(graph, 'train.launch.py', *left),
+        launched(graph, 'train.launch.py', *right, f'params_file:={tmp_path / "arm.yaml"}'),
+    ):
+        for arm, topic, value in (
+            ('left', '/left/joint_states', 1.0),
+            ('right', '/cell/right/states', 2.0),
+        ):
+            publisher = client.speak(JointState, topic)
+            assert client.status(f'{arm}/train', lambda status: True)['rows'] == 0
+            message = JointState(name=['a', 'b'], position=[value, -value])
+
+            def keeps_moving(message: JointState = message, publisher: Any = publisher) -> None:
+                message.header.stamp.sec += 1
+                publisher.publish(message)
+
+            timer = client.node.create_timer(0.01, keeps_moving)
+            client.status(f'{arm}/train', lambda status: status['rows'] >= 10)
+            timer.cancel()
+    for arm, value in (('left', 1.0), ('right', 2.0)):
+        kept = read_bag(tmp_path / arm / 'unsaved.mcap')
+        assert kept.joint_names == ('b', 'a')
+        assert kept.n_samples >= 10
+        assert (kept.position == [-value, value]).all()
+    assert not (tmp_path / 'unsaved.mcap').exists()
 
 
 def test_train_takes_its_parameters_from_a_file(ros: tuple[Graph, Client]) -> None:

@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 from lip_id_ros.config import RecordingSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.recording import read_sources
+from lip_id_ros.recording import read_bag, read_sources
 from lip_id_ros.serving import Predictor, TrainedModel
 
 if TYPE_CHECKING:
@@ -149,6 +149,25 @@ def test_what_was_recorded_outlives_the_node(
         [tmp_path / 'kept.mcap'], RecordingSettings(joints=('shoulder', 'elbow'))
     )
     np.testing.assert_array_equal(samples.position, toy.motion(50)[1])
+
+
+def test_what_was_recorded_outlives_a_failed_fit_and_one_that_is_cut_off(
+    ros: tuple[Graph, Client], tmp_path: Path
+) -> None:
+    graph, client = ros
+    train = graph.start('train', record_on_start=True, model_path='absent/model.npz')
+    publish_motion(client, 300)
+    client.status('train', lambda status: status['rows'] == 300)
+    assert client.set_parameter('train', 'preprocessing.min_segment_s', 60).successful
+    assert client.trigger('/train/fit').success
+    status = client.status('train', lambda status: status['job']['state'] == 'failed')
+    assert status['job']['error'].startswith('recording must hold a motion of 60 s without a gap')
+    assert status['rows'] == 300
+    assert client.set_parameter('train', 'preprocessing.min_segment_s', 1).successful
+    assert client.trigger('/train/fit').success
+    client.status('train', lambda status: status['job']['state'] == 'running')
+    assert train.end(signal.SIGTERM) == 0, train.log
+    assert read_bag(tmp_path / 'unsaved.mcap').n_samples == 300
 
 
 def test_wrong_parameters_are_refused_with_a_sentence(ros: tuple[Graph, Client]) -> None:
