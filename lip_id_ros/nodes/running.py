@@ -33,7 +33,7 @@ class Stoppable(Protocol):
 
 def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
     """
-    Spin a node until SIGINT or SIGTERM, then stop it in good order.
+    Spin a node until SIGINT, SIGTERM or SIGHUP, then stop it in good order.
 
     The signals are taken by the main thread, and the node spins in another: so the context is
     still alive when the node stops, and its last messages go out.
@@ -76,6 +76,8 @@ def _stop_event() -> threading.Event:
 
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # as nohup has it
+        signal.signal(signal.SIGHUP, stop)  # the terminal was closed
     return stopped
 
 

@@ -147,7 +147,8 @@ class SampleBuffer:
             if not empty.all():
                 counts[reason] += int((keep & empty).sum())
                 keep &= ~empty
-        stamps, rows = stamps[keep], rows[keep]
+        if not keep.all():
+            stamps, rows = stamps[keep], rows[keep]
         start = float(stamps[0]) if stamps.size else 0.0
         position, velocity, effort = (rows[:, part].copy() for part in range(3))
         return JointSamples(

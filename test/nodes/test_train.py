@@ -135,7 +135,7 @@ def test_bad_messages_are_counted_and_the_node_lives(ros: tuple[Graph, Client]) 
     assert train.alive
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_what_was_recorded_outlives_the_node(
     ros: tuple[Graph, Client], tmp_path: Path, number: int
 ) -> None:
