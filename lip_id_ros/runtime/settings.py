@@ -54,8 +54,8 @@ class TrainSettings(Settings):
     )
     max_rows: int = setting(
         1_000_000,
-        'Most samples kept in memory, about 25 bytes for each joint of each and twice that while a '
-        'fit begins; later ones are rejected and counted.',
+        'Most samples kept in memory, about 25 bytes for each joint of each and twice that while '
+        'a fit begins; later ones are rejected and counted.',
         minimum=1,
         applies=WHILE_EMPTY,
     )

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 
+from lip_id_ros.recording import Reason
 from lip_id_ros.recording.joint_messages import from_joint_state, JointMessage
 from lip_id_ros.runtime.sections import CONFIRMED_BY, LONGEST_STEP_S, MOST_SECTIONS, Sections
 
@@ -90,6 +91,17 @@ def test_flaws_of_doubted_messages_keep_their_reason() -> None:
     }
 
 
+def test_foreign_messages_with_other_stamps_begin_no_section() -> None:
+    sections = Sections((), 1000)
+    sections.add(message(100.0))
+    for stamp in (1.0, 1.1, 1.2, 1.3):
+        foreign = JointMessage(round(stamp * 1e9), ['finger'], [0.0], [0.0], [0.0])
+        assert sections.add(foreign) is Reason.FOREIGN_JOINTS
+    sections.add(message(100.1))
+    assert stamps_of(sections) == [[100.0, 100.1]]
+    assert sections.counts == {'only foreign joints': 4}
+
+
 def test_sections_share_one_bound() -> None:
     stamps = [100.0, 100.1, *np.arange(1.0, 2.0, 0.1)]
     sections = filled(stamps, max_rows=6)
@@ -138,9 +150,11 @@ GOOD = st.builds(
 )
 
 
-@given(st.lists(ANY | GOOD, max_size=60), st.integers(1, 40))
-def test_whatever_comes_is_kept_or_counted(stream: list[Any], max_rows: int) -> None:
-    sections = Sections(NAMES, max_rows)
+@given(st.lists(ANY | GOOD, max_size=60), st.sampled_from([NAMES, ()]), st.integers(1, 40))
+def test_whatever_comes_is_kept_or_counted(
+    stream: list[Any], joints: tuple[str, ...], max_rows: int
+) -> None:
+    sections = Sections(joints, max_rows)
     for came, each in enumerate(stream, start=1):
         sections.add(from_joint_state(each))
         assert len(sections) + sections.counts.total() == came
