@@ -61,11 +61,17 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
         return 1
     try:
         _spin(node, stopped)
+    finally:  # after an error in a callback too: the robot is let go of, the data is kept
+        _stop(node)
+    return 0
+
+
+def _stop(node: Node) -> None:
+    try:
         node.stop()
     finally:
         node.destroy_node()
         rclpy.shutdown()
-    return 0
 
 
 def _stop_event() -> threading.Event:
