@@ -14,7 +14,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument('model_path', description='Model to serve.'),
             DeclareLaunchArgument(
                 'params_file',
-                default_value=str(share / 'config' / 'arm.yaml'),
+                default_value=str(share / 'config' / 'serve.yaml'),
                 description='Parameters of the node serve.',
             ),
             DeclareLaunchArgument('namespace', default_value='', description='Of the robot.'),

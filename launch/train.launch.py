@@ -18,7 +18,7 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument(
                 'params_file',
-                default_value=str(share / 'config' / 'arm.yaml'),
+                default_value=str(share / 'config' / 'train.yaml'),
                 description='Parameters of the node train.',
             ),
             DeclareLaunchArgument('namespace', default_value='', description='Of the robot.'),

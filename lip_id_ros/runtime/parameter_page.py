@@ -23,8 +23,9 @@ The nodes declare and check their parameters by the tables in `lip_id_ros/runtim
 `lip_id_ros/config/tables.py`, of which this page is written by
 `{COMMAND}`.
 
-- [config/arm.yaml](../config/arm.yaml) is a file of parameters for any arm and both nodes:
-  `ros2 run lip_id_ros train --ros-args --params-file arm.yaml`.
+- [config/train.yaml](../config/train.yaml) and [config/serve.yaml](../config/serve.yaml) are for
+  any arm, [config/panda.yaml](../config/panda.yaml) has both nodes in one file:
+  `ros2 run lip_id_ros train --ros-args --params-file panda.yaml`.
 - A value of a wrong type or out of its range is refused with a sentence, when it is set as well as
   at the start, where the node then ends with exit status 1. So is a parameter that there is not: a
   misspelt limit would be none.
