@@ -45,6 +45,23 @@ class PreprocessingSettings(Settings):
         unit='Hz',
         minimum=0.0,
     )
+    velocity: str = setting(
+        'recorded',
+        'Velocities as recorded, where they were, or the derivative of the positions.',
+        choices=('recorded', 'differentiated'),
+    )
+    derivative: str = setting(
+        'savitzky_golay',
+        'How smooth samples are differentiated: five-point polynomials, or differences of the two '
+        'neighbours.',
+        choices=('savitzky_golay', 'central_differences'),
+    )
+    edge_periods: float = setting(
+        1.0,
+        'So many periods of the cut-off are left out at each end of a segment, where the low-pass '
+        'knows only one side.',
+        minimum=0.0,
+    )
     max_gap_s: float = setting(
         0.0,
         'A longer step between samples begins a new segment; 0 for five times the median step.',
@@ -60,8 +77,19 @@ class PreprocessingSettings(Settings):
         'low-pass leaves nothing new in between.',
         minimum=0,
     )
-    max_samples: int = setting(
-        0, 'Keep at most this many samples, evenly spread; 0 for all.', minimum=0
+    min_velocity: float = setting(
+        0.0,
+        'Leave out samples at which a joint is slower than this share of its root mean square '
+        'velocity, where friction sticks and slips; joints that never move are not asked; 0 for '
+        'none.',
+        minimum=0.0,
+    )
+    max_samples: int = setting(0, 'Keep at most this many samples; 0 for all.', minimum=0)
+    selection: str = setting(
+        'coverage',
+        'Which samples are kept where max_samples leaves some out: those that cover positions, '
+        'velocities and accelerations best, or evenly in time.',
+        choices=('coverage', 'time'),
     )
 
 

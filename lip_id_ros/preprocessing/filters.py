@@ -1,27 +1,13 @@
-"""
-Smoothing and differentiation of uniformly sampled signals, without delay.
-
-The choices below were measured on sums of 20 sinusoids up to 1 Hz in velocity noise of 0.01 rad/s,
-sampled at 30, 125 and 500 Hz and low-passed at 4 Hz (`test/preprocessing/test_filters.py` repeats
-the essential ones). Error of the acceleration without noise at 30 Hz: 0.45 % with three-point
-central differences, 1.5 % with Savitzky-Golay of five points and order two, 0.007 % with five
-points and order four; with noise the three lie within 0.2 % of each other.
-
-"""
+"""Zero-phase smoothing of uniformly sampled signals, and how far its edges reach."""
 
 from __future__ import annotations
 
 from scipy import signal
 
+from lip_id_ros.preprocessing.derivatives import HALF_STENCIL
 from lip_id_ros.recording.joint_samples import Floats
 
 _ORDER = 4
-_STENCIL = 5
-_DEGREE = 4
-_EDGE_PERIODS = 1.0
-
-MIN_SAMPLES = _STENCIL
-"""Fewer samples cannot be differentiated."""
 
 
 def is_filtered(rate_hz: float, cutoff_hz: float) -> bool:
@@ -52,31 +38,14 @@ def low_pass(values: Floats, rate_hz: float, cutoff_hz: float) -> Floats:
     return smooth
 
 
-def derivative(values: Floats, rate_hz: float) -> Floats:
-    """
-    Differentiate by time: Savitzky-Golay with five points and order four.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N, ...)
-        At least `MIN_SAMPLES` uniform samples along the first axis.
-    rate_hz : float
-        Sampling rate [Hz].
-
-    """
-    slope: Floats = signal.savgol_filter(
-        values, _STENCIL, _DEGREE, deriv=1, delta=1.0 / rate_hz, axis=0
-    )
-    return slope
-
-
-def edge_length(rate_hz: float, cutoff_hz: float) -> int:
+def edge_length(rate_hz: float, cutoff_hz: float, periods: float = 1.0) -> int:
     """
     Return how many samples at each end of a segment are not to be used.
 
-    One period of the cut-off, over which the low-pass sees an invented continuation, and twice
-    half the derivative's stencil, where it is one-sided.
+    Some periods of the cut-off, over which the low-pass sees an invented continuation, and twice
+    half the derivative's stencil, where it is one-sided: velocity and acceleration may both be
+    derivatives.
 
     """
-    lead_in = _EDGE_PERIODS * rate_hz / cutoff_hz if is_filtered(rate_hz, cutoff_hz) else 0.0
-    return round(lead_in) + 2 * (_STENCIL // 2)
+    lead_in = periods * rate_hz / cutoff_hz if is_filtered(rate_hz, cutoff_hz) else 0.0
+    return round(lead_in) + 2 * HALF_STENCIL

@@ -53,7 +53,7 @@ def load_dataset(
     if not paths:
         raise SourceError('at least one recording or data set is needed, but none was named.')
     data = concatenate([_load(path, config, progress) for path in paths])
-    return at_most(data, config.preprocessing.max_samples)
+    return at_most(data, config.preprocessing)
 
 
 def _load(path: PathLike, config: Config, progress: Progress) -> Dataset:

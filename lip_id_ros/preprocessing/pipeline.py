@@ -30,7 +30,7 @@ from lip_id_ros.preprocessing.segments import (
     Piece,
     smooth,
 )
-from lip_id_ros.preprocessing.selection import at_most, stride
+from lip_id_ros.preprocessing.selection import at_most, moving, stride
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.timing import GAP_STEPS, median_step
 
@@ -38,6 +38,7 @@ STALE = 'sample stale'
 SHORT_SEGMENT = 'segment too short'
 EDGE = 'edge of a segment'
 DECIMATED = 'decimated'
+SLOW = 'joint nearly at rest'
 
 
 def preprocess(
@@ -77,7 +78,7 @@ def preprocess(
     recording = recording or RecordingSettings()
     recordings = [samples] if isinstance(samples, JointSamples) else samples
     data = concatenate([_recording(each, settings, recording) for each in recordings])
-    return at_most(data, settings.max_samples)
+    return at_most(data, settings)
 
 
 def _recording(
@@ -93,6 +94,7 @@ def _recording(
     motions = _motions(pieces, rate, settings, dropped)
     if not motions:
         raise DataError(_too_short(samples.source, pieces, rate, settings))
+    motions = _without_slow(motions, samples.source, settings, dropped)
     provenance = _provenance(samples, rate, settings, dropped)
     provenance['segments'] = len(motions)
     provenance['retimed'] = any(new is not old for new, old in zip(pieces, given, strict=True))
@@ -108,9 +110,13 @@ def _pieces(
             f'{fresh.source} must hold at least two different samples, but has '
             f'{fresh.n_samples}; record while the arm moves.'
         )
-    velocity = fresh.velocity if fresh.has_velocity else None
+    velocity = fresh.velocity if _uses_velocity(fresh, settings) else None
     whole = Piece(fresh.t, fresh.position, velocity, torque(fresh, recording))
     return cut(whole, settings.max_gap_s or GAP_STEPS * median_step(fresh.t))
+
+
+def _uses_velocity(samples: JointSamples, settings: PreprocessingSettings) -> bool:
+    return samples.has_velocity and settings.velocity == 'recorded'
 
 
 def _retimed(piece: Piece, samples: JointSamples, repeated: Mask) -> Piece:
@@ -127,7 +133,7 @@ def _rate(pieces: list[Piece]) -> float:
 def _motions(
     pieces: list[Piece], rate: float, settings: PreprocessingSettings, dropped: Counter[str]
 ) -> list[Motion]:
-    edge = edge_length(rate, settings.cutoff_hz)
+    edge = edge_length(rate, settings.cutoff_hz, settings.edge_periods)
     motions = []
     for piece in pieces:
         if not is_long_enough(piece, rate, settings):
@@ -138,6 +144,22 @@ def _motions(
         motions.append(motion.rows(slice(None, None, stride(rate, settings))))
         dropped[DECIMATED] += motion.t.size - motions[-1].t.size
     return motions
+
+
+def _without_slow(
+    motions: list[Motion], source: str, settings: PreprocessingSettings, dropped: Counter[str]
+) -> list[Motion]:
+    fast = moving(joined(motions).dq, settings.min_velocity)
+    dropped[SLOW] = int((~fast).sum())
+    if not fast.any():
+        raise DataError(
+            f'{source} must have samples at which every joint moves, but at each of {fast.size} '
+            'some joint is slower than preprocessing.min_velocity allows; lower it, or record all '
+            'joints moving at once.'
+        )
+    ends = np.cumsum([motion.t.size for motion in motions])[:-1]
+    parts = [motion.rows(rows) for motion, rows in zip(motions, np.split(fast, ends), strict=True)]
+    return [part for part in parts if part.t.size]
 
 
 def _dataset(
@@ -167,7 +189,9 @@ def _provenance(
         'dropped': {str(reason): count for reason, count in dropped.items() if count},
         'rate_hz': rate,
         'filtered': is_filtered(rate, settings.cutoff_hz),
-        'velocity': 'recorded' if samples.has_velocity else 'differentiated from position',
+        'velocity': 'recorded'
+        if _uses_velocity(samples, settings)
+        else 'differentiated from position',
         'kept_every': stride(rate, settings),
         'preprocessing': dataclasses.asdict(settings),
     }
@@ -177,7 +201,7 @@ def _too_short(
     source: str, pieces: list[Piece], rate: float, settings: PreprocessingSettings
 ) -> str:
     longest = max(float(piece.t[-1] - piece.t[0]) for piece in pieces)
-    edges = 2 * edge_length(rate, settings.cutoff_hz) / rate if rate else 0.0
+    edges = 2 * edge_length(rate, settings.cutoff_hz, settings.edge_periods) / rate if rate else 0.0
     needed = max(settings.min_segment_s, edges)
     return (
         f'{source} must hold a motion of {needed:g} s without a gap, but the longest of '

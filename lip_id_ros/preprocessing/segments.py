@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.config import PreprocessingSettings
-from lip_id_ros.preprocessing.filters import derivative, edge_length, low_pass, MIN_SAMPLES
+from lip_id_ros.preprocessing.cleaning import Mask
+from lip_id_ros.preprocessing.derivatives import DERIVATIVES, MIN_SAMPLES
+from lip_id_ros.preprocessing.filters import edge_length, low_pass
 from lip_id_ros.preprocessing.resampling import resample, uniform_times
 from lip_id_ros.recording.joint_samples import Floats
 from lip_id_ros.recording.timing import gap_starts
@@ -33,7 +35,7 @@ class Motion:
     ddq: Floats
     tau: Floats
 
-    def rows(self, chosen: slice) -> Motion:
+    def rows(self, chosen: slice | Mask) -> Motion:
         """Return some of the samples."""
         return Motion(
             self.t[chosen], self.q[chosen], self.dq[chosen], self.ddq[chosen], self.tau[chosen]
@@ -77,7 +79,7 @@ def is_long_enough(piece: Piece, rate_hz: float, settings: PreprocessingSettings
     if piece.t.size < 2:
         return False
     duration = float(piece.t[-1] - piece.t[0])
-    edges = 2 * edge_length(rate_hz, settings.cutoff_hz)
+    edges = 2 * edge_length(rate_hz, settings.cutoff_hz, settings.edge_periods)
     return duration >= settings.min_segment_s and duration * rate_hz >= max(edges, MIN_SAMPLES)
 
 
@@ -94,6 +96,7 @@ def smooth(piece: Piece, rate_hz: float, settings: PreprocessingSettings) -> Mot
     def smoothed(values: Floats) -> Floats:
         return low_pass(resample(piece.t, values, times), rate_hz, settings.cutoff_hz)
 
+    derivative = DERIVATIVES[settings.derivative]
     q = smoothed(piece.position)
     dq = derivative(q, rate_hz) if piece.velocity is None else smoothed(piece.velocity)
     return Motion(times, q, dq, derivative(dq, rate_hz), smoothed(piece.torque))

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lip_id_ros.config import PreprocessingSettings
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset.coverage import farthest_points
+from lip_id_ros.preprocessing.cleaning import Mask
 from lip_id_ros.preprocessing.filters import is_filtered
+from lip_id_ros.recording.joint_samples import Floats
+
+Rows = NDArray[np.intp]
 
 SAMPLES_PER_PERIOD = 4
 
@@ -35,20 +42,70 @@ def stride(rate_hz: float, settings: PreprocessingSettings) -> int:
     return max(1, int(rate_hz / (SAMPLES_PER_PERIOD * settings.cutoff_hz)))
 
 
-def at_most(data: Dataset, max_samples: int) -> Dataset:
+def moving(dq: Floats, min_velocity: float) -> Mask:
     """
-    Return at most so many samples, evenly spread in time and noted in the provenance.
+    Mark samples at which no joint is nearly at rest.
+
+    Near rest friction is anything between its two signs, and the sign of a small velocity is that
+    of its noise.
+
+    Parameters
+    ----------
+    dq : ndarray, shape (N, n)
+        Velocities [rad/s or m/s].
+    min_velocity : float
+        Share of each joint's root mean square velocity; a joint that never moves is not asked.
+
+    Returns
+    -------
+    ndarray of bool, shape (N,)
+
+    """
+    threshold = min_velocity * np.sqrt(np.mean(np.square(dq), axis=0))
+    fast: Mask = (np.abs(dq) >= threshold).all(axis=1)
+    return fast
+
+
+def at_most(data: Dataset, settings: PreprocessingSettings) -> Dataset:
+    """
+    Return at most `max_samples` samples, chosen as `selection` says; noted in the provenance.
 
     Parameters
     ----------
     data : Dataset
         Any.
-    max_samples : int
-        0 for all.
+    settings : PreprocessingSettings
 
     """
-    if not 0 < max_samples < data.n_samples:
+    count = settings.max_samples
+    if not 0 < count < data.n_samples:
         return data
-    rows = np.linspace(0, data.n_samples - 1, max_samples).round().astype(np.intp)
-    note = {'selected': {'samples': max_samples, 'of': data.n_samples}}
-    return dataclasses.replace(data.select(rows), provenance={**data.provenance, **note})
+    chosen = data.select(SELECTIONS[settings.selection](data, count))
+    note = {'selected': {'samples': chosen.n_samples, 'of': data.n_samples}}
+    return dataclasses.replace(chosen, provenance={**data.provenance, **note})
+
+
+def evenly_in_time(data: Dataset, count: int) -> Rows:
+    """Return row numbers at even distances, the first and the last among them."""
+    return np.linspace(0, data.n_samples - 1, count).round().astype(np.intp)
+
+
+def covering(data: Dataset, count: int) -> Rows:
+    """
+    Return the rows that cover positions, velocities and accelerations best.
+
+    Farthest points in sine and cosine of revolute positions, prismatic positions, velocities and
+    accelerations, each divided by its standard deviation; fewer where the rest only repeats them.
+
+    """
+    revolute = np.array(data.joint_types) == 'revolute'
+    angles, shifts = data.q[:, revolute], data.q[:, ~revolute]
+    features = [np.sin(angles), np.cos(angles), shifts, data.dq, data.ddq]
+    return farthest_points(np.concatenate(features, axis=1), count)
+
+
+SELECTIONS: Mapping[str, Callable[[Dataset, int], Rows]] = {
+    'coverage': covering,
+    'time': evenly_in_time,
+}
+"""By the name that `preprocessing.selection` has for them."""

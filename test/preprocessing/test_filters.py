@@ -8,8 +8,12 @@ import numpy as np
 from preprocessing.motions import Floats, relative_error, Sinusoids, uniform
 import pytest
 
-from lip_id_ros.preprocessing.filters import derivative, edge_length, is_filtered, low_pass
+from lip_id_ros.preprocessing.derivatives import CentralDifferences, SavitzkyGolay
+from lip_id_ros.preprocessing.filters import edge_length, is_filtered, low_pass
 from lip_id_ros.preprocessing.resampling import resample, uniform_times
+
+
+derivative = SavitzkyGolay()
 
 
 def sine(frequency: float, rate: float) -> Floats:
@@ -80,7 +84,7 @@ def test_derivative_is_better_than_central_differences() -> None:
     motion, rate = Sinusoids(), 30.0
     t = uniform(int(30 * rate), rate)
     velocity, truth = motion.velocity(t), motion.acceleration(t)[4:-4]
-    central = np.gradient(velocity, 1.0 / rate, axis=0)[4:-4]
+    central = CentralDifferences()(velocity, rate)[4:-4]
     ours = derivative(velocity, rate)[4:-4]
     assert relative_error(ours, truth) < 0.05 * relative_error(central, truth)
 

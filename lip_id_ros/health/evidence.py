@@ -1,0 +1,103 @@
+"""What checks look at: a recording and what is computed from it once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lip_id_ros.health.agreement import Agreement, velocity_agreement
+from lip_id_ros.health.explanation import effort_explanation, Explanation
+from lip_id_ros.health.motion import Motion, motion_of
+from lip_id_ros.health.resolution import quantum
+from lip_id_ros.preprocessing.cleaning import stale
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.joint_samples import Floats
+
+STILL = 1e-3
+"""Joints whose velocity stays below this root mean square [rad/s or m/s] do not move."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """
+    A recording and what can be said of it, each computed when it is first asked for.
+
+    Attributes
+    ----------
+    samples : JointSamples
+        As recorded, efforts scaled to torques where the settings say how.
+    joint_types : tuple of str
+        'revolute' or 'prismatic'.
+
+    """
+
+    samples: JointSamples
+    joint_types: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the n joints."""
+        return self.samples.joint_names
+
+    @cached_property
+    def stale_share(self) -> float:
+        """Share of samples that repeat the one before under a new stamp."""
+        return float(stale(self.samples).mean()) if self.samples.n_samples else 0.0
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The smooth motion, in stretches without gaps."""
+        return motion_of(self.samples)
+
+    @cached_property
+    def speed(self) -> Floats:
+        """Root mean square velocity of each joint [rad/s or m/s], nan if too short."""
+        if not self.motion.stretches:
+            return np.full(self.samples.n_joints, np.nan)
+        rms: Floats = np.sqrt(np.mean(np.square(self.motion.joined('velocity')), axis=0))
+        return rms
+
+    @cached_property
+    def acceleration(self) -> Floats:
+        """Absolute acceleration of each joint that a hundredth of the samples exceeds."""
+        if not self.motion.stretches:
+            return np.full(self.samples.n_joints, np.nan)
+        high: Floats = np.percentile(np.abs(self.motion.joined('acceleration')), 99, axis=0)
+        return high
+
+    @cached_property
+    def reach(self) -> Floats:
+        """Range of each position [rad or m]."""
+        if self.samples.n_samples == 0:
+            return np.zeros(self.samples.n_joints)
+        extent: Floats = np.ptp(self.samples.position, axis=0)
+        return extent
+
+    @cached_property
+    def agreement(self) -> Agreement | None:
+        """Recorded against differentiated velocities, where they can be compared."""
+        if not self.samples.has_velocity or not self.motion.stretches:
+            return None
+        return velocity_agreement(self.motion)
+
+    @cached_property
+    def explanation(self) -> Explanation | None:
+        """Efforts against the motion, where they can be compared."""
+        if not self.samples.has_effort or not self.motion.stretches:
+            return None
+        return effort_explanation(self.motion)
+
+    @cached_property
+    def quanta(self) -> dict[str, list[float]]:
+        """Step of each joint's position, velocity and effort, 0 where not quantised."""
+        return {
+            signal: [quantum(column) for column in getattr(self.samples, signal).T]
+            for signal in ('position', 'velocity', 'effort')
+            if not np.isnan(getattr(self.samples, signal)).any()
+        }
+
+    def moves(self, joint: int) -> bool:
+        """Whether a joint moves at all."""
+        return bool(self.speed[joint] > STILL)

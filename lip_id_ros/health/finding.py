@@ -1,0 +1,81 @@
+"""What is found in a recording, and the checks that find it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+
+from lip_id_ros.health.evidence import Evidence
+
+
+class Severity(StrEnum):
+    """How much a finding matters, most first."""
+
+    ERROR = 'error'  # nothing can be learned
+    WARNING = 'warning'  # what is learned will be worse, or wrong
+    NOTE = 'note'  # good to know
+
+
+@dataclass(frozen=True)
+class Finding:
+    """
+    One thing that is wrong with a recording.
+
+    Attributes
+    ----------
+    code : str
+        Stable name of its kind, see docs/health.md.
+    severity : str
+    joint : str
+        Empty where it is about the whole recording.
+    text : str
+        One sentence: what was found, and what to do.
+
+    """
+
+    code: str
+    severity: str
+    joint: str
+    text: str
+
+    def to_json(self) -> dict[str, str]:
+        """Return the fields as JSON knows them."""
+        return asdict(self)
+
+
+Found = tuple[str, str]
+"""Joint, empty for the whole recording, and what is wrong, as the beginning of a sentence."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """
+    One kind of finding.
+
+    Attributes
+    ----------
+    code : str
+        Stable name.
+    severity : Severity
+    meaning : str
+        When it is found, for the documentation.
+    remedy : str
+        What to do, as the end of a sentence.
+    search : callable
+        Yields what is found.
+
+    """
+
+    code: str
+    severity: Severity
+    meaning: str
+    remedy: str
+    search: Callable[[Evidence], Iterable[Found]]
+
+    def findings(self, evidence: Evidence) -> list[Finding]:
+        """Return one finding for everything that the search finds."""
+        return [
+            Finding(self.code, self.severity.value, joint, f'{found}; {self.remedy}.')
+            for joint, found in self.search(evidence)
+        ]
