@@ -25,11 +25,12 @@ PARTS = {
     'dataset': set(),
     'recording': {'config', 'dataset'},
     'preprocessing': {'config', 'dataset', 'recording'},
+    'health': {'config', 'dataset', 'recording', 'preprocessing'},
     'kernels': set(),
     'model': {'kernels'},
     'gp': {'config', 'dataset', 'kernels', 'linear_algebra', 'model'},
     'serving': {'dataset', 'kernels', 'linear_algebra', 'model'},
-    'evaluation': {'dataset', 'model', 'serving'},
+    'evaluation': {'dataset', 'health', 'model', 'serving'},
     'simulation': {'dataset', 'evaluation'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-SOURCE_HELP = 'rosbag2 folder, .mcap, .db3, ROS 1 .bag or data set .npz'
+SOURCE_HELP = 'rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz'
 
 
 def add_sources(parser: argparse.ArgumentParser) -> None:

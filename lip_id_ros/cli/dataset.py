@@ -10,6 +10,7 @@ HELP = 'turn recordings into one data set'
 EPILOG = """\
 example:
   lip_id dataset my_bag -o data.npz --config arm.yaml
+  lip_id dataset my_bag -o data.csv        for a spreadsheet; loses joint types and provenance
 
 The data set holds t, q, dq, ddq, tau, joint_names, joint_types and segment; numpy.load reads it.
 """
@@ -18,7 +19,9 @@ The data set holds t, q, dq, ddq, tau, joint_names, joint_types and segment; num
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     arguments.add_sources(parser)
-    parser.add_argument('-o', '--output', required=True, metavar='DATA.npz', help='file to write')
+    parser.add_argument(
+        '-o', '--output', required=True, metavar='DATA', help='file to write: .npz or .csv'
+    )
     arguments.add_config(parser, 'default settings')
     arguments.add_joints(parser)
 
@@ -27,13 +30,15 @@ def run(args: argparse.Namespace) -> None:
     """Prepare and save."""
     from lip_id_ros.cli import output, settings, show
     from lip_id_ros.cli.progress_display import progress_display
+    from lip_id_ros.dataset import writer_for
     from lip_id_ros.preprocessing import load_dataset
 
     output.require_folder(args.output)
+    write = writer_for(args.output)
     config = settings.for_data(args)
     with progress_display() as progress:
         dataset = load_dataset(args.sources, config, progress)
-        dataset.save(args.output)
+        write(args.output, dataset)
     console = output.console()
     show.prepared(dataset, console)
     show.sentences([f'Written: {args.output}'], console)

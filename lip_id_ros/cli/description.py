@@ -11,11 +11,19 @@ from lip_id_ros.model import TrainedModel
 from lip_id_ros.model.model_file import SCHEMA
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import DATASET_SUFFIX, describe
+from lip_id_ros.recording.description import Assess
 
 
-def describe_file(path: str, progress: Progress) -> dict[str, Any]:
+def describe_file(path: str, progress: Progress, assess: Assess) -> dict[str, Any]:
     """
     Describe a recording, a data set or a model.
+
+    Parameters
+    ----------
+    path : str
+    progress : callable
+    assess : callable
+        Asked what more is to be said of the samples of a recording.
 
     Raises
     ------
@@ -27,7 +35,7 @@ def describe_file(path: str, progress: Progress) -> dict[str, Any]:
     """
     if Path(path).suffix == DATASET_SUFFIX and _is_model(path):
         return describe_model(path, TrainedModel.load(path))
-    return describe(path, progress)
+    return describe(path, progress, assess)
 
 
 def describe_model(path: str | os.PathLike[str], model: TrainedModel) -> dict[str, Any]:

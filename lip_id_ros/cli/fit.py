@@ -47,19 +47,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
     from lip_id_ros.cli import output, settings, show
+    from lip_id_ros.cli.examination import Examination
     from lip_id_ros.cli.progress_display import progress_display
     from lip_id_ros.evaluation import evaluate, with_inertia_check
     from lip_id_ros.gp import fit
-    from lip_id_ros.preprocessing import load_dataset
+    from lip_id_ros.preprocessing import for_training, load_dataset
     from lip_id_ros.serving import Predictor
 
     output.require_folder(args.output)
     config = settings.for_fit(args)
     evaluation = None
+    examination = Examination(config.recording)
     with progress_display() as progress:
-        training = load_dataset(args.sources, config, progress)
+        training = load_dataset(args.sources, config, progress, examination)
         if args.holdout is not None:
             training, held_out = training.split(1 - args.holdout)
+        training = for_training(training, config.preprocessing)
         model = with_inertia_check(fit(training, config.fit, progress))
         if args.holdout is not None:
             evaluation = evaluate(Predictor(model), held_out, progress)
@@ -69,4 +72,5 @@ def run(args: argparse.Namespace) -> None:
     if evaluation is not None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
         show.evaluated(evaluation, title, console)
+    show.sentences(show.found(examination.found), console)
     show.sentences([*show.cautions(model, evaluation), f'Written: {args.output}'], console)

@@ -7,10 +7,12 @@ from typing import Any
 
 from rich.console import Console
 
+from lip_id_ros.evaluation.health_text import health_table, lines
 from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.evaluation.terminal import show
 
 RANGES = 'ranges'
+HEALTH = 'health'
 UNITS = 'rad or m and per second; effort as recorded, tau in N m or N'
 INDENT = '  '
 Ranges = Mapping[str, Mapping[str, Sequence[float] | None]]
@@ -32,6 +34,8 @@ def described(description: Mapping[str, Any], console: Console, indent: str = ''
     for name, value in description.items():
         if name == RANGES:
             show(ranges(value), console)
+        elif name == HEALTH:
+            _health(value, console)
         elif _is_list_of_mappings(value):
             for number, entry in enumerate(value, start=1):
                 _line(f'{indent}{name} {number}:', console)
@@ -41,6 +45,12 @@ def described(description: Mapping[str, Any], console: Console, indent: str = ''
             described(value, console, indent + INDENT)
         else:
             _line(f'{indent}{name}: {_text(value)}', console)
+
+
+def _health(health: Mapping[str, Any], console: Console) -> None:
+    show(health_table(health['joints']), console)
+    for line in lines(health['findings']) or ['nothing suspicious was found']:
+        _line(line, console)
 
 
 def ranges(by_joint: Ranges) -> Table:

@@ -11,7 +11,7 @@ EPILOG = """\
 examples:
   lip_id predict arm.npz other_bag -o torques.npz    torques and their parts, energies, their
                                                      standard deviations
-  lip_id predict arm.npz other_bag -o torques.mcap   topics /measured and /predicted, for
+  lip_id predict arm.npz other_bag -o torques.mcap   topics /measured, /predicted and more, for
                                                      PlotJuggler and Foxglove
 
 The recording is prepared as it was for the fit, unless --config says otherwise.

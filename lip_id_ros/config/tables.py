@@ -78,18 +78,18 @@ class PreprocessingSettings(Settings):
         minimum=0,
     )
     min_velocity: float = setting(
-        0.0,
-        'Leave out samples at which a joint is slower than this share of its root mean square '
-        'velocity, where friction sticks and slips; joints that never move are not asked; 0 for '
-        'none.',
+        0.05,
+        'Fit without the samples at which a joint is slower than this share of its root mean '
+        'square velocity, where friction has no sign; all are kept where a quarter would not be '
+        'left; 0 for none.',
         minimum=0.0,
     )
     max_samples: int = setting(0, 'Keep at most this many samples; 0 for all.', minimum=0)
     selection: str = setting(
-        'coverage',
-        'Which samples are kept where max_samples leaves some out: those that cover positions, '
-        'velocities and accelerations best, or evenly in time.',
-        choices=('coverage', 'time'),
+        'time',
+        'Which samples are kept where max_samples leaves some out: evenly in time, or those that '
+        'cover positions, velocities and accelerations best.',
+        choices=('time', 'coverage'),
     )
 
 

@@ -3,5 +3,6 @@
 from lip_id_ros.dataset.checks import JOINT_TYPES
 from lip_id_ros.dataset.dataset import Dataset
 from lip_id_ros.dataset.joining import concatenate
+from lip_id_ros.dataset.writing import writer_for
 
-__all__ = ['JOINT_TYPES', 'Dataset', 'concatenate']
+__all__ = ['JOINT_TYPES', 'Dataset', 'concatenate', 'writer_for']

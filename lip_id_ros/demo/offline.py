@@ -28,7 +28,7 @@ from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.evaluation.tables import error_table, notes
 from lip_id_ros.evaluation.terminal import show
 from lip_id_ros.gp import fit
-from lip_id_ros.preprocessing import load_dataset
+from lip_id_ros.preprocessing import for_training, load_dataset
 from lip_id_ros.progress import Progress
 from lip_id_ros.serving import Predictor, TrainedModel
 from lip_id_ros.simulation import (
@@ -118,7 +118,8 @@ def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
         training = record(output / TRAINING_BAG, TRAINING_SEED, size)
         test = record(output / TEST_BAG, TEST_SEED, size)
         recorded = load_dataset([training.bag], config, progress)
-        model = with_inertia_check(fit(recorded, config.fit, progress))
+        chosen = for_training(recorded, config.preprocessing)
+        model = with_inertia_check(fit(chosen, config.fit, progress))
         model.save(output / MODEL)
         unseen = test.with_truth(load_dataset([test.bag], config, progress))
         return report(output / REPORT, model, unseen, progress)

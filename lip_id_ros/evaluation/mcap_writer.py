@@ -1,4 +1,4 @@
-"""Recordings of joint states in the MCAP format, for PlotJuggler, Foxglove and rosbag2."""
+"""Joint states and numbers in the MCAP format, for PlotJuggler, Foxglove and rosbag2."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 import shutil
 import tempfile
-from typing import Literal, TYPE_CHECKING
+from typing import Any, Literal, Protocol, TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,52 @@ from rosbags.typesys import get_typestore, Stores
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-MESSAGE_TYPE = 'sensor_msgs/msg/JointState'
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+NUMBER = 'std_msgs/msg/Float64'
 BAG_VERSION: Literal[8] = 8  # the newest that Humble reads too
+
+
+class Track(Protocol):
+    """The messages of one topic."""
+
+    @property
+    def topic(self) -> str:
+        """Name of the topic."""
+
+    @property
+    def message_type(self) -> str:
+        """Type of its messages."""
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Stamps [s], not negative, shape (N,); the receive time is the same."""
+
+    def message(self, store: Typestore, stamp_ns: int, row: int) -> Any:
+        """Return one message of the type that the store knows."""
+
+
+@dataclass(frozen=True)
+class NumberTrack:
+    """
+    The messages of one std_msgs/Float64 topic.
+
+    Attributes
+    ----------
+    topic : str
+    t : ndarray, shape (N,)
+        Receive times [s], not negative; the message has no stamp.
+    values : ndarray, shape (N,)
+
+    """
+
+    topic: str
+    t: NDArray[np.float64]
+    values: NDArray[np.float64]
+    message_type: str = NUMBER
+
+    def message(self, store: Typestore, stamp_ns: int, row: int) -> Any:
+        """Return one message."""
+        return store.types[NUMBER](data=float(self.values[row]))
 
 
 @dataclass(frozen=True)
@@ -44,9 +88,23 @@ class JointStateTrack:
     position: NDArray[np.float64] | None = None
     velocity: NDArray[np.float64] | None = None
     effort: NDArray[np.float64] | None = None
+    message_type: str = JOINT_STATE
+
+    def message(self, store: Typestore, stamp_ns: int, row: int) -> Any:
+        """Return one message."""
+        types = store.types
+        seconds, nanoseconds = divmod(stamp_ns, 10**9)
+        time = types['builtin_interfaces/msg/Time'](sec=seconds, nanosec=nanoseconds)
+        return types[JOINT_STATE](
+            header=types['std_msgs/msg/Header'](stamp=time, frame_id=''),
+            name=list(self.joint_names),
+            position=_row(self.position, row),
+            velocity=_row(self.velocity, row),
+            effort=_row(self.effort, row),
+        )
 
 
-def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[JointStateTrack]) -> None:
+def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     """
     Write a rosbag2 folder: metadata.yaml and one MCAP file.
 
@@ -54,7 +112,7 @@ def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[JointStateTr
     ----------
     path : path
         The folder to be made; nothing of it is left after a failure.
-    tracks : sequence of JointStateTrack
+    tracks : sequence of Track
 
     Raises
     ------
@@ -68,14 +126,14 @@ def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[JointStateTr
     _in_scratch(target, tracks, lambda bag: bag.rename(target))
 
 
-def write_mcap(path: str | os.PathLike[str], tracks: Sequence[JointStateTrack]) -> None:
+def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     """
     Write one MCAP file, in place of any that was there.
 
     Parameters
     ----------
     path : path
-    tracks : sequence of JointStateTrack
+    tracks : sequence of Track
 
     Raises
     ------
@@ -92,9 +150,7 @@ def write_mcap(path: str | os.PathLike[str], tracks: Sequence[JointStateTrack]) 
     _in_scratch(target, tracks, keep)
 
 
-def _in_scratch(
-    target: Path, tracks: Sequence[JointStateTrack], keep: Callable[[Path], object]
-) -> None:
+def _in_scratch(target: Path, tracks: Sequence[Track], keep: Callable[[Path], object]) -> None:
     scratch = Path(tempfile.mkdtemp(prefix=f'.{target.name}.', dir=target.parent))
     try:
         bag = scratch / target.stem
@@ -104,18 +160,19 @@ def _in_scratch(
         shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _write(bag: Path, tracks: Sequence[JointStateTrack]) -> None:
+def _write(bag: Path, tracks: Sequence[Track]) -> None:
     store = get_typestore(Stores.ROS2_JAZZY)
     with Writer(bag, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP) as writer:
         connections = [
-            writer.add_connection(track.topic, MESSAGE_TYPE, typestore=store) for track in tracks
+            writer.add_connection(track.topic, track.message_type, typestore=store)
+            for track in tracks
         ]
         for stamp, number, row in _in_order(tracks):
             message = _serialized(store, tracks[number], stamp, row)
             writer.write(connections[number], stamp, message)
 
 
-def _in_order(tracks: Sequence[JointStateTrack]) -> list[tuple[int, int, int]]:
+def _in_order(tracks: Sequence[Track]) -> list[tuple[int, int, int]]:
     return sorted(
         (round(seconds * 1e9), number, row)
         for number, track in enumerate(tracks)
@@ -123,18 +180,8 @@ def _in_order(tracks: Sequence[JointStateTrack]) -> list[tuple[int, int, int]]:
     )
 
 
-def _serialized(store: Typestore, track: JointStateTrack, stamp: int, row: int) -> memoryview:
-    types = store.types
-    seconds, nanoseconds = divmod(stamp, 10**9)
-    time = types['builtin_interfaces/msg/Time'](sec=seconds, nanosec=nanoseconds)
-    message = types[MESSAGE_TYPE](
-        header=types['std_msgs/msg/Header'](stamp=time, frame_id=''),
-        name=list(track.joint_names),
-        position=_row(track.position, row),
-        velocity=_row(track.velocity, row),
-        effort=_row(track.effort, row),
-    )
-    return store.serialize_cdr(message, MESSAGE_TYPE)
+def _serialized(store: Typestore, track: Track, stamp: int, row: int) -> memoryview:
+    return store.serialize_cdr(track.message(store, stamp, row), track.message_type)
 
 
 def _row(values: NDArray[np.float64] | None, row: int) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Predictions as files: npz with everything, MCAP with the torques for plotting tools."""
+"""Predictions as files: npz for programs, MCAP for plotting tools."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation.estimator import Uncertain
-from lip_id_ros.evaluation.mcap_writer import JointStateTrack, write_mcap
+from lip_id_ros.evaluation.mcap_writer import JointStateTrack, NumberTrack, Track, write_mcap
 from lip_id_ros.evaluation.outcome import deviation, Outcome
 from lip_id_ros.files import write_npz
 from lip_id_ros.progress import Progress, silent
 
 FORMAT = 'lip_id_ros prediction'
 VERSION = 1
-MEASURED_TOPIC, PREDICTED_TOPIC = '/measured', '/predicted'
+MEASURED_TOPIC, PREDICTED_TOPIC, STD_TOPIC = '/measured', '/predicted', '/predicted_std'
 TORQUES = ('tau', 'inertial', 'coriolis', 'gravity', 'friction')
 ENERGIES = ('kinetic', 'potential')
 UNITS = {
@@ -81,7 +81,7 @@ def write_prediction_mcap(
     progress: Progress = silent,
 ) -> None:
     """
-    Write measured and predicted effort as JointState topics.
+    Write measured and predicted effort, energies and standard deviations as topics.
 
     Raises
     ------
@@ -89,12 +89,19 @@ def write_prediction_mcap(
         If the file cannot be written.
 
     """
-    data = outcome.dataset
-    t = data.t - min(0.0, float(data.t.min()))
-    tracks = [
-        JointStateTrack(MEASURED_TOPIC, data.joint_names, t, data.q, data.dq, data.tau),
-        JointStateTrack(PREDICTED_TOPIC, data.joint_names, t, effort=outcome.prediction.tau),
+    data, estimate = outcome.dataset, outcome.prediction
+    std = deviation(estimator, data, progress)
+    names, t = data.joint_names, data.t - min(0.0, float(data.t.min()))
+    tracks: list[Track] = [
+        JointStateTrack(MEASURED_TOPIC, names, t, data.q, data.dq, data.tau),
+        JointStateTrack(PREDICTED_TOPIC, names, t, effort=estimate.tau),
+        JointStateTrack(STD_TOPIC, names, t, effort=std.tau),
     ]
+    for name in ENERGIES:
+        values, deviations = getattr(estimate, name), getattr(std, name)
+        if values is not None:
+            tracks.append(NumberTrack(f'/{name}_energy', t, values))
+            tracks.append(NumberTrack(f'/{name}_energy_std', t, deviations))
     write_mcap(path, tracks)
     progress('write', data.n_samples, data.n_samples)
 

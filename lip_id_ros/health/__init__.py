@@ -2,6 +2,7 @@
 
 from lip_id_ros.health.evidence import Evidence
 from lip_id_ros.health.examination import evidence_of, examine, serious
+from lip_id_ros.health.figures import health
 from lip_id_ros.health.finding import Check, Finding, Severity
 from lip_id_ros.health.table import CHECKS
 
@@ -13,5 +14,6 @@ __all__ = [
     'Severity',
     'evidence_of',
     'examine',
+    'health',
     'serious',
 ]

@@ -21,7 +21,7 @@ from lip_id_ros.recording.joint_samples import Floats
 LONGEST_LAG_S = 0.12
 SAMPLES_PER_SECOND = 8.0
 """Independent ones, at the cut-off of the low-pass."""
-LEAST_SAMPLES_PER_TERM = 2.5
+LEAST_SAMPLES_PER_TERM = 6.0
 SIGN_WIDTH = 0.1
 
 
@@ -59,51 +59,58 @@ def effort_explanation(motion: Motion) -> Explanation | None:
     stretches = [piece for piece in motion.stretches if len(piece.effort) > 3 * reach]
     if not stretches or not _enough(motion, stretches):
         return None
-    joints = range(stretches[0].effort.shape[1])
-    lags = range(-reach, reach + 1)
-    efforts = [shifted(stretches, 'effort', reach, lag) for lag in lags]
-    found = [_joint(stretches, efforts, joint, reach) for joint in joints]
-    explained, cosine, weight, unexplained = (np.array(part) for part in zip(*found, strict=True))
+    regressions = _regressions(stretches, reach)
+    unexplained = np.array([regression.unexplained for regression in regressions])
     known = np.isfinite(unexplained).all(axis=1)
-    gain = -np.log(unexplained[known]).mean(axis=0) if known.any() else np.zeros(len(lags))
+    gain = -np.log(unexplained[known]).mean(axis=0) if known.any() else np.zeros(2 * reach + 1)
+    at = int(np.argmax(gain))  # a delay of gravity looks like friction with the wrong sign
     return Explanation(
-        explained=explained,
-        friction_cosine=cosine,
-        friction_weight=weight,
+        explained=1.0 - unexplained[:, at],
+        friction_cosine=np.array([each.friction_cosine[at] for each in regressions]),
+        friction_weight=np.array([each.friction_weight[at] for each in regressions]),
         lag_s=peak(gain, motion.rate_hz),
-        lag_gain=float(1.0 - np.exp(gain[reach] - gain.max())),
+        lag_gain=float(1.0 - np.exp(gain[reach] - gain[at])),
     )
 
 
 def _enough(motion: Motion, stretches: Sequence[Stretch]) -> bool:
     seconds = sum(len(stretch.effort) for stretch in stretches) / motion.rate_hz
     terms = 3 * stretches[0].effort.shape[1] + 3
-    return seconds * min(SAMPLES_PER_SECOND, motion.rate_hz) > LEAST_SAMPLES_PER_TERM * terms
+    independent = seconds * min(SAMPLES_PER_SECOND, motion.rate_hz)
+    return bool(independent > LEAST_SAMPLES_PER_TERM * terms)
 
 
-def _joint(
-    stretches: Sequence[Stretch], efforts: Sequence[Floats], joint: int, reach: int
-) -> tuple[float, float, float, Floats]:
-    velocity = shifted(stretches, 'velocity', reach, 0)[:, joint]
+@dataclass(frozen=True, eq=False)
+class _Regression:
+    """Of one joint's effort, at each of L lags: arrays of shape (L,)."""
+
+    unexplained: Floats
+    friction_cosine: Floats
+    friction_weight: Floats
+
+
+def _regressions(stretches: Sequence[Stretch], reach: int) -> list[_Regression]:
+    lags = range(-reach, reach + 1)
+    efforts = np.array([shifted(stretches, 'effort', reach, lag) for lag in lags])
+    velocity = shifted(stretches, 'velocity', reach, 0)
+    basis, _ = np.linalg.qr(_unit(_motion_terms(stretches, reach)))
+    return [
+        _regression(basis, velocity[:, joint], efforts[:, :, joint].T)
+        for joint in range(velocity.shape[1])
+    ]
+
+
+def _regression(basis: Floats, velocity: Floats, effort: Floats) -> _Regression:
     friction = _friction(velocity)
-    others = _unit(_motion_terms(stretches, reach))
-    basis, _ = np.linalg.qr(others)
-    own = friction - basis @ (basis.T @ friction)
-    own_basis, own_triangle = np.linalg.qr(own)
-    unexplained, with_friction = [], np.zeros(2)
-    left, left_without = 0.0, 0.0
-    for number, efforts_at_lag in enumerate(efforts):
-        effort = efforts_at_lag[:, joint] - efforts_at_lag[:, joint].mean()
-        total = effort @ effort
-        without = total - np.square(basis.T @ effort).sum()
-        projected = own_basis.T @ effort
-        rest = without - np.square(projected).sum()
-        unexplained.append(rest / total)
-        if number == reach:
-            left, left_without, with_friction = rest / total, without / total, projected
-    force = friction @ _solved(own_triangle, with_friction)
-    cosine = (force @ velocity) / np.sqrt((force @ force) * (velocity @ velocity))
-    return 1.0 - left, float(cosine), left_without / left, np.array(unexplained)
+    own, triangle = np.linalg.qr(friction - basis @ (basis.T @ friction))
+    effort = effort - effort.mean(axis=0)
+    total = np.square(effort).sum(axis=0)
+    without = total - np.square(basis.T @ effort).sum(axis=0)
+    shares = own.T @ effort
+    rest = without - np.square(shares).sum(axis=0)
+    force = friction @ _solved(triangle, shares)
+    norms = np.sqrt(np.square(force).sum(axis=0) * (velocity @ velocity))
+    return _Regression(rest / total, velocity @ force / norms, without / rest)
 
 
 def _motion_terms(stretches: Sequence[Stretch], reach: int) -> Floats:
@@ -123,7 +130,7 @@ def _unit(terms: Floats) -> Floats:
 
 
 def _solved(triangle: Floats, right: Floats) -> Floats:
-    if np.abs(np.diag(triangle)).min() <= 1e-9 * np.abs(triangle).max():
-        return np.full(len(right), np.nan)
+    if not np.abs(np.diag(triangle)).min() > 1e-9 * np.abs(triangle).max():
+        return np.full_like(right, np.nan)
     solution: Floats = np.linalg.solve(triangle, right)
     return solution

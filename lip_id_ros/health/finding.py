@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from lip_id_ros.health.evidence import Evidence
 
@@ -44,8 +45,11 @@ class Finding:
         return asdict(self)
 
 
-Found = tuple[str, str]
-"""Joint, empty for the whole recording, and what is wrong, as the beginning of a sentence."""
+class Found(NamedTuple):
+    """What a check found: a joint, or '' for the whole recording, and what is wrong with it."""
+
+    joint: str
+    what: str
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,6 @@ class Check:
     def findings(self, evidence: Evidence) -> list[Finding]:
         """Return one finding for everything that the search finds."""
         return [
-            Finding(self.code, self.severity.value, joint, f'{found}; {self.remedy}.')
-            for joint, found in self.search(evidence)
+            Finding(self.code, self.severity.value, found.joint, f'{found.what}; {self.remedy}.')
+            for found in self.search(evidence)
         ]

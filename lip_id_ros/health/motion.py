@@ -17,6 +17,7 @@ from lip_id_ros.recording.timing import GAP_STEPS, median_step
 HIGHEST_RATE_HZ = 100.0
 MOST_SAMPLES = 60_000
 BLOCKS = 6
+LARGEST = 1e100
 
 _SETTINGS = PreprocessingSettings()
 
@@ -59,6 +60,7 @@ def motion_of(samples: JointSamples) -> Motion:
     Smooth a recording as a fit would, at 100 Hz or less.
 
     Of more than `MOST_SAMPLES` samples, blocks from the beginning to the end are looked at.
+    Blocks with numbers too large to be calculated with are left out.
 
     """
     rate, every, stretches = 0.0, 1, []
@@ -67,7 +69,8 @@ def motion_of(samples: JointSamples) -> Motion:
         rate = 1.0 / step
         every = max(1, int(rate / HIGHEST_RATE_HZ))
         for block in _blocks(samples):
-            stretches += list(_stretches(block, rate, every))
+            if _is_finite(block):
+                stretches += list(_stretches(block, rate, every))
     return Motion(rate / every, tuple(stretches))
 
 
@@ -81,6 +84,11 @@ def _blocks(samples: JointSamples) -> Iterator[JointSamples]:
         rows = np.zeros(size, bool)
         rows[start : start + length] = True
         yield chosen(samples, rows)
+
+
+def _is_finite(samples: JointSamples) -> bool:
+    signals = (samples.position, _or_zero(samples.velocity), _or_zero(samples.effort))
+    return all(bool((np.abs(signal) < LARGEST).all()) for signal in signals)
 
 
 def _stretches(samples: JointSamples, rate: float, every: int) -> Iterator[Stretch]:

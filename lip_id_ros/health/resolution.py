@@ -66,9 +66,9 @@ def _flat_top(values: Floats) -> float:
     top = depth <= width
     following = int((depth <= 3.0 * width).sum() - top.sum())
     count = int(top.sum())
-    if count < TOP_OVER_NEXT * (following + 1) or _longest_run(top) < LEAST_RUN:
-        return 0.0
-    return float(count / values.size)
+    share = float(count / values.size)
+    steep = count >= TOP_OVER_NEXT * (following + 1) and _longest_run(top) >= LEAST_RUN
+    return share if steep and share >= LEAST_TOP else 0.0
 
 
 def _longest_run(mask: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> int:

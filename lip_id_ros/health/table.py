@@ -9,7 +9,7 @@ CHECKS: tuple[Check, ...] = (
     Check(
         'short',
         Severity.WARNING,
-        'The recording lasts less than 10 s.',
+        'The recording lasts less than 20 s.',
         'record a minute or more',
         timing.short,
     ),
@@ -31,7 +31,7 @@ CHECKS: tuple[Check, ...] = (
         'gaps',
         Severity.WARNING,
         'More than six gaps in a minute; motion is cut at each, and its edges are lost.',
-        'record on the robot\'s own computer, or set preprocessing.max_gap_s',
+        "record on the robot's own computer, or set preprocessing.max_gap_s",
         timing.gaps,
     ),
     Check(
@@ -48,6 +48,13 @@ CHECKS: tuple[Check, ...] = (
         'nothing needs to be done, they are left out; better publish no faster than the driver '
         'reads',
         timing.stale,
+    ),
+    Check(
+        'position_unit',
+        Severity.WARNING,
+        'A revolute joint turns by more than five turns.',
+        'see whether positions are in degrees, and publish them in rad',
+        excitation.far,
     ),
     Check(
         'velocity_missing',
@@ -75,14 +82,14 @@ CHECKS: tuple[Check, ...] = (
     Check(
         'velocity_scale',
         Severity.WARNING,
-        'A velocity is less than 0.9 or more than 1.1 times the change of position.',
+        'A velocity is less than 0.8 or more than 1.25 times the change of position.',
         'correct the unit in the driver, or set preprocessing.velocity to differentiated',
         velocity.scaled,
     ),
     Check(
         'velocity_unlike',
         Severity.WARNING,
-        'A velocity correlates with the change of position by less than 0.9.',
+        'A velocity correlates with the change of position by less than 0.7.',
         'see whether it belongs to another joint, or set preprocessing.velocity to differentiated',
         velocity.unlike,
     ),

@@ -2,5 +2,6 @@
 
 from lip_id_ros.preprocessing.loading import load_dataset
 from lip_id_ros.preprocessing.pipeline import preprocess
+from lip_id_ros.preprocessing.selection import for_training
 
-__all__ = ['load_dataset', 'preprocess']
+__all__ = ['for_training', 'load_dataset', 'preprocess']

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 import os
 from pathlib import Path
 
 from lip_id_ros.config import Config
 from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.dataset.csv_file import CSV_SUFFIX, has_accelerations, read_csv
 from lip_id_ros.errors import SourceError
 from lip_id_ros.preprocessing.pipeline import preprocess
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.recording import DATASET_SUFFIX, read_bag
+from lip_id_ros.recording import DATASET_SUFFIX, JointSamples, read_bag
+from lip_id_ros.recording.csv_log import read_log
 
 PathLike = str | os.PathLike[str]
+Watch = Callable[[JointSamples], object]
 
 
 def load_dataset(
     sources: PathLike | Sequence[PathLike],
     config: Config | None = None,
     progress: Progress = silent,
+    watch: Watch = lambda samples: None,
 ) -> Dataset:
     """
     Load bags and data sets and join them, each with segments of its own.
@@ -29,12 +33,14 @@ def load_dataset(
     Parameters
     ----------
     sources : path or sequence of paths
-        Bags are preprocessed as `config` says; data sets (.npz) are taken as they are, but for
-        the choice of joints and `max_samples`.
+        Bags and CSV logs are preprocessed as `config` says; data sets (.npz, or .csv with
+        accelerations) are taken as they are, but for the choice of joints and `max_samples`.
     config : Config
         Sections `recording` and `preprocessing` are used.
     progress : callable
         Told how many messages are read.
+    watch : callable
+        Shown the raw samples of every recording before they are preprocessed.
 
     Raises
     ------
@@ -52,15 +58,31 @@ def load_dataset(
     paths = [sources] if isinstance(sources, (str, os.PathLike)) else list(sources)
     if not paths:
         raise SourceError('at least one recording or data set is needed, but none was named.')
-    data = concatenate([_load(path, config, progress) for path in paths])
+    data = concatenate([_load(path, config, progress, watch) for path in paths])
     return at_most(data, config.preprocessing)
 
 
-def _load(path: PathLike, config: Config, progress: Progress) -> Dataset:
-    if Path(path).suffix == DATASET_SUFFIX:
-        data = Dataset.load(path)
-        joints = config.recording.joints
-        return data.with_joints(joints) if joints else data
-    samples = read_bag(path, config.recording, progress)
+def _load(path: PathLike, config: Config, progress: Progress, watch: Watch) -> Dataset:
+    suffix = Path(path).suffix
+    if suffix == DATASET_SUFFIX:
+        return _with_joints(Dataset.load(path), config)
+    if suffix == CSV_SUFFIX and has_accelerations(path):
+        return _with_types(_with_joints(read_csv(path), config), config)
+    if suffix == CSV_SUFFIX:
+        samples = read_log(path, config.recording.joints)
+    else:
+        samples = read_bag(path, config.recording, progress)
+    watch(samples)
     progress('preprocessing', 0, 0)
     return preprocess(samples, replace(config.preprocessing, max_samples=0), config.recording)
+
+
+def _with_joints(data: Dataset, config: Config) -> Dataset:
+    joints = config.recording.joints
+    return data.with_joints(joints) if joints else data
+
+
+def _with_types(data: Dataset, config: Config) -> Dataset:
+    kinds = config.recording.joint_types or data.joint_types
+    compensated = config.recording.gravity_compensated
+    return replace(data, joint_types=kinds, gravity_compensated=compensated)

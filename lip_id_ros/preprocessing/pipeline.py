@@ -30,7 +30,7 @@ from lip_id_ros.preprocessing.segments import (
     Piece,
     smooth,
 )
-from lip_id_ros.preprocessing.selection import at_most, moving, stride
+from lip_id_ros.preprocessing.selection import at_most, stride
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.timing import GAP_STEPS, median_step
 
@@ -38,7 +38,6 @@ STALE = 'sample stale'
 SHORT_SEGMENT = 'segment too short'
 EDGE = 'edge of a segment'
 DECIMATED = 'decimated'
-SLOW = 'joint nearly at rest'
 
 
 def preprocess(
@@ -94,7 +93,6 @@ def _recording(
     motions = _motions(pieces, rate, settings, dropped)
     if not motions:
         raise DataError(_too_short(samples.source, pieces, rate, settings))
-    motions = _without_slow(motions, samples.source, settings, dropped)
     provenance = _provenance(samples, rate, settings, dropped)
     provenance['segments'] = len(motions)
     provenance['retimed'] = any(new is not old for new, old in zip(pieces, given, strict=True))
@@ -146,22 +144,6 @@ def _motions(
     return motions
 
 
-def _without_slow(
-    motions: list[Motion], source: str, settings: PreprocessingSettings, dropped: Counter[str]
-) -> list[Motion]:
-    fast = moving(joined(motions).dq, settings.min_velocity)
-    dropped[SLOW] = int((~fast).sum())
-    if not fast.any():
-        raise DataError(
-            f'{source} must have samples at which every joint moves, but at each of {fast.size} '
-            'some joint is slower than preprocessing.min_velocity allows; lower it, or record all '
-            'joints moving at once.'
-        )
-    ends = np.cumsum([motion.t.size for motion in motions])[:-1]
-    parts = [motion.rows(rows) for motion, rows in zip(motions, np.split(fast, ends), strict=True)]
-    return [part for part in parts if part.t.size]
-
-
 def _dataset(
     motions: list[Motion],
     samples: JointSamples,
@@ -201,7 +183,9 @@ def _too_short(
     source: str, pieces: list[Piece], rate: float, settings: PreprocessingSettings
 ) -> str:
     longest = max(float(piece.t[-1] - piece.t[0]) for piece in pieces)
-    edges = 2 * edge_length(rate, settings.cutoff_hz, settings.edge_periods) / rate if rate else 0.0
+    edges = (
+        2 * edge_length(rate, settings.cutoff_hz, settings.edge_periods) / rate if rate else 0.0
+    )
     needed = max(settings.min_segment_s, edges)
     return (
         f'{source} must hold a motion of {needed:g} s without a gap, but the longest of '

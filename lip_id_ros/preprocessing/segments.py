@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.config import PreprocessingSettings
-from lip_id_ros.preprocessing.cleaning import Mask
 from lip_id_ros.preprocessing.derivatives import DERIVATIVES, MIN_SAMPLES
 from lip_id_ros.preprocessing.filters import edge_length, low_pass
 from lip_id_ros.preprocessing.resampling import resample, uniform_times
@@ -35,7 +34,7 @@ class Motion:
     ddq: Floats
     tau: Floats
 
-    def rows(self, chosen: slice | Mask) -> Motion:
+    def rows(self, chosen: slice) -> Motion:
         """Return some of the samples."""
         return Motion(
             self.t[chosen], self.q[chosen], self.dq[chosen], self.ddq[chosen], self.tau[chosen]

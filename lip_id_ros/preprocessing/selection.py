@@ -18,6 +18,7 @@ from lip_id_ros.recording.joint_samples import Floats
 Rows = NDArray[np.intp]
 
 SAMPLES_PER_PERIOD = 4
+LEAST_LEFT = 0.25
 
 
 def stride(rate_hz: float, settings: PreprocessingSettings) -> int:
@@ -42,12 +43,33 @@ def stride(rate_hz: float, settings: PreprocessingSettings) -> int:
     return max(1, int(rate_hz / (SAMPLES_PER_PERIOD * settings.cutoff_hz)))
 
 
+def for_training(data: Dataset, settings: PreprocessingSettings) -> Dataset:
+    """
+    Leave out the samples at which a joint is nearly at rest; noted in the provenance.
+
+    Near rest friction is anything between its two signs, and the sign of a small velocity is that
+    of its noise. A model is to be judged there all the same, so that this is for training only.
+
+    Parameters
+    ----------
+    data : Dataset
+        Any.
+    settings : PreprocessingSettings
+        Where `min_velocity` would leave less than `LEAST_LEFT` of the samples, as where joints are
+        moved one after another, all are kept.
+
+    """
+    rows = moving(data.dq, settings.min_velocity)
+    left = int(rows.sum())
+    if left == data.n_samples or left < LEAST_LEFT * data.n_samples:
+        return data
+    note = {'moving': {'samples': left, 'of': data.n_samples}}
+    return dataclasses.replace(data.select(rows), provenance={**data.provenance, **note})
+
+
 def moving(dq: Floats, min_velocity: float) -> Mask:
     """
     Mark samples at which no joint is nearly at rest.
-
-    Near rest friction is anything between its two signs, and the sign of a small velocity is that
-    of its noise.
 
     Parameters
     ----------

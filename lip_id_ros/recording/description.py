@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 import os
 from pathlib import Path
 from typing import Any
@@ -9,27 +10,37 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset.csv_file import CSV_SUFFIX, has_accelerations, read_csv
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.bags import Bag
+from lip_id_ros.recording.csv_log import read_log
 from lip_id_ros.recording.joint_samples import Floats, JointSamples
 from lip_id_ros.recording.reading import joint_topics, read_topic
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step
 
 DATASET_SUFFIX = '.npz'
 
+Assess = Callable[[JointSamples], Mapping[str, Any]]
+
 _MOST_GAPS = 20
 
 
-def describe(path: str | os.PathLike[str], progress: Progress = silent) -> dict[str, Any]:
+def describe(
+    path: str | os.PathLike[str],
+    progress: Progress = silent,
+    assess: Assess = lambda samples: {},
+) -> dict[str, Any]:
     """
-    Describe a bag or a data set.
+    Describe a bag, a log or a data set.
 
     Parameters
     ----------
     path : path
-        A rosbag2 folder, .mcap, .db3, ROS 1 .bag or data set .npz.
+        A rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz.
     progress : callable
         Told how many messages are read.
+    assess : callable
+        Gets the samples of each recording, returns what more is to be said of it.
 
     Returns
     -------
@@ -50,6 +61,11 @@ def describe(path: str | os.PathLike[str], progress: Progress = silent) -> dict[
     """
     if Path(path).suffix == DATASET_SUFFIX:
         return _dataset(path, Dataset.load(path))
+    if Path(path).suffix == CSV_SUFFIX:
+        if has_accelerations(path):
+            return _dataset(path, read_csv(path))
+        recordings = [_recording(read_log(path), assess)]
+        return {'file': os.fspath(path), 'kind': 'CSV log', 'recordings': recordings}
     with Bag(path) as bag:
         return {
             'file': os.fspath(path),
@@ -59,13 +75,13 @@ def describe(path: str | os.PathLike[str], progress: Progress = silent) -> dict[
                 for topic in bag.topics
             ],
             'recordings': [
-                _recording(read_topic(bag, topic, progress=progress))
+                _recording(read_topic(bag, topic, progress=progress), assess)
                 for topic in joint_topics(bag)
             ],
         }
 
 
-def _recording(samples: JointSamples) -> dict[str, Any]:
+def _recording(samples: JointSamples, assess: Assess) -> dict[str, Any]:
     arrays = {name: getattr(samples, name) for name in ('position', 'velocity', 'effort')}
     return {
         'topic': samples.topic,
@@ -76,6 +92,7 @@ def _recording(samples: JointSamples) -> dict[str, Any]:
         'start_s': samples.start_s,
         'timing': _timing(samples.t),
         'ranges': _ranges(samples.joint_names, arrays),
+        **assess(samples),
     }
 
 

@@ -18,6 +18,7 @@ from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import evaluate, with_inertia_check
 from lip_id_ros.evaluation.cautions import of_fit
 from lip_id_ros.gp import fit
+from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import Progress
 from lip_id_ros.runtime.recording_file import take_over
 from lip_id_ros.runtime.training_set import training_set
@@ -78,6 +79,7 @@ def _fit(
     training, held_out = data, None
     if request['holdout'] > 0.0:
         training, held_out = data.split(1.0 - request['holdout'])
+    training = for_training(training, config.preprocessing)
     model = with_inertia_check(fit(training, config.fit, progress))
     judged = None
     if held_out is not None:

@@ -12,7 +12,6 @@ from lip_id_ros.preprocessing.derivatives import CentralDifferences, SavitzkyGol
 from lip_id_ros.preprocessing.filters import edge_length, is_filtered, low_pass
 from lip_id_ros.preprocessing.resampling import resample, uniform_times
 
-
 derivative = SavitzkyGolay()
 
 

@@ -91,7 +91,7 @@ def write_report(
     target.mkdir(parents=True, exist_ok=True)
     pictures = _pictures(outcome, evaluation, uncertainty, progress)
     for picture in pictures:
-        _write(target / f'{picture.name}.png', picture.png)
+        write(target / f'{picture.name}.png', picture.png)
     text = page(
         labels.title,
         labels.warnings,
@@ -100,7 +100,7 @@ def write_report(
         pictures,
         Table('Model and data', (), labels.facts),
     )
-    _write(target / INDEX, text.encode())
+    write(target / INDEX, text.encode())
     return target / INDEX
 
 
@@ -121,18 +121,21 @@ def _pictures(
     pictures = []
     with style.styled():
         for number, (name, title, draw) in enumerate(drawings, start=1):
-            pictures.append(Picture(name, title, CAPTIONS[name], _png(draw())))
+            pictures.append(Picture(name, title, CAPTIONS[name], png(draw())))
             progress('plot', number, len(drawings))
     return pictures
 
 
-def _png(figure: Figure) -> bytes:
+def png(figure: Figure) -> bytes:
+    """Return a figure as a PNG image."""
     file = io.BytesIO()
     figure.savefig(file, format='png')
     return file.getvalue()
 
 
-def _write(path: Path, content: bytes) -> None:
+def write(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all."""
+
     def put(file: BinaryIO) -> None:
         file.write(content)
 

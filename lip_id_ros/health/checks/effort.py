@@ -24,7 +24,7 @@ LEAST_LAG_GAIN = 0.15
 def missing(evidence: Evidence) -> Iterator[Found]:
     """Find recordings without efforts."""
     if evidence.samples.n_samples and not evidence.samples.has_effort:
-        yield '', 'no efforts were recorded'
+        yield Found('', 'no efforts were recorded')
 
 
 def constant(evidence: Evidence) -> Iterator[Found]:
@@ -32,7 +32,7 @@ def constant(evidence: Evidence) -> Iterator[Found]:
     for joint, name, effort in _efforts(evidence):
         if effort.size > 1 and np.ptp(effort) == 0.0:
             moves = ', although the joint moves' if evidence.moves(joint) else ''
-            yield name, f'the effort of {name} is {effort[0]:g} throughout{moves}'
+            yield Found(name, f'the effort of {name} is {effort[0]:g} throughout{moves}')
 
 
 def clipped(evidence: Evidence) -> Iterator[Found]:
@@ -40,9 +40,10 @@ def clipped(evidence: Evidence) -> Iterator[Found]:
     for _, name, effort in _efforts(evidence):
         share = clipped_share(effort)
         if share:
-            yield name, (
+            yield Found(
+                name,
                 f'the effort of {name} stays at an end of its range ({effort.min():.3g} to '
-                f'{effort.max():.3g}) in {100 * share:.2g} % of the samples, as if it was clipped'
+                f'{effort.max():.3g}) in {100 * share:.2g} % of the samples, as if it was clipped',
             )
 
 
@@ -51,9 +52,10 @@ def turned(evidence: Evidence) -> Iterator[Found]:
     for joint, name, explanation in _explained(evidence):
         cosine = explanation.friction_cosine[joint]
         if cosine < TURNED and explanation.friction_weight[joint] > FRICTION_SHOWS:
-            yield name, (
+            yield Found(
+                name,
                 f'the effort of {name} contains friction that would drive the motion instead of '
-                'braking it, as if its sign was turned round'
+                'braking it, as if its sign was turned round',
             )
 
 
@@ -62,8 +64,8 @@ def unrelated(evidence: Evidence) -> Iterator[Found]:
     for joint, name, explanation in _explained(evidence):
         share = explanation.explained[joint]
         if share < LEAST_EXPLAINED:
-            yield name, (
-                f'the motion explains {100 * max(0.0, share):.2g} % of the effort of {name}'
+            yield Found(
+                name, f'the motion explains {100 * max(0.0, share):.2g} % of the effort of {name}'
             )
 
 
@@ -75,9 +77,10 @@ def late(evidence: Evidence) -> Iterator[Found]:
     lag = explanation.lag_s
     if abs(lag) > max(LEAST_LAG_S, LEAST_LAG_SAMPLES / evidence.motion.rate_hz):
         side = 'behind' if lag > 0 else 'ahead of'
-        yield '', (
+        yield Found(
+            '',
             f'the efforts are about {1e3 * abs(lag):.2g} ms {side} the motion (as far as a crude '
-            f'model can tell: what it leaves over falls by {100 * explanation.lag_gain:.2g} %)'
+            f'model can tell: what it leaves over falls by {100 * explanation.lag_gain:.2g} %)',
         )
 
 
@@ -87,7 +90,7 @@ def small(evidence: Evidence) -> Iterator[Found]:
         return
     largest = float(np.abs(evidence.samples.effort).max())
     if 0.0 < largest < SMALL and evidence.samples.n_joints > 1:
-        yield '', f'no effort exceeds {largest:.3g}, which is little for torques of an arm'
+        yield Found('', f'no effort exceeds {largest:.3g}, which is little for torques of an arm')
 
 
 def huge(evidence: Evidence) -> Iterator[Found]:
@@ -95,13 +98,15 @@ def huge(evidence: Evidence) -> Iterator[Found]:
     for _, name, effort in _efforts(evidence):
         largest = float(np.abs(effort).max(initial=0.0))
         if largest > HUGE:
-            yield name, f'the effort of {name} reaches {largest:.3g}, which is no torque in N m'
+            yield Found(
+                name, f'the effort of {name} reaches {largest:.3g}, which is no torque in N m'
+            )
 
 
 def _efforts(
     evidence: Evidence,
 ) -> Iterator[tuple[int, str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]]:
-    if evidence.samples.has_effort:
+    if evidence.samples.has_effort and evidence.samples.n_samples:
         for joint, name in enumerate(evidence.names):
             yield joint, name, evidence.samples.effort[:, joint]
 

@@ -15,30 +15,40 @@ LEAST_ACCELERATION = {'revolute': 0.5, 'prismatic': 0.05}
 UNITS = {'revolute': 'rad', 'prismatic': 'm'}
 LEAST_RETURN = 0.1
 TOGETHER = 0.97
+MOST_RANGE = 10.0 * np.pi
 MOST_REST = 0.5
 AT_REST = 0.02
+
+
+def far(evidence: Evidence) -> Iterator[Found]:
+    """Find revolute joints that turn by more than five turns."""
+    for joint, (name, kind) in enumerate(zip(evidence.names, evidence.joint_types, strict=True)):
+        if kind == 'revolute' and evidence.reach[joint] > MOST_RANGE:
+            yield Found(name, f'{name} turns by {evidence.reach[joint]:.3g} rad')
 
 
 def still(evidence: Evidence) -> Iterator[Found]:
     """Find joints that do not move."""
     for joint, name, _ in _joints(evidence):
         if not evidence.moves(joint):
-            yield name, f'{name} does not move'
+            yield Found(name, f'{name} does not move')
 
 
 def little_range(evidence: Evidence) -> Iterator[Found]:
     """Find joints that cover little of their range."""
     for joint, name, kind in _joints(evidence):
         if evidence.moves(joint) and evidence.reach[joint] < LEAST_RANGE[kind]:
-            yield name, f'{name} moves over {evidence.reach[joint]:.2g} {UNITS[kind]} only'
+            yield Found(name, f'{name} moves over {evidence.reach[joint]:.2g} {UNITS[kind]} only')
 
 
 def slow(evidence: Evidence) -> Iterator[Found]:
     """Find joints that move slowly."""
     for joint, name, kind in _joints(evidence):
         if evidence.moves(joint) and evidence.speed[joint] < LEAST_SPEED[kind]:
-            yield name, (
-                f'{name} moves with {evidence.speed[joint]:.2g} {UNITS[kind]}/s (root mean square)'
+            yield Found(
+                name,
+                f'the root mean square velocity of {name} is {evidence.speed[joint]:.2g} '
+                f'{UNITS[kind]}/s',
             )
 
 
@@ -47,7 +57,7 @@ def gentle(evidence: Evidence) -> Iterator[Found]:
     for joint, name, kind in _joints(evidence):
         high = evidence.acceleration[joint]
         if evidence.moves(joint) and high < LEAST_ACCELERATION[kind]:
-            yield name, f'{name} accelerates with {high:.2g} {UNITS[kind]}/s^2 at the most'
+            yield Found(name, f'{name} accelerates with {high:.2g} {UNITS[kind]}/s^2 at the most')
 
 
 def one_way(evidence: Evidence) -> Iterator[Found]:
@@ -58,18 +68,21 @@ def one_way(evidence: Evidence) -> Iterator[Found]:
         velocity = evidence.motion.joined('velocity')[:, joint]
         forward, backward = np.maximum(velocity, 0.0).sum(), np.maximum(-velocity, 0.0).sum()
         if min(forward, backward) < LEAST_RETURN * (forward + backward):
-            yield name, f'{name} moves in one direction only'
+            yield Found(name, f'{name} moves in one direction only')
 
 
 def together(evidence: Evidence) -> Iterator[Found]:
-    """Find pairs of joints whose velocities are proportional."""
+    """Find joints whose velocity is proportional to that of one before."""
     moving = [joint for joint, _, _ in _joints(evidence) if evidence.moves(joint)]
     if len(moving) < 2:
         return
-    correlation = np.corrcoef(evidence.motion.joined('velocity')[:, moving].T)
-    for first, second in zip(*np.nonzero(np.triu(np.abs(correlation), 1) > TOGETHER), strict=True):
-        name, other = evidence.names[moving[first]], evidence.names[moving[second]]
-        yield other, f'{other} moves in step with {name}'
+    velocity = evidence.motion.joined('velocity')[:, moving]
+    correlation = np.atleast_2d(np.corrcoef(velocity, rowvar=False))
+    for number, joint in enumerate(moving):
+        alike = np.flatnonzero(np.abs(correlation[number, :number]) > TOGETHER)
+        if alike.size:
+            name, other = evidence.names[joint], evidence.names[moving[alike[0]]]
+            yield Found(name, f'{name} moves in step with {other}')
 
 
 def resting(evidence: Evidence) -> Iterator[Found]:
@@ -80,7 +93,7 @@ def resting(evidence: Evidence) -> Iterator[Found]:
     velocity = np.abs(evidence.motion.joined('velocity')[:, moving])
     rest = float((velocity < AT_REST * evidence.speed[moving]).all(axis=1).mean())
     if rest > MOST_REST:
-        yield '', f'the arm rests in {100 * rest:.2g} % of the recording'
+        yield Found('', f'the arm rests in {100 * rest:.2g} % of the recording')
 
 
 def _joints(evidence: Evidence) -> Iterator[tuple[int, str, str]]:

@@ -27,7 +27,7 @@ def order(evidence: Evidence) -> Iterator[Found]:
     for pair in (_misplaced(names), _miscounted(names)):
         if pair is not None:
             alphabetical = ' (the order is alphabetical)' if list(names) == sorted(names) else ''
-            yield '', f'joint {pair[0]} comes before {pair[1]}{alphabetical}'
+            yield Found('', f'joint {pair[0]} comes before {pair[1]}{alphabetical}')
             return
 
 
@@ -35,7 +35,7 @@ def gripper(evidence: Evidence) -> Iterator[Found]:
     """Find joints that by their name belong to a gripper."""
     for name in evidence.names:
         if any(word in TIP for word in _words(name)):
-            yield name, f'{name} seems to be part of a gripper'
+            yield Found(name, f'{name} seems to be part of a gripper')
 
 
 def _misplaced(names: Sequence[str]) -> tuple[str, str] | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from lip_id_ros.health.evidence import Evidence
 from lip_id_ros.health.finding import Found
-from lip_id_ros.health.resolution import longest_plateau
+from lip_id_ros.health.resolution import clipped_share, longest_plateau
 
 COARSE = {'position': 0.01, 'velocity': 0.1, 'effort': 0.1}
 """Largest step in standard deviations of the signal."""
@@ -24,9 +24,10 @@ def coarse(evidence: Evidence) -> Iterator[Found]:
             deviation = float(np.std(values[:, joint]))
             if evidence.moves(joint) and quantum > COARSE[signal] * deviation:
                 name = evidence.names[joint]
-                yield name, (
+                yield Found(
+                    name,
                     f'the {signal} of {name} comes in steps of {quantum:.3g}, '
-                    f'{100 * quantum / deviation:.2g} % of its standard deviation'
+                    f'{100 * quantum / deviation:.2g} % of its standard deviation',
                 )
 
 
@@ -43,10 +44,16 @@ def frozen(evidence: Evidence) -> Iterator[Found]:
             first, last = longest_plateau(samples.t, values)
             seconds = float(samples.t[last] - samples.t[first])
             moved = float(np.ptp(samples.position[first : last + 1, joint]))
-            if seconds > FROZEN_S and moved > FROZEN_SHARE * evidence.reach[joint] > 0.0:
-                yield name, (
+            is_end = values[first] in (values.min(), values.max()) and clipped_share(values)
+            if (
+                not is_end
+                and seconds > FROZEN_S
+                and moved > FROZEN_SHARE * evidence.reach[joint] > 0.0
+            ):
+                yield Found(
+                    name,
                     f'the {signal} of {name} stays {values[first]:.3g} for {seconds:.3g} s from '
-                    f'{samples.t[first]:.3g} s on, while its position changes by {moved:.3g}'
+                    f'{samples.t[first]:.3g} s on, while its position changes by {moved:.3g}',
                 )
 
 
@@ -62,7 +69,8 @@ def position_frozen(evidence: Evidence) -> Iterator[Found]:
         seconds = float(t[-1] - t[0])
         way = float(np.median(speed)) * seconds
         if seconds > FROZEN_S and way > max(FROZEN_SHARE * evidence.reach[joint], 0.05):
-            yield name, (
+            yield Found(
+                name,
                 f'the position of {name} stays {samples.position[first, joint]:.3g} for '
-                f'{seconds:.3g} s from {t[0]:.3g} s on, while its velocity goes on'
+                f'{seconds:.3g} s from {t[0]:.3g} s on, while its velocity goes on',
             )

@@ -10,8 +10,9 @@ import numpy as np
 from lip_id_ros.health.evidence import Evidence
 from lip_id_ros.health.finding import Found
 
-ALIKE = 0.9
-LEAST_SCALE, MOST_SCALE = 0.9, 1.1
+ALIKE = 0.7
+PROPORTIONAL = 0.95
+LEAST_SCALE, MOST_SCALE = 0.8, 1.25
 UNITS = {
     180.0 / math.pi: 'degrees per second',
     30.0 / math.pi: 'revolutions per minute',
@@ -21,12 +22,13 @@ UNITS = {
 }
 UNIT_TOLERANCE = 0.05
 LEAST_LAG_S = 0.01
+LEAST_SPEED = 0.01
 
 
 def missing(evidence: Evidence) -> Iterator[Found]:
     """Find recordings without velocities."""
     if evidence.samples.n_samples and not evidence.samples.has_velocity:
-        yield '', 'no velocities were recorded'
+        yield Found('', 'no velocities were recorded')
 
 
 def constant(evidence: Evidence) -> Iterator[Found]:
@@ -36,9 +38,10 @@ def constant(evidence: Evidence) -> Iterator[Found]:
     for joint, name in enumerate(evidence.names):
         values = evidence.samples.velocity[:, joint]
         if evidence.moves(joint) and np.ptp(values) == 0.0:
-            yield name, (
+            yield Found(
+                name,
                 f'the velocity of {name} is {values[0]:g} throughout, although its position '
-                f'changes by {evidence.reach[joint]:.3g}'
+                f'changes by {evidence.reach[joint]:.3g}',
             )
 
 
@@ -46,16 +49,20 @@ def turned(evidence: Evidence) -> Iterator[Found]:
     """Find velocities with the other sign than the change of position."""
     for name, _, correlation, _ in _compared(evidence):
         if correlation < -ALIKE:
-            yield name, f'the velocity of {name} has the other sign than the change of its position'
+            yield Found(
+                name,
+                f'the velocity of {name} has the other sign than the change of its position',
+            )
 
 
 def scaled(evidence: Evidence) -> Iterator[Found]:
     """Find velocities that are a multiple of the change of position."""
     for name, scale, correlation, _ in _compared(evidence):
-        if abs(correlation) > ALIKE and not LEAST_SCALE <= abs(scale) <= MOST_SCALE:
-            yield name, (
+        if abs(correlation) > PROPORTIONAL and not LEAST_SCALE <= abs(scale) <= MOST_SCALE:
+            yield Found(
+                name,
                 f'the velocity of {name} is {abs(scale):.3g} times the change of its '
-                f'position{_unit(abs(scale))}'
+                f'position{_unit(abs(scale))}',
             )
 
 
@@ -63,9 +70,10 @@ def unlike(evidence: Evidence) -> Iterator[Found]:
     """Find velocities that do not follow the change of position."""
     for name, _, correlation, _ in _compared(evidence):
         if abs(correlation) <= ALIKE:
-            yield name, (
+            yield Found(
+                name,
                 f'the velocity of {name} hardly follows the change of its position (correlation '
-                f'{correlation:.2g})'
+                f'{correlation:.2g})',
             )
 
 
@@ -74,7 +82,9 @@ def late(evidence: Evidence) -> Iterator[Found]:
     for name, _, correlation, lag in _compared(evidence):
         if abs(correlation) > ALIKE and abs(lag) > LEAST_LAG_S:
             side = 'behind' if lag > 0 else 'ahead of'
-            yield name, f'the velocity of {name} is {1e3 * abs(lag):.2g} ms {side} its position'
+            yield Found(
+                name, f'the velocity of {name} is {1e3 * abs(lag):.2g} ms {side} its position'
+            )
 
 
 def _compared(evidence: Evidence) -> Iterator[tuple[str, float, float, float]]:
@@ -82,7 +92,8 @@ def _compared(evidence: Evidence) -> Iterator[tuple[str, float, float, float]]:
     if agreement is None:
         return
     for joint, name in enumerate(evidence.names):
-        if evidence.moves(joint) and np.ptp(evidence.samples.velocity[:, joint]) > 0.0:
+        changes = np.ptp(evidence.samples.velocity[:, joint]) > 0.0
+        if evidence.speed[joint] > LEAST_SPEED and changes:
             yield (
                 name,
                 float(agreement.scale[joint]),

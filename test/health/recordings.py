@@ -1,0 +1,80 @@
+"""Sound recordings of a simulated Panda with friction, and ways to break them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+from lip_id_ros.health import evidence_of, examine, Finding
+from lip_id_ros.recording import JointSamples
+
+Floats = NDArray[np.float64]
+RATE = 100.0
+NAMES = tuple(f'arm_joint{number}' for number in range(1, 8))
+COULOMB = np.array([2.0, 2.0, 1.5, 1.5, 0.8, 0.8, 0.8])
+VISCOUS = np.array([2.0, 2.0, 1.5, 1.5, 0.5, 0.5, 0.5])
+
+
+@cache
+def sound(seed: int = 0, friction: float = 1.0, seconds: float = 40.0) -> JointSamples:
+    """Return a recording with the noise of a good driver, and nothing else wrong."""
+    pytest.importorskip('pinocchio', reason='needs pinocchio')
+    from lip_id_ros.simulation import Friction, FrictionalArm, panda, SinusoidTrajectory
+    from lip_id_ros.simulation.panda import MOTION
+
+    rng = np.random.default_rng(seed)
+    arm = FrictionalArm(panda(7), Friction(friction * VISCOUS, friction * COULOMB))
+    t = np.arange(round(seconds * RATE)) / RATE
+    q, dq, ddq = SinusoidTrajectory.random(MOTION, rng).sample(t)
+    return JointSamples(
+        t=t,
+        position=q + 1e-5 * rng.standard_normal(q.shape),
+        velocity=dq + 2e-3 * rng.standard_normal(q.shape),
+        effort=arm.inverse_dynamics(q, dq, ddq) + 0.05 * rng.standard_normal(q.shape),
+        joint_names=NAMES,
+        source='arm.mcap',
+    )
+
+
+def codes(samples: JointSamples) -> set[str]:
+    """Return the kinds of what is found."""
+    return {finding.code for finding in found(samples)}
+
+
+def found(samples: JointSamples) -> tuple[Finding, ...]:
+    """Return what is found without settings."""
+    return examine(evidence_of(samples))
+
+
+def column(samples: JointSamples, signal: str, joint: int, values: Any) -> JointSamples:
+    """Replace one joint's column of one signal."""
+    changed = getattr(samples, signal).copy()
+    changed[:, joint] = values
+    return replace(samples, **{signal: changed})
+
+
+def rows(samples: JointSamples, keep: Any) -> JointSamples:
+    """Keep some of the samples."""
+    return replace(
+        samples,
+        t=samples.t[keep],
+        position=samples.position[keep],
+        velocity=samples.velocity[keep],
+        effort=samples.effort[keep],
+    )
+
+
+def delayed(samples: JointSamples, signal: str, seconds: float) -> JointSamples:
+    """Shift all columns of a signal in time."""
+    late = [np.interp(samples.t - seconds, samples.t, c) for c in getattr(samples, signal).T]
+    return replace(samples, **{signal: np.column_stack(late)})
+
+
+def moved(samples: JointSamples, joint: int, q: Floats, dq: Floats) -> JointSamples:
+    """Let one joint move otherwise; its effort stays what it was."""
+    return column(column(samples, 'position', joint, q), 'velocity', joint, dq)
