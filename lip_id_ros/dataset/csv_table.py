@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 import csv
 import os
+import warnings
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,8 @@ def read_table(path: PathLike) -> Mapping[str, Floats]:
         with open(path, encoding='utf-8-sig') as file:
             next(file)
             lines = (line for line in file if line.strip())
-            rows = np.loadtxt(lines, delimiter=',', ndmin=2, comments=None, quotechar='"')
+            with warnings.catch_warnings(category=UserWarning, action='ignore'):  # no rows
+                rows = np.loadtxt(lines, delimiter=',', ndmin=2, comments=None, quotechar='"')
     except UnicodeDecodeError as error:
         raise DataError(
             f'{os.fspath(path)} must be a text of numbers and commas, but is not ({error}); '

@@ -100,6 +100,42 @@ def test_outline_of_a_nested_description(capsys: Capture) -> None:
     assert any('-1 to 2.5' in line and 'absent' in line for line in lines)
 
 
+def test_findings_of_one_kind_share_a_line(capsys: Capture) -> None:
+    joints = {name: {'range': 1.0, 'velocity_rms': None} for name in 'abc'}
+    findings = [
+        {'code': 'slow', 'severity': 'warning', 'joint': name, 'text': f'{name} is slow; hurry.'}
+        for name in 'abc'
+    ]
+    health = {'findings': findings, 'joints': joints}
+
+    outline.described({'health': health}, Console(width=80))
+    outline.described({'health': {**health, 'findings': findings[:2]}}, Console(width=80))
+    outline.described({'health': {**health, 'findings': []}}, Console(width=80))
+
+    lines = capsys.readouterr().out.splitlines()
+    said = [line for line in lines if 'slow' in line or 'nothing' in line]
+    assert said == [
+        'warning slow: a is slow; hurry. Likewise b, c.',
+        'warning slow: a is slow; hurry.',
+        'warning slow: b is slow; hurry.',
+        'nothing suspicious was found',
+    ]
+
+
+def test_a_fit_tells_notes_by_their_number() -> None:
+    health = {
+        'findings': [
+            {'code': 'slow', 'severity': 'warning', 'joint': 'a', 'text': 'a is slow; hurry.'},
+            {'code': 'stale', 'severity': 'note', 'joint': '', 'text': 'stale; leave it.'},
+        ]
+    }
+    assert show.found([health, health]) == [
+        'warning slow: a is slow; hurry.',
+        'warning slow: a is slow; hurry.',
+        '2 more notes: lip_id inspect shows them.',
+    ]
+
+
 def test_hyperparameters_at_a_bound_are_a_caution(workshop: Workshop) -> None:
     model = TrainedModel.load(workshop.model)
     free = replace(model, summary={**model.summary, 'at_bounds': []})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import importlib
 import json
 from pathlib import Path
@@ -12,11 +13,13 @@ import time
 from cli.conftest import Workshop
 import numpy as np
 import pytest
+from simulation.pendulums import swing
 
 from lip_id_ros.cli import main
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.files import read_npz
 from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.simulation import write_bag
 
 Capture = pytest.CaptureFixture[str]
 
@@ -160,6 +163,57 @@ def test_dataset_keeps_its_joints_and_types(
     assert data.joint_names == ('wrist',)
     assert set(data.segment.tolist()) == {0, 1}
     assert 'uninterrupted segments: 2' in capsys.readouterr().out
+
+
+def test_a_csv_data_set_is_a_source(workshop: Workshop, here: Path) -> None:
+    for path in ('data.npz', 'data.csv'):
+        lip_id('dataset', workshop.bag, '-o', path, '--config', workshop.settings)
+    lip_id('predict', workshop.model, 'data.csv', '-o', 'out.npz')
+
+    measured = read_npz('out.npz')[0]['tau_measured']
+    np.testing.assert_array_equal(measured, Dataset.load('data.npz').tau)
+
+
+def test_inspect_says_what_is_wrong(workshop: Workshop, here: Path, capsys: Capture) -> None:
+    broken = swing(0, rate=50.0)
+    write_bag('broken', replace(broken, dq=57.3 * broken.dq), start=1.7e9)
+
+    lip_id('inspect', 'broken', '--report', 'out', '--json', 'health.json')
+
+    text = ' '.join(capsys.readouterr().out.split())
+    (recording,) = json.loads((here / 'health.json').read_text())['recordings']
+    scaled = [each for each in recording['health']['findings'] if each['code'] == 'velocity_scale']
+    assert [finding['joint'] for finding in scaled] == ['shoulder', 'elbow', 'wrist']
+    scale = recording['health']['joints']['elbow']['velocity_scale']
+    assert scale == pytest.approx(57.3, rel=1e-2)
+    assert 'warning velocity_scale: the velocity of shoulder is 57.3 times' in text
+    assert 'Likewise elbow, wrist.' in text
+    page = (here / 'out' / 'index.html').read_text(encoding='utf-8')
+    assert 'the velocity of shoulder is 57.3 times' in page
+    assert {path.name for path in (here / 'out').iterdir()} == {
+        'index.html', 'signals.png', 'coverage.png'
+    }  # fmt: skip
+
+
+def test_fit_says_what_is_wrong_with_its_recordings(
+    workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    broken = swing(0, rate=50.0)
+    write_bag('broken', replace(broken, dq=57.3 * broken.dq), start=1.7e9)
+
+    lip_id('fit', 'broken', '-o', 'arm.npz', '--config', workshop.settings)
+
+    text = ' '.join(capsys.readouterr().out.split())
+    assert 'warning velocity_scale: the velocity of shoulder is 57.3 times' in text
+
+
+def test_fit_leaves_out_what_is_nearly_at_rest(workshop: Workshop, here: Path) -> None:
+    lip_id('dataset', workshop.bag, '-o', 'data.npz', '--config', workshop.settings)
+
+    data, model = Dataset.load('data.npz'), TrainedModel.load(workshop.model)
+    slowest = 0.05 * np.sqrt(np.mean(np.square(data.dq), axis=0))
+    assert (np.abs(data.dq) < slowest).any()
+    assert not (np.abs(model.states.dq) < slowest).any()
 
 
 def test_inspect_tells_a_bag_a_data_set_and_a_model(

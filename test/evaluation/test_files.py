@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
 from simulation.pendulums import swing
 
 from lip_id_ros.errors import ConfigError
@@ -111,6 +112,63 @@ def test_mcap_shows_measured_beside_predicted(tmp_path: Path) -> None:
     )
     np.testing.assert_allclose([seconds(message) for message in predicted], data.t, atol=1e-9)
     assert tuple(predicted[0].name) == data.joint_names
+
+
+def test_mcap_has_energies_and_standard_deviations(tmp_path: Path) -> None:
+    data, estimator = swing(1), Knowing(torque_error=0.1)
+
+    write_prediction_mcap(tmp_path / 'out.mcap', estimator, run(estimator, data))
+
+    found = messages(tmp_path / 'out.mcap')
+    expected = estimator.predict(data.q, data.dq, data.ddq)
+    std = estimator.standard_deviation(data.q, data.dq, data.ddq)
+    numbers = {
+        '/kinetic_energy': expected.kinetic,
+        '/kinetic_energy_std': std.kinetic,
+        '/potential_energy': expected.potential,
+        '/potential_energy_std': std.potential,
+    }
+    assert {topic for topic, _ in found} == {
+        '/measured', '/predicted', '/predicted_std', *numbers
+    }  # fmt: skip
+    for name, values in numbers.items():
+        shown = [message.data for topic, message in found if topic == name]
+        np.testing.assert_allclose(shown, values, err_msg=name)
+    spread = [list(message.effort) for topic, message in found if topic == '/predicted_std']
+    np.testing.assert_allclose(spread, std.tau)
+
+
+def test_mcap_without_potential_energy(tmp_path: Path) -> None:
+    estimator = Knowing(offset=None)
+
+    write_prediction_mcap(tmp_path / 'out.mcap', estimator, run(estimator, swing(1)))
+
+    topics = {topic for topic, _ in messages(tmp_path / 'out.mcap')}
+    assert not {'/potential_energy', '/potential_energy_std'} & topics
+    assert '/kinetic_energy' in topics
+
+
+def test_mcap_says_what_plotting_tools_need(tmp_path: Path) -> None:
+    """PlotJuggler and Foxglove decode by profile, schema and encoding, without ROS."""
+    write_prediction_mcap(tmp_path / 'out.mcap', Knowing(), run(Knowing(), swing(1)))
+
+    with (tmp_path / 'out.mcap').open('rb') as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert reader.get_header().profile == 'ros2'
+    assert summary is not None
+    schemas = {
+        channel.topic: summary.schemas[channel.schema_id] for channel in summary.channels.values()
+    }
+    assert {channel.message_encoding for channel in summary.channels.values()} == {'cdr'}
+    assert {schema.encoding for schema in schemas.values()} == {'ros2msg'}
+    assert schemas['/predicted_std'].name == 'sensor_msgs/msg/JointState'
+    assert b'float64[] effort' in schemas['/predicted'].data
+    assert schemas['/kinetic_energy'].name == 'std_msgs/msg/Float64'
+    with AnyReader([tmp_path / 'out.mcap']) as bag:
+        connections = [each for each in bag.connections if each.topic == '/kinetic_energy']
+        stamps = [stamp for _, stamp, _ in bag.messages(connections)]
+    np.testing.assert_allclose(1e-9 * np.array(stamps), swing(1).t, atol=1e-9)
 
 
 @pytest.mark.parametrize('name', ['out', 'out.csv', 'npz'])

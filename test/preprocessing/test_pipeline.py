@@ -91,6 +91,57 @@ def test_nothing_crosses_a_gap() -> None:
 EVERY = PreprocessingSettings(decimate=1)
 
 
+@given(
+    st.lists(st.integers(150, 300), min_size=2, max_size=4),
+    st.integers(0, 3),
+    st.sampled_from(['savitzky_golay', 'central_differences']),
+    st.sampled_from(['recorded', 'differentiated']),
+)
+def test_what_one_segment_holds_changes_no_other(
+    lengths: list[int], number: int, derivative: str, velocity: str
+) -> None:
+    """No filter and no derivative crosses a gap."""
+    number %= len(lengths)
+    settings = PreprocessingSettings(derivative=derivative, velocity=velocity)
+    part = np.repeat(np.arange(len(lengths)), lengths)
+    samples = recording(T[0] + 0.01 * np.arange(part.size) + 1.0 * part)
+    noise = np.random.default_rng(0).normal(size=(part.size, 2)) * (part == number)[:, None]
+    spoiled = replace(
+        samples, **{name: getattr(samples, name) + noise for name in ('position', 'velocity')}
+    )
+    clean, other = preprocess(samples, settings), preprocess(spoiled, settings)
+    same = clean.segment != number
+    for name in ('t', 'q', 'dq', 'ddq', 'tau'):
+        np.testing.assert_array_equal(getattr(clean, name)[same], getattr(other, name)[same])
+    assert not np.allclose(clean.ddq[~same], other.ddq[~same])
+
+
+def test_the_derivative_is_a_setting() -> None:
+    motion = Sinusoids()
+    samples = recording(uniform(1000, 30.0), motion)
+    errors = []
+    for derivative in ('savitzky_golay', 'central_differences'):
+        data = preprocess(samples, PreprocessingSettings(derivative=derivative))
+        errors.append(relative_error(data.ddq, motion.acceleration(data.t)))
+    assert errors[0] < 0.2 * errors[1] < 0.002
+
+
+def test_recorded_velocities_can_be_left_aside() -> None:
+    samples = recording(T)
+    wrong = replace(samples, velocity=57.3 * samples.velocity)
+    data = preprocess(wrong, PreprocessingSettings(velocity='differentiated'))
+    expected = preprocess(without_velocity(samples))
+    np.testing.assert_array_equal(data.dq, expected.dq)
+    assert data.provenance['sources'][0]['velocity'] == 'differentiated from position'
+
+
+@pytest.mark.parametrize('periods', [0.0, 0.4, 3.0])
+def test_edges_are_a_setting(periods: float) -> None:
+    data = preprocess(recording(T), PreprocessingSettings(decimate=1, edge_periods=periods))
+    edge = round(periods * 25) + 4
+    assert data.n_samples == 1000 - 2 * edge
+
+
 @pytest.mark.parametrize(('max_gap_s', 'n_segments'), [(0.0, 2), (0.3, 1), (0.05, 2)])
 def test_longest_step_within_a_segment_is_a_setting(max_gap_s: float, n_segments: int) -> None:
     t = np.concatenate([T[:400], T[420:]])

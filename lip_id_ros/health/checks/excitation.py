@@ -15,6 +15,7 @@ LEAST_ACCELERATION = {'revolute': 0.5, 'prismatic': 0.05}
 UNITS = {'revolute': 'rad', 'prismatic': 'm'}
 LEAST_RETURN = 0.1
 TOGETHER = 0.97
+LEAST_SAMPLES = 100
 MOST_RANGE = 10.0 * np.pi
 MOST_REST = 0.5
 AT_REST = 0.02
@@ -77,6 +78,8 @@ def together(evidence: Evidence) -> Iterator[Found]:
     if len(moving) < 2:
         return
     velocity = evidence.motion.joined('velocity')[:, moving]
+    if len(velocity) < LEAST_SAMPLES:
+        return
     correlation = np.atleast_2d(np.corrcoef(velocity, rowvar=False))
     for number, joint in enumerate(moving):
         alike = np.flatnonzero(np.abs(correlation[number, :number]) > TOGETHER)

@@ -21,8 +21,10 @@ def coarse(evidence: Evidence) -> Iterator[Found]:
     for signal, quanta in evidence.quanta.items():
         values = getattr(evidence.samples, signal)
         for joint, quantum in enumerate(quanta):
+            if not evidence.moves(joint):
+                continue
             deviation = float(np.std(values[:, joint]))
-            if evidence.moves(joint) and quantum > COARSE[signal] * deviation:
+            if quantum > COARSE[signal] * deviation:
                 name = evidence.names[joint]
                 yield Found(
                     name,

@@ -1,0 +1,63 @@
+"""The page on the health of a recording."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from health.recordings import column, sound
+import numpy as np
+import pytest
+
+from lip_id_ros.evaluation.report import recording_plots
+from lip_id_ros.evaluation.report.recording_report import write_recording_report
+from lip_id_ros.health import evidence_of, health
+from lip_id_ros.recording import JointSamples
+
+
+def test_pictures_show_every_joint_as_it_was_recorded() -> None:
+    samples = sound()
+    figure = recording_plots.signals(evidence_of(samples))
+    assert len(figure.axes) == 3 * 7
+    for number, panel in enumerate(figure.axes):
+        joint, signal = divmod(number, 3)
+        values = (samples.position, samples.velocity, samples.effort)[signal][:, joint]
+        (line,) = panel.get_lines()
+        assert set(np.asarray(line.get_ydata())) <= set(values)
+    covered = recording_plots.coverage(evidence_of(samples))
+    assert [panel.get_title(loc='left') for panel in covered.axes if panel.get_visible()] == list(
+        samples.joint_names
+    )
+
+
+def test_what_was_not_recorded_is_said_in_the_picture() -> None:
+    samples = column(sound(), 'effort', 0, np.nan)
+    panel = recording_plots.signals(evidence_of(samples)).axes[2]
+    assert [text.get_text() for text in panel.texts] == ['not recorded']
+
+
+def test_several_recordings_get_folders(tmp_path: Path) -> None:
+    broken = evidence_of(column(sound(), 'effort', 0, 1.0))
+    short = evidence_of(
+        JointSamples(np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)), ('<a>',))
+    )
+    pairs = [(evidence, health(evidence)) for evidence in (broken, short)]
+
+    page = write_recording_report(tmp_path, 'my_bag', pairs)
+
+    assert page == tmp_path / '1' / 'index.html'
+    first, second = (
+        (tmp_path / number / 'index.html').read_text(encoding='utf-8') for number in '12'
+    )
+    assert 'the effort of arm_joint1 is 1 throughout' in first
+    assert first.count('data:image/png;base64,') == 2
+    assert second.count('data:image/png;base64,') == 1
+    assert '&lt;a&gt;' in second
+
+
+def test_figures_are_json() -> None:
+    described = json.loads(json.dumps(health(evidence_of(sound())), allow_nan=False))
+    assert set(described) == {
+        'findings', 'joints', 'stale_share', 'effort_lag_s', 'effort_lag_gain'
+    }  # fmt: skip
+    assert described['joints']['arm_joint1']['velocity_scale'] == pytest.approx(1.0, abs=0.01)

@@ -1,0 +1,24 @@
+"""docs/health.md lists what the code finds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import re
+
+from lip_id_ros.health import CHECKS
+
+PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'health.md').read_text(encoding='utf-8')
+
+
+def test_the_table_is_that_of_the_code() -> None:
+    documented = re.findall(
+        r'^\| `(\w+)` \| (\w+) \| (.+?) \| (.+?) \|$', PAGE, flags=re.MULTILINE
+    )
+    assert documented == [
+        (check.code, check.severity.value, check.meaning, check.remedy) for check in CHECKS
+    ]
+
+
+def test_codes_are_unique() -> None:
+    codes = [check.code for check in CHECKS]
+    assert len(set(codes)) == len(codes)

@@ -1,0 +1,52 @@
+"""Steps, plateaus and clipped ends of made signals."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from lip_id_ros.health.resolution import clipped_share, longest_plateau, quantum
+
+T = np.arange(4000) / 100.0
+
+
+def wave(seed: int, noise: float = 0.0) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    rng = np.random.default_rng(seed)
+    rates, phases = rng.uniform(0.5, 5.0, 4), rng.uniform(0.0, 2 * np.pi, 4)
+    return np.asarray(
+        np.sin(np.multiply.outer(T, rates) + phases).sum(axis=1)
+        + noise * rng.standard_normal(T.size)
+    )
+
+
+@given(st.integers(0, 1000), st.floats(0.02, 0.5), st.floats(1e-6, 1e6))
+def test_the_step_of_a_quantised_signal_is_found(seed: int, step: float, unit: float) -> None:
+    values = unit * step * np.round(wave(seed) / step)
+    assert quantum(values) == pytest.approx(unit * step, rel=1e-6)
+
+
+@given(st.integers(0, 1000))
+def test_a_smooth_signal_has_no_step(seed: int) -> None:
+    assert quantum(wave(seed, 0.01)) == 0.0
+    assert quantum(np.zeros(50)) == 0.0
+
+
+@given(st.integers(0, 1000), st.floats(1e-3, 0.3))
+def test_a_quantised_signal_is_not_clipped(seed: int, step: float) -> None:
+    assert clipped_share(step * np.round(wave(seed) / step)) == 0.0
+
+
+@given(st.integers(0, 1000), st.sampled_from([0.0, 0.05]), st.sampled_from([1.0, -1.0]))
+def test_a_clipped_signal_is_clipped(seed: int, noise: float, side: float) -> None:
+    values = wave(seed, noise)
+    limit = np.percentile(values, 90)
+    assert clipped_share(side * np.minimum(values, limit)) == pytest.approx(0.1, abs=0.02)
+    assert clipped_share(values) == 0.0
+
+
+def test_the_longest_plateau_is_that_of_the_longest_time() -> None:
+    t = np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])
+    assert longest_plateau(t, np.array([1.0, 1.0, 1.0, 2.0, 2.0, 3.0])) == (3, 4)
+    assert longest_plateau(t[:1], np.array([1.0])) == (0, 0)

@@ -1,0 +1,104 @@
+"""Fewer samples out of many: those near rest, and those that cover the motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+from preprocessing.motions import recording, uniform
+import pytest
+
+from lip_id_ros.config import PreprocessingSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset.coverage import farthest_points
+from lip_id_ros.preprocessing import for_training, preprocess
+from lip_id_ros.preprocessing.selection import at_most, SELECTIONS
+
+DATA = preprocess(recording(uniform(2000, 100.0)), PreprocessingSettings(decimate=1))
+
+
+def with_velocity(dq: list[list[float]]) -> Dataset:
+    values = np.array(dq)
+    return Dataset(
+        t=np.arange(len(values), dtype=float),
+        q=values,
+        dq=values,
+        ddq=values,
+        tau=values,
+        joint_names=('a', 'b'),
+        joint_types=('revolute', 'revolute'),
+        segment=np.zeros(len(values)),  # type: ignore[arg-type]
+    )
+
+
+@given(st.floats(0.0, 0.3))
+def test_every_sample_for_training_moves_and_no_other_is_left_out(share: float) -> None:
+    data = for_training(DATA, PreprocessingSettings(min_velocity=share))
+    slowest = share * np.sqrt(np.mean(np.square(DATA.dq), axis=0))
+    fast = (np.abs(DATA.dq) >= slowest).all(axis=1)
+    np.testing.assert_array_equal(data.t, DATA.t[fast])
+    left_out = data.provenance.get('moving', {'samples': DATA.n_samples, 'of': DATA.n_samples})
+    assert left_out == {'samples': int(fast.sum()), 'of': DATA.n_samples}
+
+
+def test_a_joint_that_never_moves_is_not_asked() -> None:
+    data = with_velocity([[1.0, 0.0], [0.01, 0.0], [-1.0, 0.0]])
+    np.testing.assert_array_equal(for_training(data, PreprocessingSettings()).t, [0.0, 2.0])
+
+
+def test_joints_that_move_one_after_another_keep_their_samples() -> None:
+    data = with_velocity([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    assert for_training(data, PreprocessingSettings()) is data
+
+
+def test_nothing_is_left_out_where_nothing_is_asked() -> None:
+    assert for_training(DATA, PreprocessingSettings(min_velocity=0.0)) is DATA
+
+
+def test_coverage_takes_what_time_passes_over() -> None:
+    """One sample far from all others is the second that coverage takes."""
+    q, far = DATA.q.copy(), 777
+    ddq = DATA.ddq.copy()
+    ddq[far] = 100.0
+    data = replace(DATA, q=q, ddq=ddq)
+    settings = PreprocessingSettings(max_samples=5, selection='coverage')
+    chosen = at_most(data, settings)
+    assert data.t[far] in chosen.t
+    assert data.t[far] not in at_most(data, replace(settings, selection='time')).t
+    assert chosen.provenance['selected'] == {'samples': 5, 'of': data.n_samples}
+
+
+@given(st.integers(1, 60))
+def test_coverage_leaves_no_sample_far_from_those_taken(count: int) -> None:
+    """Farthest points: what is left out is nearer to them than they are to each other."""
+    points = np.random.default_rng(0).normal(size=(60, 3))
+    rows = farthest_points(points, count)
+    assert len(rows) == count
+    scaled = points / points.std(axis=0)
+    apart = np.linalg.norm(scaled[rows][:, None] - scaled[rows], axis=2)
+    nearest = np.linalg.norm(scaled[:, None] - scaled[rows], axis=2).min(axis=1)
+    smallest = (apart + np.diag(np.full(count, np.inf))).min()
+    assert nearest.max() <= smallest + 1e-12
+
+
+def test_repeated_points_are_taken_once() -> None:
+    points = np.repeat([[0.0], [1.0]], 5, axis=0)
+    assert sorted(points[farthest_points(points, 6), 0]) == [0.0, 1.0]
+
+
+def test_every_choice_of_the_setting_is_there() -> None:
+    from lip_id_ros.config import rows
+    from lip_id_ros.preprocessing.derivatives import DERIVATIVES
+
+    choices = {row.name: row.choices for row in rows(PreprocessingSettings)}
+    assert set(choices['selection']) == set(SELECTIONS)
+    assert set(choices['derivative']) == set(DERIVATIVES)
+
+
+@pytest.mark.parametrize('selection', ['time', 'coverage'])
+def test_order_of_time_stays(selection: str) -> None:
+    chosen = at_most(DATA, PreprocessingSettings(max_samples=50, selection=selection))
+    assert np.all(np.diff(chosen.t) > 0)
+    assert chosen.n_samples == 50
