@@ -58,7 +58,9 @@ def found(healths: Sequence[Mapping[str, Any]]) -> list[str]:
     findings = [finding for health in healths for finding in health['findings']]
     notes = sum(finding['severity'] == 'note' for finding in findings)
     texts = lines(finding for finding in findings if finding['severity'] != 'note')
-    return texts + ([f'{notes} more notes: lip_id inspect shows them.'] if notes else [])
+    return texts + (
+        [f'Notes not shown here: {notes}; see them with lip_id inspect.'] if notes else []
+    )
 
 
 def labels(args: argparse.Namespace, model: TrainedModel, warnings: Sequence[str]) -> Labels:

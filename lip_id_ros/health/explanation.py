@@ -35,8 +35,8 @@ class Explanation:
     explained : ndarray, shape (n,)
         Share of the variance of each effort.
     friction_cosine : ndarray, shape (n,)
-        Between velocity and the friction that was found: about 1 for effort with the right sign,
-        -1 where it is turned round.
+        Between velocity and the friction that was found, both without what position and
+        acceleration explain: about 1 for effort with the right sign, -1 where it is turned round.
     friction_weight : ndarray, shape (n,)
         How many times larger the unexplained variance is without friction.
     lag_s : float
@@ -102,15 +102,17 @@ def _regressions(stretches: Sequence[Stretch], reach: int) -> list[_Regression]:
 
 def _regression(basis: Floats, velocity: Floats, effort: Floats) -> _Regression:
     friction = _friction(velocity)
-    own, triangle = np.linalg.qr(friction - basis @ (basis.T @ friction))
+    own_friction = friction - basis @ (basis.T @ friction)  # what nothing else explains
+    own_velocity = own_friction[:, 0]
+    own, _ = np.linalg.qr(own_friction)
     effort = effort - effort.mean(axis=0)
     total = np.square(effort).sum(axis=0)
     without = total - np.square(basis.T @ effort).sum(axis=0)
     shares = own.T @ effort
     rest = without - np.square(shares).sum(axis=0)
-    force = friction @ _solved(triangle, shares)
-    norms = np.sqrt(np.square(force).sum(axis=0) * (velocity @ velocity))
-    return _Regression(rest / total, velocity @ force / norms, without / rest)
+    norms = np.sqrt(np.square(shares).sum(axis=0) * (own_velocity @ own_velocity))
+    cosine = (own.T @ own_velocity) @ shares / norms
+    return _Regression(rest / total, cosine, without / rest)
 
 
 def _motion_terms(stretches: Sequence[Stretch], reach: int) -> Floats:
@@ -127,10 +129,3 @@ def _friction(velocity: Floats) -> Floats:
 
 def _unit(terms: Floats) -> Floats:
     return terms / np.sqrt(np.mean(np.square(terms), axis=0))
-
-
-def _solved(triangle: Floats, right: Floats) -> Floats:
-    if not np.abs(np.diag(triangle)).min() > 1e-9 * np.abs(triangle).max():
-        return np.full_like(right, np.nan)
-    solution: Floats = np.linalg.solve(triangle, right)
-    return solution

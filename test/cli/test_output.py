@@ -132,7 +132,7 @@ def test_a_fit_tells_notes_by_their_number() -> None:
     assert show.found([health, health]) == [
         'warning slow: a is slow; hurry.',
         'warning slow: a is slow; hurry.',
-        '2 more notes: lip_id inspect shows them.',
+        'Notes not shown here: 2; see them with lip_id inspect.',
     ]
 
 

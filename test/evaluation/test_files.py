@@ -132,6 +132,7 @@ def test_mcap_has_energies_and_standard_deviations(tmp_path: Path) -> None:
         '/measured', '/predicted', '/predicted_std', *numbers
     }  # fmt: skip
     for name, values in numbers.items():
+        assert values is not None
         shown = [message.data for topic, message in found if topic == name]
         np.testing.assert_allclose(shown, values, err_msg=name)
     spread = [list(message.effort) for topic, message in found if topic == '/predicted_std']

@@ -72,7 +72,8 @@ def rows(samples: JointSamples, keep: Any) -> JointSamples:
 def delayed(samples: JointSamples, signal: str, seconds: float) -> JointSamples:
     """Shift all columns of a signal in time."""
     late = [np.interp(samples.t - seconds, samples.t, c) for c in getattr(samples, signal).T]
-    return replace(samples, **{signal: np.column_stack(late)})
+    changed: dict[str, Any] = {signal: np.column_stack(late)}
+    return replace(samples, **changed)
 
 
 def moved(samples: JointSamples, joint: int, q: Floats, dq: Floats) -> JointSamples:

@@ -4,8 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
-from health.recordings import codes, column, delayed, found, moved, NAMES, RATE, rows, sound
+from health.recordings import (
+    codes,
+    column,
+    delayed,
+    Floats,
+    found,
+    moved,
+    NAMES,
+    RATE,
+    rows,
+    sound,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -24,7 +36,7 @@ def jittered(samples: JointSamples) -> JointSamples:
     rng = np.random.default_rng(0)
     shift = rng.uniform(-0.45, 0.45, samples.t.size) / RATE
     t = samples.t + shift
-    signals = {
+    signals: dict[str, Any] = {
         name: np.column_stack([np.interp(t, samples.t, c) for c in getattr(samples, name).T])
         for name in ('position', 'velocity', 'effort')
     }
@@ -77,7 +89,7 @@ def resting(samples: JointSamples) -> JointSamples:
     extra = 5000
     noise = np.random.default_rng(0).standard_normal((2, extra, samples.n_joints))
 
-    def held(values: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    def held(values: Floats) -> Floats:
         return np.repeat(values[-1:], extra, axis=0)
 
     position = np.concatenate([samples.position, held(samples.position) + 1e-6 * noise[0]])
@@ -124,7 +136,11 @@ def renamed(names: tuple[str, ...]) -> Break:
 
 
 def absent(signal: str) -> Break:
-    return lambda samples: replace(samples, **{signal: np.full_like(samples.effort, np.nan)})
+    def leave_out(samples: JointSamples) -> JointSamples:
+        changed: dict[str, Any] = {signal: np.full_like(samples.effort, np.nan)}
+        return replace(samples, **changed)
+
+    return leave_out
 
 
 def constant(signal: str) -> Break:
@@ -279,6 +295,7 @@ def test_any_recording_can_be_examined(seed: int, count: int, n_joints: int, sca
         if rng.uniform() < 0.3:
             part[:] = np.nan
     names = tuple(f'j{number}' for number in range(n_joints))
-    for finding in found(JointSamples(t, *parts, names)):
+    position, velocity, effort = parts
+    for finding in found(JointSamples(t, position, velocity, effort, names)):
         assert 'nan' not in finding.text.split()
         assert finding.text.endswith('.')

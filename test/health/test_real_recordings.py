@@ -41,7 +41,8 @@ def tiago(shared_data: Path) -> JointSamples:
     """The torso (joint 0) and the seven joints of the arm."""
     folder = shared_data / 'tiago_figaroh'
     parts = [table(folder / f'tiago_{name}.csv') for name in ('position', 'velocity', 'effort')]
-    return samples_of(parts[0][:, 0], *(part[:, 1:] for part in parts))
+    q, dq, tau = (part[:, 1:] for part in parts)
+    return samples_of(parts[0][:, 0], q, dq, tau)
 
 
 def test_ur10_is_sound_but_gentle_in_the_shoulder(shared_data: Path) -> None:
@@ -78,7 +79,8 @@ def test_legs_of_go2_have_gaps_and_bursts(shared_data: Path) -> None:
     for number in (1, 4):
         path = shared_data / 'unitree_go2_csv' / f'test_{number}_state_history.csv'
         columns = table(path, header=0)
-        parts = [columns[:, first : first + 12] for first in (1, 13, 25)]
-        kinds.append(found(samples_of(1e-9 * (columns[:, 0] - columns[0, 0]), *parts)))
+        q, dq, tau = (columns[:, first : first + 12] for first in (1, 13, 25))
+        t = 1e-9 * (columns[:, 0] - columns[0, 0])
+        kinds.append(found(samples_of(t, q, dq, tau)))
     assert set(kinds[0]) == {'short', 'together'}
     assert set(kinds[1]) == {'gaps', 'jitter'}
