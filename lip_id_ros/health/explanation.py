@@ -23,6 +23,8 @@ SAMPLES_PER_SECOND = 8.0
 """Independent ones, at the cut-off of the low-pass."""
 LEAST_SAMPLES_PER_TERM = 6.0
 SIGN_WIDTH = 0.1
+LEAST_VARIATION = 1e-6
+"""Terms of joints that stand still say nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +120,9 @@ def _regression(basis: Floats, velocity: Floats, effort: Floats) -> _Regression:
 def _motion_terms(stretches: Sequence[Stretch], reach: int) -> Floats:
     position = shifted(stretches, 'position', reach, 0)
     acceleration = shifted(stretches, 'acceleration', reach, 0)
-    ones = np.ones((len(position), 1))
-    return np.concatenate([ones, np.sin(position), np.cos(position), acceleration], axis=1)
+    terms = np.concatenate([np.sin(position), np.cos(position), acceleration], axis=1)
+    varying = terms.std(axis=0) > LEAST_VARIATION
+    return np.column_stack([np.ones(len(terms)), terms[:, varying]])
 
 
 def _friction(velocity: Floats) -> Floats:

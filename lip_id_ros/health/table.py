@@ -172,7 +172,7 @@ CHECKS: tuple[Check, ...] = (
         'frozen',
         Severity.WARNING,
         'A velocity or effort stays exactly the same for more than a second while the joint moves '
-        'over a fifth of its range.',
+        'over a fifth of its range; not judged where it comes in steps.',
         'leave this part of the recording out',
         resolution.frozen,
     ),

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 import re
 
-from lip_id_ros.health import CHECKS
+from health.recordings import sound
+
+from lip_id_ros.health import CHECKS, evidence_of, health
 
 PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'health.md').read_text(encoding='utf-8')
 
@@ -17,6 +19,13 @@ def test_the_table_is_that_of_the_code() -> None:
     assert documented == [
         (check.code, check.severity.value, check.meaning, check.remedy) for check in CHECKS
     ]
+
+
+def test_the_figures_are_those_of_the_code() -> None:
+    described = health(evidence_of(sound()))
+    text = PAGE.partition('In JSON,')[2].partition('## How')[0]
+    named = set(re.findall(r'`(\w+)`', text))
+    assert set(described) | set(described['joints']['arm_joint1']) <= named
 
 
 def test_codes_are_unique() -> None:

@@ -231,6 +231,12 @@ def test_what_matters_most_comes_first() -> None:
     assert [each.severity for each in serious(found(broken))] == severities[:-1]
 
 
+def test_a_joint_that_stands_still_hides_nothing_of_the_others() -> None:
+    still = moved(sound(), 0, np.ones(sound().n_samples), np.zeros(sound().n_samples))
+    assert codes(still) == {'still'}
+    assert codes(times('effort', -1.0)(still)) == {'still', 'effort_sign'}
+
+
 @pytest.mark.parametrize('delay', [-0.08, -0.04, 0.04, 0.08])
 def test_delay_of_the_efforts_is_measured(delay: float) -> None:
     explanation = evidence_of(delayed(sound(seconds=60.0), 'effort', delay)).explanation
