@@ -195,6 +195,18 @@ def test_inspect_says_what_is_wrong(workshop: Workshop, here: Path, capsys: Capt
     }  # fmt: skip
 
 
+def test_only_recordings_can_be_drawn(here: Path, capsys: Capture) -> None:
+    swing(0, rate=50.0).save('data.npz')
+
+    assert main(['inspect', 'data.npz', '--report', 'out']) == 1
+
+    assert capsys.readouterr().err == (
+        'lip_id: error: data.npz must be a recording with joint samples to be drawn, but has '
+        'none; leave --report out, or evaluate a model with it.\n'
+    )
+    assert not (here / 'out').exists()
+
+
 def test_fit_says_what_is_wrong_with_its_recordings(
     workshop: Workshop, here: Path, capsys: Capture
 ) -> None:
