@@ -61,7 +61,7 @@ def training_set(
         raise DataError(left_out[0])
     whole = replace(config, preprocessing=replace(config.preprocessing, max_samples=0))
     parts = [*live, load_dataset(bags, _with_joints(whole, live), progress)] if bags else live
-    dataset = at_most(concatenate(parts), config.preprocessing.max_samples)
+    dataset = at_most(concatenate(parts), config.preprocessing)
     return TrainingSet(dataset, left_out)
 
 
