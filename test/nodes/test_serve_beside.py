@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import TYPE_CHECKING
 
 import pytest
@@ -35,7 +36,8 @@ def test_the_reference_of_a_running_controller_is_followed(
     State = control_msgs.JointTrajectoryControllerState
     publisher = client.speak(State, '/serve/controller_state')
     client.status('serve', lambda status: status['state'] == 'active')
-    state = State(header=GOOD.header, joint_names=GOOD.joint_names, reference=GOOD.points[0])
+    good = deepcopy(GOOD)
+    state = State(header=good.header, joint_names=good.joint_names, reference=good.points[0])
     publisher.publish(state)
     client.wait_until(lambda: torques, 'answer')
     assert torques[0].header.stamp == GOOD.header.stamp
