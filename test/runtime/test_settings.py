@@ -11,8 +11,6 @@ from lip_id_ros.errors import ConfigError
 from lip_id_ros.runtime.settings import (
     fit_values,
     own_values,
-    READ_ON_CONFIGURE,
-    READ_ON_START,
     require_changeable,
     serve_parameters,
     ServeSettings,
@@ -40,18 +38,10 @@ def test_parameters_of_serve_make_its_settings() -> None:
     assert ServeSettings(**values) == ServeSettings()
 
 
-def test_parameters_that_cannot_change_at_any_time_say_so() -> None:
-    for name, row in serve_parameters().items():
-        assert (name in READ_ON_CONFIGURE) == row.description.endswith('Read on configure.'), name
-        assert (name in READ_ON_START) == row.description.endswith('Read on start.'), name
-
-
 def test_a_change_without_effect_is_refused() -> None:
     before = ServeSettings()
     for state in ('inactive', 'active'):
         with pytest.raises(ConfigError, match=r'^publish_std is read when the node is configured'):
             require_changeable(before, replace(before, publish_std=True), state)
     require_changeable(before, replace(before, publish_std=True), 'unconfigured')
-    with pytest.raises(ConfigError, match=r'^executor is read when the node starts; start it'):
-        require_changeable(before, replace(before, executor='single_threaded'), 'unconfigured')
     require_changeable(before, replace(before, torque_limits=(1.0,)), 'active')
