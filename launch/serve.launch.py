@@ -6,6 +6,15 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+# Launch argument, name in the node, what it is.
+TOPICS = (
+    ('joint_states', 'joint_states', 'Topic of the measured joint states.'),
+    ('desired_trajectory', '~/desired_trajectory', 'Topic of the references and plans.'),
+    ('controller_state', '~/controller_state', 'Topic of a controller that is followed.'),
+    ('trajectory_with_effort', '~/trajectory_with_effort', 'Topic of plans with efforts.'),
+    ('commands', '~/commands', 'Topic of torques for a forward_command_controller.'),
+)
+
 
 def generate_launch_description() -> LaunchDescription:
     share = get_package_share_path('lip_id_ros')
@@ -18,13 +27,15 @@ def generate_launch_description() -> LaunchDescription:
                 description='Parameters of the node serve.',
             ),
             DeclareLaunchArgument('namespace', default_value='', description='Of the robot.'),
-            DeclareLaunchArgument(
-                'desired_trajectory',
-                default_value='~/desired_trajectory',
-                description='Topic of the references and plans.',
+            *(
+                DeclareLaunchArgument(name, default_value=topic, description=description)
+                for name, topic, description in TOPICS
             ),
             DeclareLaunchArgument(
                 'use_sim_time', default_value='false', description='Follow /clock.'
+            ),
+            DeclareLaunchArgument(
+                'autostart', default_value='true', description='Configure and activate.'
             ),
             Node(
                 package='lip_id_ros',
@@ -36,9 +47,10 @@ def generate_launch_description() -> LaunchDescription:
                     {
                         'model_path': LaunchConfiguration('model_path'),
                         'use_sim_time': LaunchConfiguration('use_sim_time'),
+                        'autostart': LaunchConfiguration('autostart'),
                     },
                 ],
-                remappings=[('~/desired_trajectory', LaunchConfiguration('desired_trajectory'))],
+                remappings=[(topic, LaunchConfiguration(name)) for name, topic, _ in TOPICS],
                 output='screen',
             ),
         ]

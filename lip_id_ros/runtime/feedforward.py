@@ -14,16 +14,36 @@ from lip_id_ros.runtime.references import JointOrder, Point, Reason, RefusedErro
 Array = NDArray[np.float64]
 
 
-class Torques(Protocol):
-    """What a prediction must give."""
+class Parts(Protocol):
+    """The prediction of N samples, each array of shape (N, n) [N m or N]."""
 
     @property
     def tau(self) -> Array:
-        """Torques [N m or N], shape (n,) or (N, n)."""
+        """The sum of the parts."""
+
+    @property
+    def inertial(self) -> Array:
+        """Of accelerations."""
+
+    @property
+    def coriolis(self) -> Array:
+        """Of products of velocities."""
+
+    @property
+    def gravity(self) -> Array:
+        """Of positions."""
+
+    @property
+    def friction(self) -> Array:
+        """What is not Lagrangian."""
 
 
-class TorquesAndEnergies(Torques, Protocol):
-    """What the prediction of one sample must give."""
+class Query(Protocol):
+    """The prediction of one sample."""
+
+    @property
+    def tau(self) -> Array:
+        """Torques [N m or N], shape (n,)."""
 
     @property
     def kinetic(self) -> float:
@@ -33,18 +53,22 @@ class TorquesAndEnergies(Torques, Protocol):
     def potential(self) -> float:
         """Potential energy [J], nan where it cannot be identified."""
 
+    @property
+    def gravity(self) -> Array:
+        """The part of tau that is gravity [N m or N], shape (n,)."""
+
 
 class Estimator(Protocol):
     """The part of `lip_id_ros.serving.Predictor` that is used."""
 
-    def query(self, q: Array, dq: Array, ddq: Array) -> TorquesAndEnergies:
+    def query(self, q: Array, dq: Array, ddq: Array) -> Query:
         """Torques and energies of one sample, arrays of shape (n,)."""
 
-    def predict(self, q: Array, dq: Array, ddq: Array) -> Torques:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Parts:
         """Torques of N samples, arrays of shape (N, n)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Answer:
     """
     What one reference sample needs.
@@ -55,12 +79,18 @@ class Answer:
         Torques [N m or N] in the model's order.
     kinetic, potential : float
         Energies [J]; potential is nan where it cannot be identified.
+    gravity : ndarray, shape (n,)
+        The part of tau that is gravity [N m or N].
+    state : ndarray, shape (3, n)
+        Positions, velocities, accelerations in the model's order.
 
     """
 
     tau: Array
     kinetic: float
     potential: float
+    gravity: Array
+    state: Array
 
 
 class Feedforward:
@@ -103,11 +133,23 @@ class Feedforward:
 
         """
         columns = self._order.columns(names)
-        q, dq, ddq = stack(points, len(names))[:, 0].take(columns, axis=1)
-        query = self._predictor.query(q, dq, ddq)
-        return Answer(query.tau, query.kinetic, query.potential)
+        return self.at(stack(points, len(names))[:, 0].take(columns, axis=1))
 
-    def plan(self, names: Sequence[str], points: Sequence[Point]) -> Array:
+    def at(self, state: Array) -> Answer:
+        """Answer one state of shape (3, n), in the model's order, without checks."""
+        query = self._predictor.query(*state)
+        return Answer(query.tau, query.kinetic, query.potential, query.gravity, state)
+
+    def gravity(self, q: Array) -> Array:
+        """Return the torques of gravity [N m or N] at positions of shape (n,)."""
+        still = np.zeros_like(q)
+        return self._predictor.query(q, still, still).gravity
+
+    def parts(self, state: Array) -> Parts:
+        """Return the parts of the torque at one state of shape (3, n)."""
+        return self._predictor.predict(*state[:, np.newaxis])
+
+    def plan(self, names: Sequence[str], points: Sequence[Point]) -> tuple[Parts, Array]:
         """
         Answer a plan, which must move the model's joints and no others.
 
@@ -120,8 +162,8 @@ class Feedforward:
 
         Returns
         -------
-        ndarray, shape (number of points, n)
-            Torques [N m or N] in the model's order.
+        Parts, ndarray
+            Torques in the model's order, and the states, shape (3, number of points, n).
 
         Raises
         ------
@@ -132,8 +174,8 @@ class Feedforward:
         columns = self._order.columns(names)
         if len(columns) != len(names):
             raise RefusedError(Reason.FOREIGN_JOINT)
-        q, dq, ddq = stack(points, len(names))[:, :, columns]
-        return self._predictor.predict(q, dq, ddq).tau
+        states = stack(points, len(names))[:, :, columns]
+        return self._predictor.predict(*states), states
 
     def in_message_order(self, names: Sequence[str], tau: Array) -> Array:
         """

@@ -14,6 +14,18 @@ from lip_id_ros.errors import LipIdError
 Array = NDArray[np.float64]
 
 
+class Duration(Protocol):
+    """The fields of a builtin_interfaces/Duration."""
+
+    @property
+    def sec(self) -> int:
+        """Seconds."""
+
+    @property
+    def nanosec(self) -> int:
+        """Nanoseconds beside them."""
+
+
 class Point(Protocol):
     """The fields of a trajectory_msgs/JointTrajectoryPoint that are read."""
 
@@ -28,6 +40,14 @@ class Point(Protocol):
     @property
     def accelerations(self) -> Sequence[float]:
         """Accelerations [rad/s^2 or m/s^2]."""
+
+
+class PlannedPoint(Point, Protocol):
+    """A point of a plan."""
+
+    @property
+    def time_from_start(self) -> Duration:
+        """When it is reached."""
 
 
 class Reason(StrEnum):
@@ -168,3 +188,9 @@ def stack(points: Sequence[Point], n_names: int) -> Array:
     if not np.isfinite(stacked).all():
         raise RefusedError(Reason.NOT_FINITE)
     return stacked
+
+
+def times(points: Sequence[PlannedPoint]) -> Array:
+    """Return when each point of a plan is reached [s]."""
+    after = [point.time_from_start for point in points]
+    return np.array([each.sec + 1e-9 * each.nanosec for each in after])

@@ -10,64 +10,136 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.runtime.feedforward import Answer, Feedforward
-from lip_id_ros.runtime.limits import TorqueLimits
-from lip_id_ros.runtime.references import Point, Reason, RefusedError
+from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.runtime.deviations import Deviated
+from lip_id_ros.runtime.feedforward import Answer, Parts
+from lip_id_ros.runtime.loading import Arm
+from lip_id_ros.runtime.measured import Motion
+from lip_id_ros.runtime.references import (
+    ON_PURPOSE,
+    PlannedPoint,
+    Point,
+    Reason,
+    RefusedError,
+)
+from lip_id_ros.runtime.served_arm import ServedArm
+from lip_id_ros.runtime.settings import ServeSettings
+from lip_id_ros.runtime.shaping import Sent
+from lip_id_ros.runtime.watch import Watch
 
 Array = NDArray[np.float64]
 Result = TypeVar('Result')
 
+ALARMS = ('out_of_range', 'uncertain')
+"""Counts of doubtful references."""
+
 
 class Server:
     """
-    One model, its limits, and the counts of what was answered and refused.
+    One arm, what holds for its torques, and the counts of what was answered and refused.
 
-    Every torque that leaves is finite and within its joint's limit.
-
-    Attributes
-    ----------
-    enabled : bool
-        Whether references are answered.
+    Every torque that leaves is finite and within its joint's limit. Times `now` are in seconds on
+    any steady clock.
 
     """
 
     def __init__(self) -> None:
-        self.enabled = False
-        self._model: tuple[Feedforward, TorqueLimits] | None = None
-        self._answered = Counter(samples=0, plans=0)
+        self._served: ServedArm | None = None
+        self._enabled = False
+        self._watch = Watch()
+        self._counts = Counter(limited=0, rate_limited=0, out_of_range=0, uncertain=0, stale=0)
+        self._answered = Counter(samples=0, plans=0, measured=0)
         self._refused: Counter[str] = Counter()
+        self._unmeasured: Counter[str] = Counter()
 
     @property
     def active(self) -> bool:
-        """Whether there is a model."""
-        return self._model is not None
+        """Whether there is an arm."""
+        return self._served is not None
+
+    @property
+    def enabled(self) -> bool:
+        """Whether references are answered."""
+        return self._enabled
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Joints of the model, none while there is none."""
-        return self._model[0].joint_names if self._model else ()
+        return self._served.joint_names if self._served else ()
 
     @property
-    def n_refused(self) -> int:
-        """How many messages were refused."""
-        return self._refused.total()
+    def stale(self) -> bool:
+        """Whether references have stopped."""
+        return self._watch.stale
 
     @property
-    def summary(self) -> str:
-        """The state in a word."""
-        if not self.active:
-            return 'inactive'
-        return 'answering' if self.enabled else 'disabled'
+    def deviations_alive(self) -> bool:
+        """Whether standard deviations are computed where they are asked for."""
+        deviations = self._served.arm.deviations if self._served else None
+        return deviations is None or deviations.alive
 
-    def use(self, feedforward: Feedforward, limits: TorqueLimits) -> None:
-        """Answer with this model from now on."""
-        self._model = feedforward, limits
+    # what is served
+
+    def use(self, arm: Arm, settings: ServeSettings, now: float) -> None:
+        """
+        Answer with this model from now on, beginning at what the robot holds.
+
+        Parameters
+        ----------
+        arm : Arm
+            Of the joints served before, in their order, if there were any.
+        settings : ServeSettings
+        now : float
+            [s].
+
+        Raises
+        ------
+        ConfigError
+            If the settings do not fit its joints.
+
+        """
+        rest = Sent(np.zeros(len(arm.feedforward.joint_names)))
+        sent = self._served.shaper.sent if self._served else rest
+        self._served = ServedArm(arm, settings, self._counts, sent)
+        self._served.shaper.begin(now)
+
+    def adjust(self, settings: ServeSettings) -> None:
+        """
+        Take other settings over.
+
+        Raises
+        ------
+        ConfigError
+            If they do not fit the model's joints.
+
+        """
+        if self._served is not None:
+            self._served.adjust(settings)
 
     def release(self) -> None:
-        """Forget the model."""
-        self._model = None
+        """Forget the model; the robot was told zero."""
+        self._served = None
+        self._enabled = False
+        self._watch = Watch()
 
-    def sample(self, names: Sequence[str], points: Sequence[Point]) -> Answer:
+    def enable(self, now: float) -> None:
+        """Answer references from now on, beginning at what the robot holds."""
+        self._enabled = True
+        if self._served is not None:
+            self._served.shaper.begin(now)
+
+    def disable(self) -> None:
+        """Answer no more; the robot was told zero."""
+        self._enabled = False
+        self._watch.stop()
+        if self._served is not None:
+            self._served.shaper.sent = Sent(np.zeros(len(self.joint_names)))
+
+    # messages
+
+    def sample(
+        self, names: Sequence[str], points: Sequence[Point], now: float, tag: Any = None
+    ) -> Answer:
         """
         Answer a message of one point.
 
@@ -77,6 +149,10 @@ class Server:
             Its joints.
         points : sequence of Point
             Its one point.
+        now : float
+            [s].
+        tag : Any
+            Comes back with its standard deviations, if they are computed.
 
         Returns
         -------
@@ -89,9 +165,9 @@ class Server:
             If it cannot be answered; it is counted then.
 
         """
-        return self._counted('samples', lambda: self._sample(names, points))
+        return self._counted('samples', lambda: self._sample(names, points, now, tag))
 
-    def plan(self, names: Sequence[str], points: Sequence[Point]) -> Array:
+    def plan(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> Array:
         """
         Answer a message of any number of points.
 
@@ -99,7 +175,7 @@ class Server:
         ----------
         names : sequence of str
             Its joints.
-        points : sequence of Point
+        points : sequence of PlannedPoint
             Its points.
 
         Returns
@@ -113,40 +189,105 @@ class Server:
             If it cannot be answered; it is counted then.
 
         """
-        return self._counted('plans', lambda: self._plan(names, points))
+        return self._counted('plans', lambda: self._ready().plan(names, points))
+
+    def measure(self, message: JointMessage, now: float) -> Motion | None:
+        """Take a measured joint state; None, counted by reason, if it cannot be used."""
+        if self._served is None:
+            return None
+        try:
+            motion = self._served.measured.motion(message)
+        except RefusedError as refused:
+            self._unmeasured[refused.reason.value] += 1
+            return None
+        self._answered['measured'] += 1
+        self._watch.measure(now, motion.q)
+        return motion
+
+    def safe_torque(self, now: float) -> Array | None:
+        """Return what must be published because references have stopped, None where they go on."""
+        served = self._served
+        if served is None or not self._enabled:
+            return None
+        timeout_s = served.stale_timeout_s
+        if self._watch.silence(now) <= timeout_s:
+            return None
+        if not self._watch.stale:
+            self._watch.stale = True
+            self._counts['stale'] += 1
+        with np.errstate(all='ignore'):
+            return served.safe_torque(self._watch.position(now, timeout_s), now)
+
+    # beside the answers
+
+    def parts(self, answer: Answer) -> Parts:
+        """Return the parts of the model's torque at an answered sample, arrays (1, n)."""
+        return self._active().arm.feedforward.parts(answer.state)
+
+    def measured_energies(self, motion: Motion) -> Answer:
+        """Return the energies at a measured state."""
+        return self._active().measured.energies(motion)
+
+    def residual(self, motion: Motion) -> Array | None:
+        """Return what the model does not explain of a measured torque, shape (n,) [N m or N]."""
+        with np.errstate(all='ignore'):
+            return self._active().measured.residual(motion)
+
+    def take_deviation(self) -> Deviated | None:
+        """Return standard deviations that were not taken yet."""
+        deviations = self._served.arm.deviations if self._served else None
+        return deviations.take() if deviations else None
+
+    # what was done
+
+    def alarms(self) -> Counter[str]:
+        """Return how often something happened that somebody should know of."""
+        unwanted = {key: n for key, n in self._refused.items() if key not in ON_PURPOSE}
+        return Counter(unwanted) + Counter({key: self._counts[key] for key in ALARMS})
+
+    def silence(self, now: float) -> float:
+        """Return the time since the last answered reference [s]."""
+        return self._watch.silence(now)
 
     def status(self) -> dict[str, Any]:
         """Return what was done so far, JSON-able."""
         return {
-            'enabled': self.enabled,
+            'enabled': self._enabled,
             'joint_names': list(self.joint_names),
             'answered': dict(self._answered),
-            'limited': self._model[1].limited if self._model else 0,
+            **self._counts,
             'refused': dict(self._refused),
+            'unmeasured': dict(self._unmeasured),
         }
 
     def _counted(self, kind: str, answer: Callable[[], Result]) -> Result:
         try:
-            result = answer()
+            # values too large to be squared are refused below, not warned of
+            with np.errstate(all='ignore'):
+                result = answer()
         except RefusedError as refused:
             self._refused[refused.reason.value] += 1
             raise
         self._answered[kind] += 1
         return result
 
-    def _sample(self, names: Sequence[str], points: Sequence[Point]) -> Answer:
-        feedforward, limits = self._ready()
-        answer = feedforward.sample(names, points)
-        return replace(answer, tau=limits.apply(answer.tau))
+    def _sample(
+        self, names: Sequence[str], points: Sequence[Point], now: float, tag: Any
+    ) -> Answer:
+        served = self._ready()
+        if self._watch.stale:
+            served.shaper.begin(now)
+        answer, tau = served.sample(names, points, now, tag)
+        self._watch.feed(now, answer.state[0])
+        return replace(answer, tau=tau)
 
-    def _plan(self, names: Sequence[str], points: Sequence[Point]) -> Array:
-        feedforward, limits = self._ready()
-        tau = limits.apply(feedforward.plan(names, points))
-        return feedforward.in_message_order(names, tau)
-
-    def _ready(self) -> tuple[Feedforward, TorqueLimits]:
-        if self._model is None:
-            raise RefusedError(Reason.INACTIVE)
-        if not self.enabled:
+    def _ready(self) -> ServedArm:
+        served = self._active()
+        if not self._enabled:
             raise RefusedError(Reason.DISABLED)
-        return self._model
+        return served
+
+    def _active(self) -> ServedArm:
+        if self._served is None:
+            raise RefusedError(Reason.INACTIVE)
+        return self._served

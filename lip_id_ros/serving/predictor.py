@@ -37,12 +37,15 @@ class Query:
         [J].
     potential : float
         Relative to the reference positions [J]; not a number where it cannot be told.
+    gravity : array, shape (n,)
+        The part of tau that is gravity [N m or N].
 
     """
 
     tau: Array
     kinetic: float
     potential: float
+    gravity: Array
 
 
 @dataclass(frozen=True)
@@ -125,6 +128,7 @@ class Predictor:
             parts[0] + parts[1] + parts[2],
             float(energies[0]),
             float(energies[1] - self._potential_offset),
+            parts[GRAVITY].copy(),
         )
 
     def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Prediction:

@@ -27,7 +27,7 @@ class Sleeper(Knowing):
     def query(self, q: Floats, dq: Floats, ddq: Floats) -> Query:
         self.queries.append(np.array([q, dq, ddq]))
         time.sleep(0.002)
-        return Query(q, 0.0, 0.0)
+        return Query(q, 0.0, 0.0, q)
 
     def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Prediction:
         time.sleep(0.02)

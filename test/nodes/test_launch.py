@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from copy import deepcopy
 from pathlib import Path
 import subprocess
 import sys
@@ -17,8 +18,10 @@ from ament_index_python.packages import get_package_share_path, PackageNotFoundE
 from nodes.test_serve import GOOD
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
+import yaml
 
 from lip_id_ros.demo.processes import end
+from lip_id_ros.nodes import qos
 from lip_id_ros.recording import read_bag
 
 if TYPE_CHECKING:
@@ -102,6 +105,78 @@ def test_two_arms_are_recorded_side_by_side(ros: tuple[Graph, Client], tmp_path:
         assert kept.n_samples >= 10
         assert (kept.position == [-value, value]).all()
     assert not (tmp_path / 'unsaved.mcap').exists()
+
+
+def test_both_nodes_of_two_arms_share_a_graph(
+    ros: tuple[Graph, Client], model_path: str, tmp_path: Path
+) -> None:
+    graph, client = ros
+    parameters = tmp_path / 'arm.yaml'
+    parameters.write_text(
+        '/**/train: {ros__parameters: {record_on_start: true}}\n'
+        '/**/serve: {ros__parameters: {ramp_s: 0.0, joints: [elbow, shoulder]}}\n'
+    )
+
+    def arm(name: str) -> AbstractContextManager[Path]:
+        return launched(
+            graph,
+            'arm.launch.py',
+            f'params_file:={parameters}',
+            f'model_path:={model_path}',
+            f'namespace:={name}',
+            'autostart:=true',
+            f'desired_trajectory:=/{name}/wanted',
+            f'trajectory_with_effort:=/{name}/controller/joint_trajectory',
+            f'joint_states:=/{name}/measured',
+        )
+
+    with arm('left'), arm('right'):
+        plans = {
+            name: client.listen(JointTrajectory, f'/{name}/controller/joint_trajectory')
+            for name in ('left', 'right')
+        }
+        publisher = client.speak(JointTrajectory, '/left/wanted')
+        for name in ('left/serve', 'right/serve'):
+            client.status(name, lambda status: status['state'] == 'active')
+        plan = deepcopy(GOOD)
+        plan.points = [plan.points[0]] * 3
+        publisher.publish(plan)
+        client.wait_until(lambda: plans['left'], 'plan')
+        assert all(len(point.effort) == 2 for point in plans['left'][0].points)
+        assert not plans['right']
+
+        measured = client.speak(JointState, '/right/measured', qos.OUTPUT)
+        client.wait_until(lambda: measured.get_subscription_count() == 2, 'both nodes')
+        for number in range(1, 21):
+            state = JointState(name=GOOD.joint_names, position=[0.0] * 2, velocity=[0.0] * 2)
+            state.header.stamp.sec = number
+            measured.publish(state)
+        client.status('right/serve', lambda status: status['answered']['measured'] > 0)
+        client.status('right/train', lambda status: status['rows'] > 0)
+        assert client.status('left/train', lambda status: True)['rows'] == 0
+
+
+def test_the_example_of_ros2_control_is_about_the_same_joints() -> None:
+    config = get_package_share_path('lip_id_ros') / 'config'
+    controllers = yaml.safe_load((config / 'controllers.yaml').read_text())
+    serve = yaml.safe_load((config / 'panda.yaml').read_text())['/**/serve']
+    manager = controllers['controller_manager']['ros__parameters']
+    named = {name for name, value in manager.items() if isinstance(value, dict)}
+    assert named == set(controllers) - {'controller_manager'}
+    for name in named:
+        joints = controllers[name]['ros__parameters']['joints']
+        assert joints == serve['ros__parameters']['joints']
+
+
+@pytest.mark.parametrize('name', ['panda.yaml', 'ur10.yaml', 'serve.yaml'])
+def test_serve_takes_its_parameters_from_a_file(name: str, ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    path = get_package_share_path('lip_id_ros') / 'config' / name
+    with launched(
+        graph, 'serve.launch.py', f'params_file:={path}', 'model_path:=none', 'autostart:=false'
+    ) as log:
+        client.status('serve', lambda status: status['state'] == 'unconfigured')
+    assert 'is not a setting' not in log.read_text()
 
 
 def test_train_takes_its_parameters_from_a_file(ros: tuple[Graph, Client]) -> None:

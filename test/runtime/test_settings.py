@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
+
 from lip_id_ros.config import Config, flatten, override
+from lip_id_ros.errors import ConfigError
 from lip_id_ros.runtime.settings import (
     fit_values,
     own_values,
+    require_changeable,
     serve_parameters,
     ServeSettings,
     train_parameters,
@@ -30,3 +36,12 @@ def test_parameters_of_train_make_its_settings_and_those_of_a_fit() -> None:
 def test_parameters_of_serve_make_its_settings() -> None:
     values = {name: row.default for name, row in serve_parameters().items()}
     assert ServeSettings(**values) == ServeSettings()
+
+
+def test_a_change_without_effect_is_refused() -> None:
+    before = ServeSettings()
+    for state in ('inactive', 'active'):
+        with pytest.raises(ConfigError, match=r'^publish_std is read when the node is configured'):
+            require_changeable(before, replace(before, publish_std=True), state)
+    require_changeable(before, replace(before, publish_std=True), 'unconfigured')
+    require_changeable(before, replace(before, torque_limits=(1.0,)), 'active')

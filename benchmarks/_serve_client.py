@@ -1,0 +1,168 @@
+"""One cell of `serve_rate`: a stream of references to `serve`, and what came back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes.running import make_executor
+from lip_id_ros.simulation import panda, SinusoidTrajectory
+from lip_id_ros.simulation.panda import MOTION
+
+LIMITS = [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]  # data sheet [N m]
+START_SECONDS, LAST_SECONDS = 120.0, 2.0
+
+
+def main(request: dict[str, Any]) -> dict[str, Any]:
+    """Stream references for some seconds; return figures."""
+    rclpy.init()
+    node = rclpy.create_node('rate_client')
+    client = Client(node)
+    with serving(request['model'], request['executor']) as process, spun(node):
+        client.wait_for_answer()
+        used = cpu_seconds(process.pid)
+        began = time.perf_counter()
+        client.stream(request['rate_hz'], request['seconds'])
+        elapsed = time.perf_counter() - began
+        cpu = 100.0 * (cpu_seconds(process.pid) - used) / elapsed
+        time.sleep(LAST_SECONDS)
+    return {**request, 'serve_cpu_percent': cpu, **client.figures(elapsed)}
+
+
+class Client:
+    """Publishes references whose stamps are their numbers, and hears the torques."""
+
+    def __init__(self, node: Node) -> None:
+        self._publisher = node.create_publisher(
+            JointTrajectory, '/serve/desired_trajectory', qos.REFERENCE
+        )
+        node.create_subscription(JointState, '/serve/feedforward_torque', self._hear, qos.OUTPUT)
+        self._references = references()
+        self._sent: list[float] = []
+        self._heard: dict[int, float] = {}
+        self._wrong = 0
+        self._warm = threading.Event()
+
+    def wait_for_answer(self) -> None:
+        """Send references until the first is answered."""
+        deadline = time.monotonic() + START_SECONDS
+        while not self._warm.wait(0.1):
+            self._publisher.publish(numbered(self._references[0], -1))
+            if time.monotonic() > deadline:
+                raise TimeoutError(f'serve did not answer in {START_SECONDS:g} s')
+        time.sleep(1.0)
+
+    def stream(self, rate_hz: float, seconds: float) -> None:
+        """Publish at a fixed rate."""
+        begin = time.perf_counter()
+        for number in range(round(rate_hz * seconds)):
+            message = numbered(self._references[number % len(self._references)], number)
+            ahead = begin + number / rate_hz - time.perf_counter()
+            if ahead > 0:
+                time.sleep(ahead)
+            self._sent.append(time.perf_counter())
+            self._publisher.publish(message)
+
+    def figures(self, elapsed: float) -> dict[str, Any]:
+        """Return what was lost, how long answers took, and whether they were safe."""
+        ms = [1e3 * (at - self._sent[number]) for number, at in self._heard.items()]
+        return {
+            'sent': len(self._sent),
+            'sent_per_second': len(self._sent) / elapsed,
+            'lost': len(self._sent) - len(self._heard),
+            'wrong': self._wrong,
+            'answer_ms_median': float(np.median(ms)),
+            'answer_ms_p99': float(np.percentile(ms, 99)),
+            'answer_ms_max': max(ms),
+        }
+
+    def _hear(self, message: JointState) -> None:
+        at = time.perf_counter()
+        number = message.header.stamp.sec * messages.NANOSECONDS + message.header.stamp.nanosec - 2
+        if number < 0 or number >= len(self._sent):
+            self._warm.set()
+            return
+        self._heard[number] = at
+        effort = np.asarray(message.effort)
+        if effort.shape != (len(LIMITS),) or not (np.abs(effort) <= LIMITS).all():  # nan, too
+            self._wrong += 1
+
+
+def references() -> list[JointTrajectory]:
+    """Return references along ten seconds of a motion of the Panda."""
+    trajectory = SinusoidTrajectory.random(MOTION, np.random.default_rng(1))
+    motion = trajectory.sample(np.linspace(0.0, 10.0, 1000))
+    points = [
+        JointTrajectoryPoint(positions=q, velocities=dq, accelerations=ddq)
+        for q, dq, ddq in zip(*(part.tolist() for part in motion), strict=True)
+    ]
+    names = list(panda().joint_names)
+    return [JointTrajectory(joint_names=names, points=[point]) for point in points]
+
+
+def numbered(message: JointTrajectory, number: int) -> JointTrajectory:
+    """Stamp a reference with its number; a stamp of zero would mean now."""
+    message.header.stamp = messages.stamp_at(number + 2)
+    return message
+
+
+@contextmanager
+def serving(model: str, executor: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run `serve` while the block runs."""
+    parameters = {
+        'model_path': model,
+        'executor': executor,
+        'torque_limits': json.dumps(LIMITS),
+        'ramp_s': 0.0,
+        'joints': json.dumps(list(panda().joint_names)),
+    }
+    arguments = [part for each in parameters.items() for part in ('-p', '{}:={}'.format(*each))]
+    command = [sys.executable, '-m', 'lip_id_ros.nodes.serve', '--ros-args', *arguments]
+    with tempfile.TemporaryFile() as log:
+        process = subprocess.Popen(command, stdout=log, stderr=log)
+        try:
+            yield process
+        finally:
+            process.terminate()
+            process.wait()
+
+
+@contextmanager
+def spun(node: Node) -> Iterator[None]:
+    """Spin a node in another thread while the block runs."""
+    executor = make_executor('events')
+    executor.add_node(node)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        executor.shutdown()
+        thread.join()
+        rclpy.shutdown()
+
+
+def cpu_seconds(pid: int) -> float:
+    """Return the processor time of a process so far [s]."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+if __name__ == '__main__':
+    print(json.dumps(main(json.loads(sys.argv[1]))))

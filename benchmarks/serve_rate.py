@@ -1,0 +1,95 @@
+"""Round trip of `serve` on a real ROS graph: rates, executors and middlewares."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks._panda import run_pair
+from lip_id_ros.config import FitSettings
+from lip_id_ros.gp import fit
+
+EXECUTORS = ('events', 'single_threaded')
+MIDDLEWARES = ('rmw_fastrtps_cpp', 'rmw_cyclonedds_cpp')
+COLUMNS = {
+    'middleware': 'middleware',
+    'executor': 'executor',
+    'rate_hz': 'Hz',
+    'sent_per_second': 'sent per s',
+    'lost': 'lost',
+    'wrong': 'wrong',
+    'answer_ms_median': 'median ms',
+    'answer_ms_p99': '99 % ms',
+    'answer_ms_max': 'max ms',
+    'serve_cpu_percent': 'CPU %',
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Measure every cell, print a table."""
+    parser = argparse.ArgumentParser(prog='benchmarks serve_rate', description=__doc__)
+    parser.add_argument('--rates', type=float, nargs='+', default=[100, 250, 500, 1000])
+    parser.add_argument('--executors', nargs='+', choices=EXECUTORS, default=EXECUTORS)
+    parser.add_argument('--middlewares', nargs='+', default=MIDDLEWARES)
+    parser.add_argument('--seconds', type=float, default=10.0)
+    parser.add_argument('--model', help='of the Panda; left out: one is fitted')
+    parser.add_argument('--json', type=Path, help='also write the figures here')
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        model = options.model or fitted(folder)
+        cells = itertools.product(options.middlewares, options.executors, options.rates)
+        rows = [measure(*cell, options.seconds, model) for cell in cells]
+    _print(rows, options.seconds)
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=1))
+    return int(any(row['wrong'] for row in rows))
+
+
+def fitted(folder: str) -> str:
+    """Fit a model of a 7-joint Panda with 500 samples: how well does not matter here."""
+    path = f'{folder}/model.npz'
+    train, _ = run_pair(7, seed=0)
+    fit(train, FitSettings(subset=100, iterations=8, max_samples=500)).save(path)
+    return path
+
+
+def measure(
+    middleware: str, executor: str, rate_hz: float, seconds: float, model: str
+) -> dict[str, Any]:
+    """Return the figures of one cell, from processes of its own."""
+    request = {
+        'middleware': middleware,
+        'executor': executor,
+        'rate_hz': rate_hz,
+        'seconds': seconds,
+        'model': model,
+    }
+    ran = subprocess.run(
+        [sys.executable, '-m', 'benchmarks._serve_client', json.dumps(request)],
+        env={**os.environ, 'RMW_IMPLEMENTATION': middleware},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    row: dict[str, Any] = json.loads(ran.stdout.splitlines()[-1])
+    return row
+
+
+def _print(rows: list[dict[str, Any]], seconds: float) -> None:
+    table = Table(title=f'{seconds:g} s of single-point references to serve, 7 joints')
+    for title in COLUMNS.values():
+        table.add_column(title)
+    for row in rows:
+        values = [row[name] for name in COLUMNS]
+        table.add_row(*(f'{v:.3g}' if isinstance(v, float) else str(v) for v in values))
+    Console(width=130).print(table)

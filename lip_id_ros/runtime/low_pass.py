@@ -1,0 +1,65 @@
+"""Causal low-pass of measured signals, whose derivative comes with it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LONGEST_GAP_S = 0.2
+SETTLED = 10.0
+"""Time constants after which a two-thousandth of the beginning is left."""
+
+
+class LowPass:
+    """
+    Two equal first-order low-passes in a row; all signals are delayed by 2 / (2 pi cutoff).
+
+    Its output is smooth enough for the difference of two samples to be its derivative: nothing
+    that is not filtered is differentiated.
+
+    Parameters
+    ----------
+    cutoff_hz : float
+        Of each of the two [Hz].
+
+    """
+
+    def __init__(self, cutoff_hz: float) -> None:
+        self._time_constant = 1.0 / (2.0 * np.pi * cutoff_hz)
+        self._t = np.nan
+        self._began = np.nan
+        self._first: Array | None = None
+        self._second: Array | None = None
+
+    def add(self, t: float, signals: Array) -> tuple[Array, Array] | None:
+        """
+        Take one sample.
+
+        Parameters
+        ----------
+        t : float
+            Its time [s]; a step that is not forward, or is too long, begins anew.
+        signals : ndarray
+            Of any shape, always the same.
+
+        Returns
+        -------
+        tuple of ndarrays, or None
+            Filtered signals and their derivatives; None until the beginning is forgotten.
+
+        """
+        dt = t - self._t
+        self._t = t
+        if self._first is None or self._second is None or not 0.0 < dt <= LONGEST_GAP_S:
+            self._first = self._second = signals.copy()
+            self._began = t
+            return None
+        gain = -np.expm1(-dt / self._time_constant)
+        self._first = self._first + gain * (signals - self._first)
+        before = self._second
+        self._second = before + gain * (self._first - before)
+        if t - self._began < SETTLED * self._time_constant:
+            return None
+        return self._second, (self._second - before) / dt

@@ -1,0 +1,121 @@
+"""What measured joint states say with a model: energies, and the torque it does not explain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.runtime.calibration import Calibration
+from lip_id_ros.runtime.feedforward import Answer, Feedforward
+from lip_id_ros.runtime.low_pass import LowPass
+from lip_id_ros.runtime.references import JointOrder, Reason, RefusedError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """
+    One measured joint state in the order of the model.
+
+    Attributes
+    ----------
+    t : float
+        Its stamp [s].
+    q, dq : ndarray, shape (n,)
+        Positions [rad or m], velocities.
+    tau : ndarray, shape (n,), or None
+        Measured torques [N m or N]; None where none are measured.
+
+    """
+
+    t: float
+    q: Array
+    dq: Array
+    tau: Array | None
+
+
+class Measured:
+    """
+    Follow the arm's joint states with a model.
+
+    Parameters
+    ----------
+    feedforward : Feedforward
+    calibration : Calibration
+        Of the effort.
+    cutoff_hz : float
+        Of the low-pass before the torque residual [Hz].
+
+    """
+
+    def __init__(
+        self, feedforward: Feedforward, calibration: Calibration, cutoff_hz: float
+    ) -> None:
+        self._feedforward = feedforward
+        self._calibration = calibration
+        self._order = JointOrder(feedforward.joint_names)
+        self._low_pass = LowPass(cutoff_hz)
+
+    def motion(self, message: JointMessage) -> Motion:
+        """
+        Read a message.
+
+        Raises
+        ------
+        RefusedError
+            If a joint of the model is missing or named twice, or a value missing or not finite.
+
+        """
+        columns = self._order.columns(message.names)
+        q, dq = (
+            self._vector(row, message, columns) for row in (message.position, message.velocity)
+        )
+        tau = None
+        if len(message.effort):
+            tau = self._calibration.torque(self._vector(message.effort, message, columns))
+        return Motion(1e-9 * message.stamp_ns, q, dq, tau)
+
+    def energies(self, motion: Motion) -> Answer:
+        """Return the energies at a measured state; the torques are those without acceleration."""
+        return self._feedforward.at(np.stack([motion.q, motion.dq, np.zeros_like(motion.q)]))
+
+    def residual(self, motion: Motion) -> Array | None:
+        """
+        Return measured torque minus the model's, both filtered alike.
+
+        Positions, velocities and torques go through one low-pass; the acceleration is the
+        derivative of the filtered velocity. So all have the same delay.
+
+        Parameters
+        ----------
+        motion : Motion
+            The next one; stamps must rise.
+
+        Returns
+        -------
+        ndarray, shape (n,), or None
+            [N m or N]; None without measured torques, and until the filter has settled after a
+            gap or a stamp that does not rise.
+
+        """
+        if motion.tau is None:
+            return None
+        filtered = self._low_pass.add(motion.t, np.stack([motion.q, motion.dq, motion.tau]))
+        if filtered is None:
+            return None
+        (q, dq, tau), (_, ddq, _) = filtered
+        residual = tau - self._feedforward.at(np.stack([q, dq, ddq])).tau
+        return residual if np.isfinite(residual).all() else None
+
+    def _vector(self, row: object, message: JointMessage, columns: NDArray[np.intp]) -> Array:
+        values = np.asarray(row, dtype=np.float64)
+        if len(values) != len(message.names):
+            raise RefusedError(Reason.WRONG_LENGTH)
+        chosen = values[columns]
+        if not np.isfinite(chosen).all():
+            raise RefusedError(Reason.NOT_FINITE)
+        return chosen

@@ -1,0 +1,168 @@
+"""What a torque must keep to before it leaves, per joint of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.runtime.settings import ServeSettings
+
+Array = NDArray[np.float64]
+
+
+class Policy(StrEnum):
+    """What is done with a reference that a check finds doubtful."""
+
+    OFF = 'off'
+    WARN = 'warn'
+    SCALE = 'scale'
+    ZERO = 'zero'
+
+
+class SafeValue(StrEnum):
+    """What is published when references stop."""
+
+    ZERO = 'zero'
+    GRAVITY = 'gravity'
+
+
+@dataclass(frozen=True, eq=False)
+class Rules:
+    """
+    The settings that hold for every torque, in the order of a model's joints.
+
+    Attributes
+    ----------
+    limits : ndarray, shape (n,)
+        Largest magnitude [N m or N], infinite where there is none.
+    rates : ndarray, shape (n,)
+        Largest change [N m/s or N/s], infinite where there is none.
+    scale : float
+        Factor on every torque.
+    ramp_s : float
+        Time to take over from what was sent before [s].
+    gravity : bool
+        Whether torques include gravity.
+    stale_timeout_s : float
+        Longest silence of a stream [s], infinite for any.
+    safe_value : SafeValue
+        What follows it.
+    range_policy, std_policy : Policy
+        What is done outside the training range, and beyond `std_limits`.
+    margins : ndarray, shape (n,)
+        How far a joint may leave its training range, as a share of half of it.
+    std_limits : ndarray, shape (n,)
+        Largest standard deviation of a torque [N m or N].
+
+    """
+
+    limits: Array
+    rates: Array
+    scale: float
+    ramp_s: float
+    gravity: bool
+    stale_timeout_s: float
+    safe_value: SafeValue
+    range_policy: Policy
+    margins: Array
+    std_policy: Policy
+    std_limits: Array
+
+
+def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
+    """
+    Bring the settings into the order of a model's joints.
+
+    Raises
+    ------
+    ConfigError
+        If a list has not one value per joint, or the check of standard deviations no limits.
+
+    """
+    require_consistent(settings)
+
+    def per_joint(name: str, default: float) -> Array:
+        values = getattr(settings, name)
+        return by_joint(name, values, settings.joints, joint_names, default)
+
+    return Rules(
+        limits=per_joint('torque_limits', np.inf),
+        rates=per_joint('rate_limits', np.inf),
+        scale=settings.output_scale,
+        ramp_s=settings.ramp_s,
+        gravity=settings.gravity,
+        stale_timeout_s=settings.stale_timeout_s or np.inf,
+        safe_value=SafeValue(settings.stale_policy),
+        range_policy=Policy(settings.range_policy),
+        margins=per_joint('range_margin', 0.0),
+        std_policy=Policy(settings.std_policy),
+        std_limits=per_joint('std_limits', np.inf),
+    )
+
+
+def require_consistent(settings: ServeSettings) -> None:
+    """
+    Refuse settings that contradict each other for any arm.
+
+    Raises
+    ------
+    ConfigError
+        If the check of standard deviations has no limits.
+
+    """
+    if settings.std_policy != Policy.OFF and not settings.std_limits:
+        raise ConfigError(
+            'std_limits must hold a largest standard deviation where std_policy is '
+            f'{settings.std_policy}, but it is empty; give one per joint or one for all.'
+        )
+
+
+def by_joint(
+    name: str,
+    values: Sequence[float],
+    named: Sequence[str],
+    joint_names: Sequence[str],
+    default: float,
+) -> Array:
+    """
+    Bring a setting into the order of the model's joints.
+
+    Parameters
+    ----------
+    name : str
+        Of the setting, for the sentence.
+    values : sequence of float
+        One per joint, one for all joints, or none: the default.
+    named : sequence of str
+        The joints that they are given for; empty: the model's.
+    joint_names : sequence of str
+        The model's joints.
+    default : float
+        Where there is none.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        One per joint of the model.
+
+    Raises
+    ------
+    ConfigError
+        If their number is not that of the joints.
+
+    """
+    if len(values) <= 1:
+        return np.full(len(joint_names), values[0] if values else default)
+    names = tuple(named) or tuple(joint_names)
+    if len(values) != len(names):
+        raise ConfigError(
+            f'{name} must hold one value per joint ({len(names)}), one for all or none, '
+            f'but holds {len(values)}: give them in the order of {", ".join(names)}.'
+        )
+    value_of = dict(zip(names, values, strict=True))
+    return np.array([value_of[joint] for joint in joint_names])

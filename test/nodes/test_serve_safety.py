@@ -1,0 +1,249 @@
+"""Node `serve` in a process of its own: what keeps a bad torque from the robot."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Any, TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
+from nodes import toy
+from nodes.test_serve import EXPECTED, GOOD, point, REFERENCE, start_serve, TORQUE, trajectory
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph
+
+pytestmark = pytest.mark.ros
+
+FAR = trajectory(toy.JOINTS, point([0.3, -0.2], [90.0, 1.0], [1.0, -1.0]))
+
+
+def efforts(messages: list[JointState]) -> list[list[float]]:
+    return [list(message.effort) for message in messages]
+
+
+def test_a_silent_stream_gets_zeros_until_it_comes_back_by_a_ramp(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    # a clock of simulation that stands still must not keep the safe torque back
+    graph.start('serve', model_path=model_path, stale_timeout_s=0.3, ramp_s=0.5, use_sim_time=True)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    time.sleep(0.5)
+    assert not torques  # nobody holds a torque yet
+    publisher.publish(GOOD)
+    client.wait_until(lambda: len(torques) > 5, 'safe torque, again and again')
+    assert torques[0].header.stamp == GOOD.header.stamp
+    assert efforts(torques[1:]) == [[0.0, 0.0]] * (len(torques) - 1)
+    status = client.status('serve', lambda status: status['stale'] == 1)
+    assert status['summary'].startswith('no reference for ')
+
+    began = time.monotonic()
+    seen: list[float] = []
+    while not seen or seen[-1] < 0.99 * EXPECTED[0]:
+        assert time.monotonic() < began + 30.0
+        publisher.publish(GOOD)
+        time.sleep(0.01)
+        seen = [each.effort[0] for each in torques if each.header.stamp == GOOD.header.stamp][1:]
+    assert seen[0] < 0.5 * EXPECTED[0]
+    assert seen == sorted(seen)
+
+
+def test_limits_of_rate_and_range_hold_and_are_told(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    start_serve(
+        graph,
+        model_path=model_path,
+        rate_limits=[10.0],
+        range_policy='zero',
+        publish_commands=True,
+    )
+    torques = client.listen(JointState, TORQUE)
+    commands = client.listen(Float64MultiArray, '/serve/commands')
+    diagnostics = client.listen(DiagnosticArray, '/diagnostics')
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    for _ in range(20):
+        publisher.publish(GOOD)
+        time.sleep(0.01)
+    client.wait_until(lambda: len(torques) == len(commands) == 20, 'answers')
+    sent = np.array(efforts(torques))
+    assert np.abs(np.diff(sent, axis=0)).max() <= 10.0 * 0.05 + 1e-9
+    np.testing.assert_array_equal(sent, [list(command.data) for command in commands])
+    assert (np.diff(sent[:, 0]) > 0.0).all()
+
+    before = len(torques)
+    publisher.publish(FAR)
+    status = client.status('serve', lambda status: status['out_of_range'] == 1)
+    assert status['rate_limited'] >= 20
+    client.wait_until(lambda: len(torques) > before, 'answer')
+    assert torques[-1].effort[0] < torques[before - 1].effort[0]
+
+    def warned() -> bool:
+        found = [each.status[0] for each in diagnostics if each.status[0].name == 'serve']
+        return any(
+            each.level == DiagnosticStatus.WARN
+            and each.message == 'references with trouble: out_of_range 1'
+            for each in found
+        )
+
+    client.wait_until(warned, 'warning')
+
+
+def test_gravity_is_left_to_the_robot(ros: tuple[Graph, Client], model_path: str) -> None:
+    graph, client = ros
+    start_serve(graph, model_path=model_path, gravity=False)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    publisher.publish(GOOD)
+    client.wait_until(lambda: torques, 'answer')
+    np.testing.assert_allclose(torques[0].effort, toy.INERTIA * [1.0, -1.0], atol=0.1)
+    assert client.set_parameter('serve', 'gravity', True).successful
+    publisher.publish(GOOD)
+    client.wait_until(lambda: len(torques) == 2, 'answer')
+    np.testing.assert_allclose(torques[1].effort, EXPECTED, atol=0.1)
+
+
+def test_parameters_are_refused_when_they_are_set(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    start_serve(graph, model_path=model_path, autostart=False)
+
+    def reason(name: str, value: Any) -> str:
+        result = client.set_parameter('serve', name, value)
+        assert not result.successful, name
+        return str(result.reason)
+
+    assert (
+        reason('ramp_s', -1.0) == 'Parameter ramp_s out of range Min: 0.0, Max: 60.0, value: -1.0'
+    )
+    assert reason('ramp_s', 'long') == "ramp_s must be a number >= 0 and <= 60 s, not 'long'."
+    assert 'range_policy must be a text off or warn or scale or zero' in reason(
+        'range_policy', 'panic'
+    )
+    assert reason('rate_limits', [1.0, math.nan]).startswith('rate_limits must be a list of')
+    assert 'std_limits must hold a largest standard deviation' in reason('std_policy', 'zero')
+    assert 'read-only' in reason('executor', 'single_threaded')
+    assert client.set_parameter('serve', 'publish_commands', True).successful
+    assert client.transition(Transition.TRANSITION_CONFIGURE)
+    assert reason('publish_commands', False) == (
+        'publish_commands is read when the node is configured, which it is; clean it up first.'
+    )
+    assert reason('torque_limits', [1.0] * 3).startswith('torque_limits must hold one value per')
+    client.listen(Float64MultiArray, '/serve/commands')
+    assert client.transition(Transition.TRANSITION_CLEANUP)
+    assert client.set_parameter('serve', 'publish_commands', False).successful
+    client.wait_until(
+        lambda: not client.node.count_publishers('/serve/commands'), 'end of the publisher'
+    )
+    # the service and the parameter are one
+    assert client.switch('/serve/enable', False).success
+    assert client.transition(Transition.TRANSITION_CONFIGURE)
+    assert client.transition(Transition.TRANSITION_ACTIVATE)
+    assert client.status('serve', lambda status: status['state'] == 'active')['enabled'] is False
+    assert client.set_parameter('serve', 'enabled', True).successful
+    client.status('serve', lambda status: status['enabled'])
+
+
+def test_a_configuration_that_fails_is_an_error_in_the_diagnostics(
+    ros: tuple[Graph, Client], foreign_model_path: str
+) -> None:
+    graph, client = ros
+    start_serve(graph, model_path=foreign_model_path, joints=list(toy.JOINTS))
+    diagnostics = client.listen(DiagnosticArray, '/diagnostics')
+    client.wait_until(lambda: diagnostics, 'diagnostics')
+    status = diagnostics[0].status[0]
+    assert status.level == DiagnosticStatus.ERROR
+    assert status.message.startswith(f'not configured: {foreign_model_path} must be a model of')
+
+
+def test_a_reload_leaves_no_reference_unanswered(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    start_serve(graph, model_path=model_path)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    publisher.publish(GOOD)
+    client.wait_until(lambda: torques, 'answer')
+    stop, sent = threading.Event(), [1]
+
+    def stream() -> None:
+        while not stop.is_set():
+            publisher.publish(GOOD)
+            sent[0] += 1
+            time.sleep(0.005)
+
+    thread = threading.Thread(target=stream)
+    thread.start()
+    try:
+        assert all(client.trigger('/serve/reload_model').success for _ in range(3))
+    finally:
+        stop.set()
+        thread.join()
+    client.wait_until(lambda: len(torques) == sent[0], 'an answer to each reference')
+    np.testing.assert_allclose(efforts(torques), np.tile(EXPECTED, (sent[0], 1)), atol=0.1)
+
+
+@pytest.mark.slow
+def test_ten_thousand_malformed_references_are_counted_each(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    serve = start_serve(graph, model_path=model_path, torque_limits=[3.0, 6.0])
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    rng = np.random.default_rng(0)
+    for batch in range(1, 201):
+        for _ in range(50):  # less than the queue holds
+            publisher.publish(malformed(rng))
+        publisher.publish(GOOD)
+        client.wait_until(lambda: len(torques) == batch, f'answer {batch}')  # noqa: B023
+    status = client.status('serve', lambda status: status['answered']['samples'] == 200)
+    assert sum(status['refused'].values()) == 10_000
+    assert len(status['refused']) >= 6
+    assert serve.alive
+    expected = np.clip(EXPECTED, [-3.0, -6.0], [3.0, 6.0])
+    np.testing.assert_allclose(efforts(torques), np.tile(expected, (200, 1)), atol=0.1)
+
+
+def malformed(rng: np.random.Generator) -> JointTrajectory:
+    """Return a reference with one thing wrong, or several."""
+    names = list(toy.JOINTS)
+    points = [point(*rng.normal(size=(3, 2)).tolist()) for _ in range(rng.integers(1, 4))]
+    kind = rng.integers(6)
+    if kind == 0:
+        points = []
+    elif kind == 1:
+        names = [names[0]] * 2
+    elif kind == 2:
+        names = list(rng.choice(['x', '', 'shoulder', 'π'], size=rng.integers(0, 4)))
+        names = [name for name in names if name != 'shoulder']
+    elif kind == 3:
+        which = str(rng.choice(['positions', 'velocities', 'accelerations']))
+        setattr(rng.choice(points), which, [0.0] * int(rng.choice([0, 1, 3, 50])))
+    elif kind == 4:
+        which = str(rng.choice(['positions', 'velocities', 'accelerations']))
+        getattr(rng.choice(points), which)[rng.integers(2)] = rng.choice([math.nan, math.inf])
+    else:
+        names = [*names, 'tool']
+        points = [point(*rng.normal(size=(3, 3)).tolist()) for _ in range(2)]
+    return trajectory(tuple(names), *points)
