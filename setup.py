@@ -25,6 +25,8 @@ setup(
         (f'share/{PACKAGE}/launch', files('launch')),
     ],
     install_requires=[
+        'backports.zstd>=1.0; python_version < "3.14"',
+        'lz4>=4.0',
         'matplotlib>=3.6',
         'numba>=0.57',
         'numpy>=1.26',

@@ -49,7 +49,11 @@ FOREIGN = {
     'numba': ('kernels', 'serving'),  # beside the loops that it compiles
     'torch': ('kernels/plain', 'gp/device'),  # gp/backend imports it where asked for
     'rosbags': ('recording', 'evaluation/mcap_writer'),
-    'yaml': ('config',),
+    'lz4': ('recording/storage/compression',),
+    # zstd: the standard library has it from 3.14 as compression
+    'backports': ('recording/storage/compression',),
+    'compression': ('recording/storage/compression',),
+    'yaml': ('config', 'recording/bag_folder'),
     'pinocchio': ('simulation',),
     'example_robot_data': ('simulation',),
     'matplotlib': ('evaluation/report',),

@@ -26,6 +26,9 @@ SHIPPED = (
 )
 # rosdep keys of what has one; the rest is in requirements.txt
 ROSDEP = {
+    'backports': 'python3-rosbags-pip',  # rosbags brings its zstd
+    'compression': 'python3-rosbags-pip',  # the same, from Python 3.14
+    'lz4': 'python3-lz4',
     'matplotlib': 'python3-matplotlib',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',

@@ -11,11 +11,21 @@ from lip_id_ros.config.settings import setting, Settings
 class RecordingSettings(Settings):
     """What is read from a recording, and what its numbers mean."""
 
-    topic: str = setting('', 'Topic to read in bags; empty for the only one, or /joint_states.')
+    topic: str = setting(
+        '',
+        'Topic to read in bags, or several separated by commas; empty for the only one, or '
+        '/joint_states.',
+    )
     joints: tuple[str, ...] = setting(
         (),
         'Joints from base to tip; empty for those of the first message that can be used, in its '
         'order.',
+    )
+    clock: str = setting(
+        'auto',
+        'Which stamps tell the time in bags; auto for those of the headers where they advance, else those '
+        'of reception.',
+        choices=('auto', 'header', 'receive'),
     )
     joint_types: tuple[str, ...] = setting(
         (), 'Type of each joint; empty for all revolute.', choices=('revolute', 'prismatic')

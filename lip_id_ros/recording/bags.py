@@ -1,27 +1,30 @@
-"""Bags of ROS 1 and ROS 2 behind one face; the only place that knows the `rosbags` library."""
+"""Bags of ROS 1 and ROS 2 behind one face: which files, topics and message definitions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cache
+from itertools import groupby
+from operator import itemgetter
 import os
 from pathlib import Path
-import re
 from types import TracebackType
 from typing import Any
 
-from rosbags import rosbag1, rosbag2
-from rosbags.interfaces import Connection
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 from lip_id_ros.errors import SourceError
+from lip_id_ros.recording.bag_folder import files_of
+from lip_id_ros.recording.storage import Channel, DamageError, is_storage, open_storage, SUFFIXES
+from lip_id_ros.recording.storage.compression import plain_message
+from lip_id_ros.recording.storage.contents import Storage
+from lip_id_ros.recording.storage.opening import storage_suffix
 
-METADATA = 'metadata.yaml'
 KINDS = {'.mcap': 'rosbag2 file (mcap)', '.db3': 'rosbag2 file (sqlite3)', '.bag': 'ROS 1 bag'}
 FOLDER = 'rosbag2 folder'
 
-Reader = rosbag1.Reader | rosbag2.Reader
 Decoder = Callable[[bytes], Any]
 
 
@@ -38,19 +41,22 @@ class Bag:
     """
     An open bag: rosbag2 folder, bare .mcap or .db3 file, or ROS 1 .bag.
 
-    In a folder, `metadata.yaml` is followed where it is right; where it is absent, unreadable or
-    names other files, the storage files that lie in the folder are read in the order of their
-    numbers. To be used in a `with` statement.
+    Files may be compressed, damaged, cut short, without an index or never closed: they are read
+    as far as they can be, and `notes` says what is wrong. To be used in a `with` statement.
 
     Parameters
     ----------
     path : path
         The bag.
 
+    Attributes
+    ----------
+    topics : tuple of Topic
+
     Raises
     ------
     SourceError
-        If it is no bag, or a damaged one.
+        If it is no bag, or nothing of it can be read.
     OSError
         If it does not exist or cannot be opened.
 
@@ -60,14 +66,15 @@ class Bag:
         self.path = Path(path)
         self.kind = kind_of(self.path)
         self.topics: tuple[Topic, ...] = ()
-        self._readers: list[Reader] = []
+        self._files: list[tuple[str, Storage]] = []
+        self._notes: list[str] = []
         self._stack = ExitStack()
 
     def __enter__(self) -> Bag:
         """Open every file and list the topics."""
         try:
-            self._readers = self._open()
-            self.topics = _topics([reader.connections for reader in self._readers])
+            self._open()
+            self.topics = self._listed_topics()
         except BaseException:
             self._stack.close()
             raise
@@ -81,6 +88,44 @@ class Bag:
     ) -> None:
         """Close every file."""
         self._stack.close()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is wrong with the bag, as far as it was read: one phrase each, with the file."""
+        found = [f'{name}: {note}' for name, storage in self._files for note in storage.notes]
+        return (*self._notes, *found)
+
+    def lost(self, topic: str) -> int:
+        """Return how many messages of a topic, once read, lay in damaged parts of the files."""
+        return sum(storage.lost[topic] for _, storage in self._files)
+
+    def stored(self, topic: str, kind: str = '') -> Iterator[tuple[Channel, int, bytes | None]]:
+        """
+        Yield the messages of a topic as they are stored, in the order of the files.
+
+        Parameters
+        ----------
+        topic, kind : str
+            Name and, where it has several, type of the topic.
+
+        Yields
+        ------
+        channel : Channel
+            Tells type, encoding and definition.
+        receive_ns : int
+            When the message was recorded [ns].
+        data : bytes or None
+            Serialized; None where it was compressed and is damaged.
+
+        """
+        for _, storage in self._files:
+            publishers: dict[tuple[str, ...], list[Channel]] = {}
+            for channel in storage.channels:
+                if channel.topic == topic and kind in ('', channel.type):
+                    publishers.setdefault(channel.form, []).append(channel)
+            for channels in publishers.values():
+                for receive_ns, data in storage.messages([channel.id for channel in channels]):
+                    yield channels[0], receive_ns, _plain(channels[0], data)
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """
@@ -101,73 +146,71 @@ class Bag:
         Raises
         ------
         SourceError
-            If the file is damaged, or defines the message type in a way that cannot be read.
+            If the bag defines the message type in a way that cannot be read.
 
         """
-        for reader in self._readers:
-            connections = [each for each in reader.connections if each.topic == topic]
-            if not connections:
-                continue
-            is_ros1 = isinstance(reader, rosbag1.Reader)
-            decoders = {each.id: self._decoder(each, is_ros1) for each in connections}
-            stored = reader.messages(connections)
-            while (item := self._next(stored)) is not None:
-                connection, receive_ns, data = item
-                yield receive_ns, _decoded(decoders[connection.id], data)
+        for channel, stored in groupby(self.stored(topic), itemgetter(0)):
+            decode = self.decoder(channel)
+            for _, receive_ns, data in stored:
+                yield receive_ns, None if data is None else decode(data)
 
-    def _next(self, stored: Iterator[tuple[Connection, int, bytes]]) -> Any:
+    def decoder(self, channel: Channel) -> Decoder:
+        """
+        Return the function that decodes a channel's messages, to None where they are broken.
+
+        Raises
+        ------
+        SourceError
+            If the bag defines the message type in a way that cannot be read.
+
+        """
         try:
-            return next(stored, None)
-        except Exception as error:
-            raise self._damaged(error) from error
-
-    def _open(self) -> list[Reader]:
-        if self.path.is_dir() and (self.path / METADATA).exists():
-            try:
-                return [self._stack.enter_context(rosbag2.Reader(self.path))]
-            except PermissionError:
-                raise
-            except Exception as error:
-                return [self._open_file(file) for file in self._storage_files(error)]
-        if self.path.is_dir():
-            return [self._open_file(file) for file in self._storage_files(None)]
-        return [self._open_file(self.path)]
-
-    def _storage_files(self, error: Exception | None) -> list[Path]:
-        files = [file for file in self.path.iterdir() if file.suffix in KINDS]
-        if files:
-            return sorted(files, key=_by_number)
-        reason = f'{METADATA} says otherwise: {_one_line(error)}' if error else f'nor {METADATA}'
-        raise SourceError(
-            f'{self.path} must hold a bag, but there is no {", ".join(KINDS)} file in it '
-            f'({reason}); give the folder or file that was recorded.'
-        )
-
-    def _open_file(self, file: Path) -> Reader:
-        with open(file, 'rb') as stream:  # so that errors of the file system keep their name
-            if not stream.read(1):
-                raise SourceError(f'{file} is an empty file; record it again.')
-        try:
-            if file.suffix == '.bag':
-                return self._stack.enter_context(rosbag1.Reader(file))
-            return self._stack.enter_context(rosbag2.Reader(file))
-        except Exception as error:
-            raise self._damaged(error) from error
-
-    def _damaged(self, error: Exception) -> SourceError:
-        return SourceError(
-            f'{self.path} cannot be read as {self.kind}, it is damaged or something else '
-            f'({_one_line(error)}); try `ros2 bag reindex` or record it again.'
-        )
-
-    def _decoder(self, connection: Connection, is_ros1: bool) -> Decoder:
-        try:
-            return _decoder(connection, is_ros1)
-        except Exception as error:
+            decode = _decoder(channel)
+        except Exception as error:  # whatever a definition makes the library raise
             raise SourceError(
-                f'the definition of {connection.msgtype} on {connection.topic} in {self.path} '
+                f'the definition of {channel.type} on {channel.topic} in {self.path} '
                 f'cannot be read ({_one_line(error)}); choose another topic.'
             ) from error
+
+        def decoded(data: bytes) -> Any:
+            try:
+                return decode(data)
+            except Exception:  # whatever a broken message makes it raise: it is counted
+                return None
+
+        return decoded
+
+    def _open(self) -> None:
+        if self.path.is_dir():
+            files, notes = files_of(self.path)
+            self._notes.extend(notes)
+        else:
+            files = [self.path]
+        troubles = []
+        for file in files:
+            try:
+                self._files.append((file.name, open_storage(file, self._stack)))
+            except DamageError as damage:
+                troubles.append((file, damage))
+        if not self._files:
+            raise SourceError(self._nothing_readable(*troubles[0]))
+        self._notes += [f'{file.name}: nothing can be read ({why})' for file, why in troubles]
+
+    def _nothing_readable(self, file: Path, damage: DamageError) -> str:
+        if file.stat().st_size == 0:
+            return f'{file} is an empty file; record it again.'
+        return (
+            f'{file} cannot be read as {KINDS[storage_suffix(file)]}, it is damaged or something '
+            f'else ({damage}); record it again, or restore it from a copy.'
+        )
+
+    def _listed_topics(self) -> tuple[Topic, ...]:
+        counts: dict[tuple[str, str], int] = {}
+        for _, storage in self._files:
+            for each in storage.channels:
+                key = (each.topic, each.type)
+                counts[key] = counts.get(key, 0) + each.count
+        return tuple(Topic(name, kind, count) for (name, kind), count in sorted(counts.items()))
 
 
 def kind_of(path: Path) -> str:
@@ -185,44 +228,41 @@ def kind_of(path: Path) -> str:
     path.stat()
     if path.is_dir():
         return FOLDER
-    if path.suffix not in KINDS:
+    if not is_storage(path):
         raise SourceError(
-            f'{path} must be a rosbag2 folder, a {", ".join(KINDS)} file or a data set .npz; '
+            f'{path} must be a rosbag2 folder, a {", ".join(SUFFIXES)} file or a data set .npz; '
             'convert it, or correct the name.'
         )
-    return KINDS[path.suffix]
+    return KINDS[storage_suffix(path)]
 
 
-def _topics(connections: Sequence[Sequence[Connection]]) -> tuple[Topic, ...]:
-    counts: dict[tuple[str, str], int] = {}
-    for each in (each for some in connections for each in some):
-        key = (each.topic, each.msgtype)
-        counts[key] = counts.get(key, 0) + each.msgcount
-    return tuple(Topic(name, kind, count) for (name, kind), count in sorted(counts.items()))
+@cache
+def _store(is_ros1: bool) -> Any:
+    return get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
 
 
-def _decoder(connection: Connection, is_ros1: bool) -> Decoder:
+@cache
+def _decoder(channel: Channel) -> Decoder:
     """Trust the known definition of a standard type; take the bag's own for any other."""
-    name = connection.msgtype
-    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
+    name, is_ros1 = channel.type, channel.encoding == 'ros1'
+    if channel.encoding not in ('ros1', 'cdr'):
+        raise ValueError(f'its messages are encoded as {channel.encoding or "nothing known"}')
+    store = _store(is_ros1)
     if name not in store.fielddefs:
         store = get_typestore(Stores.EMPTY)
-        store.register(get_types_from_msg(connection.msgdef.data, name))
+        store.register(get_types_from_msg(channel.definition, name))
     if is_ros1:
         return lambda data: store.deserialize_ros1(data, name)
     return lambda data: store.deserialize_cdr(data, name)
 
 
-def _decoded(decode: Decoder, data: bytes) -> Any:
+def _plain(channel: Channel, data: bytes) -> bytes | None:
+    if channel.encoding == 'ros1':
+        return data
     try:
-        return decode(data)
-    except Exception:  # whatever a broken message makes the library raise: it is counted
+        return plain_message(data)
+    except DamageError:
         return None
-
-
-def _by_number(file: Path) -> list[Any]:
-    parts = re.split(r'(\d+)', file.name)
-    return [int(part) if part.isdigit() else part for part in parts]
 
 
 def _one_line(error: object) -> str:

@@ -1,10 +1,9 @@
-"""The one place where joint messages are mapped by name, checked and counted."""
+"""Joint messages as they come, one by one: what a live node collects."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from enum import StrEnum
 import math
 from typing import Any
 
@@ -12,32 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.recording.joint_samples import Floats, JointSamples
+from lip_id_ros.recording.mapping import columns_of, LARGEST, length_reason, name_reason, Reason
 
 _FIRST_ROWS = 1024
 _KNOWN_ORDERS = 64
-
-
-class Reason(StrEnum):
-    """Why a message was dropped."""
-
-    NO_NAMES = 'no joint names'
-    REPEATED_NAME = 'joint name repeated'
-    FOREIGN_JOINTS = 'only foreign joints'
-    MISSING_JOINT = 'joint missing'
-    NO_POSITION = 'position empty'
-    POSITION_LENGTH = 'position not as long as names'
-    VELOCITY_LENGTH = 'velocity not as long as names'
-    EFFORT_LENGTH = 'effort not as long as names'
-    NOT_FINITE = 'value not finite'
-    BAD_STAMP = 'stamp negative or not finite'
-    ZERO_STAMP = 'stamp zero'
-    REPEATED_STAMP = 'stamp repeated'
-    BACKWARD_STAMP = 'stamp went back'
-    FAR_STAMP = 'stamp far ahead'
-    BUFFER_FULL = 'buffer full'
-    NO_VELOCITY = 'velocity empty where others have it'
-    NO_EFFORT = 'effort empty where others have it'
-    UNREADABLE = 'message unreadable'
 
 
 class SampleBuffer:
@@ -178,7 +155,7 @@ class SampleBuffer:
             order = self._remember_order(key)
         if isinstance(order, Reason):
             return order
-        reason = self._length_reason(len(key), len(position), len(velocity), len(effort))
+        reason = length_reason(len(key), len(position), len(velocity), len(effort))
         if reason is None:
             reason = self._stamp_reason(stamp)
         if reason is not None:
@@ -193,8 +170,8 @@ class SampleBuffer:
         row = self._rows[self._size]
         for part, values in enumerate(parts):
             row[part] = np.asarray(values)[order] if len(values) else 0.0
-        if not np.isfinite(row).all():
-            return Reason.NOT_FINITE
+        if not (np.abs(row) <= LARGEST).all():
+            return Reason.ABSURD if np.isfinite(row).all() else Reason.NOT_FINITE
         for part, values in enumerate(parts):
             if not len(values):
                 row[part] = np.nan
@@ -225,26 +202,15 @@ class SampleBuffer:
         return order
 
     def _order(self, names: tuple[str, ...]) -> NDArray[np.intp] | Reason:
-        if not names:
-            return Reason.NO_NAMES
-        if len(set(names)) != len(names):
-            return Reason.REPEATED_NAME
+        reason = name_reason(names)
+        if reason is not None:
+            return reason
         present = [name in names for name in self.joint_names]
         if not any(present):
             return Reason.FOREIGN_JOINTS
         if not all(present):
             return Reason.MISSING_JOINT
-        return np.array([names.index(name) for name in self.joint_names], np.intp)
-
-    @staticmethod
-    def _length_reason(names: int, position: int, velocity: int, effort: int) -> Reason | None:
-        if position == names and velocity in (0, names) and effort in (0, names):
-            return None
-        if position == 0:
-            return Reason.NO_POSITION
-        if position != names:
-            return Reason.POSITION_LENGTH
-        return Reason.VELOCITY_LENGTH if velocity not in (0, names) else Reason.EFFORT_LENGTH
+        return columns_of(names, self.joint_names)
 
     def _stamp_reason(self, stamp: float) -> Reason | None:
         if self._last_stamp < stamp < math.inf and stamp >= 0:

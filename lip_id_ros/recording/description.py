@@ -15,8 +15,9 @@ from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.bags import Bag
 from lip_id_ros.recording.csv_log import read_log
 from lip_id_ros.recording.joint_samples import Floats, JointSamples
-from lip_id_ros.recording.reading import joint_topics, read_topic
+from lip_id_ros.recording.reading import read_topic
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step
+from lip_id_ros.recording.topics import joint_topics
 
 DATASET_SUFFIX = '.npz'
 
@@ -89,6 +90,8 @@ def _recording(samples: JointSamples, assess: Assess) -> dict[str, Any]:
         'other_joints': [name for name in samples.seen_joints if name not in samples.joint_names],
         'samples': samples.n_samples,
         'dropped': dict(samples.counts),
+        'notes': list(samples.notes),
+        'clock': samples.clock,
         'start_s': samples.start_s,
         'timing': _timing(samples.t),
         'ranges': _ranges(samples.joint_names, arrays),

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
+CONTROLLER_STATE = 'control_msgs/msg/JointTrajectoryControllerState'
 
 
 class JointMessage(NamedTuple):
@@ -25,14 +26,33 @@ class JointMessage(NamedTuple):
 
 def from_joint_state(message: Any) -> JointMessage:
     """Take the fields of a sensor_msgs/JointState."""
-    stamp = message.header.stamp
     return JointMessage(
-        stamp.sec * 1_000_000_000 + stamp.nanosec,
-        message.name,
-        message.position,
-        message.velocity,
-        message.effort,
+        _stamp_ns(message), message.name, message.position, message.velocity, message.effort
     )
 
 
-EXTRACTORS: Mapping[str, Callable[[Any], JointMessage]] = {JOINT_STATE: from_joint_state}
+def from_controller_state(message: Any) -> JointMessage:
+    """
+    Take the measured state of a control_msgs/JointTrajectoryControllerState.
+
+    `feedback` (`actual` in older versions) has positions and velocities; the effort is the one
+    measured there, else the `output` of the controller, its command.
+
+    """
+    measured = message.feedback if hasattr(message, 'feedback') else message.actual
+    output = getattr(message, 'output', None)
+    effort = measured.effort if output is None or len(measured.effort) else output.effort
+    return JointMessage(
+        _stamp_ns(message), message.joint_names, measured.positions, measured.velocities, effort
+    )
+
+
+def _stamp_ns(message: Any) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+EXTRACTORS: Mapping[str, Callable[[Any], JointMessage]] = {
+    JOINT_STATE: from_joint_state,
+    CONTROLLER_STATE: from_controller_state,
+}

@@ -33,6 +33,10 @@ class JointSamples:
         Where the samples come from.
     seen_joints : tuple of str
         Joints of all messages, also of those dropped.
+    clock : str
+        Whether the times are those of the message headers or of reception.
+    notes : tuple of str
+        What else is to be known, a phrase each: damage of the files, what was put in order.
 
     """
 
@@ -46,6 +50,8 @@ class JointSamples:
     source: str = 'the recording'
     topic: str = ''
     seen_joints: tuple[str, ...] = ()
+    clock: str = 'header'
+    notes: tuple[str, ...] = ()
 
     @property
     def n_samples(self) -> int:

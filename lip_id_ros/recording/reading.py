@@ -2,34 +2,65 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from itertools import chain, islice
+from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 import os
+
+import numpy as np
 
 from lip_id_ros.config import RecordingSettings
 from lip_id_ros.errors import SourceError
 from lip_id_ros.progress import Progress, silent
+from lip_id_ros.recording.assembling import clock_of, covering, joined
 from lip_id_ros.recording.bags import Bag, Topic
-from lip_id_ros.recording.buffer import Reason, SampleBuffer
-from lip_id_ros.recording.joint_messages import EXTRACTORS, JointMessage
+from lip_id_ros.recording.blocks import blocks
 from lip_id_ros.recording.joint_samples import JointSamples
-from lip_id_ros.recording.timing import header_stamps_usable
+from lip_id_ros.recording.mapping import Reason
+from lip_id_ros.recording.parts import Collector, Part
+from lip_id_ros.recording.storage import Channel
+from lip_id_ros.recording.timing import LATEST_NS, SECOND, seconds
+from lip_id_ros.recording.topics import choose_topics
 
-DEFAULT_TOPIC = '/joint_states'
-
-_WINDOW = 1000
-_REPORT_EVERY = 1000
+_BATCH = 1024
+_BATCH_BYTES = 4 * 2**20
 _MOST_EXPECTED = 1_000_000  # a count that a file claims reserves no more than this
 
 PathLike = str | os.PathLike[str]
-Stamped = tuple[int, JointMessage | None]
+Batch = tuple[Channel, list[int], list[bytes]]
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """What was read of one topic of one bag, not yet in the order of time."""
+
+    parts: list[Part]
+    joints: tuple[str, ...]
+    counts: Counter[str]
+    seen: dict[str, None]
+    notes: dict[str, None]
+    source: str
+    topic: str
 
 
 def read_sources(
     paths: Sequence[PathLike], settings: RecordingSettings, progress: Progress = silent
 ) -> list[JointSamples]:
-    """Read several bags, see `read_bag`; one recording each."""
-    return [read_bag(path, settings, progress) for path in paths]
+    """
+    Read several bags, see `read_bag`; one recording each.
+
+    Bags that have only some of the joints that the settings name were recorded side by side: they
+    are merged into one recording, which comes last.
+
+    """
+    streams = [_streams(path, settings, progress) for path in paths]
+    partial = [some for some in streams if _is_partial(some, settings.joints)]
+    if len(partial) > 1:
+        streams = [some for some in streams if some not in partial]
+        streams.append([stream for some in partial for stream in some])
+    return [_checked(some, settings) for some in streams]
 
 
 def read_bag(
@@ -38,16 +69,21 @@ def read_bag(
     """
     Read the joint samples of a bag.
 
-    The topic is the one that the settings name, else the only one with joint samples, else
-    /joint_states. Times are those of the message headers where these advance in the first 1000
-    messages (see `timing.header_stamps_usable`), else those of reception.
+    The topics are those that the settings name, else as `topics.choose_topics` finds. Times are
+    those of the message headers where these advance (see `timing.header_stamps_usable`), else
+    those of reception, unless the settings say. Messages are put in the order of time (see
+    `timing.arrange`). Joints that come in messages of their own are merged (see
+    `assembling.merged`) where the settings name the joints.
+
+    Memory: 3 n + 2 numbers for each message of n joints, n more while late ones are put in order,
+    and one block of the file; independent of everything else in the bag.
 
     Parameters
     ----------
     path : path
         A rosbag2 folder, .mcap, .db3 or ROS 1 .bag.
     settings : RecordingSettings
-        Topic and joints; scales and types are not applied here.
+        Topics, joints and clock; scales and types are not applied here.
     progress : callable
         Told how many messages are read.
 
@@ -65,13 +101,7 @@ def read_bag(
 
     """
     settings = settings or RecordingSettings()
-    with Bag(path) as bag:
-        topic = choose_topic(bag, settings.topic)
-        samples = read_topic(bag, topic, settings.joints, progress)
-    _check_any(samples, topic)
-    if not settings.joints:
-        _check_joints(samples, topic)
-    return samples
+    return _checked(_streams(path, settings, progress), settings)
 
 
 def read_topic(
@@ -83,92 +113,112 @@ def read_topic(
     Raises
     ------
     SourceError
-        If the bag is damaged.
+        If the bag defines the message type in a way that cannot be read.
 
     """
-    buffer = SampleBuffer(joints, expected_rows=min(topic.count, _MOST_EXPECTED))
-    _fill(buffer, bag, topic, progress)
-    return buffer.samples(source=os.fspath(bag.path), topic=topic.name)
+    return _assembled([_stream(bag, topic, joints, progress)], RecordingSettings().clock)
 
 
-def joint_topics(bag: Bag) -> list[Topic]:
-    """Return the topics of a bag that carry joint samples."""
-    return [topic for topic in bag.topics if topic.type in EXTRACTORS]
+def _streams(path: PathLike, settings: RecordingSettings, progress: Progress) -> list[Stream]:
+    with Bag(path) as bag:
+        topics = choose_topics(bag, settings.topic)
+        return [_stream(bag, topic, settings.joints, progress) for topic in topics]
 
 
-def choose_topic(bag: Bag, wanted: str) -> Topic:
-    """
-    Return the topic to read joint samples from.
-
-    Raises
-    ------
-    SourceError
-        If there is none, or several and no way to choose.
-
-    """
-    candidates = joint_topics(bag)
-    names = [topic.name for topic in candidates]
-    if wanted:
-        return _named_topic(bag, candidates, wanted)
-    if not candidates:
-        raise SourceError(
-            f'{bag.path} must have a topic of {" or ".join(EXTRACTORS)}, but has '
-            f'{_listed(bag.topics)}; record joint_states.'
-        )
-    if len(candidates) == 1:
-        return candidates[0]
-    if names.count(DEFAULT_TOPIC) == 1:
-        return candidates[names.index(DEFAULT_TOPIC)]
-    raise SourceError(
-        f'{bag.path} has several topics with joint samples ({", ".join(names)}); '
-        'choose one with recording.topic.'
-    )
-
-
-def _named_topic(bag: Bag, candidates: Sequence[Topic], wanted: str) -> Topic:
-    for topic in candidates:
-        if topic.name.lstrip('/') == wanted.lstrip('/'):
-            return topic
-    raise SourceError(
-        f'recording.topic must be a topic of {bag.path} with joint samples, not {wanted!r}; '
-        f'it has {_listed(bag.topics)}.'
-    )
-
-
-def _fill(buffer: SampleBuffer, bag: Bag, topic: Topic, progress: Progress) -> None:
-    stage = f'reading {bag.path.name}'
+def _stream(bag: Bag, topic: Topic, joints: Sequence[str], progress: Progress) -> Stream:
+    collector = Collector(joints, expected=min(topic.count, _MOST_EXPECTED))
+    stage, done = f'reading {bag.path.name}', 0
     progress(stage, 0, topic.count)
-    for done, (stamp_ns, message) in enumerate(_on_one_clock(bag, topic), start=1):
-        if message is None:
-            buffer.reject(Reason.UNREADABLE)
-        else:
-            buffer.add(1e-9 * stamp_ns, *message[1:])
-        if done % _REPORT_EVERY == 0:
-            progress(stage, done, topic.count)
+    for channel, times, messages in _batches(bag, topic):
+        receive_ns = np.array(times, np.int64)
+        is_ros1 = channel.encoding == 'ros1'
+        found, unreadable = blocks(messages, channel.type, is_ros1, bag.decoder(channel))
+        for block in found:
+            collector.add(block, receive_ns[block.rows])
+        collector.counts[Reason.UNREADABLE] += unreadable
+        done += len(messages)
+        progress(stage, min(done, topic.count), topic.count)
     progress(stage, topic.count, topic.count)
+    collector.counts[Reason.LOST] += bag.lost(topic.name)
+    notes = dict.fromkeys(bag.notes)
+    if collector.denormal:
+        notes[f'{collector.denormal} denormal values (memory never filled in) were read as 0'] = (
+            None
+        )
+    return Stream(
+        parts=collector.parts(),
+        joints=collector.joints,
+        counts=collector.counts,
+        seen=collector.seen,
+        notes=notes,
+        source=os.fspath(bag.path),
+        topic=topic.name,
+    )
 
 
-def _on_one_clock(bag: Bag, topic: Topic) -> Iterator[Stamped]:
-    received = _extracted(bag, topic)
-    window = list(islice(received, _WINDOW))
-    headers = [message.stamp_ns for _, message in window if message is not None]
-    if header_stamps_usable(headers):
-        for receive_ns, message in chain(window, received):
-            yield receive_ns if message is None else message.stamp_ns, message
-    else:
-        yield from chain(window, received)
+def _batches(bag: Bag, topic: Topic) -> Iterator[Batch]:
+    """Yield messages of one form, some at a time; of no more bytes than need be."""
+    for channel, stored in groupby(bag.stored(topic.name, topic.type), itemgetter(0)):
+        times: list[int] = []
+        messages: list[bytes] = []
+        size = 0
+        for _, receive_ns, data in stored:
+            times.append(min(receive_ns, LATEST_NS))
+            messages.append(data or b'')  # what cannot be decompressed is as unreadable as that
+            size += len(messages[-1])
+            if len(messages) == _BATCH or size > _BATCH_BYTES:
+                yield channel, times, messages
+                times, messages, size = [], [], 0
+        if messages:
+            yield channel, times, messages
 
 
-def _extracted(bag: Bag, topic: Topic) -> Iterator[Stamped]:
-    extract = EXTRACTORS[topic.type]
-    for receive_ns, message in bag.messages(topic.name):
-        yield receive_ns, None if message is None else extract(message)
+def _is_partial(streams: Sequence[Stream], joints: Sequence[str]) -> bool:
+    have = {joint for stream in streams for part in stream.parts for joint in part.joints}
+    return bool(have) and not have >= set(joints)
 
 
-def _check_any(samples: JointSamples, topic: Topic) -> None:
+def _assembled(streams: Sequence[Stream], wanted_clock: str) -> JointSamples:
+    counts = sum((stream.counts for stream in streams), Counter[str]())
+    notes = {note: None for stream in streams for note in stream.notes}
+    joints = next((stream.joints for stream in streams if stream.joints), ())
+    parts = [part for stream in streams for part in stream.parts]
+    chosen = covering(parts, joints)
+    unused = [part for part in parts if not any(part is one for one, _ in chosen)]
+    counts[Reason.MISSING_JOINT] += sum(part.header_ns.size for part in unused)
+    clock = clock_of([part for part, _ in chosen], wanted_clock)
+    if len(chosen) > 1:
+        notes[f'joints of {len(chosen)} publishers were merged in time'] = None
+    motion = joined(chosen, joints, clock, counts, notes)
+    start_ns = int(motion.stamps_ns[0]) if motion.stamps_ns.size else 0
+    return JointSamples(
+        t=seconds(motion.stamps_ns - start_ns),
+        position=motion.position,
+        velocity=motion.velocity,
+        effort=motion.effort,
+        joint_names=joints,
+        start_s=start_ns / SECOND,
+        counts={str(reason): count for reason, count in counts.items() if count},
+        source=', '.join(dict.fromkeys(stream.source for stream in streams)),
+        topic=', '.join(dict.fromkeys(stream.topic for stream in streams)),
+        seen_joints=tuple(dict.fromkeys(name for stream in streams for name in stream.seen)),
+        clock=clock,
+        notes=tuple(notes),
+    )
+
+
+def _checked(streams: Sequence[Stream], settings: RecordingSettings) -> JointSamples:
+    samples = _assembled(streams, settings.clock)
+    _check_any(samples)
+    if not settings.joints:
+        _check_joints(samples)
+    return samples
+
+
+def _check_any(samples: JointSamples) -> None:
     if samples.n_samples:
         return
-    where = f'{topic.name} in {samples.source}'
+    where = f'{samples.topic} in {samples.source}'
     if not samples.counts:
         raise SourceError(f'{where} must hold messages, but is empty; record while the arm moves.')
     absent = [name for name in samples.joint_names if name not in samples.seen_joints]
@@ -183,12 +233,12 @@ def _check_any(samples: JointSamples, topic: Topic) -> None:
     )
 
 
-def _check_joints(samples: JointSamples, topic: Topic) -> None:
+def _check_joints(samples: JointSamples) -> None:
     strange = (Reason.FOREIGN_JOINTS, Reason.MISSING_JOINT)
     dropped = sum(samples.counts.get(reason, 0) for reason in strange)
     if dropped > samples.n_samples:
         raise SourceError(
-            f'most messages of {topic.name} in {samples.source} lack joints of the first one, '
+            f'most messages of {samples.topic} in {samples.source} lack joints of the first one, '
             f'{", ".join(samples.joint_names)} ({_counted(samples)}); name the joints to use '
             'with recording.joints.'
         )
@@ -196,7 +246,3 @@ def _check_joints(samples: JointSamples, topic: Topic) -> None:
 
 def _counted(samples: JointSamples) -> str:
     return ', '.join(f'{count} {reason}' for reason, count in samples.counts.items())
-
-
-def _listed(topics: Sequence[Topic]) -> str:
-    return ', '.join(f'{topic.name} ({topic.type})' for topic in topics) or 'no topics'

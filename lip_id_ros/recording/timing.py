@@ -1,21 +1,69 @@
-"""Clocks, rates and gaps of recordings."""
+"""Clocks, order, rates and gaps of recordings."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from lip_id_ros.recording.joint_samples import Floats
+from lip_id_ros.recording.mapping import Reason
 
 GAP_STEPS = 5.0
 """A step of more than so many median steps is a gap, unless a setting says otherwise."""
 
+SECOND = 1_000_000_000
+LATEST_NS = 2**62
+FAR_NS = 10 * SECOND
+"""A stamp out of order by more than this is wrong, and not late."""
+END_NS = 3600 * SECOND
+"""Nor has a recording a few lone stamps at its ends that are so far from all others."""
+RESTART_NS = SECOND
+APART_NS = 3600 * SECOND
+"""What was recorded after the clock went back for good is put so long after what was before."""
+
 _MIN_FORWARD = 0.25
+_NEIGHBOURS = 11
+_RUN = 20
+
+Integers = NDArray[np.int64]
+Indices = NDArray[np.intp]
 
 
-def header_stamps_usable(stamps_ns: Sequence[int]) -> bool:
+class Timeline(NamedTuple):
+    """
+    Stamps put in order.
+
+    Attributes
+    ----------
+    rows : ndarray of int
+        Which messages are kept, in the order of time.
+    t_ns : ndarray of int
+        Time of each since the first, strictly increasing [ns].
+    start_ns : int
+        Stamp of the first.
+    dropped : Counter
+        Messages left out, by reason.
+    late : int
+        How many of those kept came after a later one.
+    restarts : int
+        How often the clock went back for good.
+
+    """
+
+    rows: Indices
+    t_ns: Integers
+    start_ns: int
+    dropped: Counter[str]
+    late: int
+    restarts: int
+
+
+def header_stamps_usable(stamps_ns: Integers) -> bool:
     """
     Whether header stamps tell the time.
 
@@ -25,13 +73,109 @@ def header_stamps_usable(stamps_ns: Sequence[int]) -> bool:
 
     Parameters
     ----------
-    stamps_ns : sequence of int
+    stamps_ns : ndarray of int
         Stamps in the order of recording [ns].
 
     """
-    steps = np.diff(np.asarray(stamps_ns, dtype=np.int64))
+    steps = np.diff(stamps_ns)
     forward, backward = int((steps > 0).sum()), int((steps < 0).sum())
     return forward >= _MIN_FORWARD * steps.size and forward >= backward
+
+
+def arrange(stamps_ns: Integers) -> Timeline:
+    """
+    Put messages in the order of time.
+
+    Late messages are put where they belong. Of equal stamps the first message is kept. Dropped
+    are negative stamps, zeros that are not the first, and single stamps that are out of order and
+    more than 10 s from their neighbours, so that one stamp from the future does not make all
+    later ones late. Where the clock goes back for good (a restarted simulation), what follows is
+    a part of its own, an hour after the part before.
+
+    Parameters
+    ----------
+    stamps_ns : ndarray of int
+        In the order of recording, none beyond `LATEST_NS` [ns].
+
+    """
+    rows = np.arange(stamps_ns.size)
+    dropped = Counter[str]()
+    in_order = not (np.diff(stamps_ns) <= 0).any() and not (stamps_ns[:1] < 0).any()
+    if not in_order or _far_end(stamps_ns):
+        rows = _plausible(stamps_ns, rows, dropped)
+    stamps = stamps_ns[rows]
+    restarts = _restarts(stamps)
+    late = 0
+    if restarts.size or (np.diff(stamps) <= 0).any():
+        stamps = _in_parts(stamps, restarts)
+        late = int((stamps < np.maximum.accumulate(stamps)).sum())
+        order = np.argsort(stamps, kind='stable')
+        rows, stamps = rows[order], stamps[order]
+        first = np.concatenate([np.ones(min(1, stamps.size), bool), np.diff(stamps) > 0])
+        dropped[Reason.REPEATED_STAMP] += int((~first).sum())
+        rows, stamps = rows[first], stamps[first]
+    start = int(stamps[0]) if stamps.size else 0
+    return Timeline(rows, stamps - start, start, +dropped, late, restarts.size)
+
+
+def _plausible(stamps: Integers, rows: Indices, dropped: Counter[str]) -> Indices:
+    negative, zero = stamps < 0, stamps == 0
+    zero[:1] = False
+    rows = rows[~(negative | zero)]
+    far = _far(stamps[rows])
+    zeros = int(zero.sum()) + int((stamps[rows[far]] == 0).sum())
+    dropped[Reason.BAD_STAMP] += int(negative.sum())
+    dropped[Reason.ZERO_STAMP] += zeros
+    dropped[Reason.STRAY_STAMP] += int((stamps[rows[far]] != 0).sum())
+    return rows[~far]
+
+
+def _far_end(stamps: Integers) -> bool:
+    return bool(stamps.size > 2 and np.abs(np.diff(stamps[[0, 1, -2, -1]])).max() > END_NS)
+
+
+def _far(stamps: Integers) -> NDArray[np.bool_]:
+    """Mark stamps far from the median of their neighbours, out of order or at an end."""
+    size = min(_NEIGHBOURS, stamps.size - 1 + stamps.size % 2)
+    if size < 3:
+        return np.zeros(stamps.size, bool)
+    distance = np.abs(stamps - median_filter(stamps, size, mode='mirror'))
+    reach = size // 2
+    at_end = np.ones(stamps.size, bool)
+    at_end[reach:-reach] = False
+    disordered = np.zeros(stamps.size, bool)
+    for step in range(1, reach + 1):
+        back = stamps[step:] < stamps[:-step]
+        disordered[step:] |= back
+        disordered[:-step] |= back
+    far: NDArray[np.bool_] = (distance > FAR_NS) & (disordered | (at_end & (distance > END_NS)))
+    return far
+
+
+def _restarts(stamps: Integers) -> Indices:
+    """Return where the clock goes back for good: twenty messages later than the next twenty."""
+    back = np.flatnonzero(np.diff(stamps) < -RESTART_NS) + 1
+    back = back[(back >= _RUN) & (back <= stamps.size - _RUN)]
+    runs = np.arange(_RUN)
+    found = [
+        place
+        for place in back.tolist()
+        if stamps[place - 1 - runs].min() > stamps[place + runs].max() + RESTART_NS
+    ]
+    return np.array(found, np.intp)
+
+
+def _in_parts(stamps: Integers, restarts: Indices) -> Integers:
+    shifted = stamps.copy()
+    for begin, end in pairwise([*restarts.tolist(), stamps.size]):
+        shifted[begin:end] += shifted[:begin].max() + APART_NS - shifted[begin:end].min()
+    return shifted
+
+
+def seconds(t_ns: Integers) -> Floats:
+    """Return times in seconds."""
+    t: Floats = t_ns.astype(np.float64) / SECOND
+    return t
 
 
 def median_step(t: Floats) -> float:

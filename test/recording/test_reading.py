@@ -168,11 +168,7 @@ def test_single_late_stamps_do_not_change_the_clock(tmp_path: Path) -> None:
     states[4:4] = [State(stamp, receive_ns=3 * STEP_NS + 1) for stamp in late]
     samples = read_bag(write_folder(tmp_path / 'bag', states))
     assert samples.n_samples == 10
-    assert samples.counts == {
-        Reason.BACKWARD_STAMP: 1,
-        Reason.REPEATED_STAMP: 1,
-        Reason.ZERO_STAMP: 1,
-    }
+    assert samples.counts == {Reason.REPEATED_STAMP: 2, Reason.ZERO_STAMP: 1}
 
 
 def test_velocity_and_effort_may_be_absent(tmp_path: Path) -> None:
@@ -195,12 +191,16 @@ def test_topic_is_the_only_one_or_joint_states_or_the_one_named(tmp_path: Path) 
 def test_several_topics_need_a_choice(tmp_path: Path) -> None:
     states = [*moving(3, topic='/left'), *moving(3, topic='/right')]
     path = write_folder(tmp_path / 'bag', states)
-    sentence = r'bag has several topics with joint samples \(/left, /right\); choose one with'
+    sentence = (
+        rf'^.*bag has several topics with joint samples: /left \({JOINT_STATE}, 3 messages\), '
+        rf'/right \({JOINT_STATE}, 3 messages\); choose one, or several separated by commas, with '
+        r'recording.topic.$'
+    )
     with pytest.raises(SourceError, match=sentence):
         read_bag(path)
     sentence = (
         r"^recording.topic must be a topic of .*bag with joint samples, not '/middle'; it has "
-        r'/left \(sensor_msgs/msg/JointState\), /right \(sensor_msgs/msg/JointState\).$'
+        rf'/left \({JOINT_STATE}, 3 messages\), /right \({JOINT_STATE}, 3 messages\).$'
     )
     with pytest.raises(SourceError, match=sentence):
         read(path, topic='/middle')
@@ -209,7 +209,8 @@ def test_several_topics_need_a_choice(tmp_path: Path) -> None:
 def test_bag_without_joint_states_names_what_it_has(tmp_path: Path) -> None:
     path = write_raw(tmp_path / 'bag', '/chatter', TEXT, [b'\0\1\0\0\1\0\0\0\0'], '.mcap')
     sentence = (
-        rf'^.*bag must have a topic of {JOINT_STATE}, but has /chatter \({TEXT}\); record joint_s'
+        rf'^.*bag must have a topic of {JOINT_STATE} or control_msgs/msg/JointTrajectoryController'
+        rf'State, but has /chatter \({TEXT}, 1 messages\); record joint_states.$'
     )
     with pytest.raises(SourceError, match=sentence):
         read_bag(path)
@@ -239,15 +240,6 @@ def test_missing_joint_is_told(tmp_path: Path) -> None:
         read(path, joints=('shoulder', 'wrist'))
 
 
-def test_joints_that_are_never_together_are_told(tmp_path: Path) -> None:
-    states = [
-        State(k * STEP_NS, [1.0], [1.0], [1.0], [('shoulder', 'elbow')[k % 2]]) for k in range(6)
-    ]
-    sentence = r'^no message of .* can be used \(6 joint missing\); record position, velocity and'
-    with pytest.raises(SourceError, match=sentence):
-        read(write_folder(tmp_path / 'bag', states), joints=('shoulder', 'elbow'))
-
-
 def test_nan_everywhere_is_told(tmp_path: Path) -> None:
     path = write_folder(tmp_path / 'bag', moving(3, effort=(float('nan'), 1.0)))
     with pytest.raises(SourceError, match=r'can be used \(3 value not finite\); record position'):
@@ -263,13 +255,15 @@ def test_other_files_are_refused_by_name(tmp_path: Path, name: str) -> None:
 
 def test_folder_without_a_bag(tmp_path: Path) -> None:
     (tmp_path / 'notes.txt').write_text('nothing')
-    sentence = r'must hold a bag, but there is no .mcap, .db3, .bag file in it \(nor metadata.yaml'
+    sentence = (
+        r'must hold a bag, but there is no .mcap, .db3, .bag file in it \(metadata.yaml is m'
+    )
     with pytest.raises(SourceError, match=sentence):
         read_bag(tmp_path)
     folder = write_folder(tmp_path / 'bag', moving(3))
     next(folder.glob('*.db3')).unlink()
     with pytest.raises(
-        SourceError, match=r'must hold .*\(metadata.yaml says otherwise: .*missing'
+        SourceError, match=r'must hold .* in it \(metadata.yaml names bag.db3\); give the folder'
     ):
         read_bag(folder)
 
@@ -282,22 +276,13 @@ def test_empty_file(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize('name', ['bag.mcap', 'bag.db3', 'bag.bag'])
-@pytest.mark.parametrize('content', [b'x', b'not a bag at all' * 100, bytes(5000)])
+@pytest.mark.parametrize(
+    'content', [b'x', b'not a bag at all' * 100, bytes(5000)], ids=['byte', 'text', 'zeros']
+)
 def test_foreign_file(tmp_path: Path, name: str, content: bytes) -> None:
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(SourceError, match=rf'{name} cannot be read as .* \(.*\); try `ros2 bag'):
+    with pytest.raises(SourceError, match=rf'{name} cannot be read as .* \(.*\); record it'):
         read_bag(tmp_path / name)
-
-
-@pytest.mark.parametrize('kind', ['bare.mcap', 'bare.db3', 'ros1.bag', 'folder.mcap'])
-@pytest.mark.parametrize('share', [0.1, 0.5, 0.9])
-def test_file_cut_short_is_told_or_read_in_part(tmp_path: Path, kind: str, share: float) -> None:
-    path = write(tmp_path / kind, moving(2000))
-    file = next(path.glob('*.mcap')) if path.is_dir() else path
-    content = file.read_bytes()
-    file.write_bytes(content[: int(share * len(content))])
-    with pytest.raises(SourceError, match=r'cannot be read as .*; try `ros2 bag reindex` or rec'):
-        read_bag(path)
 
 
 def test_absent_file_passes_through(tmp_path: Path) -> None:
@@ -309,7 +294,7 @@ def test_progress_ends_at_the_total(tmp_path: Path) -> None:
     calls: list[tuple[str, int, int]] = []
     path = write_folder(tmp_path / 'bag', moving(1500))
     read_bag(path, progress=lambda *call: calls.append(call))
-    assert calls == [('reading bag', done, 1500) for done in (0, 1000, 1500)]
+    assert calls == [('reading bag', done, 1500) for done in (0, 1024, 1500, 1500)]
 
 
 def test_several_sources_stay_apart(tmp_path: Path) -> None:
@@ -337,11 +322,8 @@ def test_real_ur10_bag(shared_data: Path) -> None:
 
 
 def test_real_bag_of_a_plan_has_no_samples(shared_data: Path) -> None:
-    sentence = r'but has /joint_space_trajectory \(trajectory_msgs/msg/JointTrajectory\); record'
+    sentence = (
+        r'but has /joint_space_trajectory \(trajectory_msgs/msg/JointTrajectory, 1 messages\); rec'
+    )
     with pytest.raises(SourceError, match=sentence):
         read_bag(shared_data / 'unisa_ros2_bags' / 'ur10_validation')
-
-
-def test_real_ros1_bag_of_controller_states_has_no_samples(shared_data: Path) -> None:
-    with pytest.raises(SourceError, match=r'but has /arm_right_controller/state \(control_msgs/'):
-        read_bag(shared_data / 'tiago_ros1_jtc_state' / 'arm_jointstate.bag')

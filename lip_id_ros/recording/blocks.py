@@ -1,0 +1,178 @@
+"""
+Serialized joint messages to arrays, many at a time.
+
+Messages of one publisher differ in nothing but stamp and numbers. So the first of a block is
+decoded by the library, and those that agree with it in every other byte are cut into arrays at
+once.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.recording.joint_messages import EXTRACTORS, JOINT_STATE, JointMessage
+from lip_id_ros.recording.joint_samples import Floats
+
+Indices = NDArray[np.intp]
+Integers = NDArray[np.int64]
+Decode = Callable[[bytes], Any]
+
+
+class Block(NamedTuple):
+    """
+    Messages of the same joints in the same order.
+
+    Attributes
+    ----------
+    rows : ndarray of int, shape (k,)
+        Which of the messages given, increasing.
+    names : tuple of str
+    stamp_ns : ndarray of int, shape (k,)
+    position, velocity, effort : ndarray
+        Shape (k, length of the field).
+
+    """
+
+    rows: Indices
+    names: tuple[str, ...]
+    stamp_ns: Integers
+    position: Floats
+    velocity: Floats
+    effort: Floats
+
+
+class _Layout(NamedTuple):
+    """Where in a JointState its parts are; `constant` are all bytes but stamp and numbers."""
+
+    names: tuple[str, ...]
+    order: str
+    stamp: int
+    numbers: tuple[tuple[int, int], ...]
+    constant: Indices
+
+
+def blocks(
+    messages: Sequence[bytes], kind: str, is_ros1: bool, decode: Decode
+) -> tuple[list[Block], int]:
+    """
+    Sort messages into blocks.
+
+    Parameters
+    ----------
+    messages : sequence of bytes
+        Serialized messages of one type.
+    kind : str
+        The type, as package/msg/Name.
+    is_ros1 : bool
+        Whether they are serialized as in ROS 1.
+    decode : callable
+        Gives a message as an object, None where it is broken.
+
+    Returns
+    -------
+    blocks : list of Block
+    unreadable : int
+        How many messages are in none of them.
+
+    """
+    if kind != JOINT_STATE:
+        extract = EXTRACTORS[kind]
+        decoded = [(row, decode(data)) for row, data in enumerate(messages)]
+        read = [(row, extract(message)) for row, message in decoded if message is not None]
+        return _grouped(read), len(messages) - len(read)
+    found: list[Block] = []
+    by_length: dict[int, list[int]] = {}
+    for row, data in enumerate(messages):
+        by_length.setdefault(len(data), []).append(row)
+    for length, some in by_length.items():
+        joined = np.frombuffer(b''.join([messages[row] for row in some]), np.uint8)
+        _split(joined.reshape(len(some), length), np.array(some), is_ros1, decode, found)
+    return found, len(messages) - sum(block.rows.size for block in found)
+
+
+def _split(
+    matrix: NDArray[np.uint8], rows: Indices, is_ros1: bool, decode: Decode, found: list[Block]
+) -> None:
+    """Take the rows that are like the first, until none is left."""
+    while rows.size:
+        data = matrix[0].tobytes()
+        message = decode(data)
+        if message is None:
+            matrix, rows = matrix[1:], rows[1:]
+            continue
+        layout = _layout(data, message, is_ros1)
+        constant = matrix[:, layout.constant]
+        same = (constant == constant[0]).all(axis=1)
+        found.append(_block(matrix[same], rows[same], layout))
+        matrix, rows = matrix[~same], rows[~same]
+
+
+def _layout(data: bytes, message: Any, is_ros1: bool) -> _Layout:
+    """Walk through a message that the library could decode."""
+    start, align = (0, 1) if is_ros1 else (4, 4)
+    order = '<' if is_ros1 or data[1] == 1 else '>'
+    byte_order = 'little' if order == '<' else 'big'
+    varying = np.zeros(len(data), bool)
+
+    def length_at(position: int) -> tuple[int, int]:
+        position = start + -(-(position - start) // align) * align
+        return int.from_bytes(data[position : position + 4], byte_order), position + 4  # type: ignore[arg-type]
+
+    stamp = start + 4 if is_ros1 else start
+    varying[start : stamp + 8] = True  # the sequence number of ROS 1 too
+    length, position = length_at(stamp + 8)
+    count, position = length_at(position + length)
+    for _ in range(count):
+        length, position = length_at(position)
+        position += length
+    numbers = []
+    for values in (message.position, message.velocity, message.effort):
+        padded = position
+        count, position = length_at(position)
+        varying[padded : position - 4] = True
+        if count and not is_ros1:
+            padded, position = position, start + -(-(position - start) // 8) * 8
+            varying[padded:position] = True
+        numbers.append((position, len(values)))
+        varying[position : position + 8 * count] = True
+        position += 8 * count
+    varying[position:] = True
+    names = tuple(message.name)
+    return _Layout(names, order, stamp, tuple(numbers), np.flatnonzero(~varying))
+
+
+def _block(matrix: NDArray[np.uint8], rows: Indices, layout: _Layout) -> Block:
+    def cut(position: int, count: int, kind: str) -> NDArray[Any]:
+        some = np.ascontiguousarray(
+            matrix[:, position : position + np.dtype(kind).itemsize * count]
+        )
+        return some.view(f'{layout.order}{kind}').reshape(rows.size, count)
+
+    seconds = cut(layout.stamp, 1, 'i4')[:, 0].astype(np.int64)
+    nanoseconds = cut(layout.stamp + 4, 1, 'u4')[:, 0].astype(np.int64)
+    stamp_ns = seconds * 1_000_000_000 + nanoseconds
+    parts = [cut(*place, 'f8').astype(np.float64, copy=False) for place in layout.numbers]
+    return Block(rows, layout.names, stamp_ns, *parts)
+
+
+def _grouped(read: Sequence[tuple[int, JointMessage]]) -> list[Block]:
+    groups: dict[tuple[Any, ...], list[tuple[int, JointMessage]]] = {}
+    for row, message in read:
+        key = (tuple(message.names), *(len(values) for values in message[2:]))
+        groups.setdefault(key, []).append((row, message))
+    return [_stacked(names, group) for (names, *_), group in groups.items()]
+
+
+def _stacked(names: tuple[str, ...], group: Sequence[tuple[int, JointMessage]]) -> Block:
+    messages = [message for _, message in group]
+    position, velocity, effort = (
+        np.array([message[part] for message in messages], np.float64).reshape(len(group), -1)
+        for part in (2, 3, 4)
+    )
+    stamps = np.array([message.stamp_ns for message in messages], np.int64)
+    return Block(np.array([row for row, _ in group]), names, stamps, position, velocity, effort)
