@@ -19,7 +19,7 @@ MAGIC = b'SQLite format 3\0'
 
 _HEAD = struct.Struct('>16xH10xI')  # page size and number of pages
 _LAST_NUMBER = 2**62
-_MOST_JUMPS = 64  # over damaged rows, each twice as far as the one before
+_MOST_FAILURES = 1000  # of reading on, and of jumps, each twice as far as the one before
 _LONGEST_VALUE = 64 * 2**20
 
 
@@ -156,19 +156,21 @@ class SqliteFile:
         failure the next row is asked for alone, and jumped over only if that fails too.
 
         """
-        last, jump, jumps, limit = -(2**63), 1, 0, -1
-        while jumps < _MOST_JUMPS and last < _LAST_NUMBER:
+        last, jump, failures, limit = -(2**63), 1, 0, -1
+        while failures < _MOST_FAILURES and last < _LAST_NUMBER:
             before = last
             try:
                 for row in self._database.execute(query, (last, *values, limit)):
-                    last = row[0]
-                    yield row
+                    if row[0] > last:  # always, unless the file's tree leads in a circle
+                        last = row[0]
+                        yield row
                 if limit < 0 or last == before:
                     return
                 limit, jump = -1, 1
             except sqlite3.DatabaseError as error:
                 self.notes[f'rows cannot be read ({error})'] = None
+                failures += 1
                 if limit < 0:
                     limit = 1
                 else:
-                    last, jump, jumps = max(last, 0) + jump, 2 * jump, jumps + 1
+                    last, jump = max(last, 0) + jump, 2 * jump
