@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from mcap.writer import CompressionType, IndexType
+from mcap.writer import Writer as McapWriter
 import numpy as np
 from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import StoragePlugin
-from rosbags.typesys import get_typestore, Stores
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 ROS2: Any = get_typestore(Stores.ROS2_JAZZY)
 ROS1: Any = get_typestore(Stores.ROS1_NOETIC)
@@ -76,17 +78,47 @@ def write_file(folder: Path, states: Iterable[State], suffix: str) -> Path:
     return next(folder.iterdir())
 
 
-def write_ros1(path: Path, states: Iterable[State]) -> Path:
-    """Write a ROS 1 bag; return it."""
-    with rosbag1.Writer(path) as writer:
-        connections: dict[str, Any] = {}
-        for state in states:
-            if state.topic not in connections:
-                connections[state.topic] = writer.add_connection(
-                    state.topic, JOINT_STATE, typestore=ROS1
+def write_ros1(
+    path: Path, states: Iterable[State], compression: Any = None, publishers: int = 1
+) -> Path:
+    """Write a ROS 1 bag; return it. Publishers of a topic take turns."""
+    writer = rosbag1.Writer(path)
+    if compression is not None:
+        writer.set_compression(compression)
+    with writer:
+        connections: dict[tuple[str, int], Any] = {}
+        for number, state in enumerate(states):
+            key = (state.topic, number % publishers)
+            if key not in connections:
+                connections[key] = writer.add_connection(
+                    state.topic, JOINT_STATE, typestore=ROS1, callerid=f'/node{key[1]}'
                 )
             data = ROS1.serialize_ros1(_message(ROS1, state), JOINT_STATE)
-            writer.write(connections[state.topic], _received(state), data)
+            writer.write(connections[key], _received(state), data)
+    return path
+
+
+def write_mcap(
+    path: Path,
+    states: Iterable[State],
+    compression: CompressionType = CompressionType.NONE,
+    index: IndexType = IndexType.ALL,
+    profile: str = 'ros2',
+    **options: Any,
+) -> Path:
+    """Write an MCAP file with another library, with all its options; return it."""
+    definition, _ = ROS2.generate_msgdef(JOINT_STATE, ros_version=2)
+    writer = McapWriter(str(path), compression=compression, index_types=index, **options)
+    writer.start(profile, 'test')
+    schema = writer.register_schema(JOINT_STATE, 'ros2msg', definition.encode())
+    channels: dict[str, int] = {}
+    for state in states:
+        if state.topic not in channels:
+            channels[state.topic] = writer.register_channel(state.topic, 'cdr', schema)
+        writer.add_message(
+            channels[state.topic], _received(state), state_bytes(state), _received(state)
+        )
+    writer.finish()  # type: ignore[no-untyped-call]
     return path
 
 
@@ -104,23 +136,50 @@ def state_bytes(state: State) -> bytes:
     return bytes(ROS2.serialize_cdr(_message(ROS2, state), JOINT_STATE))
 
 
+CONTROLLER = 'control_msgs/msg/JointTrajectoryControllerState'
+POINTS = {
+    'old': ('desired', 'actual', 'error'),
+    'new': ('reference', 'feedback', 'error', 'output'),
+}
+
+
+def write_controller_states(
+    folder: Path, form: str, points: Sequence[dict[str, dict[str, Sequence[float]]]]
+) -> Path:
+    """Write controller states of joints a and b at 100 Hz, in the old or new form; return it."""
+    store: Any = get_typestore(Stores.ROS2_JAZZY)
+    fields = [f'trajectory_msgs/JointTrajectoryPoint {name}' for name in POINTS[form]]
+    definition = ['std_msgs/Header header', 'string[] joint_names', *fields]
+    store.register(get_types_from_msg('\n'.join(definition), CONTROLLER))
+    with rosbag2.Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection('/controller/state', CONTROLLER, typestore=store)
+        for number, given in enumerate(points):
+            message = store.types[CONTROLLER](
+                header=_header(store, number * STEP_NS),
+                joint_names=['a', 'b'],
+                **{name: _point(store, given.get(name, {}), 0) for name in POINTS[form]},
+            )
+            data = store.serialize_cdr(message, CONTROLLER)
+            writer.write(connection, number * STEP_NS, data)
+    return folder
+
+
+def _point(store: Any, given: dict[str, Any], number: int) -> Any:
+    fields = ('positions', 'velocities', 'accelerations', 'effort')
+    return store.types['trajectory_msgs/msg/JointTrajectoryPoint'](
+        **{field: np.array(given.get(field, ()), float) for field in fields},
+        time_from_start=store.types['builtin_interfaces/msg/Duration'](
+            sec=number, nanosec=500_000_000
+        ),
+    )
+
+
 def trajectory_bytes(names: Sequence[str], points: Sequence[dict[str, Any]]) -> bytes:
     """Return a JointTrajectory as it lies in a ROS 2 bag; points name their fields."""
-    types = ROS2.types
-    empty = np.zeros(0)
-    fields = ('positions', 'velocities', 'accelerations', 'effort')
-    message = types[TRAJECTORY](
+    message = ROS2.types[TRAJECTORY](
         header=_header(ROS2, 0),
         joint_names=list(names),
-        points=[
-            types['trajectory_msgs/msg/JointTrajectoryPoint'](
-                **{field: np.array(point.get(field, empty), float) for field in fields},
-                time_from_start=types['builtin_interfaces/msg/Duration'](
-                    sec=number, nanosec=500_000_000
-                ),
-            )
-            for number, point in enumerate(points)
-        ],
+        points=[_point(ROS2, point, number) for number, point in enumerate(points)],
     )
     return bytes(ROS2.serialize_cdr(message, TRAJECTORY))
 
