@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import groupby
 import os
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from lip_id_ros.errors import SourceError
 from lip_id_ros.preprocessing.pipeline import preprocess
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.recording import DATASET_SUFFIX, JointSamples, read_bag
+from lip_id_ros.recording import DATASET_SUFFIX, JointSamples, read_sources
 from lip_id_ros.recording.csv_log import read_log
 
 PathLike = str | os.PathLike[str]
@@ -58,20 +59,35 @@ def load_dataset(
     paths = [sources] if isinstance(sources, (str, os.PathLike)) else list(sources)
     if not paths:
         raise SourceError('at least one recording or data set is needed, but none was named.')
-    data = concatenate([_load(path, config, progress, watch) for path in paths])
+    data = concatenate(list(_loaded(paths, config, progress, watch)))
     return at_most(data, config.preprocessing)
 
 
-def _load(path: PathLike, config: Config, progress: Progress, watch: Watch) -> Dataset:
-    suffix = Path(path).suffix
-    if suffix == DATASET_SUFFIX:
+def _loaded(
+    paths: Sequence[PathLike], config: Config, progress: Progress, watch: Watch
+) -> Iterator[Dataset]:
+    """Yield data sets in the order of the sources; bags side by side may give one together."""
+    for is_bag, some in groupby(paths, _is_bag):
+        if not is_bag:
+            yield from (_of_file(path, config, progress, watch) for path in some)
+            continue
+        for samples in read_sources(list(some), config.recording, progress):
+            yield _prepared(samples, config, progress, watch)
+
+
+def _is_bag(path: PathLike) -> bool:
+    return Path(path).suffix not in (DATASET_SUFFIX, CSV_SUFFIX)
+
+
+def _of_file(path: PathLike, config: Config, progress: Progress, watch: Watch) -> Dataset:
+    if Path(path).suffix == DATASET_SUFFIX:
         return _with_joints(Dataset.load(path), config)
-    if suffix == CSV_SUFFIX and has_accelerations(path):
+    if has_accelerations(path):
         return _with_types(_with_joints(read_csv(path), config), config)
-    if suffix == CSV_SUFFIX:
-        samples = read_log(path, config.recording.joints)
-    else:
-        samples = read_bag(path, config.recording, progress)
+    return _prepared(read_log(path, config.recording.joints), config, progress, watch)
+
+
+def _prepared(samples: JointSamples, config: Config, progress: Progress, watch: Watch) -> Dataset:
     watch(samples)
     progress('preprocessing', 0, 0)
     return preprocess(samples, replace(config.preprocessing, max_samples=0), config.recording)

@@ -166,6 +166,8 @@ def _provenance(
     return {
         'source': samples.source,
         'topic': samples.topic,
+        'clock': samples.clock,
+        'notes': list(samples.notes),
         'start_s': samples.start_s,
         'samples': samples.n_samples,
         'dropped': {str(reason): count for reason, count in dropped.items() if count},

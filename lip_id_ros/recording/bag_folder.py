@@ -31,7 +31,8 @@ def files_of(folder: Path) -> tuple[list[Path], list[str]]:
         If the folder or its metadata cannot be opened.
 
     """
-    there = {file.name: file for file in folder.iterdir() if file.is_file() and is_storage(file)}
+    files = (file for file in folder.iterdir() if is_storage(file) and file.is_file())
+    there = {file.name: file for file in sorted(files, key=_by_number)}
     named, notes = _named(folder / METADATA)
     if not there:
         raise SourceError(
@@ -51,7 +52,7 @@ def files_of(folder: Path) -> tuple[list[Path], list[str]]:
     if named:
         notes += [f'{METADATA} does not name {f.name}' for f in chosen if f.name not in named]
     notes += [f'{file.name} was left aside' for file in there.values() if file not in chosen]
-    return sorted(chosen, key=_by_number), notes
+    return chosen, notes
 
 
 def _named(path: Path) -> tuple[list[str], list[str]]:

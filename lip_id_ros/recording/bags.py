@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import groupby
 from operator import itemgetter
 import os
@@ -26,6 +26,8 @@ KINDS = {'.mcap': 'rosbag2 file (mcap)', '.db3': 'rosbag2 file (sqlite3)', '.bag
 FOLDER = 'rosbag2 folder'
 
 Decoder = Callable[[bytes], Any]
+
+_MOST_DECODERS = 64
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ class Bag:
 
         """
         try:
-            decode = _decoder(channel)
+            decode = _decoder(*channel.form)
         except Exception as error:  # whatever a definition makes the library raise
             raise SourceError(
                 f'the definition of {channel.type} on {channel.topic} in {self.path} '
@@ -241,16 +243,16 @@ def _store(is_ros1: bool) -> Any:
     return get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
 
 
-@cache
-def _decoder(channel: Channel) -> Decoder:
+@lru_cache(_MOST_DECODERS)
+def _decoder(name: str, encoding: str, definition: str) -> Decoder:
     """Trust the known definition of a standard type; take the bag's own for any other."""
-    name, is_ros1 = channel.type, channel.encoding == 'ros1'
-    if channel.encoding not in ('ros1', 'cdr'):
-        raise ValueError(f'its messages are encoded as {channel.encoding or "nothing known"}')
+    is_ros1 = encoding == 'ros1'
+    if encoding not in ('ros1', 'cdr'):
+        raise ValueError(f'its messages are encoded as {encoding or "nothing known"}')
     store = _store(is_ros1)
     if name not in store.fielddefs:
         store = get_typestore(Stores.EMPTY)
-        store.register(get_types_from_msg(channel.definition, name))
+        store.register(get_types_from_msg(definition, name))
     if is_ros1:
         return lambda data: store.deserialize_ros1(data, name)
     return lambda data: store.deserialize_cdr(data, name)

@@ -47,20 +47,23 @@ class Stream:
 
 def read_sources(
     paths: Sequence[PathLike], settings: RecordingSettings, progress: Progress = silent
-) -> list[JointSamples]:
+) -> Iterator[JointSamples]:
     """
-    Read several bags, see `read_bag`; one recording each.
+    Read several bags, see `read_bag`; one recording each, one after the other.
 
     Bags that have only some of the joints that the settings name were recorded side by side: they
     are merged into one recording, which comes last.
 
     """
-    streams = [_streams(path, settings, progress) for path in paths]
-    partial = [some for some in streams if _is_partial(some, settings.joints)]
-    if len(partial) > 1:
-        streams = [some for some in streams if some not in partial]
-        streams.append([stream for some in partial for stream in some])
-    return [_checked(some, settings) for some in streams]
+    partial: list[Stream] = []
+    for path in paths:
+        streams = _streams(path, settings, progress)
+        if _is_partial(streams, settings.joints):
+            partial += streams
+        else:
+            yield _checked(streams, settings)
+    if partial:
+        yield _checked(partial, settings)
 
 
 def read_bag(
@@ -220,7 +223,10 @@ def _check_any(samples: JointSamples) -> None:
         return
     where = f'{samples.topic} in {samples.source}'
     if not samples.counts:
-        raise SourceError(f'{where} must hold messages, but is empty; record while the arm moves.')
+        notes = f' ({"; ".join(samples.notes)})' if samples.notes else ''
+        raise SourceError(
+            f'{where} must hold messages, but is empty{notes}; record while the arm moves.'
+        )
     absent = [name for name in samples.joint_names if name not in samples.seen_joints]
     if absent:
         raise SourceError(

@@ -79,10 +79,15 @@ def write_file(folder: Path, states: Iterable[State], suffix: str) -> Path:
 
 
 def write_ros1(
-    path: Path, states: Iterable[State], compression: Any = None, publishers: int = 1
+    path: Path,
+    states: Iterable[State],
+    compression: Any = None,
+    publishers: int = 1,
+    chunk_bytes: int = 2**20,
 ) -> Path:
     """Write a ROS 1 bag; return it. Publishers of a topic take turns."""
     writer = rosbag1.Writer(path)
+    writer.chunk_threshold = chunk_bytes
     if compression is not None:
         writer.set_compression(compression)
     with writer:

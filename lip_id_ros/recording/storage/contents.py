@@ -24,7 +24,7 @@ class Channel:
     count: int
 
     @property
-    def form(self) -> tuple[str, ...]:
+    def form(self) -> tuple[str, str, str]:
         """What its messages are read by."""
         return self.type, self.encoding, self.definition
 

@@ -1,0 +1,305 @@
+"""Files really broken in the ways that files break: what is left is read, the rest is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import os
+from pathlib import Path
+import shutil
+import sqlite3
+import struct
+
+from mcap.writer import CompressionType, IndexType
+import numpy as np
+import pytest
+from recording.bag_files import (
+    moving,
+    State,
+    STEP_NS,
+    write_file,
+    write_folder,
+    write_mcap,
+    write_raw,
+    write_ros1,
+)
+
+from lip_id_ros.errors import SourceError
+from lip_id_ros.recording import Bag, JointSamples, read_bag, Reason
+
+COUNT = 2000
+CUT = 'the file was cut short'
+Writer = Callable[[Path], Path]
+
+WRITERS: dict[str, Writer] = {
+    'mcap': lambda path: write_mcap(path / 'a.mcap', moving(COUNT), chunk_size=20_000),
+    'mcap zstd': lambda path: write_mcap(
+        path / 'a.mcap', moving(COUNT), CompressionType.ZSTD, chunk_size=20_000
+    ),
+    'mcap unindexed': lambda path: write_mcap(
+        path / 'a.mcap', moving(COUNT), index=IndexType.NONE, chunk_size=20_000
+    ),
+    'mcap without chunks': lambda path: write_mcap(
+        path / 'a.mcap', moving(COUNT), use_chunking=False
+    ),
+    'sqlite': lambda path: write_file(path / 'a', moving(COUNT), '.db3'),
+    'ros1': lambda path: write_ros1(path / 'a.bag', moving(COUNT)),
+}
+
+
+def assert_part_of_clean(samples: JointSamples) -> None:
+    """Every sample is one that was written, in order."""
+    k = np.rint(samples.position[:, 0] / 0.01)
+    assert (np.diff(k) > 0).all()
+    np.testing.assert_allclose(samples.position, np.column_stack([0.01 * k, -0.02 * k]))
+    np.testing.assert_allclose(samples.velocity[:, 1], -2.0 + 0.001 * k)
+    np.testing.assert_allclose(samples.effort, np.column_stack([3 + k, 4 - k]))
+    np.testing.assert_allclose(samples.t, 0.01 * (k - k[0]))
+
+
+@pytest.mark.parametrize('kind', WRITERS)
+@pytest.mark.parametrize('share', [0.1, 0.5, 0.9])
+def test_file_cut_short_is_read_as_far_as_it_goes(tmp_path: Path, kind: str, share: float) -> None:
+    path = WRITERS[kind](tmp_path)
+    os.truncate(path, int(share * path.stat().st_size))
+    samples = read_bag(path)
+    assert_part_of_clean(samples)
+    # the tail of a chunk that is cut, or rows whose page is gone, cannot be had
+    assert samples.n_samples > 0.7 * share * COUNT - 100
+    assert any(CUT in note for note in samples.notes)
+
+
+@pytest.mark.parametrize('kind', WRITERS)
+@pytest.mark.parametrize('size', [1, 20, 60])
+def test_file_cut_to_almost_nothing_is_told(tmp_path: Path, kind: str, size: int) -> None:
+    path = WRITERS[kind](tmp_path)
+    os.truncate(path, size)
+    with pytest.raises(SourceError, match=rf'^{path} (cannot be read as|must have a topic of) '):
+        read_bag(path)
+
+
+def test_row_cut_in_the_middle(tmp_path: Path) -> None:
+    """The last page of the file is not whole, the one before it is gone."""
+    path = write_file(tmp_path / 'a', moving(COUNT), '.db3')
+    os.truncate(path, path.stat().st_size - 6000)
+    samples = read_bag(path)
+    assert_part_of_clean(samples)
+    assert COUNT - 40 < samples.n_samples < COUNT
+    assert f'a.db3: {CUT}: it is smaller than it says' in samples.notes
+
+
+def test_damaged_page_costs_its_rows(tmp_path: Path) -> None:
+    path = write_file(tmp_path / 'a', moving(COUNT), '.db3')
+    content = bytearray(path.read_bytes())
+    content[4096 * 60 : 4096 * 61] = b'\xff' * 4096
+    path.write_bytes(content)
+    samples = read_bag(path)
+    assert_part_of_clean(samples)
+    assert COUNT - 100 < samples.n_samples < COUNT
+    assert 'a.db3: rows cannot be read (database disk image is malformed)' in samples.notes
+
+
+@pytest.mark.parametrize('compression', list(CompressionType))
+def test_damaged_chunk_costs_its_messages(tmp_path: Path, compression: CompressionType) -> None:
+    path = write_mcap(tmp_path / 'a.mcap', moving(COUNT), compression, chunk_size=20_000)
+    content = bytearray(path.read_bytes())
+    places = chunk_places(content, 'mcap')
+    inside = places[len(places) // 2] + 200
+    content[inside : inside + 8] = b'\xa5' * 8
+    path.write_bytes(content)
+    samples = read_bag(path)
+    assert_part_of_clean(samples)
+    lost = samples.counts[Reason.LOST]
+    assert samples.n_samples + lost == COUNT
+    assert lost < 400
+    assert any('are damaged' in note for note in samples.notes)
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'ros1'])
+def test_reading_goes_on_after_bytes_that_are_no_record(tmp_path: Path, kind: str) -> None:
+    """The head of a record is overwritten: the index tells where the next chunk is."""
+    if kind == 'mcap':
+        path = write_mcap(tmp_path / 'a.mcap', moving(COUNT), chunk_size=20_000)
+    else:
+        path = write_ros1(tmp_path / 'a.bag', moving(COUNT), chunk_bytes=20_000)
+    content = bytearray(path.read_bytes())
+    places = chunk_places(content, kind)
+    place = places[len(places) // 2]
+    content[place : place + 16] = b'\0' * 16
+    path.write_bytes(content)
+    samples = read_bag(path)
+    assert_part_of_clean(samples)
+    assert COUNT - 300 < samples.n_samples < COUNT
+    assert any('are damaged' in note for note in samples.notes)
+
+
+def chunk_places(content: bytes | bytearray, kind: str) -> list[int]:
+    """Walk a whole file."""
+    places = []
+    position = 8 if kind == 'mcap' else 13
+    while position < len(content) - 8:
+        if kind == 'mcap':
+            code, length = struct.unpack_from('<BQ', content, position)
+            end = position + 9 + length
+            is_chunk = code == 6
+        else:
+            (length,) = struct.unpack_from('<I', content, position)
+            is_chunk = b'op=\x05' in content[position + 4 : position + 4 + length]
+            end = position + 4 + length
+            end += 4 + struct.unpack_from('<I', content, end)[0]
+        if is_chunk:
+            places.append(position)
+        position = end
+    return places
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'mcap without chunks', 'ros1'])
+def test_declared_size_of_a_record_allocates_nothing(tmp_path: Path, kind: str) -> None:
+    path = WRITERS[kind](tmp_path)
+    content = bytearray(path.read_bytes())
+    if kind == 'ros1':
+        place = chunk_places(content, 'ros1')[0]
+        place += 4 + struct.unpack_from('<I', content, place)[0]
+        content[place : place + 4] = struct.pack('<I', 2**32 - 1)
+    else:
+        content[9 + 8 : 17 + 8] = struct.pack('<Q', 2**62)
+        content[8 + 1 : 8 + 9] = struct.pack('<Q', 2**50)
+    path.write_bytes(content)
+    if kind == 'mcap without chunks':  # nothing tells where to go on
+        with pytest.raises(SourceError, match='must have a topic of'):
+            read_bag(path)
+    else:
+        samples = read_bag(path)
+        assert_part_of_clean(samples)
+        assert samples.n_samples > 0.8 * COUNT
+
+
+@pytest.mark.parametrize('tail', [bytes(100_000), b'\xff' * 100_000], ids=['zeros', 'ones'])
+@pytest.mark.parametrize('kind', ['mcap unindexed', 'ros1'])
+def test_tail_that_the_disk_never_wrote(tmp_path: Path, kind: str, tail: bytes) -> None:
+    path = WRITERS[kind](tmp_path)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2] + tail)
+    samples = read_bag(path)
+    assert_part_of_clean(samples)
+    assert samples.n_samples > 0.4 * COUNT
+
+
+def test_one_damaged_file_of_several(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / 'bag', moving(10), '.mcap')
+    (folder / 'bag_1.mcap').write_bytes(b'not an mcap file')
+    (folder / 'bag_2.mcap').touch()
+    samples = read_bag(folder)
+    assert samples.n_samples == 10
+    assert samples.notes == (
+        'metadata.yaml does not name bag_1.mcap',
+        'metadata.yaml does not name bag_2.mcap',
+        'bag_1.mcap: nothing can be read (it does not begin as an MCAP file does)',
+        'bag_2.mcap: nothing can be read (it is empty)',
+    )
+
+
+def test_file_that_metadata_does_not_name_is_read(tmp_path: Path) -> None:
+    """A killed recorder had begun another file."""
+    states = moving(40)
+    folder = write_folder(tmp_path / 'bag', states[:20], '.mcap')
+    later = write_file(tmp_path / 'later', states[20:], '.mcap')
+    shutil.move(later, folder / 'bag_1.mcap')
+    samples = read_bag(folder)
+    assert samples.n_samples == 40
+    assert samples.notes == ('metadata.yaml does not name bag_1.mcap',)
+
+
+def test_file_that_is_missing_is_told(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / 'bag', moving(20), '.mcap')
+    metadata = folder / 'metadata.yaml'
+    text = metadata.read_text(encoding='utf-8')
+    metadata.write_text(text.replace('- bag.mcap', '- bag.mcap\n  - bag_1.mcap', 1))
+    samples = read_bag(folder)
+    assert samples.n_samples == 20
+    assert samples.notes == ('metadata.yaml names bag_1.mcap, which is not there',)
+
+
+def test_other_format_beside_the_bag_is_left_aside(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / 'bag', moving(20), '.mcap')
+    shutil.copy(write_file(tmp_path / 'copy', moving(20), '.db3'), folder / 'converted.db3')
+    samples = read_bag(folder)
+    assert (samples.n_samples, samples.counts) == (20, {})
+    assert samples.notes == ('converted.db3 was left aside',)
+
+
+@pytest.mark.parametrize(
+    'text', ['', '{nonsense', 'rosbag2_bagfile_information: 7', '[1]', '\udcff'], ids=range(5)
+)
+def test_metadata_of_any_nonsense(tmp_path: Path, text: str) -> None:
+    folder = write_folder(tmp_path / 'bag', moving(5), '.mcap')
+    (folder / 'metadata.yaml').write_bytes(text.encode(errors='surrogateescape'))
+    samples = read_bag(folder)
+    assert samples.n_samples == 5
+    assert samples.notes[0].startswith('metadata.yaml cannot be read (')
+
+
+def test_unreadable_definition_of_another_topic_in_mcap(tmp_path: Path) -> None:
+    folder = write_raw(tmp_path / 'bag', '/odd', 'std_msgs/msg/String', [b'\0\1\0\0'], '.mcap')
+    (storage,) = folder.glob('*.mcap')
+    storage.write_bytes(storage.read_bytes().replace(b'string data', b'?! = { $$ \xff'))
+    shutil.copy(write_file(tmp_path / 'good', moving(5), '.mcap'), folder / 'bag_1.mcap')
+    assert read_bag(folder).n_samples == 5
+
+
+def test_mangled_schema_of_a_database_is_told(tmp_path: Path) -> None:
+    path = write_file(tmp_path / 'a', moving(5), '.db3')
+    with sqlite3.connect(path) as database:
+        database.execute('DROP TABLE messages')
+    with pytest.raises(SourceError, match=r'is empty \(a.db3: rows cannot be read \(no such t'):
+        read_bag(path)
+
+
+def test_file_that_may_not_be_read_passes_through(tmp_path: Path) -> None:
+    path = write_mcap(tmp_path / 'a.mcap', moving(5))
+    path.chmod(0)
+    if os.access(path, os.R_OK):
+        pytest.skip('this user may read everything')
+    with pytest.raises(PermissionError, match=r'a\.mcap'):
+        read_bag(path)
+
+
+def test_folder_in_place_of_metadata_passes_through(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / 'bag', moving(5), '.mcap')
+    (folder / 'metadata.yaml').unlink()
+    (folder / 'metadata.yaml').mkdir()
+    with pytest.raises(IsADirectoryError, match=r'metadata\.yaml'):
+        read_bag(folder)
+
+
+def test_messages_of_a_bag_are_read_twice_alike(tmp_path: Path) -> None:
+    """What was lost is not counted twice."""
+    path = write_mcap(tmp_path / 'a.mcap', moving(COUNT), chunk_size=20_000)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    path.write_bytes(content)
+    with Bag(path) as bag:
+        first = [sum(1 for _ in bag.stored('/joint_states')), bag.lost('/joint_states')]
+        again = [sum(1 for _ in bag.stored('/joint_states')), bag.lost('/joint_states')]
+    assert first == again
+    assert sum(first) == COUNT
+
+
+def test_absurd_numbers_in_a_message(tmp_path: Path) -> None:
+    states = moving(100)
+    tiny = 5e-324
+    states[10] = State(10 * STEP_NS, position=(1e300, 0.0))
+    states[11] = State(11 * STEP_NS, velocity=(float('nan'), 0.0))
+    states[12] = State(12 * STEP_NS, effort=(float('-inf'), 0.0))
+    states[13] = State(13 * STEP_NS, position=(tiny, -tiny), effort=(1.0, tiny))
+    states[14] = State(14 * STEP_NS, position=(0.5,))
+    states[15] = State(15 * STEP_NS, velocity=(0.5,))
+    samples = read_bag(write_folder(tmp_path / 'bag', states))
+    assert samples.n_samples == 95
+    assert samples.counts == {
+        Reason.ABSURD: 1,
+        Reason.NOT_FINITE: 2,
+        Reason.POSITION_LENGTH: 1,
+        Reason.VELOCITY_LENGTH: 1,
+    }
+    np.testing.assert_array_equal(samples.position[10], [0.0, 0.0])
+    assert samples.notes == ('3 denormal values (memory never filled in) were read as 0',)

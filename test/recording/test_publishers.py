@@ -1,0 +1,241 @@
+"""Several publishers, topics and bags; controller states; any order and loss of messages."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from recording.bag_files import (
+    JOINT_STATE,
+    moving,
+    State,
+    STEP_NS,
+    write_controller_states,
+    write_folder,
+    write_mcap,
+)
+
+from lip_id_ros.config import RecordingSettings
+from lip_id_ros.errors import SourceError
+from lip_id_ros.recording import JointSamples, read_bag, read_sources, Reason
+
+NAMES = ('shoulder', 'elbow')
+BOTH = RecordingSettings(joints=NAMES)
+
+
+def alone(state: State, joint: int, **changes: Any) -> State:
+    """Return what a publisher of one of the joints says."""
+    parts = ('names', 'position', 'velocity', 'effort')
+    values: dict[str, Any] = {name: [getattr(state, name)[joint]] for name in parts}
+    return replace(state, **values, **changes)
+
+
+def assert_same(samples: JointSamples, expected: JointSamples) -> None:
+    np.testing.assert_array_equal(samples.t, expected.t)
+    for name in ('position', 'velocity', 'effort'):
+        np.testing.assert_array_equal(getattr(samples, name), getattr(expected, name))
+
+
+@pytest.fixture
+def clean(tmp_path: Path) -> JointSamples:
+    return read_bag(write_folder(tmp_path / 'clean', moving(50)), BOTH)
+
+
+def test_publishers_of_some_joints_each_are_merged(tmp_path: Path, clean: JointSamples) -> None:
+    states = [alone(state, joint) for state in moving(50) for joint in (0, 1)]
+    samples = read_bag(write_folder(tmp_path / 'bag', states), BOTH)
+    assert_same(samples, clean)
+    assert samples.counts == {}
+    assert samples.notes == ('joints of 2 publishers were merged in time',)
+
+
+def test_topics_of_some_joints_each_are_merged(tmp_path: Path, clean: JointSamples) -> None:
+    states = [
+        alone(state, joint, topic=topic)
+        for state in moving(50)
+        for joint, topic in enumerate(('/left', '/right'))
+    ]
+    path = write_folder(tmp_path / 'bag', states)
+    samples = read_bag(path, replace(BOTH, topic='/right, left'))
+    assert_same(samples, clean)
+    assert samples.topic == '/right, /left'
+    assert samples.joint_names == NAMES
+
+
+def test_bags_of_some_joints_each_are_merged(tmp_path: Path, clean: JointSamples) -> None:
+    paths = [
+        write_folder(tmp_path / name, [alone(state, joint) for state in moving(50)])
+        for joint, name in enumerate(('left', 'right'))
+    ]
+    whole = write_folder(tmp_path / 'whole', moving(7))
+    first, second = read_sources([paths[0], whole, paths[1]], BOTH)
+    assert first.n_samples == 7
+    assert_same(second, clean)
+    assert second.source == f'{paths[0]}, {paths[1]}'
+
+
+def test_other_rates_are_interpolated_and_nothing_crosses_a_gap(tmp_path: Path) -> None:
+    """The slower publisher gives the times; values change linearly, so they must be exact."""
+    slow = [alone(state, 0) for state in moving(400)[::4]]
+    fast = [
+        alone(state, 1, stamp_ns=state.stamp_ns + 3_000_000)
+        for k, state in enumerate(moving(400))
+        if not 100 <= k < 200
+    ]
+    samples = read_bag(write_folder(tmp_path / 'bag', [*slow, *fast]), BOTH)
+    k = np.array([k for k in range(4, 400, 4) if not 100 <= k <= 200])
+    np.testing.assert_allclose(samples.t, 0.01 * (k - 4), atol=1e-12)
+    np.testing.assert_allclose(samples.position[:, 0], 0.01 * k)
+    np.testing.assert_allclose(samples.position[:, 1], -0.02 * (k - 0.3))
+    assert samples.counts == {Reason.OTHER_JOINTS_AWAY: 100 - k.size}
+
+
+def test_joints_that_never_come_are_told(tmp_path: Path) -> None:
+    states = [alone(state, 0) for state in moving(5)]
+    sentence = r'but elbow is not among shoulder; correct the names\.$'
+    with pytest.raises(SourceError, match=sentence):
+        read_bag(write_folder(tmp_path / 'bag', states), BOTH)
+
+
+def test_joint_states_are_preferred_to_controller_states(tmp_path: Path) -> None:
+    """A topic without messages is no choice either."""
+    folder = write_folder(tmp_path / 'bag', moving(5, topic='/arm'), '.mcap', ['/empty'])
+    controller = write_controller_states(tmp_path / 'controller', 'new', [{}] * 3)
+    next(controller.glob('*.mcap')).rename(folder / 'bag_1.mcap')
+    assert read_bag(folder).topic == '/arm'
+
+
+MEASURED = {'positions': [1.0, 2.0], 'velocities': [3.0, 4.0]}
+COMMAND = {'positions': [9.0, 9.0], 'effort': [5.0, 6.0]}
+
+
+@pytest.mark.parametrize(
+    ('form', 'point', 'effort'),
+    [
+        ('new', {'feedback': MEASURED, 'output': COMMAND}, [5.0, 6.0]),
+        ('new', {'feedback': {**MEASURED, 'effort': [7.0, 8.0]}, 'output': COMMAND}, [7.0, 8.0]),
+        ('new', {'feedback': MEASURED, 'reference': COMMAND}, None),
+        ('old', {'actual': {**MEASURED, 'effort': [7.0, 8.0]}, 'desired': COMMAND}, [7.0, 8.0]),
+        ('old', {'actual': MEASURED, 'desired': COMMAND}, None),
+    ],
+)
+def test_controller_states(
+    tmp_path: Path,
+    form: str,
+    point: dict[str, dict[str, Sequence[float]]],
+    effort: list[float] | None,
+) -> None:
+    samples = read_bag(write_controller_states(tmp_path / 'bag', form, [point] * 4))
+    np.testing.assert_allclose(samples.t, [0.0, 0.01, 0.02, 0.03])
+    assert samples.joint_names == ('a', 'b')
+    np.testing.assert_array_equal(samples.position, [[1.0, 2.0]] * 4)
+    np.testing.assert_array_equal(samples.velocity, [[3.0, 4.0]] * 4)
+    assert samples.has_effort == (effort is not None)
+    if effort:
+        np.testing.assert_array_equal(samples.effort, [effort] * 4)
+
+
+def test_short_controller_states_are_counted(tmp_path: Path) -> None:
+    points: list[dict[str, Any]] = [{'feedback': MEASURED}, {'feedback': {'positions': [1.0]}}, {}]
+    samples = read_bag(write_controller_states(tmp_path / 'bag', 'new', points))
+    assert (samples.n_samples, samples.counts) == (
+        1,
+        {Reason.POSITION_LENGTH: 1, Reason.NO_POSITION: 1},
+    )
+
+
+def test_topics_without_a_choice_are_listed_with_counts(tmp_path: Path) -> None:
+    states = [*moving(3, topic='/left'), *moving(4, topic='/right')]
+    sentence = (
+        rf'^.*bag has several topics with joint samples: /left \({JOINT_STATE}, 3 messages\), '
+        rf'/right \({JOINT_STATE}, 4 messages\); choose one, or several separated by commas, with '
+        r'recording\.topic\.$'
+    )
+    with pytest.raises(SourceError, match=sentence):
+        read_bag(write_folder(tmp_path / 'bag', states))
+
+
+def test_clock_can_be_chosen(tmp_path: Path) -> None:
+    states = [replace(state, receive_ns=2 * state.stamp_ns) for state in moving(5)]
+    path = write_folder(tmp_path / 'bag', states)
+    for clock, step in (('auto', 0.01), ('header', 0.01), ('receive', 0.02)):
+        samples = read_bag(path, RecordingSettings(clock=clock))
+        np.testing.assert_allclose(np.diff(samples.t), step)
+        assert samples.clock == ('receive' if clock == 'receive' else 'header')
+
+
+def test_duplicates_bursts_and_gaps(tmp_path: Path) -> None:
+    """Every message twice, received in bursts of ten, a second missing."""
+    states = [
+        replace(state, receive_ns=k // 10 * 10 * STEP_NS)
+        for k, state in enumerate(moving(300))
+        if not 100 <= k < 200
+        for _ in range(2)
+    ]
+    samples = read_bag(write_folder(tmp_path / 'bag', states))
+    assert samples.n_samples == 200
+    assert samples.counts == {Reason.REPEATED_STAMP: 199, Reason.ZERO_STAMP: 1}
+    np.testing.assert_allclose(samples.t[99:101], [0.99, 2.0])
+
+
+STRAYS = [
+    State(STEP_NS + 1, names=('finger', 'thumb')),
+    State(STEP_NS + 1, position=(1.0,)),
+    State(STEP_NS + 1, effort=(float('nan'), 0.0)),
+    State(STEP_NS + 1, velocity=(1e12, 0.0)),
+    State(STEP_NS + 1, names=()),
+    State(-1, receive_ns=1),
+]
+WRONG_STAMPS = [State(2 * 10**18, position=(7.0, 7.0)), State(0, position=(7.0, 7.0))]
+FIRST_NS = 10**18
+COUNT = 60
+CLEAN = [replace(each, stamp_ns=each.stamp_ns + FIRST_NS) for each in moving(COUNT)]
+
+
+@settings(max_examples=40)
+@given(
+    lost=st.sets(st.integers(0, COUNT - 1), max_size=40),
+    shifts=st.lists(st.integers(-8, 8), min_size=COUNT, max_size=COUNT),
+    strays=st.lists(st.tuples(st.integers(0, COUNT), st.sampled_from(STRAYS)), max_size=8),
+    wrong=st.lists(st.tuples(st.integers(0, COUNT), st.sampled_from(WRONG_STAMPS)), max_size=2),
+    turned=st.sets(st.integers(0, COUNT - 1)),
+    again=st.sets(st.integers(0, COUNT - 1), max_size=10),
+)
+def test_any_interleaving_order_and_loss_gives_the_clean_samples_but_those_counted(
+    tmp_path_factory: pytest.TempPathFactory,
+    lost: set[int],
+    shifts: list[int],
+    strays: list[tuple[int, State]],
+    wrong: list[tuple[int, State]],
+    turned: set[int],
+    again: set[int],
+) -> None:
+    kept = sorted(set(range(COUNT)) - lost, key=lambda k: k + 1.01 * shifts[k])
+    sent = [_turned(CLEAN[k]) if k in turned else CLEAN[k] for k in kept]
+    sent += [CLEAN[k] for k in again - lost]
+    for place, stray in strays + wrong:
+        sent.insert(place, stray)
+    path = tmp_path_factory.mktemp('any') / 'bag.mcap'
+    samples = read_bag(write_mcap(path, sent, chunk_size=700), replace(BOTH, clock='header'))
+    k = np.sort(kept)
+    np.testing.assert_allclose(samples.t, 0.01 * (k - k[0]), atol=1e-9)
+    for name in ('position', 'velocity', 'effort'):
+        expected = [getattr(CLEAN[row], name) for row in k]
+        np.testing.assert_array_equal(getattr(samples, name), expected)
+    counts = Counter(samples.counts)
+    assert counts.pop(Reason.REPEATED_STAMP, 0) == len(again - lost)
+    assert counts.total() == len(strays) + len(wrong)
+
+
+def _turned(state: State) -> State:
+    """Return the same message with its joints in another order."""
+    parts = ('names', 'position', 'velocity', 'effort')
+    values: dict[str, Any] = {name: getattr(state, name)[::-1] for name in parts}
+    return replace(state, **values)

@@ -1,0 +1,103 @@
+"""Stamps: which clock, which order, what is wrong with them."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+from lip_id_ros.recording import Reason
+from lip_id_ros.recording.timing import APART_NS, arrange, header_stamps_usable
+
+STEP = 10_000_000
+EPOCH = 1_700_000_000 * 10**9
+CLEAN = EPOCH + STEP * np.arange(300)
+
+
+def with_one(stamp: int, place: int) -> NDArray[np.int64]:
+    return np.insert(CLEAN, place, stamp)
+
+
+def test_stamps_in_order_are_left_alone() -> None:
+    timeline = arrange(CLEAN)
+    np.testing.assert_array_equal(timeline.rows, np.arange(300))
+    np.testing.assert_array_equal(timeline.t_ns, STEP * np.arange(300))
+    assert (timeline.start_ns, timeline.dropped, timeline.late) == (EPOCH, {}, 0)
+
+
+@pytest.mark.parametrize('place', [0, 1, 3, 150, 297, 299, 300])
+@pytest.mark.parametrize(
+    ('stamp', 'reason'),
+    [
+        (EPOCH + 10**18, Reason.FAR_STAMP),
+        (EPOCH + 5 * 3600 * 10**9, Reason.FAR_STAMP),
+        (EPOCH - 5 * 3600 * 10**9, Reason.FAR_STAMP),
+        (1, Reason.FAR_STAMP),
+        (0, Reason.ZERO_STAMP),
+        (-1, Reason.BAD_STAMP),
+    ],
+)
+def test_one_wrong_stamp_costs_one_message(place: int, stamp: int, reason: Reason) -> None:
+    timeline = arrange(with_one(stamp, place))
+    np.testing.assert_array_equal(timeline.rows, np.delete(np.arange(301), place))
+    np.testing.assert_array_equal(timeline.t_ns, CLEAN - EPOCH)
+    assert timeline.dropped == {reason: 1}
+
+
+@pytest.mark.parametrize('first', [0, 1])
+def test_first_stamp_may_be_zero_or_next_to_it(first: int) -> None:
+    timeline = arrange(np.concatenate([[first], STEP * np.arange(1, 50)]))
+    assert (timeline.rows.size, timeline.start_ns, timeline.dropped) == (50, first, {})
+
+
+def test_pause_is_no_reason_to_drop() -> None:
+    """Not even if only a few messages lie between two pauses."""
+    stamps = np.concatenate([CLEAN, [CLEAN[-1] + 100 * 10**9], CLEAN + 200 * 10**9])
+    timeline = arrange(stamps)
+    assert (timeline.rows.size, timeline.dropped) == (601, {})
+
+
+def test_clock_that_goes_back_for_good_begins_another_part() -> None:
+    timeline = arrange(np.concatenate([CLEAN, CLEAN, CLEAN - 3600 * 10**9]))
+    assert (timeline.rows.size, timeline.dropped, timeline.restarts) == (900, {}, 2)
+    np.testing.assert_array_equal(timeline.rows, np.arange(900))
+    steps = np.diff(timeline.t_ns)
+    assert (steps[[299, 599]] == APART_NS).all()
+    assert (np.delete(steps, [299, 599]) == STEP).all()
+
+
+@given(st.lists(st.integers(-5, 5), min_size=100, max_size=100), st.data())
+def test_any_shuffle_among_neighbours_is_undone(shifts: list[int], draws: st.DataObject) -> None:
+    order = np.argsort(np.arange(100) + 1.01 * np.array(shifts), kind='stable')
+    lost = draws.draw(st.lists(st.integers(0, 99), max_size=30))
+    order = order[~np.isin(order, lost)]
+    timeline = arrange(CLEAN[order])
+    np.testing.assert_array_equal(order[timeline.rows], np.sort(order))
+    assert (timeline.dropped, timeline.restarts) == ({}, 0)
+
+
+@given(st.lists(st.integers(-(2**40), 2**62), max_size=200))
+def test_whatever_the_stamps_all_messages_are_kept_or_counted(stamps: list[int]) -> None:
+    given_ns = np.array(stamps, np.int64)
+    timeline = arrange(given_ns)
+    assert timeline.rows.size + sum(timeline.dropped.values()) == len(stamps)
+    assert np.unique(timeline.rows).size == timeline.rows.size
+    assert (np.diff(timeline.t_ns) > 0).all()
+
+
+@given(st.permutations(range(60)))
+def test_any_order_at_all_gives_stamps_that_were_there(order: list[int]) -> None:
+    stamps = CLEAN[order]
+    timeline = arrange(stamps)
+    np.testing.assert_array_equal(stamps[timeline.rows], timeline.start_ns + timeline.t_ns)
+    assert (timeline.rows.size, timeline.dropped) == (60, {})
+
+
+def test_headers_are_usable_where_they_advance() -> None:
+    assert header_stamps_usable(CLEAN)
+    assert header_stamps_usable(np.repeat(CLEAN, 3))
+    assert not header_stamps_usable(np.repeat(CLEAN, 5))
+    assert not header_stamps_usable(CLEAN[::-1])
+    assert not header_stamps_usable(np.zeros(10, np.int64))
