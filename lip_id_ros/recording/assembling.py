@@ -36,7 +36,12 @@ def clock_of(parts: Sequence[Part], wanted: str) -> str:
 
 
 def in_order(part: Part, clock: str, counts: Counter[str], notes: dict[str, None]) -> Motion:
-    """Return the usable messages of a part in the order of time; count the others."""
+    """
+    Return the usable messages of a part in the order of time; count the others.
+
+    The arrays of the part are used up: they are put in order where they are, one after the other.
+
+    """
     keep = _complete(part, counts)
     whole = keep.all()
     stamps = part.header_ns if clock == HEADER else part.receive_ns
@@ -137,10 +142,10 @@ def _complete(part: Part, counts: Counter[str]) -> NDArray[np.bool_]:
 
 
 def _picked(array: Floats, rows: Indices) -> Floats:
-    """Return some rows, without a copy where they are all there in order."""
-    if rows.size == len(array) and (np.diff(rows) == 1).all():
-        return array
-    return array[rows]
+    """Move rows to the front, in their order, and return them."""
+    if rows.size != len(array) or (np.diff(rows) != 1).any():
+        array[: rows.size] = array[rows]
+    return array[: rows.size]
 
 
 def _placed(given: Integers, wanted: Integers) -> tuple[Indices, Floats, NDArray[np.bool_]]:

@@ -78,8 +78,9 @@ def read_bag(
     `timing.arrange`). Joints that come in messages of their own are merged (see
     `assembling.merged`) where the settings name the joints.
 
-    Memory: 3 n + 2 numbers for each message of n joints, n more while late ones are put in order,
-    and one block of the file; independent of everything else in the bag.
+    Memory: 3 n + 2 numbers for each message of n joints, n more while late ones are put in order
+    (half as many again where more than a million came, or than the file announced), and one block
+    of the file; independent of everything else in the bag.
 
     Parameters
     ----------

@@ -303,3 +303,11 @@ def test_absurd_numbers_in_a_message(tmp_path: Path) -> None:
     }
     np.testing.assert_array_equal(samples.position[10], [0.0, 0.0])
     assert samples.notes == ('3 denormal values (memory never filled in) were read as 0',)
+
+
+def test_ros1_bag_that_is_still_active(tmp_path: Path) -> None:
+    path = write_ros1(tmp_path / 'a.bag', moving(COUNT), chunk_bytes=20_000)
+    os.truncate(path, path.stat().st_size // 2)
+    samples = read_bag(path.rename(tmp_path / 'a.bag.active'))
+    assert_part_of_clean(samples)
+    assert samples.n_samples > 0.4 * COUNT
