@@ -43,6 +43,14 @@ def test_summary_compares_medians_with_the_papers_kernel() -> None:
     assert list(ratios.cells) == ['1.00', f'{expected:.2f}']
 
 
+def test_reading_is_measured_in_processes_of_its_own(tmp_path: Path) -> None:
+    figures = tmp_path / 'figures.json'
+    arguments = ['--messages', '300', '--camera-mb', '1', '--json', str(figures)]
+    assert main(['read_bags', *arguments]) == 0
+    rows = json.loads(figures.read_text())
+    assert [row['messages'] for row in rows] == [300] * 3
+
+
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['panda']) == 2
     assert ', '.join(available()) in capsys.readouterr().err

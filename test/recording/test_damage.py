@@ -311,3 +311,23 @@ def test_ros1_bag_that_is_still_active(tmp_path: Path) -> None:
     samples = read_bag(path.rename(tmp_path / 'a.bag.active'))
     assert_part_of_clean(samples)
     assert samples.n_samples > 0.4 * COUNT
+
+
+def test_damaged_tree_that_leads_in_a_circle(tmp_path: Path) -> None:
+    """Found by the fuzzer: rows came again and again, since their numbers went back."""
+    path = write_file(tmp_path / 'a', moving(COUNT), '.db3')
+    with sqlite3.connect(path) as database:
+        ((root,),) = database.execute("SELECT rootpage FROM sqlite_master WHERE name='messages'")
+        ((page_size,),) = database.execute('PRAGMA page_size')
+    content = bytearray(path.read_bytes())
+    page = (root - 1) * page_size
+    assert content[page] == 5  # a page of pointers to others
+    (count,) = struct.unpack_from('>H', content, page + 3)
+    children = [page + place for place in struct.unpack_from(f'>{count}H', content, page + 12)]
+    first = content[children[0] : children[0] + 4]
+    content[children[count // 2] : children[count // 2] + 4] = first
+    content[children[count // 2 + 1] : children[count // 2 + 1] + 4] = b'\xff' * 4
+    path.write_bytes(content)
+    samples = read_bag(path)
+    assert_part_of_clean(samples)
+    assert COUNT // 2 - 50 < samples.n_samples < COUNT
