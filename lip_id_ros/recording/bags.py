@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import groupby
@@ -13,10 +13,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from rosbags.serde import SerdeError
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 from lip_id_ros.errors import SourceError
 from lip_id_ros.recording.bag_folder import files_of
+from lip_id_ros.recording.definitions import KNOWN_DEFINITIONS
 from lip_id_ros.recording.storage import Channel, DamageError, is_storage, open_storage, SUFFIXES
 from lip_id_ros.recording.storage.compression import plain_message
 from lip_id_ros.recording.storage.contents import Storage
@@ -250,12 +252,30 @@ def _decoder(name: str, encoding: str, definition: str) -> Decoder:
     if encoding not in ('ros1', 'cdr'):
         raise ValueError(f'its messages are encoded as {encoding or "nothing known"}')
     store = _store(is_ros1)
+    if name not in store.fielddefs and not definition and name in KNOWN_DEFINITIONS:
+        return _known_decoder(name)
     if name not in store.fielddefs:
         store = get_typestore(Stores.EMPTY)
         store.register(get_types_from_msg(definition, name))
     if is_ros1:
         return lambda data: store.deserialize_ros1(data, name)
     return lambda data: store.deserialize_cdr(data, name)
+
+
+def _known_decoder(name: str) -> Decoder:
+    stores = []
+    for definition in KNOWN_DEFINITIONS[name]:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        store.register(get_types_from_msg(definition, name))
+        stores.append(store)
+
+    def decode(data: bytes) -> Any:
+        for store in stores:
+            with suppress(SerdeError):
+                return store.deserialize_cdr(data, name)
+        return None
+
+    return decode
 
 
 def _plain(channel: Channel, data: bytes) -> bytes | None:

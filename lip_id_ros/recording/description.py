@@ -11,6 +11,7 @@ import numpy as np
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.csv_file import CSV_SUFFIX, has_accelerations, read_csv
+from lip_id_ros.errors import SourceError
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.bags import Bag
 from lip_id_ros.recording.csv_log import read_log
@@ -47,8 +48,8 @@ def describe(
     -------
     dict
         JSON-able: `file`, `kind`, for a bag `topics` and `recordings` (one for each topic with
-        joint samples: joints, timing, dropped messages, ranges), for a data set `joints`,
-        `timing`, `ranges` and its provenance.
+        joint samples: joints, timing, dropped messages, notes, ranges) and `notes` on what is in
+        none of them, for a data set `joints`, `timing`, `ranges` and its provenance.
 
     Raises
     ------
@@ -68,6 +69,7 @@ def describe(
         recordings = [_recording(read_log(path), assess)]
         return {'file': os.fspath(path), 'kind': 'CSV log', 'recordings': recordings}
     with Bag(path) as bag:
+        recordings, notes = _recordings(bag, progress, assess)
         return {
             'file': os.fspath(path),
             'kind': bag.kind,
@@ -75,11 +77,24 @@ def describe(
                 {'name': topic.name, 'type': topic.type, 'messages': topic.count}
                 for topic in bag.topics
             ],
-            'recordings': [
-                _recording(read_topic(bag, topic, progress=progress), assess)
-                for topic in joint_topics(bag)
-            ],
+            'notes': notes,
+            'recordings': recordings,
         }
+
+
+def _recordings(
+    bag: Bag, progress: Progress, assess: Assess
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Describe every topic with joint samples; say which cannot be read, else what is wrong."""
+    recordings, unreadable = [], []
+    for topic in joint_topics(bag):
+        try:
+            samples = read_topic(bag, topic, progress=progress)
+        except SourceError as error:
+            unreadable.append(str(error))
+        else:
+            recordings.append(_recording(samples, assess))
+    return recordings, unreadable if recordings else [*unreadable, *bag.notes]
 
 
 def _recording(samples: JointSamples, assess: Assess) -> dict[str, Any]:

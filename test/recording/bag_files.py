@@ -14,6 +14,8 @@ from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
+from lip_id_ros.recording.definitions import KNOWN_DEFINITIONS
+
 ROS2: Any = get_typestore(Stores.ROS2_JAZZY)
 ROS1: Any = get_typestore(Stores.ROS1_NOETIC)
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -142,27 +144,38 @@ def state_bytes(state: State) -> bytes:
 
 
 CONTROLLER = 'control_msgs/msg/JointTrajectoryControllerState'
-POINTS = {
-    'old': ('desired', 'actual', 'error'),
-    'new': ('reference', 'feedback', 'error', 'output'),
-}
+CONTROLLER_FORMS = dict(zip(('newest', 'new', 'old'), KNOWN_DEFINITIONS[CONTROLLER], strict=True))
+POINT, MULTI_DOF = 'trajectory_msgs/JointTrajectoryPoint ', 'multi_dof_'
 
 
 def write_controller_states(
-    folder: Path, form: str, points: Sequence[dict[str, dict[str, Sequence[float]]]]
+    folder: Path,
+    form: str,
+    points: Sequence[dict[str, dict[str, Sequence[float]]]],
+    suffix: str = '.mcap',
 ) -> Path:
     """Write controller states of joints a and b at 100 Hz, in the old or new form; return it."""
     store: Any = get_typestore(Stores.ROS2_JAZZY)
-    fields = [f'trajectory_msgs/JointTrajectoryPoint {name}' for name in POINTS[form]]
-    definition = ['std_msgs/Header header', 'string[] joint_names', *fields]
-    store.register(get_types_from_msg('\n'.join(definition), CONTROLLER))
-    with rosbag2.Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    definition = CONTROLLER_FORMS[form]
+    store.register(get_types_from_msg(definition, CONTROLLER))
+    names = [line.removeprefix(POINT) for line in definition.split('\n') if POINT in line]
+    multi = [line.split()[1] for line in definition.split('\n') if f'Point {MULTI_DOF}' in line]
+    nothing = store.types['trajectory_msgs/msg/MultiDOFJointTrajectoryPoint'](
+        [], [], [], _duration(store, 0)
+    )
+    rest: dict[str, Any] = dict.fromkeys(multi, nothing)
+    if multi:
+        rest['multi_dof_joint_names'] = []
+    if form == 'newest':
+        rest['speed_scaling_factor'] = 1.0
+    with rosbag2.Writer(folder, version=9, storage_plugin=PLUGINS[suffix]) as writer:
         connection = writer.add_connection('/controller/state', CONTROLLER, typestore=store)
         for number, given in enumerate(points):
             message = store.types[CONTROLLER](
                 header=_header(store, number * STEP_NS),
                 joint_names=['a', 'b'],
-                **{name: _point(store, given.get(name, {}), 0) for name in POINTS[form]},
+                **{name: _point(store, given.get(name, {}), 0) for name in names},
+                **rest,
             )
             data = store.serialize_cdr(message, CONTROLLER)
             writer.write(connection, number * STEP_NS, data)
@@ -173,10 +186,12 @@ def _point(store: Any, given: dict[str, Any], number: int) -> Any:
     fields = ('positions', 'velocities', 'accelerations', 'effort')
     return store.types['trajectory_msgs/msg/JointTrajectoryPoint'](
         **{field: np.array(given.get(field, ()), float) for field in fields},
-        time_from_start=store.types['builtin_interfaces/msg/Duration'](
-            sec=number, nanosec=500_000_000
-        ),
+        time_from_start=_duration(store, number),
     )
+
+
+def _duration(store: Any, seconds: int) -> Any:
+    return store.types['builtin_interfaces/msg/Duration'](sec=seconds, nanosec=500_000_000)
 
 
 def trajectory_bytes(names: Sequence[str], points: Sequence[dict[str, Any]]) -> bytes:

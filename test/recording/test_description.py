@@ -7,7 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recording.bag_files import moving, State, STEP_NS, write_folder
+from recording.bag_files import (
+    moving,
+    State,
+    STEP_NS,
+    write_controller_states,
+    write_file,
+    write_folder,
+)
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.recording import describe
@@ -56,6 +63,33 @@ def test_every_topic_with_joint_samples_is_described(tmp_path: Path) -> None:
     states = [*moving(3, topic='/left'), *moving(4, topic='/right')]
     description = describe(write_folder(tmp_path / 'bag', states))
     assert [each['topic'] for each in description['recordings']] == ['/left', '/right']
+
+
+def test_topic_that_cannot_be_read_is_told_beside_the_others(tmp_path: Path) -> None:
+    folder = write_controller_states(tmp_path / 'bag', 'new', [{}])
+    (storage,) = folder.glob('*.mcap')
+    storage.write_bytes(
+        storage.read_bytes().replace(b'string[] joint_names', b'?! = {{ joint_names ')
+    )
+    write_file(tmp_path / 'good', moving(5), '.mcap').rename(folder / 'good.mcap')
+    description = describe(folder)
+    assert [each['topic'] for each in description['recordings']] == ['/joint_states']
+    assert len(description['topics']) == 2
+    (note,) = description['notes']
+    assert note.startswith('the definition of control_msgs/msg/JointTrajectoryControllerState on ')
+
+
+def test_bag_without_joints_has_its_notes(tmp_path: Path) -> None:
+    path = write_file(tmp_path / 'bag', moving(5), '.mcap')
+    content = path.read_bytes()
+    path.write_bytes(content[:60])
+    description = describe(path)
+    assert description['recordings'] == []
+    assert description['notes'] == [
+        'bag.mcap: the file was cut short or never closed, its last chunk was read as far as it '
+        'goes',
+        'bag.mcap: bytes 43 to 60 are damaged: the head of a chunk',
+    ]
 
 
 def test_data_set(tmp_path: Path) -> None:

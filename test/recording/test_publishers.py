@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+import sqlite3
 from typing import Any
 
 from hypothesis import given, settings
@@ -140,6 +141,19 @@ def test_controller_states(
     assert samples.has_effort == (effort is not None)
     if effort:
         np.testing.assert_array_equal(samples.effort, [effort] * 4)
+
+
+@pytest.mark.parametrize('form', ['newest', 'new', 'old'])
+def test_controller_states_without_definition(tmp_path: Path, form: str) -> None:
+    """Up to Humble sqlite3 files had none; the length of a message tells which form it has."""
+    points: Any = [{'feedback': MEASURED, 'actual': MEASURED, 'output': COMMAND}] * 4
+    folder = write_controller_states(tmp_path / 'bag', form, points, '.db3')
+    with sqlite3.connect(next(folder.glob('*.db3'))) as database:
+        database.execute('DELETE FROM message_definitions')
+    samples = read_bag(folder)
+    np.testing.assert_array_equal(samples.position, [[1.0, 2.0]] * 4)
+    assert samples.has_effort == (form != 'old')
+    assert samples.counts == {}
 
 
 def test_short_controller_states_are_counted(tmp_path: Path) -> None:
