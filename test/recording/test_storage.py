@@ -189,3 +189,17 @@ def test_sqlite_log_that_was_never_merged_is_read(tmp_path: Path) -> None:
     assert read_bag(path).n_samples == 20
     assert path.read_bytes() == kept['a.db3']
     assert (path.parent / 'a.db3-wal').read_bytes() == log
+
+
+def test_sqlite_log_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+    path = write_file(tmp_path / 'a', moving(30), '.db3')
+    with sqlite3.connect(path) as database:
+        database.execute('PRAGMA journal_mode=WAL')
+    database.close()
+    log = path.parent / 'a.db3-wal'
+    log.mkdir()
+    (log / 'not_empty').touch()
+    samples = read_bag(path)
+    assert samples.n_samples == 30
+    (note,) = samples.notes
+    assert note.startswith('a.db3: a.db3-wal cannot be read (')

@@ -94,30 +94,17 @@ class SqliteFile:
                 self.lost[names[topic]] += missing
 
     def _connected(self, path: Path) -> sqlite3.Connection:
-        log = Path(f'{path}-wal')
-        has_log = log.exists() and log.stat().st_size > 0
         address = f'file:{quote(str(path.resolve()))}'
-        # without a log the file is taken as it is, and nothing is made beside it
-        options = ['mode=ro'] if has_log else []
-        for option in (*options, 'immutable=1'):
-            database = sqlite3.connect(f'{address}?{option}', uri=True, check_same_thread=False)
+        log = Path(f'{path}-wal')
+        if log.exists() and log.stat().st_size > 0:
             try:
-                # what is shorter than its head claims is read as far as it goes
-                database.execute('PRAGMA writable_schema=ON')
-                database.text_factory = lambda data: data.decode(errors='replace')
-                database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_VALUE)
-                database.execute('SELECT count(*) FROM sqlite_master').fetchone()
-            except sqlite3.OperationalError as error:
-                database.close()
-                if option == 'immutable=1':
-                    raise DamageError(str(error)) from error
-                self.notes[f'{log.name} cannot be read ({error}): what it holds is lost'] = None
+                return _opened(f'{address}?mode=ro')
             except sqlite3.Error as error:
-                database.close()
-                raise DamageError(str(error)) from error
-            else:
-                return database
-        raise AssertionError('unreachable')
+                self.notes[f'{log.name} cannot be read ({error}): what it holds is lost'] = None
+        try:  # without a log the file is taken as it is, and nothing is made beside it
+            return _opened(f'{address}?immutable=1')
+        except sqlite3.Error as error:
+            raise DamageError(str(error)) from error
 
     def _read_topics(self) -> list[Channel]:
         definitions: dict[str, str] = {}
@@ -174,3 +161,17 @@ class SqliteFile:
                     limit = 1
                 else:
                     last, jump = max(last, 0) + jump, 2 * jump
+
+
+def _opened(address: str) -> sqlite3.Connection:
+    database = sqlite3.connect(address, uri=True, check_same_thread=False)
+    try:
+        # what is shorter than its head claims is read as far as it goes
+        database.execute('PRAGMA writable_schema=ON')
+        database.text_factory = lambda data: data.decode(errors='replace')
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_VALUE)
+        database.execute('SELECT count(*) FROM sqlite_master').fetchone()
+    except BaseException:
+        database.close()
+        raise
+    return database
