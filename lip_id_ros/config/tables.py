@@ -23,8 +23,8 @@ class RecordingSettings(Settings):
     )
     clock: str = setting(
         'auto',
-        'Which stamps tell the time in bags; auto for those of the headers where they advance, else those '
-        'of reception.',
+        'Which stamps tell the time in bags; auto for those of the headers where they advance, '
+        'else those of reception.',
         choices=('auto', 'header', 'receive'),
     )
     joint_types: tuple[str, ...] = setting(

@@ -70,7 +70,7 @@ class Collector:
     Parameters
     ----------
     joints : sequence of str
-        Joints to keep; empty for those of the first message.
+        Joints to keep; empty for those of the first message that can be used.
     expected : int
         Room made at the beginning [messages]; more is made when needed.
 
@@ -114,18 +114,21 @@ class Collector:
         ]  # fmt: skip
 
     def _take(self, block: Block, receive_ns: Integers) -> Reason | None:
-        self.joints = self.joints or block.names
         if len(self.seen) < 64 * _MOST_PARTS:
             self.seen.update(dict.fromkeys(block.names))
-        columns = columns_of(block.names, self.joints)
+        columns = columns_of(block.names, self.joints or block.names)
         if not columns.size:
             return Reason.FOREIGN_JOINTS
         present = tuple(block.names[column] for column in columns)
-        arrays = self._part(present)
-        if arrays is None:
-            return Reason.MISSING_JOINT
         values = [part[:, columns] for part in block[3:] if part.shape[1]]
         keep = self._usable(values)
+        if not keep.any():
+            return None
+        self.joints = self.joints or block.names
+        arrays = self._part(present)
+        if arrays is None:
+            self.counts[Reason.MISSING_JOINT] += int(keep.sum())
+            return None
         nothing = np.full((block.rows.size, columns.size), np.nan)
         filled = iter(values)
         values = [next(filled) if part.shape[1] else nothing for part in block[3:]]

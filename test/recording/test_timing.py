@@ -31,10 +31,10 @@ def test_stamps_in_order_are_left_alone() -> None:
 @pytest.mark.parametrize(
     ('stamp', 'reason'),
     [
-        (EPOCH + 10**18, Reason.FAR_STAMP),
-        (EPOCH + 5 * 3600 * 10**9, Reason.FAR_STAMP),
-        (EPOCH - 5 * 3600 * 10**9, Reason.FAR_STAMP),
-        (1, Reason.FAR_STAMP),
+        (EPOCH + 10**18, Reason.STRAY_STAMP),
+        (EPOCH + 5 * 3600 * 10**9, Reason.STRAY_STAMP),
+        (EPOCH - 5 * 3600 * 10**9, Reason.STRAY_STAMP),
+        (1, Reason.STRAY_STAMP),
         (0, Reason.ZERO_STAMP),
         (-1, Reason.BAD_STAMP),
     ],
