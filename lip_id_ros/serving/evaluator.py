@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.kernels.jointwise import Friction, Residual
-from lip_id_ros.kernels.lanes import compiled, compiled_parallel, LANES
+from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.recipe import Recipe, recipe
 from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving.contraction import new_scratch, Scratch, TrainingSide
+from lip_id_ros.serving.contraction import Scratch, TrainingSide
 from lip_id_ros.serving.entries import energy_of_entries
 from lip_id_ros.serving.potential import potential_energy
 from lip_id_ros.serving.squares import energy_of_squares
@@ -214,7 +213,7 @@ def evaluate_one(
     _residual(parts[2], terms, side, f, dq, ddq)
 
 
-@compiled_parallel
+@compiled
 def evaluate_many(
     parts: Array,
     energies: Array,
@@ -222,14 +221,14 @@ def evaluate_many(
     how: Recipe,
     side: TrainingSide,
     terms: JointTerms,
+    work: Scratch,
+    features: Array,
     q: Array,
     dq: Array,
     ddq: Array,
 ) -> None:
-    """Evaluate N queries at once: `evaluate_one` for every row, on all threads."""
-    for index in numba.prange(q.shape[0]):
-        t = np.int64(index)
-        work, features = new_scratch(how), np.empty((4, q.shape[1]))
+    """Evaluate N queries: `evaluate_one` for every row."""
+    for t in range(q.shape[0]):
         evaluate_one(
             parts[t], energies[t], arm, how, side, terms, work, features, q[t], dq[t], ddq[t]
         )

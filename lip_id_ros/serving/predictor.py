@@ -212,7 +212,8 @@ class Predictor:
     def _evaluate(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         parts = np.empty((len(q), 3, self.n_joints))
         energies = np.empty((len(q), 2))
-        evaluate_many(parts, energies, *self._contracted, q, dq, ddq)
+        work, features = new_scratch(self._contracted.how), np.empty((4, self.n_joints))
+        evaluate_many(parts, energies, *self._contracted, work, features, q, dq, ddq)
         return parts, energies
 
     def _checked(self, *arrays: ArrayLike) -> list[Array]:
