@@ -28,7 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from lip_id_ros.nodes import qos
 
 ROOT = Path(__file__).resolve().parents[2]
-TIMEOUT_S = 60.0  # a loaded machine compiles for long
+TIMEOUT_S = 120.0  # a loaded machine compiles for long
 _numbers = itertools.count()
 
 
@@ -51,6 +51,8 @@ class Process:
                 env=environment,
                 stdout=log,
                 stderr=subprocess.STDOUT,
+                # under nohup the tests ignore it, and what they start would too
+                preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
             )
 
     @property

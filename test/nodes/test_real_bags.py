@@ -102,7 +102,10 @@ def test_a_panda_is_recorded_fitted_and_served(
     recording: {{joints: [{', '.join(PANDA_JOINTS)}]}}
     fit: {{subset: 60, max_samples: 200, iterations: 15}}
 /**/serve:
-  ros__parameters: {{joints: [{', '.join(PANDA_JOINTS)}], torque_limits: {PANDA_LIMITS}}}
+  ros__parameters:
+    joints: [{', '.join(PANDA_JOINTS)}]
+    torque_limits: {PANDA_LIMITS}
+    ramp_s: 0.0
 """
     )
     train = graph.start_with('train', ['--params-file', str(path)])
