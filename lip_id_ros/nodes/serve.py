@@ -22,9 +22,9 @@ from lip_id_ros.nodes.serve_answers import Answers
 from lip_id_ros.nodes.serve_inputs import Inputs
 from lip_id_ros.nodes.serve_outputs import Outputs
 from lip_id_ros.nodes.status import Status, StatusPublisher
-from lip_id_ros.runtime.health import Observer
-from lip_id_ros.runtime.loading import Arm, load_arm, load_successor, require_rules
-from lip_id_ros.runtime.server import Server
+from lip_id_ros.runtime.serve.health import Observer
+from lip_id_ros.runtime.serve.loading import Arm, load_arm, load_successor, require_rules
+from lip_id_ros.runtime.serve.server import Server
 from lip_id_ros.runtime.settings import require_changeable, serve_parameters, ServeSettings
 
 STATUS_PERIOD_S = 0.5

@@ -15,7 +15,7 @@ from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.runtime.feedforward import Answer, Parts
+from lip_id_ros.runtime.serve.feedforward import Answer, Parts
 from lip_id_ros.runtime.settings import ServeSettings
 
 Array = NDArray[np.float64]

@@ -21,9 +21,6 @@ from lip_id_ros.nodes import parameters, qos, running
 from lip_id_ros.nodes.background import outcome
 from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.job import in_words, JobState, Task
-from lip_id_ros.runtime.jobs import Jobs
-from lip_id_ros.runtime.recorder import Recorder
 from lip_id_ros.runtime.settings import (
     fit_values,
     own_values,
@@ -31,7 +28,10 @@ from lip_id_ros.runtime.settings import (
     TrainSettings,
     WHILE_EMPTY,
 )
-from lip_id_ros.runtime.train_checks import check_together
+from lip_id_ros.runtime.train.checks import check_together
+from lip_id_ros.runtime.train.job import in_words, JobState, Task
+from lip_id_ros.runtime.train.jobs import Jobs
+from lip_id_ros.runtime.train.recorder import Recorder
 
 STATUS_PERIOD_S = 0.5
 

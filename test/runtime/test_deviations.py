@@ -12,10 +12,10 @@ from runtime.arms import point
 from serving.models import random_model
 
 from lip_id_ros.errors import ModelError
-from lip_id_ros.runtime.deviations import Deviated, Deviations
-from lip_id_ros.runtime.health import Level, Observer
-from lip_id_ros.runtime.loading import load_arm
-from lip_id_ros.runtime.server import Server
+from lip_id_ros.runtime.serve.deviations import Deviated, Deviations
+from lip_id_ros.runtime.serve.health import Level, Observer
+from lip_id_ros.runtime.serve.loading import load_arm
+from lip_id_ros.runtime.serve.server import Server
 from lip_id_ros.runtime.settings import ServeSettings
 from lip_id_ros.serving import Predictor
 

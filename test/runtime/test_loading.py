@@ -10,7 +10,7 @@ import pytest
 from serving.models import random_model
 
 from lip_id_ros.errors import ConfigError, ModelError
-from lip_id_ros.runtime.loading import load_arm, load_successor, require_rules
+from lip_id_ros.runtime.serve.loading import load_arm, load_successor, require_rules
 from lip_id_ros.runtime.settings import ServeSettings
 from lip_id_ros.serving import Predictor
 

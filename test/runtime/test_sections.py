@@ -13,7 +13,7 @@ import numpy as np
 
 from lip_id_ros.recording import Reason
 from lip_id_ros.recording.joint_messages import from_joint_state, JointMessage
-from lip_id_ros.runtime.sections import CONFIRMED_BY, LONGEST_STEP_S, MOST_SECTIONS, Sections
+from lip_id_ros.runtime.train.sections import CONFIRMED_BY, LONGEST_STEP_S, MOST_SECTIONS, Sections
 
 NAMES = ('a', 'b')
 NOW = 1.7e9

@@ -9,7 +9,7 @@ import pytest
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.runtime.settings import train_parameters
-from lip_id_ros.runtime.train_checks import check_together
+from lip_id_ros.runtime.train.checks import check_together
 
 DEFAULTS = {name: row.default for name, row in train_parameters().items()}
 

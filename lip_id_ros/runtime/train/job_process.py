@@ -20,8 +20,8 @@ from lip_id_ros.evaluation.cautions import of_fit
 from lip_id_ros.gp import fit
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import Progress
-from lip_id_ros.runtime.recording_file import take_over
-from lip_id_ros.runtime.training_set import training_set
+from lip_id_ros.runtime.train.recording_file import take_over
+from lip_id_ros.runtime.train.training_set import training_set
 from lip_id_ros.serving import Predictor
 
 SHOWN = ('source', 'samples', 'dropped')
@@ -35,7 +35,7 @@ def main(arguments: list[str], output: TextIO) -> int:
     Parameters
     ----------
     arguments : list of str
-        The request of `lip_id_ros.runtime.job.Job` as one JSON text.
+        The request of `lip_id_ros.runtime.train.job.Job` as one JSON text.
     output : text stream
         Gets one JSON object per line: `progress` (stage, done, total), then `result` or `error`.
 

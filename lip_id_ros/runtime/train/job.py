@@ -92,7 +92,7 @@ class Job:
         request = json.dumps({**asdict(task), 'recording': recording})
         self.state = started(task)
         self._process = subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.runtime.job_process', request],
+            [sys.executable, '-m', 'lip_id_ros.runtime.train.job_process', request],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             text=True,

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.runtime.rules import Policy
+from lip_id_ros.runtime.serve.rules import Policy
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.runtime import recording_file
-from lip_id_ros.runtime.sections import Sections
+from lip_id_ros.runtime.train import recording_file
+from lip_id_ros.runtime.train.sections import Sections
 
 MOST_NAMES = 20
 """So many foreign joints are named, where messages have an endless variety."""

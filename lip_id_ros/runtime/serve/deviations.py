@@ -64,7 +64,7 @@ class Deviations:
         self._done: Deviated | None = None
         self.latest: Deviated | None = None
         self._process = subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.runtime.deviation_process', path],
+            [sys.executable, '-m', 'lip_id_ros.runtime.serve.deviation_process', path],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,

@@ -10,8 +10,8 @@ from typing import Any
 
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.runtime.job import Job, JobState, started, Task
-from lip_id_ros.runtime.recording_file import hand_over
+from lip_id_ros.runtime.train.job import Job, JobState, started, Task
+from lip_id_ros.runtime.train.recording_file import hand_over
 
 
 class Jobs:

@@ -9,11 +9,11 @@ import os
 import numpy as np
 
 from lip_id_ros.errors import ModelError
-from lip_id_ros.runtime.calibration import Calibration, calibration
-from lip_id_ros.runtime.checks import TrainingRange
-from lip_id_ros.runtime.deviations import Deviations
-from lip_id_ros.runtime.feedforward import Feedforward
-from lip_id_ros.runtime.rules import make_rules, require_consistent
+from lip_id_ros.runtime.serve.calibration import Calibration, calibration
+from lip_id_ros.runtime.serve.checks import TrainingRange
+from lip_id_ros.runtime.serve.deviations import Deviations
+from lip_id_ros.runtime.serve.feedforward import Feedforward
+from lip_id_ros.runtime.serve.rules import make_rules, require_consistent
 from lip_id_ros.runtime.settings import ServeSettings
 from lip_id_ros.serving import Predictor, TrainedModel
 

@@ -1,0 +1,1 @@
+"""What the node serve does: check, answer, shape, watch."""

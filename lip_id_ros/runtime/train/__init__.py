@@ -1,0 +1,1 @@
+"""What the node train does: record in sections, fit in processes."""
