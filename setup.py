@@ -36,7 +36,7 @@ setup(
         'scipy>=1.11',
     ],
     extras_require={
-        'sim': ['pin>=2.7', 'example-robot-data>=4.1'],
+        'sim': ['pin>=3.0', 'example-robot-data>=4.1'],
         'torch': ['torch>=2.1'],
         'test': ['hypothesis>=6.98', 'mcap>=1.1', 'mcap-ros2-support>=0.5', 'pytest>=7.4,<9'],
     },

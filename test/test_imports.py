@@ -31,7 +31,8 @@ PARTS = {
     'gp': {'config', 'dataset', 'kernels', 'linear_algebra', 'model'},
     'serving': {'dataset', 'kernels', 'linear_algebra', 'model'},
     'evaluation': {'dataset', 'health', 'model', 'serving'},
-    'simulation': {'dataset', 'evaluation'},
+    'control': {'serving'},
+    'simulation': {'control', 'dataset', 'evaluation'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.
 INNER = set(PARTS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import copy
 import os
 from pathlib import Path
 from typing import Any, Protocol
@@ -101,6 +102,75 @@ class Arm:
         """Inertia matrices M [kg m^2 or kg], shape (N, n, n), of positions of shape (N, n)."""
         upper = np.triu(self._each(self._pinocchio.crba, q))
         return upper + np.triu(upper, 1).transpose(0, 2, 1)
+
+    def forward_dynamics(self, q: FloatArray, dq: FloatArray, tau: FloatArray) -> FloatArray:
+        """
+        Accelerations that torques cause in one state (articulated-body algorithm).
+
+        Parameters
+        ----------
+        q, dq, tau : ndarray, shape (n,)
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [rad/s^2 or m/s^2].
+
+        """
+        return np.array(self._pinocchio.aba(self._model, self._data, q, dq, tau))
+
+    def with_rotor_inertia(self, inertia: FloatArray) -> Arm:
+        """
+        Copy with motors whose rotors turn with the joints.
+
+        Parameters
+        ----------
+        inertia : ndarray, shape (n,)
+            Of the rotors, times the gear ratios squared [kg m^2 or kg].
+
+        """
+
+        def add(model: Any) -> None:
+            model.armature = np.array(inertia, dtype=np.float64)
+
+        return self._changed(add)
+
+    def with_wrong_masses(
+        self, mass_share: float, centre_shift: float, rng: np.random.Generator
+    ) -> Arm:
+        """
+        Copy whose bodies are not quite the right ones: what a poor data sheet would give.
+
+        Parameters
+        ----------
+        mass_share : float
+            Each mass, and its inertia with it, is changed by a share drawn uniformly from
+            [-mass_share, mass_share].
+        centre_shift : float
+            Each centre of mass is moved along each axis by a distance drawn uniformly from
+            [-centre_shift, centre_shift] [m].
+        rng : numpy.random.Generator
+            The only source of chance.
+
+        """
+
+        def spoil(model: Any) -> None:
+            for joint in range(1, model.njoints):
+                body = model.inertias[joint]
+                factor = 1.0 + rng.uniform(-mass_share, mass_share)
+                centre = body.lever + rng.uniform(-centre_shift, centre_shift, 3)
+                model.inertias[joint] = self._pinocchio.Inertia(
+                    factor * body.mass, centre, factor * body.inertia
+                )
+
+        return self._changed(spoil)
+
+    def _changed(self, change: Callable[[Any], None]) -> Arm:
+        other = copy.copy(self)
+        other._model = self._model.copy()
+        change(other._model)
+        other._data = other._model.createData()
+        return other
 
     def _each(self, algorithm: Callable[..., Any], *motion: FloatArray) -> FloatArray:
         rows = zip(*motion, strict=True)

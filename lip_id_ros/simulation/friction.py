@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,36 @@ class Friction:
         return self.viscous * dq + self.coulomb * np.sign(dq)
 
 
+@dataclass(frozen=True)
+class SmoothFriction:
+    """
+    Viscous and Coulomb friction whose direction turns gradually, as equations of motion need it.
+
+    Attributes
+    ----------
+    viscous, coulomb : ndarray, shape (n,)
+        As in `Friction`.
+    turning : float
+        Velocity [rad/s or m/s] at which three quarters of the Coulomb friction act.
+
+    """
+
+    viscous: NDArray[np.float64]
+    coulomb: NDArray[np.float64]
+    turning: float
+
+    def torque(self, dq: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Torque [N m or N], shape (N, n) or (n,), that a motion of velocity `dq` needs."""
+        return self.viscous * dq + self.coulomb * np.tanh(dq / self.turning)
+
+
+class Rubbing(Protocol):
+    """Any friction that depends on velocity."""
+
+    def torque(self, dq: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Torque [N m or N] that a motion of velocity `dq` needs, of the shape of `dq`."""
+
+
 class FrictionalArm:
     """
     An arm and the friction in its joints.
@@ -40,11 +71,11 @@ class FrictionalArm:
     ----------
     arm : Dynamics
         The frictionless arm; its energies stay what they are.
-    friction : Friction
+    friction : Rubbing
 
     """
 
-    def __init__(self, arm: Dynamics, friction: Friction) -> None:
+    def __init__(self, arm: Dynamics, friction: Rubbing) -> None:
         self.arm = arm
         self.friction = friction
         self.joint_names = arm.joint_names

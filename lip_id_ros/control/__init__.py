@@ -1,0 +1,15 @@
+"""Computed-torque control: feedforward of the reference's torques, and PD feedback."""
+
+from lip_id_ros.control.computed_torque import ComputedTorque, Gains, Torques
+from lip_id_ros.control.feedforward import Feedforward, LearnedFeedforward, NoFeedforward
+from lip_id_ros.control.reference import GrowingCosine
+
+__all__ = [
+    'ComputedTorque',
+    'Feedforward',
+    'Gains',
+    'GrowingCosine',
+    'LearnedFeedforward',
+    'NoFeedforward',
+    'Torques',
+]

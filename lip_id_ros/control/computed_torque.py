@@ -1,0 +1,75 @@
+"""Feedforward plus PD (paper, eq. `CT_control`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.control.feedforward import Feedforward
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gains:
+    """
+    Diagonals of the feedback's matrices.
+
+    Attributes
+    ----------
+    stiffness : ndarray, shape (n,)
+        K_p: torque per position error [N m/rad or N/m].
+    damping : ndarray, shape (n,)
+        K_d: torque per velocity error [N m s/rad or N s/m].
+
+    """
+
+    stiffness: Array
+    damping: Array
+
+
+@dataclass(frozen=True)
+class Torques:
+    """The two parts of a command, each of shape (n,) [N m or N]."""
+
+    feedforward: Array
+    feedback: Array
+
+    @property
+    def command(self) -> Array:
+        """Their sum."""
+        return self.feedforward + self.feedback
+
+
+class ComputedTorque:
+    """
+    Torques that follow a reference.
+
+    Parameters
+    ----------
+    feedforward : Feedforward
+    gains : Gains
+
+    """
+
+    def __init__(self, feedforward: Feedforward, gains: Gains) -> None:
+        self._feedforward = feedforward
+        self._gains = gains
+
+    def torques(self, reference: tuple[Array, Array, Array], q: Array, dq: Array) -> Torques:
+        """
+        Compute the command of one control period.
+
+        Parameters
+        ----------
+        reference : tuple of ndarray, each of shape (n,)
+            Positions, velocities and accelerations to follow.
+        q, dq : ndarray, shape (n,)
+            Measured.
+
+        """
+        feedback = self._gains.stiffness * (reference[0] - q)
+        feedback += self._gains.damping * (reference[1] - dq)
+        return Torques(self._feedforward.torque(*reference), feedback)

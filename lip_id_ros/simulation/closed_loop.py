@@ -1,0 +1,128 @@
+"""A controller and a simulated arm, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.control import ComputedTorque
+from lip_id_ros.progress import Progress, silent
+from lip_id_ros.simulation.arm import Arm
+from lip_id_ros.simulation.torque_controlled import Drives, Measurement, TorqueControlledArm
+
+Array = NDArray[np.float64]
+REPORT_EVERY = 200
+
+
+class Reference(Protocol):
+    """A motion to follow, known at any time."""
+
+    def sample(self, t: float | Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations at one or many times [s]."""
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """
+    What happened, N steps of n joints.
+
+    Attributes
+    ----------
+    t : ndarray, shape (N,)
+        [s].
+    q, dq, tau : ndarray, shape (N, n)
+        Measured.
+    reference : tuple of ndarray, each of shape (N, n)
+        Positions, velocities, accelerations that were to be followed.
+    feedforward, feedback : ndarray, shape (N, n)
+        Parts of the commands [N m or N].
+    kinetic, potential : ndarray, shape (N,)
+        True energies of the exact motion [J].
+
+    """
+
+    t: Array
+    q: Array
+    dq: Array
+    tau: Array
+    reference: tuple[Array, Array, Array]
+    feedforward: Array
+    feedback: Array
+    kinetic: Array
+    potential: Array
+
+    @property
+    def error(self) -> Array:
+        """Reference minus measured positions [rad or m], shape (N, n)."""
+        return self.reference[0] - self.q
+
+
+def no_contact(t: float) -> float:
+    """Nothing touches the arm."""
+    return 0.0
+
+
+def placed(
+    arm: Arm, drives: Drives, reference: Reference, rng: np.random.Generator
+) -> TorqueControlledArm:
+    """Put an arm at the beginning of a reference, with the torque that it needs there."""
+    q, dq, ddq = reference.sample(np.zeros(1))
+    simulated = TorqueControlledArm(arm, drives, q[0], dq[0], rng)
+    needed = simulated.bodies.inverse_dynamics(q, dq, ddq)[0] + drives.friction.torque(dq[0])
+    simulated.hold(needed)
+    return simulated
+
+
+def track(
+    simulated: TorqueControlledArm,
+    controller: ComputedTorque,
+    reference: Reference,
+    duration: float,
+    contact: Callable[[float], Array | float] = no_contact,
+    progress: Progress = silent,
+) -> Tracking:
+    """
+    Let a controller follow a reference.
+
+    Parameters
+    ----------
+    simulated : TorqueControlledArm
+        At the beginning of the reference.
+    controller : ComputedTorque
+    reference : Reference
+    duration : float
+        [s].
+    contact : callable
+        External torques (n,) at a time [s].
+    progress : Progress
+
+    """
+    n_steps = round(duration / simulated.drives.step)
+    times = simulated.t + simulated.drives.step * np.arange(n_steps, dtype=np.float64)
+    references = reference.sample(times)
+    measured: list[Measurement] = []
+    states, torques = [], []
+    for k in range(n_steps):
+        measured.append(simulated.measure())
+        states.append((simulated.q, simulated.dq))
+        wanted = (references[0][k], references[1][k], references[2][k])
+        torques.append(controller.torques(wanted, measured[-1].q, measured[-1].dq))
+        simulated.step(torques[-1].command, contact(simulated.t))
+        if k % REPORT_EVERY == 0:
+            progress('control', k, n_steps)
+    q, dq = (np.array(values) for values in zip(*states, strict=True))
+    return Tracking(
+        t=np.array([each.t for each in measured]),
+        q=np.array([each.q for each in measured]),
+        dq=np.array([each.dq for each in measured]),
+        tau=np.array([each.tau for each in measured]),
+        reference=references,
+        feedforward=np.array([each.feedforward for each in torques]),
+        feedback=np.array([each.feedback for each in torques]),
+        kinetic=simulated.bodies.kinetic(q, dq),
+        potential=simulated.bodies.potential(q),
+    )

@@ -1,0 +1,154 @@
+"""The simulated arm keeps the laws of mechanics; drives and sensors add what they should."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+from lip_id_ros.simulation import (
+    Arm,
+    Drives,
+    NominalFeedforward,
+    panda,
+    SmoothFriction,
+    TorqueControlledArm,
+)
+
+pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
+
+Array = NDArray[np.float64]
+POSTURE = np.array([0.1, -0.8, 0.2, -2.3, 0.3, 1.5, 0.7])
+ROTORS = np.linspace(0.05, 0.2, 7)
+FREE = SmoothFriction(np.zeros(7), np.zeros(7), 0.01)
+STICKY = SmoothFriction(np.full(7, 0.4), np.full(7, 0.5), 0.01)
+
+
+@pytest.fixture(scope='module')
+def arm() -> Arm:
+    return panda()
+
+
+def at_rest(arm: Arm, drives: Drives, seed: int = 0) -> TorqueControlledArm:
+    return TorqueControlledArm(arm, drives, POSTURE, np.zeros(7), np.random.default_rng(seed))
+
+
+def energy(simulated: TorqueControlledArm) -> float:
+    q, dq = simulated.q[None], simulated.dq[None]
+    return float((simulated.bodies.kinetic(q, dq) + simulated.bodies.potential(q))[0])
+
+
+def test_free_fall_keeps_its_energy(arm: Arm) -> None:
+    simulated = at_rest(arm, Drives(np.zeros(7), FREE))
+    before = energy(simulated)
+
+    for _ in range(2000):
+        simulated.step(np.zeros(7))
+
+    fastest = np.abs(simulated.dq).max()
+    assert fastest > 2.0
+    assert energy(simulated) == pytest.approx(before, abs=1e-4)
+    assert simulated.t == pytest.approx(2.0)
+
+
+def test_energy_changes_by_the_work_of_torques_contact_and_friction(arm: Arm) -> None:
+    simulated = at_rest(arm, Drives(ROTORS, STICKY))
+    rng, work, before = np.random.default_rng(1), 0.0, energy(simulated)
+
+    for _ in range(500):
+        command, contact = rng.normal(0, 5, (2, 7))
+        friction, q = STICKY.torque(simulated.dq), simulated.q
+        simulated.step(command, contact)
+        friction = (friction + STICKY.torque(simulated.dq)) / 2
+        work += float((command + contact - friction) @ (simulated.q - q))
+
+    change = energy(simulated) - before
+    assert abs(change) > 1.0
+    assert work == pytest.approx(change, rel=0.02)
+
+
+def test_forward_dynamics_invert_the_inverse_with_rotors(arm: Arm) -> None:
+    q, dq, ddq = np.random.default_rng(2).normal(size=(3, 1, 7))
+    turning = arm.with_rotor_inertia(ROTORS)
+
+    tau = turning.inverse_dynamics(q, dq, ddq)
+
+    np.testing.assert_allclose(turning.forward_dynamics(q[0], dq[0], tau[0]), ddq[0])
+    np.testing.assert_allclose(tau - arm.inverse_dynamics(q, dq, ddq), ROTORS * ddq, atol=1e-12)
+    np.testing.assert_allclose(
+        turning.kinetic(q, dq) - arm.kinetic(q, dq), 0.5 * np.square(dq) @ ROTORS
+    )
+    np.testing.assert_allclose(
+        turning.inertia_matrix(q) - arm.inertia_matrix(q), [np.diag(ROTORS)], atol=1e-12
+    )
+
+
+def test_the_right_torque_holds_the_arm_still(arm: Arm) -> None:
+    simulated = at_rest(arm, Drives(ROTORS, FREE, delay=3))
+    still = np.zeros(7)
+    gravity = NominalFeedforward(arm).torque(POSTURE, still, still)
+    simulated.hold(gravity)
+
+    for _ in range(200):
+        simulated.step(gravity)
+
+    np.testing.assert_allclose(simulated.q, POSTURE, atol=1e-9)
+
+
+def test_commands_act_after_the_delay(arm: Arm) -> None:
+    simulated = at_rest(arm, Drives(ROTORS, FREE, delay=2))
+    acted = []
+    for k in range(5):
+        simulated.step(np.full(7, float(k + 1)))
+        acted.append(simulated.measure().tau[0])
+    assert acted == [0.0, 0.0, 1.0, 2.0, 3.0]
+
+
+def test_sensors_are_as_noisy_as_they_are_said_to_be(arm: Arm) -> None:
+    drives = Drives(
+        ROTORS, FREE, position_noise=1e-4, velocity_noise=1e-2, torque_noise=0.3, ripple=0.4
+    )
+    simulated = at_rest(arm, drives)
+    simulated.step(np.zeros(7))
+    measured = [simulated.measure() for _ in range(500)]
+    tau = np.array([each.tau for each in measured])
+
+    assert np.std([each.q - simulated.q for each in measured]) == pytest.approx(1e-4, rel=0.1)
+    assert np.std([each.dq - simulated.dq for each in measured]) == pytest.approx(1e-2, rel=0.1)
+    assert np.std(tau - tau.mean(axis=0)) == pytest.approx(0.3, rel=0.1)
+
+    ripples = []
+    for _ in range(300):
+        simulated.step(np.zeros(7))
+        ripples.append(simulated.measure().tau)
+    assert np.std(ripples) == pytest.approx(0.5, rel=0.1)  # both noises together
+
+
+def test_same_seed_same_motion(arm: Arm) -> None:
+    drives = Drives(ROTORS, STICKY, ripple=0.1, velocity_noise=1e-3)
+    runs = [at_rest(arm, drives, seed) for seed in (1, 1, 2)]
+    for simulated in runs:
+        for _ in range(20):
+            simulated.step(-simulated.measure().dq)
+    np.testing.assert_array_equal(runs[0].q, runs[1].q)
+    assert not np.array_equal(runs[0].q, runs[2].q)
+
+
+def test_wrong_masses_are_wrong_within_bounds(arm: Arm) -> None:
+    still, down = np.zeros((1, 7)), np.array([[0.0, 1.5, 0, 0, 0, 0, 0]])
+    right = arm.inverse_dynamics(down, still, still)
+    wrong = arm.with_wrong_masses(0.2, 0.0, np.random.default_rng(3))
+    moved = arm.with_wrong_masses(0.0, 0.02, np.random.default_rng(3))
+
+    # gravity's torque at the second joint is linear in the masses
+    share = wrong.inverse_dynamics(down, still, still)[0, 1] / right[0, 1] - 1
+    assert 0.005 < abs(share) < 0.2
+    weight = 9.81 * 18.0  # all bodies together are lighter than 18 kg
+    shift = moved.inverse_dynamics(down, still, still)[0, 1] - right[0, 1]
+    assert 0.01 < abs(shift) < 0.02 * weight
+    np.testing.assert_array_equal(arm.inverse_dynamics(down, still, still), right)
+    with_same_seed = arm.with_wrong_masses(0.2, 0.0, np.random.default_rng(3))
+    np.testing.assert_array_equal(
+        with_same_seed.inverse_dynamics(down, still, still),
+        wrong.inverse_dynamics(down, still, still),
+    )
