@@ -39,7 +39,8 @@ INNER = set(PARTS)
 PARTS |= {
     'runtime': INNER - {'simulation'},  # what the nodes do, without ROS
     'nodes': INNER - {'simulation'} | {'runtime'},
-    'cli': INNER,
+    'tracking': INNER,  # the paper's tracking experiment
+    'cli': INNER | {'tracking'},
     'demo': INNER | {'cli', 'nodes', 'runtime'},
 }
 
@@ -57,7 +58,7 @@ FOREIGN = {
     'yaml': ('config', 'recording/bag_folder'),
     'pinocchio': ('simulation',),
     'example_robot_data': ('simulation',),
-    'matplotlib': ('evaluation/report',),
+    'matplotlib': ('evaluation/report', 'tracking/plots'),
     'rich': ('evaluation/terminal', 'cli'),
     'rclpy': ROS,
     'ament_index_python': ROS,

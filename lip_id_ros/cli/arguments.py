@@ -57,6 +57,21 @@ def joint_names(text: str) -> tuple[str, ...]:
     return names
 
 
+def count(text: str) -> int:
+    """
+    Read a whole number above zero.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is something else.
+
+    """
+    if not text.isascii() or not text.isdigit() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f'expected a whole number above 0, got {text!r}')
+    return int(text)
+
+
 def share(text: str) -> float:
     """
     Read a share between 0 and 1, both excluded.

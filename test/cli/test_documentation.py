@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 import re
 
@@ -15,6 +16,8 @@ from lip_id_ros.evaluation import evaluate, run
 from lip_id_ros.evaluation.prediction_file import write_prediction_npz
 from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.files import read_npz
+from lip_id_ros.tracking import Figures, INFORMED, LEARNED, NOMINAL
+from lip_id_ros.tracking.figures import RunFigures
 
 PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'interfaces.md').read_text(encoding='utf-8')
 
@@ -35,7 +38,9 @@ def named(text: str) -> set[str]:
     }
 
 
-@pytest.mark.parametrize('verb', ['fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench'])
+@pytest.mark.parametrize(
+    'verb', ['fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'track']
+)
 def test_options_are_those_of_the_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main([verb, '--help'])
@@ -53,6 +58,15 @@ def test_keys_of_evaluate() -> None:
 
 def test_keys_of_bench() -> None:
     assert named(section('Figures of `bench --json`')) == set(Speed.__dataclass_fields__)
+
+
+def test_keys_of_track() -> None:
+    run = RunFigures(0, 0.5, LEARNED, (1.0,), (1.0,))
+    others = (replace(run, feedforward=NOMINAL), replace(run, feedforward=INFORMED))
+    energies = {(0, 0.5): 1.0}
+    content = Figures(('joint',), (run, *others), energies, energies).to_json()
+    keys = set(content) | set(content['runs'][0])
+    assert named(section('Figures of `track --json`')) == keys
 
 
 def test_arrays_of_a_data_set(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ class Picture:
 def page(
     title: str,
     warnings: Iterable[str],
-    table: Table,
+    tables: Iterable[Table],
     notes: Iterable[str],
     pictures: Iterable[Picture],
     facts: Table,
@@ -53,10 +53,10 @@ def page(
     title : str
     warnings : iterable of str
         Shown above everything else.
-    table : Table
+    tables : iterable of Table
         The errors.
     notes : iterable of str
-        Shown below the table.
+        Shown below the tables.
     pictures : iterable of Picture
         Embedded in the page.
     facts : Table
@@ -71,7 +71,7 @@ def page(
     body = [
         f'<h1>{escape(title)}</h1>',
         *(f'<p class="warning">{escape(warning)}</p>' for warning in warnings),
-        _table(table),
+        *(_table(table) for table in tables),
         *(f'<p>{escape(note)}</p>' for note in notes),
         *(_figure(picture) for picture in pictures),
         _facts(facts),

@@ -9,8 +9,8 @@ from typing import Any
 
 from lip_id_ros.evaluation.health_text import health_table, lines
 from lip_id_ros.evaluation.report import recording_plots, style
+from lip_id_ros.evaluation.report.folder import picture, write_folder
 from lip_id_ros.evaluation.report.page import page, Picture
-from lip_id_ros.evaluation.report.writing import INDEX, png, write
 from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.health import Evidence
 from lip_id_ros.progress import Progress, silent
@@ -65,10 +65,7 @@ def write_recording_report(
 
 
 def _report(target: Path, source: str, evidence: Evidence, health: Mapping[str, Any]) -> Path:
-    target.mkdir(parents=True, exist_ok=True)
     pictures = _pictures(evidence)
-    for picture in pictures:
-        write(target / f'{picture.name}.png', picture.png)
     findings = health['findings']
     samples = evidence.samples
     facts = (
@@ -80,23 +77,19 @@ def _report(target: Path, source: str, evidence: Evidence, health: Mapping[str, 
     text = page(
         'Health of a recording',
         lines(finding for finding in findings if finding['severity'] != 'note'),
-        health_table(health['joints']),
+        [health_table(health['joints'])],
         lines(finding for finding in findings if finding['severity'] == 'note'),
         pictures,
         Table('Recording', (), facts),
     )
-    write(target / INDEX, text.encode())
-    return target / INDEX
+    return write_folder(target, text, pictures)
 
 
 def _pictures(evidence: Evidence) -> list[Picture]:
     with style.styled():
-        pictures = [
-            Picture(
-                'signals', 'What was recorded', SIGNALS, png(recording_plots.signals(evidence))
-            )
-        ]
+        signals = recording_plots.signals(evidence)
+        pictures = [picture('signals', 'What was recorded', SIGNALS, signals)]
         if evidence.motion.stretches:
-            drawn = png(recording_plots.coverage(evidence))
-            pictures.append(Picture('coverage', 'Where the joints have been', COVERAGE, drawn))
+            drawn = recording_plots.coverage(evidence)
+            pictures.append(picture('coverage', 'Where the joints have been', COVERAGE, drawn))
     return pictures

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-import io
 import os
 from pathlib import Path
-from typing import BinaryIO
 
 from matplotlib.figure import Figure
 
@@ -15,12 +13,11 @@ from lip_id_ros.evaluation.evaluation import Evaluation
 from lip_id_ros.evaluation.outcome import Outcome
 from lip_id_ros.evaluation.report import energy_plots, error_plot, style, torque_plots
 from lip_id_ros.evaluation.report.band import Band
+from lip_id_ros.evaluation.report.folder import picture, write_folder
 from lip_id_ros.evaluation.report.page import page, Picture
 from lip_id_ros.evaluation.tables import error_table, notes, Table
-from lip_id_ros.files import write_atomically
 from lip_id_ros.progress import Progress, silent
 
-INDEX = 'index.html'
 CAPTIONS = {
     'torque': 'Measured torque (grey), predicted torque (blue) and two standard deviations '
     '(of prediction and noise) on both sides.',
@@ -87,21 +84,16 @@ def write_report(
         If the folder cannot be written.
 
     """
-    target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
     pictures = _pictures(outcome, evaluation, uncertainty, progress)
-    for picture in pictures:
-        write(target / f'{picture.name}.png', picture.png)
     text = page(
         labels.title,
         labels.warnings,
-        error_table(evaluation),
+        [error_table(evaluation)],
         notes(evaluation),
         pictures,
         Table('Model and data', (), labels.facts),
     )
-    write(target / INDEX, text.encode())
-    return target / INDEX
+    return write_folder(folder, text, pictures)
 
 
 def _pictures(
@@ -121,22 +113,6 @@ def _pictures(
     pictures = []
     with style.styled():
         for number, (name, title, draw) in enumerate(drawings, start=1):
-            pictures.append(Picture(name, title, CAPTIONS[name], png(draw())))
+            pictures.append(picture(name, title, CAPTIONS[name], draw()))
             progress('plot', number, len(drawings))
     return pictures
-
-
-def png(figure: Figure) -> bytes:
-    """Return a figure as a PNG image."""
-    file = io.BytesIO()
-    figure.savefig(file, format='png')
-    return file.getvalue()
-
-
-def write(path: Path, content: bytes) -> None:
-    """Write a file, whole or not at all."""
-
-    def put(file: BinaryIO) -> None:
-        file.write(content)
-
-    write_atomically(path, put)

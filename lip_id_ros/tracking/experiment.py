@@ -1,0 +1,147 @@
+"""Learn from one run under a wrong nominal model, then follow references with what was learned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.config import FitSettings, PreprocessingSettings
+from lip_id_ros.control import ComputedTorque, Feedforward, GrowingCosine, LearnedFeedforward
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp import fit
+from lip_id_ros.preprocessing import preprocess
+from lip_id_ros.progress import Progress, silent
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.simulation import FrictionalArm, NominalFeedforward, placed, track, Tracking
+from lip_id_ros.tracking.setup import Setup
+
+Array = NDArray[np.float64]
+
+LEARNED, NOMINAL, INFORMED = 'learned', 'nominal', 'nominal with friction'
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """
+    What is varied and how much is recorded; the defaults are the paper's, where it says.
+
+    Attributes
+    ----------
+    mass_share : float
+        The nominal model's masses are wrong by up to this share.
+    centre_shift : float
+        Its centres of mass are wrong by up to this much along each axis [m].
+    horizon : float
+        Length of a run [s].
+    amplitude : float
+        Of the run that is learned from [rad].
+    amplitudes : tuple of float
+        Of the runs that are compared [rad].
+    preprocessing : PreprocessingSettings
+        A cut-off of 12.5 Hz keeps about 50 samples per second of the 1000, as the paper does.
+    fit : FitSettings
+
+    """
+
+    mass_share: float = 0.2
+    centre_shift: float = 0.02
+    horizon: float = 10.0
+    amplitude: float = 0.5
+    amplitudes: tuple[float, ...] = (0.5, 0.6)
+    preprocessing: PreprocessingSettings = field(
+        default_factory=lambda: PreprocessingSettings(cutoff_hz=12.5, max_samples=500)
+    )
+    fit: FitSettings = field(default_factory=FitSettings)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """
+    One wrong nominal model, and what was learned under it.
+
+    Attributes
+    ----------
+    seed : int
+        Of the nominal model's errors and of all noise.
+    model : TrainedModel
+    runs : dict
+        Keyed by amplitude [rad] and feedforward: `LEARNED`, `NOMINAL`, or `INFORMED`, which is
+        the nominal model with the exact friction and rotors added.
+
+    """
+
+    seed: int
+    model: TrainedModel
+    runs: dict[tuple[float, str], Tracking]
+
+
+def run_experiment(
+    setup: Setup, experiment: Experiment, seed: int, progress: Progress = silent
+) -> Trial:
+    """
+    Run the experiment for one nominal model.
+
+    Parameters
+    ----------
+    setup : Setup
+    experiment : Experiment
+    seed : int
+        Of the nominal model's errors and of all noise.
+    progress : Progress
+
+    """
+    chance = np.random.default_rng(seed)
+    wrong = setup.arm.with_wrong_masses(experiment.mass_share, experiment.centre_shift, chance)
+    nominal = NominalFeedforward(wrong)
+    training = _follow(setup, nominal, experiment, experiment.amplitude, chance, progress)
+    model = fit(recorded(training, setup, experiment), experiment.fit, progress)
+    feedforwards: dict[str, Feedforward] = {
+        LEARNED: LearnedFeedforward(Predictor(model)),
+        NOMINAL: nominal,
+        INFORMED: NominalFeedforward(
+            FrictionalArm(
+                wrong.with_rotor_inertia(setup.drives.rotor_inertia), setup.drives.friction
+            )
+        ),
+    }
+    runs = {
+        (amplitude, name): _follow(setup, feedforward, experiment, amplitude, chance, progress)
+        for amplitude in experiment.amplitudes
+        for name, feedforward in feedforwards.items()
+    }
+    return Trial(seed, model, runs)
+
+
+def recorded(run: Tracking, setup: Setup, experiment: Experiment) -> Dataset:
+    """Prepare what the sensors said as any recording is prepared."""
+    samples = JointSamples(
+        run.t, run.q, run.dq, run.tau, setup.arm.joint_names, source='the simulated run'
+    )
+    return preprocess(samples, experiment.preprocessing)
+
+
+def trials(
+    setup: Setup, experiment: Experiment, seeds: int, progress: Progress = silent
+) -> Iterator[Trial]:
+    """Run the experiment with seeds 0, 1, ..., one after the other."""
+    for seed in range(seeds):
+        progress('nominal models', seed, seeds)
+        yield run_experiment(setup, experiment, seed, progress)
+
+
+def _follow(
+    setup: Setup,
+    feedforward: Feedforward,
+    experiment: Experiment,
+    amplitude: float,
+    chance: np.random.Generator,
+    progress: Progress,
+) -> Tracking:
+    reference = GrowingCosine(setup.posture, amplitude, experiment.horizon)
+    simulated = placed(setup.arm, setup.drives, reference, chance)
+    controller = ComputedTorque(feedforward, setup.gains)
+    return track(simulated, controller, reference, experiment.horizon, progress=progress)

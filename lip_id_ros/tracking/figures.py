@@ -1,0 +1,214 @@
+"""The experiment's figures, in the paper's form (table `control_exp`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.errors import ModelError
+from lip_id_ros.evaluation.metrics import nmse_percent, nmse_percent_without_offset
+from lip_id_ros.evaluation.tables import Table
+from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.simulation import Tracking
+from lip_id_ros.tracking.experiment import INFORMED, LEARNED, NOMINAL, Trial
+
+Array = NDArray[np.float64]
+POSITION, FEEDBACK = 'position_nmse_percent', 'feedback_mean_square'
+TITLES = {
+    POSITION: 'Joint position nMSE [%]',
+    FEEDBACK: 'Mean square of the feedback [(N m)^2]',
+}
+
+
+@dataclass(frozen=True)
+class RunFigures:
+    """
+    How well one run followed its reference.
+
+    Attributes
+    ----------
+    seed : int
+    amplitude : float
+        [rad].
+    feedforward : str
+    position_nmse_percent : tuple of float
+        Per joint: 100 mean((q - q_d)^2) / var(q_d), q as measured.
+    feedback_mean_square : tuple of float
+        Per joint [(N m)^2].
+
+    """
+
+    seed: int
+    amplitude: float
+    feedforward: str
+    position_nmse_percent: tuple[float, ...]
+    feedback_mean_square: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Figures:
+    """
+    All runs of all trials, and what the learned feedforward gains over the nominal one.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+    runs : tuple of RunFigures
+    kinetic_nmse_percent, potential_nmse_percent : dict
+        Errors of the learned energies along the learned runs, keyed by seed and amplitude; the
+        potential energy's without its mean error.
+
+    """
+
+    joint_names: tuple[str, ...]
+    runs: tuple[RunFigures, ...]
+    kinetic_nmse_percent: dict[tuple[int, float], float]
+    potential_nmse_percent: dict[tuple[int, float], float]
+
+    def gains(self, name: str, over: str) -> Array:
+        """
+        Ratios of another feedforward's figure to the learned one's; above 1 is better.
+
+        Parameters
+        ----------
+        name : str
+            `POSITION` or `FEEDBACK`.
+        over : str
+            The other feedforward.
+
+        Returns
+        -------
+        ndarray, shape (seeds * amplitudes, n)
+
+        """
+        learned, other = (
+            np.array([getattr(run, name) for run in self.runs if run.feedforward == feedforward])
+            for feedforward in (LEARNED, over)
+        )
+        return np.asarray(other / learned)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the keys of docs/interfaces.md."""
+        return {
+            'joint_names': list(self.joint_names),
+            'runs': [vars(run) | self._energies(run) for run in self.runs],
+            'least_position_gain': least(self, POSITION, NOMINAL),
+            'least_feedback_gain': least(self, FEEDBACK, NOMINAL),
+        }
+
+    def _energies(self, run: RunFigures) -> dict[str, float | None]:
+        key = (run.seed, run.amplitude)
+        if run.feedforward != LEARNED:
+            return {'kinetic_nmse_percent': None, 'potential_nmse_percent': None}
+        return {
+            'kinetic_nmse_percent': self.kinetic_nmse_percent[key],
+            'potential_nmse_percent': self.potential_nmse_percent[key],
+        }
+
+
+def figures(trials: Sequence[Trial]) -> Figures:
+    """Compute the figures of some trials."""
+    energies = {
+        (trial.seed, amplitude): _energy_errors(trial.model, run)
+        for trial in trials
+        for (amplitude, feedforward), run in trial.runs.items()
+        if feedforward == LEARNED
+    }
+    return Figures(
+        trials[0].model.joint_names,
+        tuple(
+            _of_run(trial.seed, *key, run) for trial in trials for key, run in trial.runs.items()
+        ),
+        {key: kinetic for key, (kinetic, _) in energies.items()},
+        {key: potential for key, (_, potential) in energies.items()},
+    )
+
+
+def tables(of: Figures) -> list[Table]:
+    """Return the paper's rows per amplitude and figure, medians where there are several seeds."""
+    amplitudes = dict.fromkeys(run.amplitude for run in of.runs)
+    return [
+        _table(of, amplitude, title, name)
+        for amplitude in amplitudes
+        for name, title in TITLES.items()
+    ]
+
+
+def notes(of: Figures) -> list[str]:
+    """Say what the learned feedforward gains, at the joint and seed where it gains least."""
+    return [
+        'Position: 100 mean((q - q_d)^2) / var(q_d). Medians where there are several nominal '
+        'models.',
+        *(
+            f'The {other} feedforward has at least {least(of, POSITION, other):.3g} times the '
+            f'position nMSE and {least(of, FEEDBACK, other):.3g} times the mean-square feedback '
+            'of the learned one, at any joint, amplitude and nominal model.'
+            for other in (NOMINAL, INFORMED)
+        ),
+    ]
+
+
+def least(of: Figures, name: str, over: str) -> float:
+    """Return the smallest of `Figures.gains`."""
+    return float(of.gains(name, over).min())
+
+
+def learned_energies(model: TrainedModel, run: Tracking) -> tuple[Array, Array]:
+    """
+    Estimate the energies along the measured motion of a run.
+
+    Returns
+    -------
+    kinetic, potential : ndarray, shape (N,)
+        [J]; the potential energy up to a constant.
+
+    Raises
+    ------
+    ModelError
+        If the model has no potential energy.
+
+    """
+    estimate = Predictor(model).predict(run.q, run.dq, np.zeros_like(run.q))
+    if estimate.potential is None:
+        raise ModelError(
+            'the model must have a potential energy, but has none; learn gravity too.'
+        )
+    return estimate.kinetic, estimate.potential
+
+
+def _of_run(seed: int, amplitude: float, feedforward: str, run: Tracking) -> RunFigures:
+    return RunFigures(
+        seed,
+        amplitude,
+        feedforward,
+        tuple(nmse_percent(run.q, run.reference[0]).tolist()),
+        tuple(np.mean(np.square(run.feedback), axis=0).tolist()),
+    )
+
+
+def _energy_errors(model: TrainedModel, run: Tracking) -> tuple[float, float]:
+    kinetic, potential = learned_energies(model, run)
+    return (
+        float(nmse_percent(kinetic, run.kinetic)),
+        float(nmse_percent_without_offset(potential, run.potential)),
+    )
+
+
+def _table(of: Figures, amplitude: float, title: str, name: str) -> Table:
+    some = [run for run in of.runs if run.amplitude == amplitude]
+    medians = {
+        feedforward: np.median(
+            [getattr(run, name) for run in some if run.feedforward == feedforward], axis=0
+        )
+        for feedforward in dict.fromkeys(run.feedforward for run in some)
+    }
+    rows = [
+        (feedforward, *(f'{value:.1e}' for value in values))
+        for feedforward, values in medians.items()
+    ]
+    joints = [f'J{number}' for number in range(1, len(of.joint_names) + 1)]
+    return Table(f'{title}, A = {amplitude:g} rad', ('', *joints), rows)
