@@ -32,6 +32,7 @@ PARTS = {
     'serving': {'dataset', 'kernels', 'linear_algebra', 'model'},
     'evaluation': {'dataset', 'health', 'model', 'serving'},
     'control': {'serving'},
+    'monitoring': {'serving'},
     'simulation': {'control', 'dataset', 'evaluation'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.

@@ -21,8 +21,8 @@ REPORT_EVERY = 200
 class Reference(Protocol):
     """A motion to follow, known at any time."""
 
-    def sample(self, t: float | Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations at one or many times [s]."""
+    def sample(self, t: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations, each (N, n), at times (N,) [s]."""
 
 
 @dataclass(frozen=True)

@@ -143,13 +143,20 @@ def notes(of: Figures) -> list[str]:
     return [
         'Position: 100 mean((q - q_d)^2) / var(q_d). Medians where there are several nominal '
         'models.',
-        *(
-            f'The {other} feedforward has at least {least(of, POSITION, other):.3g} times the '
-            f'position nMSE and {least(of, FEEDBACK, other):.3g} times the mean-square feedback '
-            'of the learned one, at any joint, amplitude and nominal model.'
-            for other in (NOMINAL, INFORMED)
-        ),
+        *(_comparison(of, other) for other in (NOMINAL, INFORMED)),
     ]
+
+
+def _comparison(of: Figures, other: str) -> str:
+    position, feedback = (np.round(of.gains(name, other), 2) for name in (POSITION, FEEDBACK))
+    return (
+        f'{other} / learned, over all joints, amplitudes and nominal models: position nMSE '
+        f'{_range(position)}, mean-square feedback {_range(feedback)}.'
+    )
+
+
+def _range(ratios: Array) -> str:
+    return f'{ratios.min():.3g} to {ratios.max():.3g} (median {np.median(ratios):.3g})'
 
 
 def least(of: Figures, name: str, over: str) -> float:

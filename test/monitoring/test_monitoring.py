@@ -1,0 +1,132 @@
+"""Observers against textbook mechanics: nothing is flagged but what really acts."""
+
+from __future__ import annotations
+
+from evaluation.stubs import Knowing
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+from serving.models import random_model
+from simulation.pendulums import INERTIA, Pendulums, swing, WEIGHT
+
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.monitoring import ContactObserver, EnergyMonitor, external_torques, Thresholds
+from lip_id_ros.monitoring.contact import momentum_and_rate
+from lip_id_ros.monitoring.observer import Observer
+from lip_id_ros.serving import Predictor
+
+Array = NDArray[np.float64]
+CONTACT = np.array([1.0, -2.0, 0.5])
+
+
+def motion(rate: float = 200.0) -> Dataset:
+    return swing(3, duration=10.0, rate=rate, noise=0.0)
+
+
+def pushed(data: Dataset) -> Array:
+    """Torques of the drives where a contact does a part of the work in the second half."""
+    late = data.t >= 5.0
+    return data.tau - np.outer(late, CONTACT)
+
+
+@pytest.mark.parametrize('step', [1e-3, 1e-2, 1.0])
+def test_observer_follows_what_is_not_explained(step: float) -> None:
+    observer, gain = Observer(20.0), 20.0
+    t = np.arange(0.0, 3.0 + step, step)
+    found = [observer.update(time, np.array([5.0 + 4.0 * time]), np.array([1.0])) for time in t]
+    assert found[0] == 0
+    assert found[-1] == pytest.approx(3.0, rel=0.05)
+    if step == 1e-3:
+        np.testing.assert_allclose(np.ravel(found), 3 * (1 - np.exp(-gain * t)), atol=0.05)
+
+
+@pytest.mark.parametrize('member', ['recursive', 'lip'])
+def test_momentum_and_rate_are_those_of_the_learned_energies(member: str) -> None:
+    predictor = Predictor(random_model(member, terms=('friction',)))
+    n = predictor.n_joints
+    rng = np.random.default_rng(4)
+    q, dq, tau = 0.5 * rng.normal(size=(3, 5, n))
+
+    momentum, rate = momentum_and_rate(predictor, q, dq, tau)
+
+    inertia = predictor.inertia_matrix(q)
+    np.testing.assert_allclose(momentum, np.einsum('tij,tj->ti', inertia, dq), rtol=1e-8)
+    slope = np.empty_like(q)
+    still = np.zeros_like(q)
+    for joint in range(n):
+        step = np.zeros(n)
+        step[joint] = 1e-5
+        after = predictor.predict(q + step, dq, still).kinetic
+        slope[:, joint] = (after - predictor.predict(q - step, dq, still).kinetic) / 2e-5
+    parts = predictor.predict(q, dq, still)
+    expected = tau + slope - parts.gravity - parts.friction
+    np.testing.assert_allclose(rate, expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
+
+
+def test_free_motion_shows_no_contact() -> None:
+    data = motion()
+    found = external_torques(Knowing(), data.t, data.q, data.dq, data.tau)
+    assert np.abs(found).max() < 0.02
+
+
+def test_a_contact_is_found_in_size_and_time() -> None:
+    data = motion()
+    found = external_torques(Knowing(), data.t, data.q, data.dq, pushed(data))
+    np.testing.assert_allclose(found[data.t > 5.2], np.tile(CONTACT, (960, 1))[1:], atol=0.02)
+    assert np.abs(found[data.t < 5.0]).max() < 0.02
+
+
+def test_sample_by_sample_is_the_same_as_the_whole() -> None:
+    data = motion()
+    observer = ContactObserver(Knowing())
+    rows = zip(data.t, data.q, data.dq, pushed(data), strict=True)
+    np.testing.assert_allclose(
+        [observer.update(*row) for row in rows],
+        external_torques(Knowing(), data.t, data.q, data.dq, pushed(data)),
+    )
+
+
+def test_energy_is_that_of_the_arm_and_its_change_is_explained() -> None:
+    data = motion()
+    monitor = EnergyMonitor(Knowing(torque_error=0.0))
+    rows = zip(data.t, data.q, data.dq, data.tau, strict=True)
+    found = [monitor.update(*row) for row in rows]
+    arm = Pendulums()
+    total = arm.kinetic(data.q, data.dq) + arm.potential(data.q)
+    np.testing.assert_allclose([each.total for each in found], total)
+    assert np.abs([each.unexplained for each in found]).max() < 0.05
+    power = np.einsum('ti,ti->t', data.dq, INERTIA * data.ddq + WEIGHT * np.sin(data.q))
+    np.testing.assert_allclose([each.supplied for each in found], power, atol=1e-12)
+    assert np.abs(power).max() > 2.0
+
+
+def test_power_of_a_contact_is_what_is_not_explained() -> None:
+    data = motion()
+    monitor = EnergyMonitor(Knowing(), gain=200.0)
+    rows = zip(data.t, data.q, data.dq, pushed(data), strict=True)
+    found = np.array([monitor.update(*row).unexplained for row in rows])
+    expected = np.where(data.t >= 5.0, data.dq @ CONTACT, 0.0)
+    late = data.t > 5.1
+    assert np.std(expected[late]) > 0.5
+    np.testing.assert_allclose(found[late], expected[late], atol=0.2)
+
+
+def test_friction_takes_its_share_of_the_power() -> None:
+    rough = EnergyMonitor(Knowing(torque_error=0.7))
+    still = np.zeros(3)
+    balance = rough.update(0.0, still, np.ones(3), np.array([1.0, 2.0, 3.0]))
+    assert balance.supplied == pytest.approx(6.0 - 3 * 0.7)
+
+
+def test_without_gravity_the_energy_is_kinetic() -> None:
+    monitor = EnergyMonitor(Knowing(offset=None))
+    balance = monitor.update(0.0, np.ones(3), np.ones(3), np.zeros(3))
+    assert balance.total == pytest.approx(INERTIA.sum() / 2)
+
+
+def test_thresholds_lie_above_what_free_motion_showed() -> None:
+    residuals = np.array([[0.1, -0.4], [-0.3, 0.2]])
+    thresholds = Thresholds.of_free_motion(residuals, margin=2.0)
+    np.testing.assert_allclose(thresholds.torque, [0.6, 0.8])
+    np.testing.assert_array_equal(thresholds.exceeded(np.array([-0.7, 0.7])), [True, False])
+    assert not thresholds.exceeded(residuals).any()
