@@ -24,7 +24,7 @@ class Doubling:
     """A model whose torque is twice the acceleration."""
 
     def query(self, q: Array, dq: Array, ddq: Array) -> Query:
-        return Query(2 * ddq, 0.0, 0.0)
+        return Query(2 * ddq, 0.0, 0.0, 0.0 * q)
 
 
 def test_command_is_feedforward_plus_feedback() -> None:
