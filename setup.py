@@ -47,7 +47,10 @@ setup(
             'train = lip_id_ros.nodes.train:main',
             'serve = lip_id_ros.nodes.serve:main',
             'replay = lip_id_ros.nodes.replay:main',
+            'computed_torque = lip_id_ros.nodes.computed_torque:main',
             'simulated_panda = lip_id_ros.demo.robot:main',
+            'simulated_arm = lip_id_ros.demo.arm:main',
+            'reference = lip_id_ros.demo.reference:main',
         ],
     },
 )

@@ -42,7 +42,7 @@ PARTS |= {
     'nodes': INNER - {'simulation'} | {'runtime'},
     'tracking': INNER,  # the paper's tracking experiment
     'cli': INNER | {'tracking'},
-    'demo': INNER | {'cli', 'nodes', 'runtime'},
+    'demo': INNER | {'cli', 'nodes', 'runtime', 'tracking'},
 }
 
 ROS = ('nodes', 'demo')

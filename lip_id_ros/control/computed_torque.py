@@ -29,6 +29,10 @@ class Gains:
     stiffness: Array
     damping: Array
 
+    def feedback(self, q_error: Array, dq_error: Array) -> Array:
+        """Torques [N m or N], shape (n,), against errors of position and velocity."""
+        return self.stiffness * q_error + self.damping * dq_error
+
 
 @dataclass(frozen=True)
 class Torques:
@@ -70,6 +74,5 @@ class ComputedTorque:
             Measured.
 
         """
-        feedback = self._gains.stiffness * (reference[0] - q)
-        feedback += self._gains.damping * (reference[1] - dq)
+        feedback = self._gains.feedback(reference[0] - q, reference[1] - dq)
         return Torques(self._feedforward.torque(*reference), feedback)

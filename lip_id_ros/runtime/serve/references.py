@@ -60,6 +60,7 @@ class Reason(StrEnum):
     MISSING_JOINT = 'joint missing'
     FOREIGN_JOINT = 'foreign joint in a plan'
     WRONG_LENGTH = 'wrong length'
+    NOT_INCREASING = 'times not increasing'
     NOT_FINITE = 'value not finite'
     NOT_FINITE_TORQUE = 'torque not finite'
 
@@ -77,6 +78,7 @@ _SENTENCES = {
     Reason.WRONG_LENGTH: (
         'every point needs positions, velocities and accelerations, each as long as joint_names'
     ),
+    Reason.NOT_INCREASING: 'the times of a plan must increase from point to point',
     Reason.NOT_FINITE: 'positions, velocities and accelerations must be finite',
     Reason.NOT_FINITE_TORQUE: (
         'the model gave a torque that is not finite, the reference is far from its training data'

@@ -1,0 +1,86 @@
+"""Node `reference`: the paper's tracking reference as one plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import json
+import sys
+
+from builtin_interfaces.msg import Duration
+import numpy as np
+from rclpy.node import Node
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from lip_id_ros.config import rows, setting, Settings
+from lip_id_ros.control import GrowingCosine
+from lip_id_ros.nodes import messages, parameters, qos, running
+from lip_id_ros.runtime.settings import EXECUTORS
+from lip_id_ros.tracking.setup import panda_setup
+
+POINTS_HZ = 100.0
+
+
+@dataclass(frozen=True)
+class ReferenceSettings(Settings):
+    """The node `reference`."""
+
+    n_joints: int = setting(7, 'Joints of the Panda, from the base.', minimum=1, maximum=7)
+    amplitude: float = setting(0.6, 'Reached at the horizon.', unit='rad', minimum=0.0)
+    horizon: float = setting(10.0, 'Length of the motion.', unit='s', minimum=0.1)
+    executor: str = setting('events', 'How callbacks are run.', choices=EXECUTORS)
+
+
+class ReferenceNode(Node):
+    """Publish the plan once, as soon as `serve` is active and hears it."""
+
+    def __init__(self) -> None:
+        super().__init__('reference')
+        table = {row.name: row for row in rows(ReferenceSettings)}
+        parameters.declare(self, table)
+        self._plan = plan(ReferenceSettings(**parameters.values(self, table)))
+        self._active = self._done = False
+        self._publisher = self.create_publisher(
+            JointTrajectory, 'desired_trajectory', qos.REFERENCE
+        )
+        self.create_subscription(String, 'serve/status', self._on_status, qos.LATCHED)
+        self.create_timer(0.1, self._publish_once)
+
+    def stop(self) -> None:
+        """Nothing to let go of."""
+
+    def _on_status(self, message: String) -> None:
+        self._active = json.loads(message.data).get('state') == 'active'
+
+    def _publish_once(self) -> None:
+        if self._active and not self._done and self._publisher.get_subscription_count():
+            self._publisher.publish(self._plan)
+            self._done = True
+
+
+def plan(settings: ReferenceSettings) -> JointTrajectory:
+    """Return the reference at a hundred points per second."""
+    setup = panda_setup(settings.n_joints)
+    reference = GrowingCosine(setup.posture, settings.amplitude, settings.horizon)
+    t = np.linspace(0.0, settings.horizon, round(POINTS_HZ * settings.horizon) + 1)
+    message = JointTrajectory(joint_names=list(setup.arm.joint_names))
+    for time, q, dq, ddq in zip(t, *reference.sample(t), strict=True):
+        sec, nanosec = divmod(round(1e9 * time), 1_000_000_000)
+        message.points.append(
+            JointTrajectoryPoint(
+                positions=messages.doubles(q),
+                velocities=messages.doubles(dq),
+                accelerations=messages.doubles(ddq),
+                time_from_start=Duration(sec=sec, nanosec=nanosec),
+            )
+        )
+    return message
+
+
+def main() -> int:
+    """Run the node `reference`."""
+    return running.run(ReferenceNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,99 @@
+"""A learned model in a closed loop of real processes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
+
+from ament_index_python.packages import get_package_share_path, PackageNotFoundError
+import numpy as np
+from rclpy.qos import HistoryPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+import yaml
+
+from lip_id_ros.config import FitSettings, PreprocessingSettings
+from lip_id_ros.control import Gains, GrowingCosine
+from lip_id_ros.tracking import Experiment, run_experiment, setup
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph
+
+try:
+    get_package_share_path('lip_id_ros')
+except PackageNotFoundError:
+    pytest.skip('the package is not built; run make setup', allow_module_level=True)
+
+from nodes.test_launch import launched
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+HORIZON = 2.0
+
+
+@pytest.fixture(scope='module')
+def panda_model(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Model of two joints of the simulated Panda, learned in closed loop."""
+    experiment = Experiment(
+        horizon=4.0,
+        amplitudes=(),
+        preprocessing=PreprocessingSettings(cutoff_hz=12.5, max_samples=120),
+        fit=FitSettings(subset=60, iterations=15),
+    )
+    path = tmp_path_factory.mktemp('panda') / 'panda.npz'
+    run_experiment(setup.panda_setup(2), experiment, 1).model.save(path)
+    return str(path)
+
+
+def test_the_arm_follows_the_reference_through_serve_and_controller(
+    ros: tuple[Graph, Client], panda_model: str, tmp_path: Path
+) -> None:
+    graph, client = ros
+    config = yaml.safe_load(
+        (get_package_share_path('lip_id_ros') / 'config' / 'track.yaml').read_text()
+    )
+    for node in config.values():
+        node['ros__parameters'] = {k: v[:2] for k, v in node['ros__parameters'].items()}
+    (tmp_path / 'two.yaml').write_text(yaml.safe_dump(config))
+
+    with launched(
+        graph, 'track.launch.py', f'model_path:={panda_model}', 'n_joints:=2',
+        f'horizon:={HORIZON}', f'params_file:={tmp_path / "two.yaml"}',
+    ):  # fmt: skip
+        states = client.listen(JointState, '/joint_states', ALL)
+        commands = client.listen(JointState, '/computed_torque/command', ALL)
+        client.wait_until(lambda: seconds(states)[-1] > HORIZON, 'the end of the motion')
+
+    t = seconds(states)
+    q = np.array([state.position for state in states])
+    reference = GrowingCosine(np.array(setup.POSTURE[:2]), 0.6, HORIZON)
+    moving = t <= HORIZON
+    error = np.array(q[moving]) - reference.sample(t[moving])[0]
+    assert np.ptp(q, axis=0).min() > 0.5
+    # the reference starts with a velocity, the arm at rest
+    assert np.sqrt(np.mean(error[t[moving] > 0.5] ** 2)) < 2e-3
+    efforts = np.array([command.effort for command in commands])
+    assert np.isfinite(efforts).all()
+    assert np.all(np.abs(efforts) <= 87.0)
+
+
+def seconds(states: list[JointState]) -> np.ndarray:
+    """Times since the first stamp."""
+    stamps = [state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec for state in list(states)]
+    return np.asarray(np.array(stamps or [0.0]) - (stamps or [0.0])[0])
+
+
+def test_gains_of_the_launch_file_are_those_of_the_experiment() -> None:
+    config = yaml.safe_load(
+        (get_package_share_path('lip_id_ros') / 'config' / 'track.yaml').read_text()
+    )
+    found = config['/**/computed_torque']['ros__parameters']
+    expected: Gains = setup.panda_setup().gains
+    np.testing.assert_array_equal(found['stiffness'], expected.stiffness)
+    np.testing.assert_array_equal(found['damping'], expected.damping)
+    assert tuple(found['joints']) == setup.panda_setup().arm.joint_names
