@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from lip_id_ros.config import FitSettings
+from lip_id_ros.config import FitSettings, PreprocessingSettings
 from lip_id_ros.control import ComputedTorque, Feedforward, LearnedFeedforward
 from lip_id_ros.gp import fit
 from lip_id_ros.monitoring import external_torques, Thresholds
-from lip_id_ros.preprocessing import preprocess
+from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.serving import Predictor
 from lip_id_ros.simulation import (
@@ -78,7 +78,8 @@ def measure(
     samples = JointSamples(
         training.t, training.q, training.dq, training.tau, setup.arm.joint_names
     )
-    predictor = Predictor(fit(preprocess(samples), settings))
+    prepared = for_training(preprocess(samples), PreprocessingSettings())
+    predictor = Predictor(fit(prepared, settings))
     learned = LearnedFeedforward(predictor)
     # what is normal shows on a motion that the model has not seen
     thresholds = Thresholds.of_free_motion(watch(predictor, move(setup, learned, rng, seconds))[1])

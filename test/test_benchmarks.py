@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from evaluation.models import small_model
 import numpy as np
 import pytest
 
@@ -54,3 +55,14 @@ def test_reading_is_measured_in_processes_of_its_own(tmp_path: Path) -> None:
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['panda']) == 2
     assert ', '.join(available()) in capsys.readouterr().err
+
+
+def test_queries_leave_nothing_in_memory(tmp_path: Path) -> None:
+    model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
+    small_model().save(model)
+    arguments = ['--model', str(model), '--calls', '3000', '--json', str(figures)]
+    assert main(['query_million', *arguments]) == 0
+    first, *others = json.loads(figures.read_text())
+    assert first['calls'] == 3000
+    assert first['blocks'] < 300
+    assert all(0 < row['median'] <= row['p99'] <= row['longest'] for row in (first, *others))

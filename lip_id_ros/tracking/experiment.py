@@ -12,7 +12,7 @@ from lip_id_ros.config import FitSettings, PreprocessingSettings
 from lip_id_ros.control import ComputedTorque, Feedforward, GrowingCosine, LearnedFeedforward
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
-from lip_id_ros.preprocessing import preprocess
+from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.serving import Predictor, TrainedModel
@@ -117,11 +117,12 @@ def run_experiment(
 
 
 def recorded(run: Tracking, setup: Setup, experiment: Experiment) -> Dataset:
-    """Prepare what the sensors said as any recording is prepared."""
+    """Prepare what the sensors said as `lip_id fit` prepares a recording."""
     samples = JointSamples(
         run.t, run.q, run.dq, run.tau, setup.arm.joint_names, source='the simulated run'
     )
-    return preprocess(samples, experiment.preprocessing)
+    prepared = preprocess(samples, experiment.preprocessing)
+    return for_training(prepared, experiment.preprocessing)
 
 
 def trials(
