@@ -23,7 +23,9 @@ Needs pinocchio: `pip install lip_id_ros[sim]`.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
-    parser.add_argument('-o', '--output', metavar='DIR', help='write plots and a web page there')
+    parser.add_argument(
+        '-o', '--output', metavar='DIR', help='write plots, a web page and the model there'
+    )
     parser.add_argument(
         '--seeds',
         type=arguments.count,
@@ -56,6 +58,8 @@ def run(args: argparse.Namespace) -> None:
     texts = notes(result)
     if args.output:
         page = write_report(args.output, experiment, done[0], result)
-        texts.append(f'Written: {page}')
+        model = page.with_name('model.npz')
+        done[0].model.save(model)
+        texts.append(f'Written: {page}, {model}')
     show.sentences(texts, console)
     output.write_json(args.json, result.to_json())

@@ -120,7 +120,7 @@ def test_the_verb_writes_figures_pictures_and_page(
     assert len(content['runs']) == 6
     names = ('positions', 'errors', 'feedback', 'energies')
     pictures = {f'{name}_{amplitude}.png' for name in names for amplitude in (0.5, 0.6)}
-    assert {path.name for path in out.iterdir()} == pictures | {'index.html'}
+    assert {path.name for path in out.iterdir()} == pictures | {'index.html', 'model.npz'}
     page = (out / 'index.html').read_text()
     assert page.count('data:image/png;base64,') == 8
     assert 'masses wrong by up to 20 %' in page
