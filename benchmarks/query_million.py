@@ -92,7 +92,7 @@ def measure(predictor: Predictor, calls: int) -> Iterator[Times]:
 
 def timed(what: str, call: Call, states: Array, calls: int) -> Times:
     """Time single calls, after some that warm up."""
-    nanoseconds = np.zeros(calls, dtype=np.int64)
+    nanoseconds = np.ones(calls, dtype=np.int64)  # written to, so that it is in memory
     _run(call, states, nanoseconds[: min(calls, WARM_UP)])
     blocks, kilobytes = _memory()
     _run(call, states, nanoseconds)
