@@ -31,6 +31,7 @@ PARTS = {
     'gp': {'config', 'dataset', 'kernels', 'linear_algebra', 'model'},
     'serving': {'dataset', 'kernels', 'linear_algebra', 'model'},
     'evaluation': {'dataset', 'health', 'model', 'serving'},
+    'baselines': {'config', 'dataset', 'gp', 'kernels', 'linear_algebra', 'model', 'serving'},
     'control': {'serving'},
     'monitoring': {'serving'},
     'simulation': {'control', 'dataset', 'evaluation'},
@@ -50,14 +51,14 @@ FOREIGN = {
     'numpy': ('',),
     'scipy': ('',),
     'numba': ('kernels', 'serving'),  # beside the loops that it compiles
-    'torch': ('kernels/plain', 'gp/device'),  # gp/backend imports it where asked for
+    'torch': ('kernels/plain', 'gp/device', 'baselines'),  # imported where asked for
     'rosbags': ('recording', 'evaluation/mcap_writer'),
     'lz4': ('recording/storage/compression',),
     # zstd: the standard library has it from 3.14 as compression
     'backports': ('recording/storage/compression',),
     'compression': ('recording/storage/compression',),
     'yaml': ('config', 'recording/bag_folder'),
-    'pinocchio': ('simulation',),
+    'pinocchio': ('simulation', 'baselines/regressor'),
     'example_robot_data': ('simulation',),
     'matplotlib': ('evaluation/report', 'tracking/plots'),
     'rich': ('evaluation/terminal', 'cli'),
@@ -125,6 +126,7 @@ LIGHT = {
     'lip_id_ros.serving': ('torch', 'rclpy', 'matplotlib', 'pinocchio', 'rosbags'),
     'lip_id_ros.gp': ('torch', 'rclpy', 'matplotlib', 'pinocchio', 'rosbags'),
     'lip_id_ros.cli': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
+    'lip_id_ros.baselines': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
 }
 
 

@@ -1,0 +1,91 @@
+"""Training of a deep Lagrangian network, with the sizes and rates of the paper's table."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+import torch
+
+from lip_id_ros.baselines.delan_network import DelanNetwork
+from lip_id_ros.baselines.interface import Answer
+from lip_id_ros.config import FitSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.progress import Progress
+
+Floats = NDArray[np.float64]
+
+WIDTH, DEPTH = 64, 3
+BATCH = 100
+RATE, DECAY = 5e-4, 1e-5
+STEPS = 3000
+REPORT_EVERY = 50
+STAGE = 'network'
+
+
+class Delan:
+    """
+    Deep Lagrangian network; all samples, no friction, which its own paper leaves out too.
+
+    Parameters
+    ----------
+    steps : int
+        Steps of the optimiser, each on `BATCH` samples. The paper takes 2e5 epochs, of 5000
+        samples: ten million steps.
+
+    """
+
+    def __init__(self, steps: int = STEPS) -> None:
+        self._steps = steps
+
+    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Network:
+        """Train on inverse dynamics and power conservation."""
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(settings.seed)
+            prismatic = [kind == 'prismatic' for kind in dataset.joint_types]
+            network = DelanNetwork(prismatic, WIDTH, DEPTH)
+            _train(network, dataset, self._steps, progress)
+        return Network(network)
+
+
+class Network:
+    """
+    A trained network.
+
+    Parameters
+    ----------
+    network : DelanNetwork
+
+    """
+
+    def __init__(self, network: DelanNetwork) -> None:
+        self._network = network.eval()
+        self.size = sum(int(weights.numel()) for weights in network.parameters())
+
+    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
+        """Estimate torques and both energies."""
+        motion = [torch.from_numpy(np.array(x)) for x in (q, dq, ddq)]
+        with torch.no_grad():
+            tau = self._network.torque(*motion)
+            kinetic = self._network.kinetic(*motion[:2])
+            potential = self._network.potential(motion[0])
+        return Answer(*(np.asarray(x.numpy()) for x in (tau, kinetic, potential)))
+
+
+def _train(network: DelanNetwork, dataset: Dataset, steps: int, progress: Progress) -> None:
+    samples = [torch.tensor(x) for x in (dataset.q, dataset.dq, dataset.ddq, dataset.tau)]
+    torque_variance = samples[3].var(0).clamp_min(torch.finfo(torch.float64).tiny)
+    power_variance = (samples[3] * samples[1]).sum(1).var()
+    optimiser = torch.optim.Adam(network.parameters(), lr=RATE, weight_decay=DECAY)
+    for step in range(steps):
+        rows = torch.randint(dataset.n_samples, (min(BATCH, dataset.n_samples),))
+        q, dq, ddq, tau = (x[rows] for x in samples)
+        error = network.torque(q, dq, ddq) - tau
+        # d(T + V)/dt of the network is dq^T times its torque: its power error is dq^T error
+        inverse_dynamics = (error.square() / torque_variance).mean()
+        power = (error * dq).sum(1).square().mean() / power_variance
+        optimiser.zero_grad()
+        (inverse_dynamics + power).backward()
+        optimiser.step()
+        if step % REPORT_EVERY == 0:
+            progress(STAGE, step, steps)
+    progress(STAGE, steps, steps)

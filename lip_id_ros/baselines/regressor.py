@@ -1,0 +1,98 @@
+"""
+The equations of motion as a linear function of dynamic parameters, by pinocchio from a URDF.
+
+tau = Phi(q, dq, ddq) w (paper, eq. linear_model). The kinematics are taken from the URDF, its
+masses and inertias are not.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+import pinocchio
+
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import DataError
+
+Floats = NDArray[np.float64]
+
+
+class Regressor:
+    """
+    Phi and its like for the energies, ten parameters for each moving body.
+
+    Parameters
+    ----------
+    urdf : path
+        Robot description; meshes are not needed.
+    dataset : Dataset
+        Whose joints these are; the other joints of the URDF are held where they are at zero.
+
+    Raises
+    ------
+    OSError
+        If the URDF cannot be opened.
+    DataError
+        If it is no URDF, or a joint is missing in it.
+
+    """
+
+    def __init__(self, urdf: str | os.PathLike[str], dataset: Dataset) -> None:
+        self._model = _reduced(_built(Path(urdf)), dataset.joint_names, os.fspath(urdf))
+        if dataset.gravity_compensated:
+            self._model.gravity.setZero()
+        self._data = self._model.createData()
+        ids = [self._model.getJointId(name) for name in dataset.joint_names]
+        self._columns = [self._model.joints[i].idx_v for i in ids]
+        self._neutral = pinocchio.neutral(self._model)
+
+    def torque(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
+        """Return Phi, shape (N, n, 10 n), of motions of shape (N, n)."""
+        found = self._each(pinocchio.computeJointTorqueRegressor, q, dq, ddq)
+        return found[:, self._columns, :]
+
+    def kinetic(self, q: Floats, dq: Floats) -> Floats:
+        """Return rows, shape (N, 10 n), whose product with the parameters is T [J]."""
+        return self._each(pinocchio.computeKineticEnergyRegressor, q, dq)
+
+    def potential(self, q: Floats) -> Floats:
+        """Return rows, shape (N, 10 n), whose product with the parameters is V [J]."""
+        return self._each(pinocchio.computePotentialEnergyRegressor, q)
+
+    def _each(self, algorithm: Callable[..., Any], q: Floats, *rest: Floats) -> Floats:
+        configurations = [
+            pinocchio.integrate(self._model, self._neutral, row) for row in self._ordered(q)
+        ]
+        rows = zip(configurations, *(self._ordered(x) for x in rest), strict=True)
+        # pinocchio returns views of one work space
+        return np.array([np.copy(algorithm(self._model, self._data, *row)) for row in rows])
+
+    def _ordered(self, x: Floats) -> Floats:
+        ordered = np.empty_like(x)
+        ordered[:, self._columns] = x
+        return ordered
+
+
+def _built(urdf: Path) -> Any:
+    try:
+        return pinocchio.buildModelFromXML(urdf.read_text(encoding='utf-8'))
+    except ValueError as error:  # not text, or no robot in it
+        raise DataError(f'{urdf} is not a URDF ({error}); give another file.') from error
+
+
+def _reduced(model: Any, joint_names: Sequence[str], urdf: str) -> Any:
+    known = tuple(model.names)[1:]
+    missing = [name for name in joint_names if name not in known]
+    if missing:
+        raise DataError(
+            f'joint {missing[0]!r} of the data is not in {urdf}, which has {", ".join(known)}; '
+            'give the URDF of this robot, or name the joints as it does.'
+        )
+    locked = [model.getJointId(name) for name in known if name not in joint_names]
+    return pinocchio.buildReducedModel(model, locked, pinocchio.neutral(model))

@@ -1,0 +1,95 @@
+"""Identification with known kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from baselines.panda_runs import runs
+import numpy as np
+import pytest
+
+from lip_id_ros.baselines import method
+from lip_id_ros.config import FitSettings
+from lip_id_ros.errors import DataError
+from lip_id_ros.evaluation import metrics
+from lip_id_ros.progress import silent
+from lip_id_ros.simulation import Friction
+from lip_id_ros.simulation.panda import panda_urdf
+
+pytest.importorskip('pinocchio')
+
+SETTINGS = FitSettings()
+FRICTION = Friction(np.array([2.0, 1.0, 0.5]), np.array([3.0, 2.0, 1.0]))
+
+
+def test_it_finds_torques_and_energies_exactly() -> None:
+    data, unseen = runs(3, 100, FRICTION)
+    rotor = np.array([0.3, 0.2, 0.1])
+    data, unseen = (replace(d, tau=d.tau + rotor * d.ddq + 0.7) for d in (data, unseen))
+    learned = method('rigid_body', panda_urdf()).fit(data, SETTINGS, silent)
+    found = learned.predict(unseen.q, unseen.dq, unseen.ddq)
+    np.testing.assert_allclose(found.tau, unseen.tau, atol=1e-6)
+    assert found.kinetic is not None
+    assert found.potential is not None
+    assert unseen.kinetic is not None
+    assert unseen.potential is not None
+    kinetic = unseen.kinetic + 0.5 * np.square(unseen.dq) @ rotor
+    # an offset on joint 1 and the first link's potential energy are apart, T is whole
+    np.testing.assert_allclose(found.kinetic, kinetic, atol=1e-5 * kinetic.max())
+    assert metrics.nmse_percent_without_offset(found.potential, unseen.potential) < 5
+
+
+def test_the_order_of_the_joints_is_that_of_the_data() -> None:
+    data, _ = runs(3, 60, FRICTION)
+    other = data.with_joints(data.joint_names[::-1])
+    learned = method('rigid_body', panda_urdf()).fit(other, SETTINGS, silent)
+    np.testing.assert_allclose(
+        learned.predict(other.q, other.dq, other.ddq).tau, other.tau, atol=1e-6
+    )
+
+
+def test_without_gravity_in_the_torques_there_is_none_in_the_model() -> None:
+    data, _ = runs(2, 40)
+    bare = replace(data, gravity_compensated=True)
+    learned = method('rigid_body', panda_urdf()).fit(bare, SETTINGS, silent)
+    potential = learned.predict(data.q, data.dq, data.ddq).potential
+    assert potential is not None
+    assert np.ptp(potential) == 0
+
+
+def test_a_noisy_joint_does_not_spoil_the_others() -> None:
+    data, unseen = runs(3, 100)
+    noise = np.random.default_rng(0).standard_normal(data.tau.shape) * [50.0, 0.01, 0.01]
+    learned = method('rigid_body', panda_urdf()).fit(
+        replace(data, tau=data.tau + noise), SETTINGS, silent
+    )
+    found = learned.predict(unseen.q, unseen.dq, unseen.ddq).tau
+    assert metrics.nmse_percent(found, unseen.tau)[1:].max() < 0.01
+
+
+def test_semiparametric_learns_what_the_regressor_has_not() -> None:
+    data, unseen = runs(2, 150)
+    data, unseen = (replace(d, tau=d.tau + 5 * np.sin(3 * d.q)) for d in (data, unseen))
+    errors = {}
+    for name in ('rigid_body', 'semiparametric'):
+        learned = method(name, panda_urdf()).fit(data, SETTINGS, silent)
+        found = learned.predict(unseen.q, unseen.dq, unseen.ddq).tau
+        errors[name] = metrics.nmse_percent(found, unseen.tau)
+    assert np.all(errors['semiparametric'] < 0.3 * errors['rigid_body'])
+
+
+def test_a_joint_that_the_urdf_has_not() -> None:
+    data, _ = runs(2, 20)
+    with pytest.raises(DataError, match=r"joint 'elbow' of the data is not in .*panda\.urdf"):
+        method('rigid_body', panda_urdf()).fit(
+            replace(data, joint_names=('panda_joint1', 'elbow')), SETTINGS, silent
+        )
+
+
+def test_a_file_that_is_no_urdf(tmp_path: Path) -> None:
+    data, _ = runs(2, 20)
+    file = tmp_path / 'arm.urdf'
+    file.write_text('no robot')
+    with pytest.raises(DataError, match=r'arm\.urdf is not a URDF .* give another file'):
+        method('rigid_body', file).fit(data, SETTINGS, silent)
