@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 from numpy.typing import NDArray
 import torch
@@ -39,7 +42,7 @@ class Delan:
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Network:
         """Train on inverse dynamics and power conservation."""
-        with torch.random.fork_rng(devices=[]):
+        with torch.random.fork_rng(devices=[]), _one_thread():
             torch.manual_seed(settings.seed)
             prismatic = [kind == 'prismatic' for kind in dataset.joint_types]
             network = DelanNetwork(prismatic, WIDTH, DEPTH)
@@ -69,6 +72,18 @@ class Network:
             kinetic = self._network.kinetic(*motion[:2])
             potential = self._network.potential(motion[0])
         return Answer(*(np.asarray(x.numpy()) for x in (tau, kinetic, potential)))
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    # Products this small gain nothing from more threads, which on a busy machine wait for each
+    # other all the time.
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _train(network: DelanNetwork, dataset: Dataset, steps: int, progress: Progress) -> None:

@@ -72,6 +72,19 @@ def count(text: str) -> int:
     return int(text)
 
 
+def counts(text: str) -> tuple[int, ...]:
+    """
+    Read whole numbers above zero, separated by commas; return them in rising order.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If one is something else.
+
+    """
+    return tuple(sorted({count(part.strip()) for part in text.split(',')}))
+
+
 def share(text: str) -> float:
     """
     Read a share between 0 and 1, both excluded.

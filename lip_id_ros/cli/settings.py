@@ -29,6 +29,11 @@ def for_data(args: argparse.Namespace) -> Config:
     return _chosen(args.config, {'recording.joints': args.joints})
 
 
+def for_comparison(args: argparse.Namespace) -> Config:
+    """Return the settings of `lip_id compare`, the same for all models."""
+    return _chosen(args.config, {'recording.joints': args.joints, 'fit.seed': args.seed})
+
+
 def of_model(model: TrainedModel, path: str | None) -> Config:
     """
     Return the settings with which recordings are read for a model.

@@ -71,12 +71,15 @@ def test_torque_covariances_are_those_of_the_operator() -> None:
             np.testing.assert_allclose(found[i, :, j], expected, rtol=1e-9, atol=1e-11)
 
 
+def energy_of(z: torch.Tensor) -> Lagrangian:
+    """Covariance with the Lagrangian at some features."""
+    return lambda q, dq: covariance(z, features(q, dq))
+
+
 def test_energy_covariances_are_those_of_the_operator() -> None:
     found = energy_gram(States.of(BASIS, *X), States.of(BASIS, *Z), LENGTHS)
     for i in range(2):
         here = features(*tensors(X, i)[:2])
         for j in range(3):
-            expected = torque(
-                lambda q, dq, here=here: covariance(here, features(q, dq)), *tensors(Z, j)
-            )
+            expected = torque(energy_of(here), *tensors(Z, j))
             np.testing.assert_allclose(found[i, j], expected, rtol=1e-9, atol=1e-11)

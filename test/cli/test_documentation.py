@@ -12,6 +12,9 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.cli import main
+from lip_id_ros.comparison import Cell, Score
+from lip_id_ros.comparison.run import Results
+from lip_id_ros.comparison.summary import to_json
 from lip_id_ros.evaluation import evaluate, run
 from lip_id_ros.evaluation.prediction_file import write_prediction_npz
 from lip_id_ros.evaluation.speed import Speed
@@ -39,7 +42,7 @@ def named(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    'verb', ['fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'track']
+    'verb', ['fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'compare', 'track']
 )
 def test_options_are_those_of_the_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
@@ -67,6 +70,16 @@ def test_keys_of_track() -> None:
     content = Figures(('joint',), (run, *others), energies, energies).to_json()
     keys = set(content) | set(content['runs'][0])
     assert named(section('Figures of `track --json`')) == keys
+
+
+def test_keys_of_compare() -> None:
+    scores = (Score('', (), (), 0.0, 0.0),)
+    cell = Cell('', '', '', 1, (), 0.0, 0.0, 1, scores)
+    content = to_json(Results((cell,), (), ()))
+    medians = content['groups']['']['']
+    assert named(section('Figures of `compare`')) == {
+        *content, *medians, *content['cells'][0], *content['cells'][0]['scores'][0]
+    }  # fmt: skip
 
 
 def test_arrays_of_a_data_set(tmp_path: Path) -> None:

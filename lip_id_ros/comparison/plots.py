@@ -1,0 +1,133 @@
+"""Box plots of errors, errors against the number of samples, and energies over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import math
+
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.baselines import Answer
+from lip_id_ros.comparison.cell import Cell
+from lip_id_ros.comparison.summary import joint_errors, mean_errors
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.evaluation.report import style
+
+Floats = NDArray[np.float64]
+
+N_COLUMNS = 4
+ENERGIES = ('kinetic', 'potential')
+LEAST_SHOWN = 1e-6  # percent; the axes are logarithmic
+
+
+def colors(models: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """Return a colour for each model."""
+    return {model: colormaps['tab10'](number % 10) for number, model in enumerate(models)}
+
+
+def boxes(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
+    """Draw the errors of every joint and of their mean, a box over the unseen motions each."""
+    joints = next(iter(by_model.values()))[0].joint_names
+    panels = {
+        name: {model: joint_errors(cells)[:, i] for model, cells in by_model.items()}
+        for i, name in enumerate(joints)
+    }
+    panels['mean of the joints'] = {m: mean_errors(cells) for m, cells in by_model.items()}
+    n_rows = math.ceil(len(panels) / N_COLUMNS)
+    figure = Figure(figsize=(style.WIDTH, 2.9 * n_rows), layout='constrained')
+    axes = list(figure.subplots(n_rows, N_COLUMNS, squeeze=False).flat)
+    for panel, (title, errors) in zip(axes, panels.items(), strict=False):
+        _boxes(panel, title, errors)
+    for panel in axes[len(panels) :]:
+        panel.set_visible(False)
+    figure.supylabel('nMSE [%]')
+    return figure
+
+
+def learning_curves(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
+    """Draw the median error, mean over the joints, against the number of training samples."""
+    figure = Figure(figsize=(style.WIDTH, 4.2), layout='constrained')
+    panel = figure.subplots()
+    palette = colors(list(by_model))
+    for model, cells in by_model.items():
+        counts = sorted({cell.n_train for cell in cells})
+        medians = [
+            np.median(mean_errors([cell for cell in cells if cell.n_train == count]))
+            for count in counts
+        ]
+        panel.plot(counts, _shown(np.array(medians)), 'o-', color=palette[model], label=model)
+    panel.set_yscale('log')
+    panel.margins(x=0.03)
+    panel.set_xlabel('training samples')
+    panel.set_ylabel('nMSE, mean of the joints [%]')
+    panel.legend(loc='center left', bbox_to_anchor=(1, 0.5))
+    return figure
+
+
+def energies(test: Dataset, answers: Mapping[str, Answer]) -> Figure:
+    """Draw the energies along one unseen motion, those of the models and the true ones."""
+    known = {
+        name: {
+            model: x
+            for model, answer in answers.items()
+            if (x := getattr(answer, name)) is not None
+        }
+        for name in ENERGIES
+    }
+    drawn = [name for name in ENERGIES if known[name]]
+    figure = Figure(figsize=(style.WIDTH, 3.2 * len(drawn)), layout='constrained')
+    panels = list(figure.subplots(len(drawn), 1, sharex=True, squeeze=False).flat)
+    for panel, name in zip(panels, drawn, strict=True):
+        _energy(panel, test, name, known[name])
+    panels[-1].set_xlabel('time [s]')
+    panels[0].legend(loc='center left', bbox_to_anchor=(1, 0.5))
+    return figure
+
+
+def _energy(panel: Axes, test: Dataset, name: str, found: Mapping[str, Floats]) -> None:
+    truth = getattr(test, name)
+    if truth is not None:
+        _curve(panel, test, truth, style.MEASURED, 'true', 4.0)
+        _limit(panel, truth)
+    palette = colors(list(found))
+    for model, values in found.items():
+        unknown = name == 'potential' and truth is not None
+        offset = np.mean(truth - values) if unknown else 0.0
+        _curve(panel, test, values + offset, palette[model], model, 1.3)
+    panel.set_title(f'{name} energy', loc='left')
+    panel.set_ylabel('energy [J]')
+
+
+def _limit(panel: Axes, truth: Floats) -> None:
+    # an estimate that is far off must not hide the others
+    margin = 0.5 * float(np.ptp(truth)) or 1.0
+    panel.set_ylim(truth.min() - margin, truth.max() + margin)
+
+
+def _boxes(panel: Axes, title: str, errors: Mapping[str, Floats]) -> None:
+    palette = colors(list(errors))
+    values = [_shown(x[np.isfinite(x)]) for x in errors.values()]
+    drawn = panel.boxplot(values, patch_artist=True, widths=0.6, medianprops={'color': 'black'})
+    for box, color in zip(drawn['boxes'], palette.values(), strict=True):
+        box.set(facecolor=color, alpha=0.5)
+    panel.set_xticks(range(1, len(errors) + 1), list(errors), rotation=60, ha='right', fontsize=9)
+    if any(x.size for x in values):
+        panel.set_yscale('log')
+    panel.set_title(title, loc='left', fontsize=10)
+
+
+def _curve(
+    panel: Axes, test: Dataset, values: Floats, color: object, label: str, width: float
+) -> None:
+    rows = style.shown_rows(test.n_samples)
+    curve = style.broken_at(test.segment[rows], values[rows])
+    time = (test.t - test.t[0])[rows]
+    panel.plot(time, curve, color=color, label=label, linewidth=width)
+
+
+def _shown(values: Floats) -> Floats:
+    return np.maximum(values, LEAST_SHOWN)

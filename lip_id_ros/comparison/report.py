@@ -1,0 +1,112 @@
+"""One page with all figures, which needs no network, and all numbers as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+import json
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from lip_id_ros.comparison import plots
+from lip_id_ros.comparison.case import Case
+from lip_id_ros.comparison.cell import Cell
+from lip_id_ros.comparison.run import Results
+from lip_id_ros.comparison.store import Store
+from lip_id_ros.comparison.summary import groups, tables, to_json
+from lip_id_ros.evaluation.report import style
+from lip_id_ros.evaluation.report.page import page, Picture
+from lip_id_ros.evaluation.report.writing import INDEX, png, write
+from lip_id_ros.evaluation.tables import Table
+from lip_id_ros.progress import Progress, silent
+
+JSON = 'comparison.json'
+NOTES = (
+    'nMSE = 100 mean(error^2) / var(torque), against the true torques where a simulation knows '
+    'them, else against the measured ones; "mean" is over the joints. '
+    'Energies are compared where they are known; the potential energy without its mean error.',
+    'Times are of this machine, with whatever else it was doing.',
+)
+Drawing = tuple[str, str, str, Callable[[], Figure]]
+
+
+def write_comparison(
+    folder: Path,
+    title: str,
+    cases: Sequence[Case],
+    results: Results,
+    store: Store,
+    facts: Sequence[tuple[str, str]],
+    progress: Progress = silent,
+) -> Path:
+    """
+    Write index.html and comparison.json.
+
+    Parameters
+    ----------
+    folder : Path
+        Exists.
+    title : str
+    cases : sequence of Case
+    results : Results
+    store : Store
+        Where the cells are.
+    facts : sequence of (str, str)
+        Where the data come from, and the like.
+    progress : callable
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+
+    """
+    drawings = [*_boxes(results), *_curves(results), *_energies(cases, results, store)]
+    pictures = []
+    with style.styled():
+        for number, (name, heading, caption, draw) in enumerate(drawings, start=1):
+            pictures.append(Picture(name, heading, caption, png(draw())))
+            progress('plot', number, len(drawings))
+    known = Table('Where this comes from', (), facts)
+    text = page(title, results.failures, tables(results), NOTES, pictures, known)
+    numbers = json.dumps(to_json(results), indent=1, allow_nan=False) + '\n'
+    write(folder / JSON, numbers.encode())
+    write(folder / INDEX, text.encode())
+    return folder / INDEX
+
+
+def _boxes(results: Results) -> Iterator[Drawing]:
+    caption = 'Each box: quartiles over the unseen motions; whiskers: up to 1.5 times their range.'
+    for group, by_model in groups(results.cells).items():
+        yield 'boxes', f'{group}: errors', caption, partial(plots.boxes, by_model)
+
+
+def _curves(results: Results) -> Iterator[Drawing]:
+    by_model: dict[str, list[Cell]] = {}
+    for cell in results.cells:
+        by_model.setdefault(cell.model, []).append(cell)
+    if len({cell.n_train for cell in results.cells}) > 1:
+        caption = 'Medians over the unseen motions.'
+        title = 'Errors against the number of training samples'
+        yield 'learning', title, caption, partial(plots.learning_curves, by_model)
+
+
+def _energies(cases: Sequence[Case], results: Results, store: Store) -> Iterator[Drawing]:
+    last = cases[-1]
+    answers = {
+        cell.model: answer
+        for cell, path in zip(results.cells, results.paths, strict=True)
+        if cell.case == last.name and (answer := store.answer(path)).kinetic is not None
+    }
+    if answers:
+        name, test = next(iter(last.tests.items()))
+        caption = (
+            f'Energies on {name} of {last.name}. The potential energy is known up to a constant.'
+        )
+        yield 'energies', 'Energies', caption, partial(plots.energies, test, answers)

@@ -1,0 +1,98 @@
+"""Medians over the unseen motions, as tables and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.comparison.cell import Cell
+from lip_id_ros.comparison.run import Results
+from lip_id_ros.evaluation.tables import percent, Table
+
+Floats = NDArray[np.float64]
+
+COST = ('model', 'fit [s]', 'one query [us]', 'numbers kept')
+
+
+def groups(cells: Sequence[Cell]) -> dict[str, dict[str, list[Cell]]]:
+    """Return the cells by group, then by model, in their order."""
+    found: dict[str, dict[str, list[Cell]]] = {}
+    for cell in cells:
+        found.setdefault(cell.group, {}).setdefault(cell.model, []).append(cell)
+    return found
+
+
+def joint_errors(cells: Sequence[Cell]) -> Floats:
+    """Return the nMSE [%] of every unseen motion and joint, shape (motions, n)."""
+    return np.array([score.nmse_percent for cell in cells for score in cell.scores])
+
+
+def mean_errors(cells: Sequence[Cell]) -> Floats:
+    """Return the nMSE [%] of every unseen motion, mean over the joints, shape (motions,)."""
+    return np.array([score.mean for cell in cells for score in cell.scores])
+
+
+def tables(results: Results) -> Iterator[Table]:
+    """Give the tables of every group: errors, then what the models cost."""
+    for group, by_model in groups(results.cells).items():
+        yield _errors(group, by_model)
+        yield Table(f'{group}: cost, medians', COST, [_cost(*item) for item in by_model.items()])
+
+
+def to_json(results: Results) -> dict[str, Any]:
+    """Return all cells and their medians; keys as in docs/interfaces.md."""
+    return {
+        'groups': {
+            group: {model: _medians(cells) for model, cells in by_model.items()}
+            for group, by_model in groups(results.cells).items()
+        },
+        'cells': [cell.to_json() for cell in results.cells],
+        'failures': list(results.failures),
+    }
+
+
+def _errors(group: str, by_model: dict[str, list[Cell]]) -> Table:
+    joints = next(iter(by_model.values()))[0].joint_names
+    header = ('model', *joints, 'mean', 'kinetic', 'potential')
+    rows = []
+    for model, cells in by_model.items():
+        found = _medians(cells)
+        figures = [*found['nmse_percent'], found['nmse_percent_mean']]
+        figures += [found['kinetic_nmse_percent'], found['potential_nmse_percent']]
+        rows.append((model, *(percent(math.nan if x is None else x) for x in figures)))
+    count = max(len(joint_errors(cells)) for cells in by_model.values())
+    motions = 'one unseen motion' if count == 1 else f'median of {count} unseen motions'
+    return Table(f'{group}: nMSE [%], {motions}', header, rows)
+
+
+def _cost(model: str, cells: Sequence[Cell]) -> tuple[str, ...]:
+    found = _medians(cells)
+    seconds, query = found['fit_seconds'], found['query_us']
+    return model, f'{seconds:.3g}', f'{query:.3g}', f'{found["size"]:.0f}'
+
+
+def _medians(cells: Sequence[Cell]) -> dict[str, Any]:
+    scores = [score for cell in cells for score in cell.scores]
+    return {
+        'motions': len(scores),
+        'nmse_percent': [_number(x) for x in np.median(joint_errors(cells), axis=0)],
+        'nmse_percent_mean': _median([score.mean for score in scores]),
+        'global_mse': _median([sum(x**2 for x in score.rmse) for score in scores]),
+        'kinetic_nmse_percent': _median([score.kinetic_nmse_percent for score in scores]),
+        'potential_nmse_percent': _median([score.potential_nmse_percent for score in scores]),
+        'fit_seconds': _median([cell.fit_seconds for cell in cells]),
+        'query_us': _median([cell.query_us for cell in cells]),
+        'size': _median([float(cell.size) for cell in cells]),
+    }
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return _number(np.median(values))
+
+
+def _number(value: Any) -> float | None:
+    return None if math.isnan(value) else float(value)
