@@ -19,12 +19,14 @@ from lip_id_ros.evaluation.report import style
 
 Floats = NDArray[np.float64]
 
+Color = tuple[float, ...]
+
 N_COLUMNS = 4
 ENERGIES = ('kinetic', 'potential')
 LEAST_SHOWN = 1e-6  # percent; the axes are logarithmic
 
 
-def colors(models: Sequence[str]) -> dict[str, tuple[float, ...]]:
+def colors(models: Sequence[str]) -> dict[str, Color]:
     """Return a colour for each model."""
     return {model: colormaps['tab10'](number % 10) for number, model in enumerate(models)}
 
@@ -82,18 +84,23 @@ def energies(test: Dataset, answers: Mapping[str, Answer]) -> Figure:
     figure = Figure(figsize=(style.WIDTH, 3.2 * len(drawn)), layout='constrained')
     panels = list(figure.subplots(len(drawn), 1, sharex=True, squeeze=False).flat)
     for panel, name in zip(panels, drawn, strict=True):
-        _energy(panel, test, name, known[name])
+        _energy(panel, test, name, known[name], colors(list(answers)))
     panels[-1].set_xlabel('time [s]')
     panels[0].legend(loc='center left', bbox_to_anchor=(1, 0.5))
     return figure
 
 
-def _energy(panel: Axes, test: Dataset, name: str, found: Mapping[str, Floats]) -> None:
+def _energy(
+    panel: Axes,
+    test: Dataset,
+    name: str,
+    found: Mapping[str, Floats],
+    palette: Mapping[str, Color],
+) -> None:
     truth = getattr(test, name)
     if truth is not None:
         _curve(panel, test, truth, style.MEASURED, 'true', 4.0)
         _limit(panel, truth)
-    palette = colors(list(found))
     for model, values in found.items():
         unknown = name == 'potential' and truth is not None
         offset = np.mean(truth - values) if unknown else 0.0
@@ -121,7 +128,7 @@ def _boxes(panel: Axes, title: str, errors: Mapping[str, Floats]) -> None:
 
 
 def _curve(
-    panel: Axes, test: Dataset, values: Floats, color: object, label: str, width: float
+    panel: Axes, test: Dataset, values: Floats, color: Color | str, label: str, width: float
 ) -> None:
     rows = style.shown_rows(test.n_samples)
     curve = style.broken_at(test.segment[rows], values[rows])

@@ -1,0 +1,119 @@
+"""The paper's comparisons: which data, which models, in a short form and in full."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from benchmarks._effects import ArmWithEffects, measured, PANDA_EFFECTS
+from benchmarks._panda import half_ranges, run_pair
+from lip_id_ros.comparison import Case, thinned
+from lip_id_ros.config import FitSettings
+from lip_id_ros.simulation import panda, SinusoidTrajectory
+from lip_id_ros.simulation.panda import MOTION, panda_urdf
+
+SECONDS, RATE_HZ = 50.0, 200.0
+UNSEEN = 'unseen motion'
+
+BLACK_BOX = ('se', 'gip', 'lse', 'delan', 'lip', 'nested', 'recursive')
+FAST = tuple(name for name in BLACK_BOX if name != 'delan')
+SMALL = FitSettings(subset=100)
+"""Of the short forms: hyperparameters on fewer samples, the same for every model."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """
+    One size of an experiment.
+
+    Attributes
+    ----------
+    cases : callable
+        Makes them.
+    models : tuple of str
+    settings : FitSettings
+    delan_steps : int
+
+    """
+
+    cases: Callable[[], Iterator[Case]]
+    models: tuple[str, ...]
+    settings: FitSettings
+    delan_steps: int = 3000
+
+
+def generalization(joints: tuple[int, ...], n_seeds: int) -> Iterator[Case]:
+    """Section `sec:gen`: arms of several numbers of joints, an unseen motion for each seed."""
+    for n_joints, seed in product(joints, range(n_seeds)):
+        train, test = run_pair(n_joints, seed)
+        group = f'{n_joints} joints'
+        yield Case(f'{group}, seed {seed}', group, train, {UNSEEN: test})
+
+
+def data_efficiency(n_joints: int, counts: tuple[int, ...], n_seeds: int) -> Iterator[Case]:
+    """Section `sec:data_eff`: the same run, more and more of its samples."""
+    for count, seed in product(counts, range(n_seeds)):
+        train, test = run_pair(n_joints, seed)
+        group = f'{count} samples'
+        yield Case(f'{group}, seed {seed}', group, thinned(train, count), {UNSEEN: test})
+
+
+def friction(n_joints: int, n_seeds: int, n_tests: int) -> Iterator[Case]:
+    """
+    Section `sec:real_melfa`, in simulation: effects that no energy describes, measured motions.
+
+    Unseen motions reach farther and hold twice the frequencies of those learned from.
+
+    """
+    arm = ArmWithEffects(panda(n_joints), PANDA_EFFECTS.first(n_joints))
+    for seed in range(n_seeds):
+        rng = np.random.default_rng(seed)
+        near, far = half_ranges(n_joints), MOTION.first(n_joints)
+        known = SinusoidTrajectory.random(near, rng, 50)
+        train = measured(arm, known, SECONDS, RATE_HZ, rng)
+        tests = {
+            f'{UNSEEN} {number + 1}': measured(
+                arm, SinusoidTrajectory.random(far, rng, 100), SECONDS, RATE_HZ, rng
+            )
+            for number in range(n_tests)
+        }
+        yield Case(f'seed {seed}', f'{n_joints} joints with friction', train, tests, panda_urdf())
+
+
+def energies(n_joints: int, n_seeds: int) -> Iterator[Case]:
+    """Figure `fig:LSE_energy`: energies along an unseen motion."""
+    return generalization((n_joints,), n_seeds)
+
+
+FULL_SETTINGS = FitSettings(subset=250)
+WITH_ENERGIES = ('lse', 'delan', 'lip', 'nested', 'recursive')
+EXPERIMENTS: dict[str, tuple[Form, Form]] = {
+    'generalization': (
+        Form(lambda: generalization((3, 4), 3), FAST, SMALL),
+        Form(lambda: generalization((3, 4, 5, 6, 7), 50), BLACK_BOX, FULL_SETTINGS, 200_000),
+    ),
+    'data_efficiency': (
+        Form(lambda: data_efficiency(4, (50, 150, 300), 2), FAST, SMALL),
+        Form(lambda: data_efficiency(7, tuple(range(50, 501, 50)), 10), FAST, FULL_SETTINGS),
+    ),
+    'friction': (
+        Form(
+            lambda: friction(4, 1, 4),
+            ('se', 'gip', 'recursive', 'rigid_body', 'semiparametric'),
+            replace(SMALL, subset=150),
+        ),
+        Form(
+            lambda: friction(6, 11, 11),
+            (*FAST, 'rigid_body', 'semiparametric'),
+            FULL_SETTINGS,
+        ),
+    ),
+    'energies': (
+        Form(lambda: energies(3, 1), WITH_ENERGIES, SMALL),
+        Form(lambda: energies(6, 10), WITH_ENERGIES, FULL_SETTINGS, 200_000),
+    ),
+}
+"""By name: the short form, which takes minutes, and the full one, which takes hours or days."""
