@@ -169,16 +169,20 @@ class LagrangianModel:
 
     def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
         """
-        Estimate torques, and energies as the paper takes them from the Lagrangian.
+        Estimate torques, and the energies that the Lagrangian holds.
 
-        V(q) = -L(q, 0) and T = L + V; nothing in the prior keeps the two apart.
+        V(q) = -L(q, 0), and T is the even part of L + V in dq. A total derivative dF(q)/dt may be
+        added to a Lagrangian and changes no torque, so that the odd part says nothing; the paper
+        keeps it, T = L + V, and finds T useless (docs/comparison.md).
 
         """
         blocks = [slice(begin, begin + BLOCK) for begin in range(0, len(q), BLOCK)]
         tau = [self._torque(q[rows], dq[rows], ddq[rows]) for rows in blocks]
-        moving = np.concatenate([self._lagrangian(q[rows], dq[rows]) for rows in blocks])
-        at_rest = np.concatenate([self._lagrangian(q[rows], 0 * dq[rows]) for rows in blocks])
-        return Answer(np.concatenate(tau), moving - at_rest, -at_rest)
+        forth, back, at_rest = (
+            np.concatenate([self._lagrangian(q[rows], sign * dq[rows]) for rows in blocks])
+            for sign in (1.0, -1.0, 0.0)
+        )
+        return Answer(np.concatenate(tau), (forth + back) / 2 - at_rest, -at_rest)
 
     def _torque(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
         here = States.of(self._basis, q, dq, ddq)
