@@ -22,6 +22,7 @@ from lip_id_ros.serving import Predictor, TrainedModel
 from lip_id_ros.simulation import write_bag
 
 Capture = pytest.CaptureFixture[str]
+VERBS = ('fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'compare')
 
 
 def lip_id(*arguments: object) -> None:
@@ -284,14 +285,11 @@ def test_help_is_quick_and_names_every_verb() -> None:
     )  # fmt: skip
     elapsed = time.perf_counter() - begin
 
-    assert all(
-        f'\n    {verb}' in ran.stdout
-        for verb in ('fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench')
-    )
+    assert all(f'\n    {verb}' in ran.stdout for verb in VERBS)
     assert elapsed < 2.0  # 0.05 s on an idle machine
 
 
-@pytest.mark.parametrize('verb', ['fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench'])
+@pytest.mark.parametrize('verb', VERBS)
 def test_every_verb_has_help_with_an_example(verb: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit) as stopped:
         main([verb, '--help'])

@@ -84,6 +84,13 @@ def test_what_cannot_be_fitted_is_said_and_the_rest_goes_on(tmp_path: Path) -> N
     assert results.failures == ('never on first: more is needed.',)
 
 
+def test_where_nothing_can_be_fitted_the_page_says_why(tmp_path: Path) -> None:
+    results = run(tmp_path / 'cells', {'never': Refusing()}, [case()])
+    store = Store(tmp_path / 'cells')
+    page = write_comparison(tmp_path, 'Title', [case()], results, store, [])
+    assert 'never on first: more is needed.' in page.read_text(encoding='utf-8')
+
+
 def test_a_model_that_is_missing_is_said_before_the_work(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match='name its URDF file'):
         compare([case()], ['recursive', 'rigid_body'], SETTINGS, Store(tmp_path))
