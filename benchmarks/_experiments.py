@@ -20,8 +20,6 @@ UNSEEN = 'unseen motion'
 
 BLACK_BOX = ('se', 'gip', 'lse', 'delan', 'lip', 'nested', 'recursive')
 FAST = tuple(name for name in BLACK_BOX if name != 'delan')
-SMALL = FitSettings(subset=100)
-"""Of the short forms: hyperparameters on fewer samples, the same for every model."""
 
 
 @dataclass(frozen=True)
@@ -93,32 +91,31 @@ def energies(n_joints: int, n_seeds: int) -> Iterator[Case]:
     return generalization((n_joints,), n_seeds)
 
 
-FULL_SETTINGS = FitSettings(subset=250)
 WITH_ENERGIES = ('lse', 'delan', 'lip', 'nested', 'recursive')
 EXPERIMENTS: dict[str, tuple[Form, Form]] = {
     'generalization': (
-        Form(lambda: generalization((3, 4), 3), FAST, SMALL),
-        Form(lambda: generalization((3, 4, 5, 6, 7), 50), BLACK_BOX, FULL_SETTINGS, 200_000),
+        Form(lambda: generalization((3, 4), 3), FAST, FitSettings()),
+        Form(lambda: generalization((3, 4, 5, 6, 7), 50), BLACK_BOX, FitSettings(), 200_000),
     ),
     'data_efficiency': (
-        Form(lambda: data_efficiency(4, (50, 150, 300), 2), FAST, SMALL),
-        Form(lambda: data_efficiency(7, tuple(range(50, 501, 50)), 10), FAST, FULL_SETTINGS),
+        Form(lambda: data_efficiency(4, (50, 150, 300), 2), FAST, FitSettings()),
+        Form(lambda: data_efficiency(7, tuple(range(50, 501, 50)), 10), FAST, FitSettings()),
     ),
     'friction': (
         Form(
             lambda: friction(4, 1, 4),
             ('se', 'gip', 'recursive', 'rigid_body', 'semiparametric'),
-            replace(SMALL, subset=150),
+            FitSettings(subset=150),
         ),
         Form(
             lambda: friction(6, 11, 11),
             (*FAST, 'rigid_body', 'semiparametric'),
-            FULL_SETTINGS,
+            FitSettings(),
         ),
     ),
     'energies': (
-        Form(lambda: energies(3, 1), WITH_ENERGIES, SMALL),
-        Form(lambda: energies(6, 10), WITH_ENERGIES, FULL_SETTINGS, 200_000),
+        Form(lambda: energies(3, 1), WITH_ENERGIES, FitSettings(subset=100)),
+        Form(lambda: energies(6, 10), WITH_ENERGIES, FitSettings(), 200_000),
     ),
 }
 """By name: the short form, which takes minutes, and the full one, which takes hours or days."""
