@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 import json
 from pathlib import Path
+from typing import BinaryIO
 
 from matplotlib.figure import Figure
 
@@ -16,9 +17,10 @@ from lip_id_ros.comparison.run import Results
 from lip_id_ros.comparison.store import Store
 from lip_id_ros.comparison.summary import groups, tables, to_json
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.page import page, Picture
-from lip_id_ros.evaluation.report.writing import INDEX, png, write
+from lip_id_ros.evaluation.report.folder import picture, write_folder
+from lip_id_ros.evaluation.report.page import page
 from lip_id_ros.evaluation.tables import Table
+from lip_id_ros.files import write_atomically
 from lip_id_ros.progress import Progress, silent
 
 JSON = 'comparison.json'
@@ -41,7 +43,7 @@ def write_comparison(
     progress: Progress = silent,
 ) -> Path:
     """
-    Write index.html and comparison.json.
+    Write index.html, its pictures and comparison.json.
 
     Parameters
     ----------
@@ -71,20 +73,23 @@ def write_comparison(
     pictures = []
     with style.styled():
         for number, (name, heading, caption, draw) in enumerate(drawings, start=1):
-            pictures.append(Picture(name, heading, caption, png(draw())))
+            pictures.append(picture(name, heading, caption, draw()))
             progress('plot', number, len(drawings))
     known = Table('Where this comes from', (), facts)
     text = page(title, results.failures, tables(results), NOTES, pictures, known)
     numbers = json.dumps(to_json(results), indent=1, allow_nan=False) + '\n'
-    write(folder / JSON, numbers.encode())
-    write(folder / INDEX, text.encode())
-    return folder / INDEX
+
+    def put(file: BinaryIO) -> None:
+        file.write(numbers.encode())
+
+    write_atomically(folder / JSON, put)
+    return write_folder(folder, text, pictures)
 
 
 def _boxes(results: Results) -> Iterator[Drawing]:
     caption = 'Each box: quartiles over the unseen motions; whiskers: up to 1.5 times their range.'
-    for group, by_model in groups(results.cells).items():
-        yield 'boxes', f'{group}: errors', caption, partial(plots.boxes, by_model)
+    for number, (group, by_model) in enumerate(groups(results.cells).items(), start=1):
+        yield f'errors_{number}', f'{group}: errors', caption, partial(plots.boxes, by_model)
 
 
 def _curves(results: Results) -> Iterator[Drawing]:
