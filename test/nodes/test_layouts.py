@@ -54,6 +54,7 @@ def documented() -> dict[str, set[str]]:
     """Names in the table of `serve`, by the kind of its rows."""
     page = (ROOT / 'docs' / 'interfaces.md').read_text(encoding='utf-8')
     _, _, text = page.partition('### `ros2 run lip_id_ros serve`\n')
+    text, _, _ = text.partition('\n### ')
     names: dict[str, set[str]] = {}
     rows = re.findall(r'^\| (subscription|publisher|service) \| (.*?) \|', text, re.MULTILINE)
     for kind, cell in rows:
