@@ -28,6 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from lip_id_ros.nodes import qos
 
 ROOT = Path(__file__).resolve().parents[2]
+FOUND_S = 0.2
 TIMEOUT_S = 120.0  # a loaded machine compiles for long
 _numbers = itertools.count()
 
@@ -94,6 +95,8 @@ class Client:
     def call(self, kind: Any, name: str, request: Any) -> Any:
         client = self.node.create_client(kind, name)
         self.wait_until(client.service_is_ready, f'service {name}')
+        # Fast DDS drops an answer when the server has not found the client yet
+        time.sleep(FOUND_S)
         answer = client.call_async(request)
         self.wait_until(answer.done, f'answer of {name}')
         return answer.result()
