@@ -6,7 +6,7 @@ import argparse
 from itertools import product
 import json
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -17,7 +17,7 @@ import yaml
 from benchmarks._panda import run_pair
 from lip_id_ros.config import Config, override
 from lip_id_ros.evaluation import evaluate
-from lip_id_ros.files import write_atomically
+from lip_id_ros.files import write_whole
 from lip_id_ros.gp import fit
 from lip_id_ros.serving import Predictor
 
@@ -94,10 +94,7 @@ def _read(path: Path) -> dict[str, Cell]:
 
 
 def _write(path: Path, cells: dict[str, Cell]) -> None:
-    def write(file: BinaryIO) -> None:
-        file.write(json.dumps(cells, indent=1, sort_keys=True).encode())
-
-    write_atomically(path, write)
+    write_whole(path, json.dumps(cells, indent=1, sort_keys=True).encode())
 
 
 def _options(arguments: list[str]) -> argparse.Namespace:

@@ -29,6 +29,23 @@ DAMAGE = (
 """What reading a damaged, truncated or encrypted archive raises."""
 
 
+def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
+    """
+    Write a file at once, as `write_atomically` does.
+
+    Raises
+    ------
+    OSError
+        If the folder does not exist or cannot be written.
+
+    """
+
+    def put(file: BinaryIO) -> None:
+        file.write(content)
+
+    write_atomically(path, put)
+
+
 def write_atomically(path: str | os.PathLike[str], writer: Callable[[BinaryIO], None]) -> None:
     """
     Write a file under a temporary name beside its place, then rename it.

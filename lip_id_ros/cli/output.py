@@ -8,11 +8,11 @@ import json
 import os
 from pathlib import Path
 import sys
-from typing import Any, BinaryIO
+from typing import Any
 
 from rich.console import Console
 
-from lip_id_ros.files import write_atomically
+from lip_id_ros.files import write_whole
 
 STANDARD_OUTPUT = '-'
 PLAIN_WIDTH = 100
@@ -94,8 +94,4 @@ def write_json(target: str | None, content: Mapping[str, Any]) -> None:
     if target == STANDARD_OUTPUT:
         sys.stdout.write(text)
         return
-
-    def put(file: BinaryIO) -> None:
-        file.write(text.encode())
-
-    write_atomically(target, put)
+    write_whole(target, text.encode())

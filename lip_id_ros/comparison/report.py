@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 import json
 from pathlib import Path
-from typing import BinaryIO
-
-from matplotlib.figure import Figure
 
 from lip_id_ros.comparison import plots
 from lip_id_ros.comparison.case import Case
@@ -16,11 +13,10 @@ from lip_id_ros.comparison.cell import Cell
 from lip_id_ros.comparison.run import Results
 from lip_id_ros.comparison.store import Store
 from lip_id_ros.comparison.summary import groups, tables, to_json
-from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.folder import picture, write_folder
+from lip_id_ros.evaluation.report.folder import Drawing, drawn, write_folder
 from lip_id_ros.evaluation.report.page import page
 from lip_id_ros.evaluation.tables import Table
-from lip_id_ros.files import write_atomically
+from lip_id_ros.files import write_whole
 from lip_id_ros.progress import Progress, silent
 
 JSON = 'comparison.json'
@@ -30,7 +26,6 @@ NOTES = (
     'Energies are compared where they are known; the potential energy without its mean error.',
     'Times are of this machine, with whatever else it was doing.',
 )
-Drawing = tuple[str, str, str, Callable[[], Figure]]
 
 
 def write_comparison(
@@ -70,19 +65,11 @@ def write_comparison(
 
     """
     drawings = [*_boxes(results), *_curves(results), *_energies(cases, results, store)]
-    pictures = []
-    with style.styled():
-        for number, (name, heading, caption, draw) in enumerate(drawings, start=1):
-            pictures.append(picture(name, heading, caption, draw()))
-            progress('plot', number, len(drawings))
+    pictures = drawn(drawings, progress)
     known = Table('Where this comes from', (), facts)
     text = page(title, results.failures, tables(results), NOTES, pictures, known)
     numbers = json.dumps(to_json(results), indent=1, allow_nan=False) + '\n'
-
-    def put(file: BinaryIO) -> None:
-        file.write(numbers.encode())
-
-    write_atomically(folder / JSON, put)
+    write_whole(folder / JSON, numbers.encode())
     return write_folder(folder, text, pictures)
 
 

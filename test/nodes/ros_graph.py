@@ -123,9 +123,14 @@ class Client:
 
     def listen(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> list[Any]:
         """Collect the messages of a topic once its publisher is there."""
+        messages = self.await_topic(kind, topic, profile)
+        self.wait_until(lambda: self.node.count_publishers(topic), f'publisher of {topic}')
+        return messages
+
+    def await_topic(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> list[Any]:
+        """Collect the messages of a topic whose publisher may come later."""
         messages = self.received.setdefault(topic, [])
         self.node.create_subscription(kind, topic, messages.append, profile)
-        self.wait_until(lambda: self.node.count_publishers(topic), f'publisher of {topic}')
         return messages
 
     def speak(self, kind: Any, topic: str, profile: QoSProfile = qos.REFERENCE) -> Any:

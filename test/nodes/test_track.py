@@ -61,12 +61,13 @@ def test_the_arm_follows_the_reference_through_serve_and_controller(
         node['ros__parameters'] = {k: v[:2] for k, v in node['ros__parameters'].items()}
     (tmp_path / 'two.yaml').write_text(yaml.safe_dump(config))
 
+    # before the arm is there, so as not to miss its first state: the motion begins with its stamp
+    states = client.await_topic(JointState, '/joint_states', ALL)
+    commands = client.await_topic(JointState, '/computed_torque/command', ALL)
     with launched(
         graph, 'track.launch.py', f'model_path:={panda_model}', 'n_joints:=2',
         f'horizon:={HORIZON}', f'params_file:={tmp_path / "two.yaml"}',
     ):  # fmt: skip
-        states = client.listen(JointState, '/joint_states', ALL)
-        commands = client.listen(JointState, '/computed_torque/command', ALL)
         client.wait_until(lambda: seconds(states)[-1] > HORIZON, 'the end of the motion')
 
     t = seconds(states)
@@ -74,6 +75,7 @@ def test_the_arm_follows_the_reference_through_serve_and_controller(
     reference = GrowingCosine(np.array(setup.POSTURE[:2]), 0.6, HORIZON)
     moving = t <= HORIZON
     error = np.array(q[moving]) - reference.sample(t[moving])[0]
+    np.testing.assert_allclose(q[0], setup.POSTURE[:2], atol=1e-3)  # at rest
     assert np.ptp(q, axis=0).min() > 0.5
     # the reference starts with a velocity, the arm at rest
     assert np.sqrt(np.mean(error[t[moving] > 0.5] ** 2)) < 2e-3

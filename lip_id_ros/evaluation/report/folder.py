@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 import io
 import os
 from pathlib import Path
-from typing import BinaryIO
 
 from matplotlib.figure import Figure
 
 from lip_id_ros.evaluation.report.page import Picture
-from lip_id_ros.files import write_atomically
+from lip_id_ros.evaluation.report.style import styled
+from lip_id_ros.files import write_whole
+from lip_id_ros.progress import Progress
 
 INDEX = 'index.html'
+
+Drawing = tuple[str, str, str, Callable[[], Figure]]
+"""Name, title, caption, and what draws it."""
 
 
 def picture(name: str, title: str, caption: str, figure: Figure) -> Picture:
@@ -21,6 +25,17 @@ def picture(name: str, title: str, caption: str, figure: Figure) -> Picture:
     file = io.BytesIO()
     figure.savefig(file, format='png')
     return Picture(name, title, caption, file.getvalue())
+
+
+def drawn(drawings: Iterable[Drawing], progress: Progress) -> list[Picture]:
+    """Draw one after another in the style of the reports; progress is told after each."""
+    todo = list(drawings)
+    pictures = []
+    with styled():
+        for number, (name, title, caption, draw) in enumerate(todo, start=1):
+            pictures.append(picture(name, title, caption, draw()))
+            progress('plot', number, len(todo))
+    return pictures
 
 
 def write_folder(folder: str | os.PathLike[str], text: str, pictures: Iterable[Picture]) -> Path:
@@ -49,13 +64,6 @@ def write_folder(folder: str | os.PathLike[str], text: str, pictures: Iterable[P
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     for each in pictures:
-        _write(target / f'{each.name}.png', each.png)
-    _write(target / INDEX, text.encode())
+        write_whole(target / f'{each.name}.png', each.png)
+    write_whole(target / INDEX, text.encode())
     return target / INDEX
-
-
-def _write(path: Path, content: bytes) -> None:
-    def put(file: BinaryIO) -> None:
-        file.write(content)
-
-    write_atomically(path, put)

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from lip_id_ros.evaluation.evaluation import Evaluation
 from lip_id_ros.evaluation.outcome import Outcome
-from lip_id_ros.evaluation.report import energy_plots, error_plot, style, torque_plots
+from lip_id_ros.evaluation.report import energy_plots, error_plot, torque_plots
 from lip_id_ros.evaluation.report.band import Band
-from lip_id_ros.evaluation.report.folder import picture, write_folder
+from lip_id_ros.evaluation.report.folder import drawn, write_folder
 from lip_id_ros.evaluation.report.page import page, Picture
 from lip_id_ros.evaluation.tables import error_table, notes, Table
 from lip_id_ros.progress import Progress, silent
@@ -110,9 +110,4 @@ def _pictures(
         ('energies', 'Energies', lambda: energy_plots.energies(outcome, evaluation, band)),
         ('torque_split', 'Parts of the predicted torque', lambda: torque_plots.split(outcome)),
     )
-    pictures = []
-    with style.styled():
-        for number, (name, title, draw) in enumerate(drawings, start=1):
-            pictures.append(picture(name, title, CAPTIONS[name], draw()))
-            progress('plot', number, len(drawings))
-    return pictures
+    return drawn([(name, title, CAPTIONS[name], draw) for name, title, draw in drawings], progress)

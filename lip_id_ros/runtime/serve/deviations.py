@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.errors import ModelError
+from lip_id_ros.runtime.processes import end
 
 Array = NDArray[np.float64]
 
-STOP_SECONDS = 2.0
 LONGEST_VALID_S = 1.0
 
 
@@ -122,11 +122,7 @@ class Deviations:
 
     def stop(self) -> None:
         """End the process."""
-        self._process.terminate()
-        try:
-            self._process.wait(STOP_SECONDS)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
+        end(self._process)
 
     def _collect(self) -> None:
         while (std := self._read()) is not None:

@@ -10,8 +10,7 @@ import sys
 from typing import Any, IO
 
 from lip_id_ros.errors import LipIdError
-
-STOP_SECONDS = 2.0
+from lip_id_ros.runtime.processes import end
 
 
 @dataclass(frozen=True)
@@ -126,11 +125,7 @@ class Job:
 
     def stop(self) -> None:
         """End the process; what it had not saved is not saved."""
-        self._process.terminate()
-        try:
-            self._process.wait(STOP_SECONDS)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
+        end(self._process)
 
     def _follow(self, lines: IO[str]) -> None:
         for line in lines:

@@ -1,0 +1,16 @@
+"""Processes that a node starts beside itself."""
+
+from __future__ import annotations
+
+import subprocess
+
+STOP_SECONDS = 2.0
+
+
+def end(process: subprocess.Popen[bytes] | subprocess.Popen[str]) -> None:
+    """Ask a process to end; kill it where it has not after `STOP_SECONDS`."""
+    process.terminate()
+    try:
+        process.wait(STOP_SECONDS)
+    except subprocess.TimeoutExpired:
+        process.kill()
