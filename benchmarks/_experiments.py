@@ -97,6 +97,10 @@ EXPERIMENTS: dict[str, tuple[Form, Form]] = {
         Form(lambda: generalization((3, 4), 3), FAST, FitSettings()),
         Form(lambda: generalization((3, 4, 5, 6, 7), 50), BLACK_BOX, FitSettings(), 200_000),
     ),
+    'six_joints': (
+        Form(lambda: generalization((6,), 2), FAST, FitSettings(), 3000),
+        Form(lambda: generalization((6,), 10), BLACK_BOX, FitSettings(), 6000),
+    ),
     'data_efficiency': (
         Form(lambda: data_efficiency(4, (50, 150, 300), 2), FAST, FitSettings()),
         Form(lambda: data_efficiency(7, tuple(range(50, 501, 50)), 10), FAST, FitSettings()),

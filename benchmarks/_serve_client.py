@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import json
 import os
 from pathlib import Path
+import struct
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -27,6 +29,9 @@ from lip_id_ros.simulation.panda import MOTION
 
 LIMITS = [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]  # data sheet [N m]
 START_SECONDS, LAST_SECONDS = 120.0, 2.0
+WARM_UP = -1
+STAMP, STAMP_OFFSET = struct.Struct('<iI'), 4
+"""The first field of a message with a header, after the four bytes that tell the encoding."""
 
 
 def main(request: dict[str, Any]) -> dict[str, Any]:
@@ -46,24 +51,31 @@ def main(request: dict[str, Any]) -> dict[str, Any]:
 
 
 class Client:
-    """Publishes references whose stamps are their numbers, and hears the torques."""
+    """
+    Publishes references whose stamps are their numbers, and hears the torques.
+
+    Both as serialized messages, read after the last: what is measured is `serve` and the
+    middleware, with a client that costs as little as a controller in C++.
+
+    """
 
     def __init__(self, node: Node) -> None:
         self._publisher = node.create_publisher(
             JointTrajectory, '/serve/desired_trajectory', qos.REFERENCE
         )
-        node.create_subscription(JointState, '/serve/feedforward_torque', self._hear, qos.OUTPUT)
-        self._references = references()
+        node.create_subscription(
+            JointState, '/serve/feedforward_torque', self._hear, qos.OUTPUT, raw=True
+        )
+        self._references = [bytearray(serialize_message(each)) for each in references()]
         self._sent: list[float] = []
-        self._heard: dict[int, float] = {}
-        self._wrong = 0
+        self._heard: list[tuple[float, bytes]] = []
         self._warm = threading.Event()
 
     def wait_for_answer(self) -> None:
         """Send references until the first is answered."""
         deadline = time.monotonic() + START_SECONDS
         while not self._warm.wait(0.1):
-            self._publisher.publish(numbered(self._references[0], -1))
+            self._publisher.publish(numbered(self._references[0], WARM_UP))
             if time.monotonic() > deadline:
                 raise TimeoutError(f'serve did not answer in {START_SECONDS:g} s')
         time.sleep(1.0)
@@ -81,27 +93,23 @@ class Client:
 
     def figures(self, elapsed: float) -> dict[str, Any]:
         """Return what was lost, how long answers took, and whether they were safe."""
-        ms = [1e3 * (at - self._sent[number]) for number, at in self._heard.items()]
+        answers = [(at, deserialize_message(each, JointState)) for at, each in self._heard]
+        found = {number_of(answer): at for at, answer in answers}
+        # serve speaks at other times too: while warming up, and after the last reference
+        ms = [1e3 * (found[n] - at) for n, at in enumerate(self._sent) if n in found]
         return {
             'sent': len(self._sent),
             'sent_per_second': len(self._sent) / elapsed,
-            'lost': len(self._sent) - len(self._heard),
-            'wrong': self._wrong,
+            'lost': len(self._sent) - len(ms),
+            'wrong': sum(not safe(answer) for _, answer in answers),
             'answer_ms_median': float(np.median(ms)),
             'answer_ms_p99': float(np.percentile(ms, 99)),
             'answer_ms_max': max(ms),
         }
 
-    def _hear(self, message: JointState) -> None:
-        at = time.perf_counter()
-        number = message.header.stamp.sec * messages.NANOSECONDS + message.header.stamp.nanosec - 2
-        if number < 0 or number >= len(self._sent):
-            self._warm.set()
-            return
-        self._heard[number] = at
-        effort = np.asarray(message.effort)
-        if effort.shape != (len(LIMITS),) or not (np.abs(effort) <= LIMITS).all():  # nan, too
-            self._wrong += 1
+    def _hear(self, message: bytes) -> None:
+        self._heard.append((time.perf_counter(), message))
+        self._warm.set()
 
 
 def references() -> list[JointTrajectory]:
@@ -116,10 +124,22 @@ def references() -> list[JointTrajectory]:
     return [JointTrajectory(joint_names=names, points=[point]) for point in points]
 
 
-def numbered(message: JointTrajectory, number: int) -> JointTrajectory:
-    """Stamp a reference with its number; a stamp of zero would mean now."""
-    message.header.stamp = messages.stamp_at(number + 2)
-    return message
+def numbered(message: bytearray, number: int) -> bytes:
+    """Stamp a serialized reference with its number; a stamp of zero would mean now."""
+    STAMP.pack_into(message, STAMP_OFFSET, *divmod(number + 2, messages.NANOSECONDS))
+    return bytes(message)
+
+
+def number_of(answer: JointState) -> int:
+    """Return the number of the reference that is answered."""
+    stamp = answer.header.stamp
+    return int(stamp.sec * messages.NANOSECONDS + stamp.nanosec - 2)
+
+
+def safe(answer: JointState) -> bool:
+    """Tell whether torques are finite, complete and within the limits."""
+    effort = np.asarray(answer.effort)
+    return effort.shape == (len(LIMITS),) and bool((np.abs(effort) <= LIMITS).all())  # nan, too
 
 
 @contextmanager

@@ -27,10 +27,24 @@ class TrainingRange:
     """
 
     def __init__(self, low: Array, high: Array) -> None:
+        self._low, self._high = low, high
         self._centre = 0.5 * (low + high)
-        self._half = 0.5 * (high - low)
+        self._edge = np.maximum(0.5 * (high - low), SMALLEST)
 
-    def excess(self, states: Array, margins: Array) -> Array:
+    def widened(self, margins: Array) -> TrainingRange:
+        """
+        Return the range with something added to each side.
+
+        Parameters
+        ----------
+        margins : ndarray, shape (n,)
+            As a share of half the range.
+
+        """
+        more = 0.5 * margins * (self._high - self._low)
+        return TrainingRange(self._low - more, self._high + more)
+
+    def excess(self, states: Array) -> Array:
         """
         Tell how far outside samples are.
 
@@ -38,8 +52,6 @@ class TrainingRange:
         ----------
         states : ndarray, shape (3, n) or (3, N, n)
             Positions, velocities, accelerations.
-        margins : ndarray, shape (n,)
-            What is added to each side, as a share of half the range.
 
         Returns
         -------
@@ -48,8 +60,7 @@ class TrainingRange:
 
         """
         shape = (3, *[1] * (states.ndim - 2), -1)
-        edge = np.maximum((1.0 + margins) * self._half, SMALLEST).reshape(shape)
-        distance = np.abs(states - self._centre.reshape(shape)) / edge
+        distance = np.abs(states - self._centre.reshape(shape)) / self._edge.reshape(shape)
         return np.asarray(distance.max(axis=(0, -1)))
 
 

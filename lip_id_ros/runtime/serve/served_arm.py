@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.runtime.serve.checks import factors, std_excess
+from lip_id_ros.runtime.serve.checks import factors, std_excess, TrainingRange
 from lip_id_ros.runtime.serve.feedforward import Answer
 from lip_id_ros.runtime.serve.loading import Arm
 from lip_id_ros.runtime.serve.measured import Measured
@@ -58,6 +58,7 @@ class ServedArm:
         self._counts = counts
         self.shaper = Shaper(make_rules(settings, self.joint_names), sent, counts)
         self._settings = settings
+        self._known = self._new_known()
         self.measured = self._new_measured()
 
     @property
@@ -81,6 +82,7 @@ class ServedArm:
 
         """
         self.shaper.rules = make_rules(settings, self.joint_names)
+        self._known = self._new_known()
         cutoff_hz, self._settings = self._settings.residual_cutoff_hz, settings
         if settings.residual_cutoff_hz != cutoff_hz:
             self.measured = self._new_measured()
@@ -141,7 +143,7 @@ class ServedArm:
         rules = self.shaper.rules
         if rules.range_policy is Policy.OFF:
             return np.ones(states.shape[1:-1])
-        excess = self.arm.training_range.excess(states, rules.margins)
+        excess = self._known.excess(states)
         return factors(rules.range_policy, excess, self._counts, 'out_of_range')
 
     def _std_factor(self, state: Array, now: float, tag: Any) -> Array:
@@ -154,6 +156,9 @@ class ServedArm:
             return np.ones(())
         excess = std_excess(deviations.std(now, period_s), rules.std_limits)
         return factors(rules.std_policy, excess, self._counts, 'uncertain')
+
+    def _new_known(self) -> TrainingRange:
+        return self.arm.training_range.widened(self.shaper.rules.margins)
 
     def _new_measured(self) -> Measured:
         cutoff_hz = self._settings.residual_cutoff_hz

@@ -94,7 +94,7 @@ class Shaper:
         elapsed = min(max(now - self.sent.at, 1e-6), LONGEST_STEP_S)
         rated = _toward(self.sent.tau, ramped, elapsed * self.rules.rates)
         # again, since the limits may have become narrower than what was sent last
-        safe = np.clip(rated, -self.rules.limits, self.rules.limits)
+        safe = _between(rated, -self.rules.limits, self.rules.limits)
         self._counts['limited'] += int(limited.any())
         self._counts['rate_limited'] += int((rated != ramped).any())
         self.sent = Sent(safe, now)
@@ -127,7 +127,7 @@ class Shaper:
         scaled = self.rules.scale * tau
         if not np.isfinite(scaled).all():
             raise RefusedError(Reason.NOT_FINITE_TORQUE)
-        safe = np.clip(scaled, -self.rules.limits, self.rules.limits)
+        safe = _between(scaled, -self.rules.limits, self.rules.limits)
         return safe, safe != scaled
 
     def _share(self, now: float) -> float:
@@ -137,7 +137,12 @@ class Shaper:
 
 
 def _toward(held: Array, wanted: Array, step: Array) -> Array:
-    return np.clip(wanted, held - step, held + step)
+    return _between(wanted, held - step, held + step)
+
+
+def _between(values: Array, low: Array, high: Array) -> Array:
+    # np.clip does the same, for a few numbers in five times the time
+    return np.minimum(np.maximum(values, low), high)
 
 
 def _slow_down(tau: Array, t: Array, rates: Array) -> int:
