@@ -50,6 +50,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli.examination import Examination
     from lip_id_ros.cli.progress_display import progress_display
     from lip_id_ros.evaluation import evaluate, with_inertia_check
+    from lip_id_ros.evaluation.health_text import notable
     from lip_id_ros.gp import fit
     from lip_id_ros.preprocessing import for_training, load_dataset
     from lip_id_ros.serving import Predictor
@@ -72,5 +73,5 @@ def run(args: argparse.Namespace) -> None:
     if evaluation is not None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
         show.evaluated(evaluation, title, console)
-    show.sentences(show.found(examination.found), console)
+    show.sentences(notable(examination.found), console)
     show.sentences([*show.cautions(model, evaluation), f'Written: {args.output}'], console)

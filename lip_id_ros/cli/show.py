@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
@@ -11,7 +11,6 @@ from rich.console import Console
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import Evaluation
 from lip_id_ros.evaluation.cautions import of_fit
-from lip_id_ros.evaluation.health_text import lines
 from lip_id_ros.evaluation.report import Labels
 from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.evaluation.tables import error_table, notes, Table, TORQUE_UNITS
@@ -51,16 +50,6 @@ def cautions(model: TrainedModel, evaluation: Evaluation | None) -> list[str]:
     """Say what a user should know before relying on a fit."""
     unseen = [] if evaluation is not None else [HONEST]
     return [*of_fit(model.summary), *unseen]
-
-
-def found(healths: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return what is wrong with the recordings of a fit; notes only by their number."""
-    findings = [finding for health in healths for finding in health['findings']]
-    notes = sum(finding['severity'] == 'note' for finding in findings)
-    texts = lines(finding for finding in findings if finding['severity'] != 'note')
-    return texts + (
-        [f'Notes not shown here: {notes}; see them with lip_id inspect.'] if notes else []
-    )
 
 
 def labels(args: argparse.Namespace, model: TrainedModel, warnings: Sequence[str]) -> Labels:

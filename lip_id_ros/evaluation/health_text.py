@@ -42,6 +42,16 @@ def lines(findings: Iterable[Mapping[str, Any]]) -> list[str]:
     return [line for alike in kinds.values() for line in _lines(alike)]
 
 
+def notable(healths: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return what is wrong with the recordings of a fit; notes only by their number."""
+    findings = [finding for health in healths for finding in health['findings']]
+    notes = sum(finding['severity'] == 'note' for finding in findings)
+    texts = lines(finding for finding in findings if finding['severity'] != 'note')
+    return texts + (
+        [f'Notes not shown here: {notes}; see them with lip_id inspect.'] if notes else []
+    )
+
+
 def _lines(alike: Sequence[Mapping[str, Any]]) -> list[str]:
     texts = [f'{each["severity"]} {each["code"]}: {each["text"]}' for each in alike]
     if len(texts) <= MOST_LINES:

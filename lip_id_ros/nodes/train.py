@@ -216,8 +216,9 @@ class TrainNode(Node):
             self.get_logger().error(f'{job.task} failed: {job.error}')
         elif job.state == 'done':
             self.get_logger().info(f'{job.task} done: {job.result["path"]}')
-            for sentence in (*job.result['left_out'], *job.result.get('cautions', ())):
-                self.get_logger().warning(sentence)
+            for kind in ('left_out', 'findings', 'cautions'):
+                for sentence in job.result.get(kind, ()):
+                    self.get_logger().warning(sentence)
 
 
 def main() -> int:

@@ -14,6 +14,7 @@ from rich.console import Console
 from lip_id_ros.cli import outline, output, progress_display, show
 from lip_id_ros.cli.main import one_line
 from lip_id_ros.errors import DataError
+from lip_id_ros.evaluation.health_text import notable
 from lip_id_ros.serving import TrainedModel
 
 Capture = pytest.CaptureFixture[str]
@@ -129,7 +130,7 @@ def test_a_fit_tells_notes_by_their_number() -> None:
             {'code': 'stale', 'severity': 'note', 'joint': '', 'text': 'stale; leave it.'},
         ]
     }
-    assert show.found([health, health]) == [
+    assert notable([health, health]) == [
         'warning slow: a is slow; hurry.',
         'warning slow: a is slow; hurry.',
         'Notes not shown here: 2; see them with lip_id inspect.',

@@ -11,6 +11,7 @@ from lip_id_ros.config import Config, PreprocessingSettings, RecordingSettings
 from lip_id_ros.errors import DataError
 from lip_id_ros.progress import silent
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.runtime.train.findings import Findings
 from lip_id_ros.runtime.train.recording_file import keep
 from lip_id_ros.runtime.train.training_set import training_set
 
@@ -70,6 +71,20 @@ def test_sections_that_are_too_short_are_left_out_and_told() -> None:
         'the recording must hold at least t',
         'the recording must hold a motion o',
     ]
+
+
+def test_what_is_used_is_shown_raw_and_judged(tmp_path: Path) -> None:
+    stuck = samples(500)
+    stuck.effort[:, 1] = 0.0
+    bag = keep(tmp_path / 'b.mcap', samples(500, 2000.0), '/states')
+    findings = Findings(RECORDING)
+    training_set([samples(1), stuck], [str(bag)], CONFIG, silent, findings)
+    assert any(
+        text.startswith('error effort_constant: the effort of b') for text in findings.sentences
+    )
+    assert not any(
+        text.startswith('error effort_constant: the effort of a') for text in findings.sentences
+    )
 
 
 def test_nothing_but_sections_that_are_too_short_is_refused() -> None:

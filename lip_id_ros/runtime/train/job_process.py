@@ -20,6 +20,7 @@ from lip_id_ros.evaluation.cautions import of_fit
 from lip_id_ros.gp import fit
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import Progress
+from lip_id_ros.runtime.train.findings import Findings
 from lip_id_ros.runtime.train.recording_file import take_over
 from lip_id_ros.runtime.train.training_set import training_set
 from lip_id_ros.serving import Predictor
@@ -59,12 +60,14 @@ def main(arguments: list[str], output: TextIO) -> int:
 def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     config = override(Config(), request['settings'], 'the parameters')
     sections = take_over(request['recording'])
-    prepared = training_set(sections, request['bags'], config, progress)
+    findings = Findings(config.recording)
+    prepared = training_set(sections, request['bags'], config, progress, findings)
     result: dict[str, Any] = {
         'path': request['path'],
         'n_samples': prepared.dataset.n_samples,
         'sources': _sources(prepared.dataset),
         'left_out': list(prepared.left_out),
+        'findings': findings.sentences,
     }
     if request['kind'] == 'dataset':
         prepared.dataset.save(request['path'])

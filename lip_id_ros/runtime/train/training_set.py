@@ -9,6 +9,7 @@ from lip_id_ros.config import Config
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.preprocessing import load_dataset, preprocess
+from lip_id_ros.preprocessing.loading import Watch
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import JointSamples
@@ -32,7 +33,11 @@ class TrainingSet:
 
 
 def training_set(
-    sections: Sequence[JointSamples], bags: Sequence[str], config: Config, progress: Progress
+    sections: Sequence[JointSamples],
+    bags: Sequence[str],
+    config: Config,
+    progress: Progress,
+    watch: Watch = lambda samples: None,
 ) -> TrainingSet:
     """
     Join a live recording and bags.
@@ -47,6 +52,8 @@ def training_set(
     config : Config
         Sections `recording` and `preprocessing` are used.
     progress : callable
+    watch : callable
+        Shown the raw samples of every recording that is used.
 
     Raises
     ------
@@ -56,17 +63,19 @@ def training_set(
         If a bag does not exist or cannot be opened.
 
     """
-    live, left_out = _of_sections(sections, config)
+    live, left_out = _of_sections(sections, config, watch)
     if not live and not bags:
         raise DataError(left_out[0])
     whole = replace(config, preprocessing=replace(config.preprocessing, max_samples=0))
-    parts = [*live, load_dataset(bags, _with_joints(whole, live), progress)] if bags else live
+    parts = (
+        [*live, load_dataset(bags, _with_joints(whole, live), progress, watch)] if bags else live
+    )
     dataset = at_most(concatenate(parts), config.preprocessing)
     return TrainingSet(dataset, left_out)
 
 
 def _of_sections(
-    sections: Sequence[JointSamples], config: Config
+    sections: Sequence[JointSamples], config: Config, watch: Watch
 ) -> tuple[list[Dataset], list[str]]:
     usable, left_out = [], []
     settings = replace(config.preprocessing, max_samples=0)
@@ -75,6 +84,8 @@ def _of_sections(
             usable.append(preprocess(samples, settings, config.recording))
         except DataError as error:
             left_out.append(str(error))
+        else:
+            watch(samples)
     return usable, left_out
 
 
