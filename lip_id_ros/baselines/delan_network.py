@@ -15,6 +15,11 @@ import torch
 from torch import nn
 
 LEAST_INERTIA = 1e-4  # added to the diagonal of L after softplus
+OUTPUT_GAIN = 0.1
+"""
+Of the last layers' initial weights: L begins as nearly constant and diagonal. With couplings at
+random, the first steps can silence a joint by driving its diagonal entry to nothing, for good.
+"""
 
 
 class DelanNetwork(nn.Module):
@@ -80,9 +85,10 @@ def _feedforward(n_inputs: int, n_outputs: int, width: int, depth: int) -> nn.Se
     layers: list[nn.Module] = []
     for before, after in pairwise(sizes):
         layers += [nn.Linear(before, after), nn.Softplus()]
-    network = nn.Sequential(*layers, nn.Linear(sizes[-1], n_outputs)).double()
+    last = nn.Linear(sizes[-1], n_outputs)
+    network = nn.Sequential(*layers, last).double()
     for layer in network:
         if isinstance(layer, nn.Linear):
-            nn.init.xavier_normal_(layer.weight)
+            nn.init.xavier_normal_(layer.weight, OUTPUT_GAIN if layer is last else 1.0)
             nn.init.zeros_(layer.bias)
     return network
