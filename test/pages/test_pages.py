@@ -1,0 +1,134 @@
+"""Every page that the tools write shows all its figures in a browser that has no network."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+from typing import Any
+
+from comparison.methods import Scaled
+from evaluation.stubs import Knowing
+from health.recordings import sound
+from matplotlib.image import imread
+import numpy as np
+import pytest
+from simulation.pendulums import swing
+
+from lip_id_ros.comparison import Case, compare, Store, thinned
+from lip_id_ros.comparison.report import write_comparison
+from lip_id_ros.config import FitSettings
+from lip_id_ros.evaluation import run, score
+from lip_id_ros.evaluation.report import band, Labels, write_report
+from lip_id_ros.evaluation.report.recording_report import write_recording_report
+from lip_id_ros.health import evidence_of, health
+
+pytestmark = pytest.mark.slow
+
+BROWSER = Path(__file__).with_name('browser.py')
+WITHOUT_A_WINDOW = {'QT_QPA_PLATFORM': 'offscreen', 'QTWEBENGINE_DISABLE_SANDBOX': '1'}
+LABELS = Labels('Title', ['Beware.'], [('recording', 'a' * 200)])
+
+
+@cache
+def missing() -> str | None:
+    """Return why there is no browser; in a process of its own, which Qt may end."""
+    program = 'import PySide6.QtWebEngineWidgets'
+    tried = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    return None if tried.returncode == 0 else tried.stderr.strip().splitlines()[-1]
+
+
+def seen(page: Path) -> dict[str, Any] | None:
+    reason = missing()
+    if reason is not None:
+        pytest.skip(f'needs a browser, PySide6_WebEngine of make setup: {reason}')
+    looked = subprocess.run(
+        [sys.executable, BROWSER, page],
+        capture_output=True,
+        text=True,
+        env={**os.environ, **WITHOUT_A_WINDOW},
+        timeout=120,
+        check=False,
+    )
+    assert looked.returncode == 0, looked.stderr
+    found: dict[str, Any] | None = json.loads(looked.stdout)
+    return found
+
+
+def evaluation(folder: Path) -> Path:
+    estimator = Knowing(torque_error=0.1)
+    outcome = run(estimator, swing(1))
+    uncertainty = band(estimator, outcome, np.full(3, 0.4))
+    return write_report(folder, outcome, score(outcome), uncertainty, LABELS)
+
+
+def recording(folder: Path) -> Path:
+    evidence = evidence_of(sound())
+    return write_recording_report(folder, 'bag', [(evidence, health(evidence))])
+
+
+def comparison(folder: Path) -> Path:
+    methods = {f'method_{number}': Scaled(number / 4) for number in range(9)}
+    cases = [
+        Case(f'{n} samples', f'{n} samples', thinned(swing(0), n), {'a': swing(1)})
+        for n in (20, 40)
+    ]
+    store = Store(folder / 'cells')
+    results = compare(
+        cases, list(methods), FitSettings(), store, make=lambda name, _: methods[name]
+    )
+    return write_comparison(folder, 'Title', cases, results, store, LABELS.facts)
+
+
+def tracking(folder: Path) -> Path:
+    pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
+    from lip_id_ros.tracking import Experiment, figures, run_experiment, setup
+    from lip_id_ros.tracking.report import write_report
+
+    experiment = Experiment(horizon=2.0, fit=FitSettings(subset=20, iterations=3))
+    trial = run_experiment(setup.panda_setup(2), experiment, 1)
+    return write_report(folder, experiment, trial, figures([trial]))
+
+
+@pytest.mark.parametrize(
+    ('write', 'count'), [(evaluation, 5), (recording, 2), (comparison, 4), (tracking, 8)]
+)
+def test_every_figure_is_shown_without_a_network(
+    tmp_path: Path, write: Callable[[Path], Path], count: int
+) -> None:
+    page = write(tmp_path)
+    found = seen(page)
+    assert found is not None
+
+    written = [imread(path).shape[:2] for path in page.parent.glob('*.png')]
+    assert len(found['images']) == len(written) == count
+    shown = [image['size'] for image in found['images']]
+    assert sorted(shown) == sorted([width, height] for height, width in written)
+    for image in found['images']:
+        assert image['embedded']
+        assert image['shown']
+        assert image['colours'] > 10
+    assert found['refused'] == []
+    assert found['console'] == []
+    assert found['overflow'] <= 0
+
+
+def test_the_browser_tells_what_is_wrong_with_a_page(tmp_path: Path) -> None:
+    page = tmp_path / 'index.html'
+    page.write_text(
+        '<img src="data:image/png;base64,iVBORw0KGgo="><img src="http://example.org/a.png">'
+        '<link rel="stylesheet" href="https://example.org/a.css">'
+        '<div style="width: 3000px">wide</div><script>nothing.there</script>'
+    )
+    found = seen(page)
+
+    assert found is not None
+    assert [image['shown'] for image in found['images']] == [False, False]
+    assert sorted(found['refused']) == ['http://example.org/a.png', 'https://example.org/a.css']
+    assert 'nothing is not defined' in found['console'][0]
+    assert found['overflow'] > 1000
+    assert seen(tmp_path / 'none.html') is None
