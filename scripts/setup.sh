@@ -87,7 +87,7 @@ choose_python() {
 
 install_packages() {
   local requirements=requirements-offline.txt size='a few hundred MB, and torch'
-  [ -z "$ros" ] || requirements=requirements-lock.txt size='7 GB, most of it for torch'
+  [ -z "$ros" ] || requirements=requirements-lock.txt size='8 GB, most of it for torch'
   local stamp
   stamp="$python $root $(digest "$requirements")"
   current venv "$stamp" && return

@@ -58,7 +58,7 @@ class Refusal(QWebEngineUrlRequestInterceptor):
         self._page = page
         self.refused: list[str] = []
 
-    def interceptRequest(self, info: QWebEngineUrlRequestInfo) -> None:  # noqa: N802
+    def interceptRequest(self, info: QWebEngineUrlRequestInfo) -> None:
         url = info.requestUrl()
         if url != self._page and url.scheme() != 'data':
             self.refused.append(url.toString())
@@ -73,7 +73,7 @@ class Listening(QWebEnginePage):
         self.answer: dict[str, Any] | None = None
         self.console: list[str] = []
 
-    def javaScriptConsoleMessage(  # noqa: N802
+    def javaScriptConsoleMessage(
         self, level: object, message: str, line: int, source: str
     ) -> None:
         if message.startswith(ANSWER):
