@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,16 @@ class Network:
     def __init__(self, network: DelanNetwork) -> None:
         self._network = network.eval()
         self.size = sum(int(weights.numel()) for weights in network.parameters())
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what describes it."""
+        return {'shape': self._network.shape, 'weights': dict(self._network.state_dict())}
+
+    def __setstate__(self, description: dict[str, Any]) -> None:
+        """Set it up again; see `lip_id_ros.baselines.taken_apart`."""
+        network = DelanNetwork(*description['shape'])
+        network.load_state_dict(description['weights'])
+        self.__init__(network)  # type: ignore[misc]
 
     def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
         """Estimate torques and both energies."""

@@ -37,6 +37,7 @@ class DelanNetwork(nn.Module):
 
     def __init__(self, prismatic: Sequence[bool], width: int, depth: int) -> None:
         super().__init__()
+        self.shape = (tuple(prismatic), width, depth)
         n = len(prismatic)
         self.register_buffer('_prismatic', torch.tensor(prismatic))
         rows, columns = torch.tril_indices(n, n)

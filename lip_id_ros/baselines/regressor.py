@@ -44,11 +44,31 @@ class Regressor:
     """
 
     def __init__(self, urdf: str | os.PathLike[str], dataset: Dataset) -> None:
-        self._model = _reduced(_built(Path(urdf)), dataset.joint_names, os.fspath(urdf))
-        if dataset.gravity_compensated:
+        text = _text(Path(urdf))
+        self._set_up(text, dataset.joint_names, dataset.gravity_compensated, os.fspath(urdf))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what describes it."""
+        return dict(self._description)
+
+    def __setstate__(self, description: dict[str, Any]) -> None:
+        """Set it up again; see `lip_id_ros.baselines.taken_apart`."""
+        self._set_up(**description)
+
+    def _set_up(
+        self, urdf: str, joint_names: tuple[str, ...], gravity_compensated: bool, place: str
+    ) -> None:
+        self._description = {
+            'urdf': urdf,
+            'joint_names': joint_names,
+            'gravity_compensated': gravity_compensated,
+            'place': place,
+        }
+        self._model = _reduced(_built(urdf, place), joint_names, place)
+        if gravity_compensated:
             self._model.gravity.setZero()
         self._data = self._model.createData()
-        ids = [self._model.getJointId(name) for name in dataset.joint_names]
+        ids = [self._model.getJointId(name) for name in joint_names]
         self._columns = [self._model.joints[i].idx_v for i in ids]
         self._neutral = pinocchio.neutral(self._model)
 
@@ -79,11 +99,22 @@ class Regressor:
         return ordered
 
 
-def _built(urdf: Path) -> Any:
+def _text(urdf: Path) -> str:
     try:
-        return pinocchio.buildModelFromXML(urdf.read_text(encoding='utf-8'))
-    except ValueError as error:  # not text, or no robot in it
-        raise DataError(f'{urdf} is not a URDF ({error}); give another file.') from error
+        return urdf.read_text(encoding='utf-8')
+    except UnicodeDecodeError as error:
+        raise _no_urdf(os.fspath(urdf), error) from error
+
+
+def _built(urdf: str, place: str) -> Any:
+    try:
+        return pinocchio.buildModelFromXML(urdf)
+    except ValueError as error:
+        raise _no_urdf(place, error) from error
+
+
+def _no_urdf(place: str, error: Exception) -> DataError:
+    return DataError(f'{place} is not a URDF ({error}); give another file.')
 
 
 def _reduced(model: Any, joint_names: Sequence[str], urdf: str) -> Any:

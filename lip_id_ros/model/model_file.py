@@ -1,18 +1,12 @@
-"""The model file: npz with a JSON header, checked against a hash of both; no pickle."""
+"""What of a trained model goes into its file, and how it comes out again."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-import hashlib
-import json
 import os
 from typing import Any, TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lip_id_ros.errors import LipIdError, ModelError
-from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.errors import LipIdError
 from lip_id_ros.kernels import (
     EnergyKernel,
     FAMILY,
@@ -26,22 +20,23 @@ from lip_id_ros.kernels import (
     Weights,
 )
 from lip_id_ros.kernels.program import with_potential_after
+from lip_id_ros.model.checked_file import (
+    Arrays,
+    contradiction,
+    MODEL,
+    read_checked,
+    write_checked,
+)
 
 if TYPE_CHECKING:
     from lip_id_ros.model.trained_model import TrainedModel
 
-SCHEMA = 'lip_id_ros/model'
 VERSION = 1
-
-Arrays = dict[str, NDArray[Any]]
 
 
 def write(path: str | os.PathLike[str], model: TrainedModel) -> None:
     """Write a model; see `TrainedModel.save`."""
-    arrays = _arrays(model)
     header = {
-        'schema': SCHEMA,
-        'version': VERSION,
         'kernel': model.kernel,
         'potential_links': model.prior.kernel.energy.potential_links.tolist(),
         'joint_names': list(model.joint_names),
@@ -50,44 +45,16 @@ def write(path: str | os.PathLike[str], model: TrainedModel) -> None:
         'summary': dict(model.summary),
         'provenance': dict(model.provenance),
     }
-    write_npz(path, arrays, {**header, 'sha256': _digest(arrays, header)})
+    write_checked(path, MODEL, VERSION, _arrays(model), header)
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Return the arguments of `TrainedModel`; see `TrainedModel.load`."""
-    try:
-        arrays, header = read_npz(path)
-    except ValueError as error:
-        raise ModelError(
-            f'{os.fspath(path)} is not a readable model file ({error}); '
-            'fit again or copy the file anew.'
-        ) from error
-    _check(path, arrays, header)
+    arrays, header = read_checked(path, MODEL, VERSION)
     try:
         return _restore(arrays, header)
     except (KeyError, TypeError, ValueError, LipIdError) as error:
-        raise ModelError(
-            f'{os.fspath(path)} says it is a model but lacks or contradicts itself in {error}; '
-            'fit again or copy the file anew.'
-        ) from error
-
-
-def _check(path: str | os.PathLike[str], arrays: Arrays, header: Mapping[str, Any]) -> None:
-    if header.get('schema') != SCHEMA:
-        raise ModelError(
-            f'{os.fspath(path)} is not a model of lip_id_ros (its schema is '
-            f'{header.get("schema")!r}, expected {SCHEMA!r}); pass the file that a fit wrote.'
-        )
-    if header.get('version') != VERSION:
-        raise ModelError(
-            f'{os.fspath(path)} has model format {header.get("version")!r}, but this program '
-            f'reads format {VERSION}; fit again or use the version that wrote it.'
-        )
-    if header.get('sha256') != _digest(arrays, header):
-        raise ModelError(
-            f'{os.fspath(path)} is damaged: its contents do not match their hash; '
-            'fit again or copy the file anew.'
-        )
+        raise contradiction(path, error) from error
 
 
 def _arrays(model: TrainedModel) -> Arrays:
@@ -147,12 +114,3 @@ def _jointwise(name: str, basis: JointBasis, arrays: Arrays) -> JointwiseKernel:
     }
     return makers[name]()
 
-
-def _digest(arrays: Arrays, header: Mapping[str, Any]) -> str:
-    rest = {key: value for key, value in header.items() if key != 'sha256'}
-    digest = hashlib.sha256(json.dumps(rest, sort_keys=True).encode())
-    for name in sorted(arrays):
-        digest.update(name.encode())
-        digest.update(repr(arrays[name].shape).encode())
-        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
-    return digest.hexdigest()

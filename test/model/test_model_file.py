@@ -230,6 +230,6 @@ def test_contents_that_do_not_fit_together(
 ) -> None:
     """The hash is right and the contents are not: another program's mistake."""
     stored = read_npz(saved)[1]['sha256']
-    monkeypatch.setattr('lip_id_ros.model.model_file._digest', lambda *_: stored)
+    monkeypatch.setattr('lip_id_ros.model.checked_file._digest', lambda *_: stored)
     sentence = f'says it is a model but lacks or contradicts itself in .*{what}'
     check_refused(changed(saved, change), sentence)

@@ -1,0 +1,112 @@
+"""Model files of every kind: npz with a JSON header, checked against a hash of both; no pickle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import hashlib
+import json
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.errors import ModelError
+from lip_id_ros.files import read_npz, write_npz
+
+Arrays = dict[str, NDArray[Any]]
+
+MODEL = 'lip_id_ros/model'
+"""What `TrainedModel` is called in its header."""
+COMPARED = 'lip_id_ros/compared'
+"""What a model of the literature is called."""
+
+
+def write_checked(
+    path: str | os.PathLike[str], schema: str, version: int, arrays: Arrays, rest: Mapping[str, Any]
+) -> None:
+    """
+    Write arrays and a header that says what they are.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+
+    """
+    header = {**rest, 'schema': schema, 'version': version}
+    write_npz(path, arrays, {**header, 'sha256': _digest(arrays, header)})
+
+
+def read_checked(
+    path: str | os.PathLike[str], schema: str, version: int
+) -> tuple[Arrays, dict[str, Any]]:
+    """
+    Return arrays and header as they were written.
+
+    Raises
+    ------
+    OSError
+        If the file does not exist or cannot be opened.
+    ModelError
+        If it is damaged, of another kind, or from another version of the format.
+
+    """
+    try:
+        arrays, header = read_npz(path)
+    except ValueError as error:
+        raise ModelError(
+            f'{os.fspath(path)} is not a readable model file ({error}); '
+            'fit again or copy the file anew.'
+        ) from error
+    _check(path, schema, version, arrays, header)
+    return arrays, header
+
+
+def contradiction(path: str | os.PathLike[str], error: Exception) -> ModelError:
+    """Return what to raise where a file has its hash, but no model can be made of it."""
+    return ModelError(
+        f'{os.fspath(path)} says it is a model but lacks or contradicts itself in {error}; '
+        'fit again or copy the file anew.'
+    )
+
+
+def _check(
+    path: str | os.PathLike[str],
+    schema: str,
+    version: int,
+    arrays: Arrays,
+    header: Mapping[str, Any],
+) -> None:
+    found = header.get('schema')
+    if found == COMPARED and schema == MODEL:
+        raise ModelError(
+            f'{os.fspath(path)} is a model of the kind {header.get("method")!r}, for lip_id '
+            'inspect, evaluate and predict; bench and serve need one of this package, which '
+            'lip_id fit writes without --model.'
+        )
+    if found != schema:
+        raise ModelError(
+            f'{os.fspath(path)} is not a model of lip_id_ros (its schema is '
+            f'{found!r}, expected {schema!r}); pass the file that a fit wrote.'
+        )
+    if header.get('version') != version:
+        raise ModelError(
+            f'{os.fspath(path)} has model format {header.get("version")!r}, but this program '
+            f'reads format {version}; fit again or use the version that wrote it.'
+        )
+    if header.get('sha256') != _digest(arrays, header):
+        raise ModelError(
+            f'{os.fspath(path)} is damaged: its contents do not match their hash; '
+            'fit again or copy the file anew.'
+        )
+
+
+def _digest(arrays: Arrays, header: Mapping[str, Any]) -> str:
+    rest = {key: value for key, value in header.items() if key != 'sha256'}
+    digest = hashlib.sha256(json.dumps(rest, sort_keys=True).encode())
+    for name in sorted(arrays):
+        digest.update(name.encode())
+        digest.update(repr(arrays[name].shape).encode())
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()
