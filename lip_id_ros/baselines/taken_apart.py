@@ -121,7 +121,7 @@ def _class(name: str) -> type:
 
 
 def _made(kind: type, fields: dict[str, Any]) -> Any:
-    made = object.__new__(kind)
+    made: Any = object.__new__(kind)
     restore = getattr(made, '__setstate__', vars(made).update)
     restore(fields)
     return made

@@ -28,29 +28,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Evaluate, show and write."""
-    from lip_id_ros.cli import output, settings, show
+    from lip_id_ros.cli import models, output, settings, show
     from lip_id_ros.cli.progress_display import progress_display
-    from lip_id_ros.evaluation import matched, run, score
-    from lip_id_ros.evaluation.report import band, write_report
-    from lip_id_ros.evaluation.training_data import warnings
+    from lip_id_ros.evaluation import matched
     from lip_id_ros.preprocessing import load_dataset
-    from lip_id_ros.serving import Predictor, TrainedModel
 
     output.require_folder(args.json)
     output.require_no_file(args.report)
-    model = TrainedModel.load(args.model)
+    model = models.load(args.model)
     config = settings.of_model(model, args.config)
     with progress_display() as progress:
         dataset = matched(load_dataset(args.sources, config, progress), model)
-        predictor = Predictor(model)
-        outcome = run(predictor, dataset, progress)
-        evaluation = score(outcome)
-        cautions = warnings(model, dataset)
         if args.report:
-            uncertainty = band(predictor, outcome, model.noise_std, progress)
-            labels = show.labels(args, model, cautions)
-            write_report(args.report, outcome, evaluation, uncertainty, labels, progress)
+            evaluation = model.report(args, dataset, progress)
+        else:
+            evaluation = model.evaluate(dataset, progress)
     console = output.console(args.json)
     show.evaluated(evaluation, f'{args.model} on {", ".join(args.sources)}', console)
-    show.sentences(cautions, console)
+    show.sentences(model.warnings(dataset), console)
     output.write_json(args.json, evaluation.to_json())

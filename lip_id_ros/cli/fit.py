@@ -21,10 +21,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_sources(parser)
     parser.add_argument('-o', '--output', required=True, metavar='MODEL.npz', help='file to write')
     arguments.add_config(parser, 'default settings')
-    parser.add_argument(
+    kind = parser.add_mutually_exclusive_group()
+    kind.add_argument(
         '--kernel',
         choices=('recursive', 'recursive_per_link', 'nested', 'lip'),
         help='energy kernel (default: recursive)',
+    )
+    kind.add_argument(
+        '--model',
+        choices=arguments.MODELS,
+        metavar='NAME',
+        help=f'a model of the literature instead: {", ".join(arguments.MODELS)}; '
+        'for evaluate and predict, not for serve',
+    )
+    parser.add_argument(
+        '--urdf', metavar='FILE', help='robot description, for models that need it'
     )
     arguments.add_joints(parser)
     parser.add_argument(
@@ -46,14 +57,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
-    from lip_id_ros.cli import output, settings, show
+    from lip_id_ros.cli import models, output, settings, show
     from lip_id_ros.cli.examination import Examination
     from lip_id_ros.cli.progress_display import progress_display
-    from lip_id_ros.evaluation import evaluate, with_inertia_check
     from lip_id_ros.evaluation.health_text import notable
-    from lip_id_ros.gp import fit
     from lip_id_ros.preprocessing import for_training, load_dataset
-    from lip_id_ros.serving import Predictor
 
     output.require_folder(args.output)
     config = settings.for_fit(args)
@@ -64,14 +72,15 @@ def run(args: argparse.Namespace) -> None:
         if args.holdout is not None:
             training, held_out = training.split(1 - args.holdout)
         training = for_training(training, config.preprocessing)
-        model = with_inertia_check(fit(training, config.fit, progress))
+        model = models.learn(args, training, config.fit, progress)
         if args.holdout is not None:
-            evaluation = evaluate(Predictor(model), held_out, progress)
+            evaluation = model.evaluate(held_out, progress)
         model.save(args.output)
     console = output.console()
-    show.fitted(model, training, console)
+    model.show(training, console)
     if evaluation is not None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
         show.evaluated(evaluation, title, console)
     show.sentences(notable(examination.found), console)
-    show.sentences([*show.cautions(model, evaluation), f'Written: {args.output}'], console)
+    honest = [] if evaluation is not None else [show.HONEST]
+    show.sentences([*model.cautions(), *honest, f'Written: {args.output}'], console)

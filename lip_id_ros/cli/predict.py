@@ -30,19 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Predict and write."""
-    from lip_id_ros.cli import output, settings, show
+    from lip_id_ros.cli import models, output, settings, show
     from lip_id_ros.cli.progress_display import progress_display
-    from lip_id_ros.evaluation import matched, run
+    from lip_id_ros.evaluation import matched
     from lip_id_ros.evaluation.prediction_file import writer_for
     from lip_id_ros.preprocessing import load_dataset
-    from lip_id_ros.serving import Predictor, TrainedModel
 
     output.require_folder(args.output)
     write = writer_for(args.output)
-    model = TrainedModel.load(args.model)
+    model = models.load(args.model)
     config = settings.of_model(model, args.config)
     with progress_display() as progress:
         dataset = matched(load_dataset([args.source], config, progress), model)
-        predictor = Predictor(model)
-        write(args.output, predictor, run(predictor, dataset, progress), progress)
+        write(args.output, dataset, model.values(dataset, progress))
     show.sentences([f'Written: {args.output}, {dataset.n_samples} samples'], output.console())

@@ -5,10 +5,20 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
+from lip_id_ros.baselines.registry import OURS
 from lip_id_ros.config import Config, override, read_config
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.evaluation.estimator import Described
+
+
+class Recorded(Described, Protocol):
+    """A model that knows where its data came from."""
+
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """As in its data set."""
+
 
 SECTIONS = ('recording', 'preprocessing')
 
@@ -17,7 +27,7 @@ def for_fit(args: argparse.Namespace) -> Config:
     """Return the settings of `lip_id fit`: the file's, then those of the command line."""
     chosen = {
         'recording.joints': args.joints,
-        'fit.kernel': args.kernel,
+        'fit.kernel': args.model if args.model in OURS else args.kernel,
         'fit.device': args.device,
         'fit.seed': args.seed,
     }
@@ -34,13 +44,13 @@ def for_comparison(args: argparse.Namespace) -> Config:
     return _chosen(args.config, {'recording.joints': args.joints, 'fit.seed': args.seed})
 
 
-def of_model(model: TrainedModel, path: str | None) -> Config:
+def of_model(model: Recorded, path: str | None) -> Config:
     """
     Return the settings with which recordings are read for a model.
 
     Parameters
     ----------
-    model : TrainedModel
+    model : Recorded
         Its joints are asked of the recording; where no file is given, all else is as it was for
         the first recording of its fit.
     path : str, optional
@@ -52,7 +62,7 @@ def of_model(model: TrainedModel, path: str | None) -> Config:
     return replace(config, recording=recording)
 
 
-def _of_fit(model: TrainedModel) -> Config:
+def _of_fit(model: Recorded) -> Config:
     sources = model.provenance.get('sources', [])
     recordings = [source for source in sources if all(name in source for name in SECTIONS)]
     values = {

@@ -10,7 +10,6 @@ from rich.console import Console
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import Evaluation
-from lip_id_ros.evaluation.cautions import of_fit
 from lip_id_ros.evaluation.report import Labels
 from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.evaluation.tables import error_table, notes, Table, TORQUE_UNITS
@@ -44,12 +43,6 @@ def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:
     """Show errors and what they are measured against."""
     show(error_table(evaluation, title), console)
     sentences(notes(evaluation), console)
-
-
-def cautions(model: TrainedModel, evaluation: Evaluation | None) -> list[str]:
-    """Say what a user should know before relying on a fit."""
-    unseen = [] if evaluation is not None else [HONEST]
-    return [*of_fit(model.summary), *unseen]
 
 
 def labels(args: argparse.Namespace, model: TrainedModel, warnings: Sequence[str]) -> Labels:

@@ -9,16 +9,13 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lip_id_ros.baselines import Answer, Estimator, Method
 from lip_id_ros.comparison.case import Case
 from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation import metrics
+from lip_id_ros.evaluation import judged
 from lip_id_ros.progress import Progress
-
-Floats = NDArray[np.float64]
 
 QUERIES = 50
 QUERY_SECONDS = 1.0
@@ -148,20 +145,9 @@ def measure(
 
 
 def _score(name: str, test: Dataset, answer: Answer) -> Score:
-    truth = test.tau if test.tau_noiseless is None else test.tau_noiseless
-    kinetic = potential = math.nan
-    if test.kinetic is not None and answer.kinetic is not None:
-        kinetic = float(metrics.nmse_percent(answer.kinetic, test.kinetic))
-    if test.potential is not None and answer.potential is not None:
-        found = metrics.nmse_percent_without_offset(answer.potential, test.potential)
-        potential = float(found)
-    return Score(
-        name,
-        tuple(metrics.nmse_percent(answer.tau, truth).tolist()),
-        tuple(metrics.rmse(answer.tau, truth).tolist()),
-        kinetic,
-        potential,
-    )
+    found = judged(test, answer.tau, answer.kinetic, answer.potential)
+    energies = (found.kinetic_nmse_percent, found.potential_nmse_percent)
+    return Score(name, found.nmse_percent, found.rmse, *(_number(x) for x in energies))
 
 
 def _query_us(estimator: Estimator, test: Dataset) -> float:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.evaluation.estimator import Estimator
 from lip_id_ros.evaluation.outcome import Outcome, run
 from lip_id_ros.progress import Progress, silent
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -33,10 +36,11 @@ class Evaluation:
     against_truth : bool
         Whether those are the true torques, known in simulation, or the measured ones.
     kinetic_nmse_percent, potential_nmse_percent : float or None
-        None where the true energies are unknown, or the model has no potential energy.
-    inertia_not_pd_percent : float
-        Share of samples at which the estimated inertia matrix is not positive definite.
-    inertia_min_eigenvalue : float
+        None where the true energies are unknown, or the model has none.
+    inertia_not_pd_percent : float or None
+        Share of samples at which the estimated inertia matrix is not positive definite; None
+        where the model has none.
+    inertia_min_eigenvalue : float or None
         Smallest eigenvalue of that matrix over all samples [kg m^2 or kg].
 
     """
@@ -50,8 +54,8 @@ class Evaluation:
     against_truth: bool
     kinetic_nmse_percent: float | None
     potential_nmse_percent: float | None
-    inertia_not_pd_percent: float
-    inertia_min_eigenvalue: float
+    inertia_not_pd_percent: float | None = None
+    inertia_min_eigenvalue: float | None = None
 
     @property
     def nmse_percent_mean(self) -> float:
@@ -95,32 +99,52 @@ def evaluate(estimator: Estimator, dataset: Dataset, progress: Progress = silent
 
 
 def score(outcome: Outcome) -> Evaluation:
+    """Compute the errors of an outcome, those of its inertia matrices too."""
+    estimate, smallest = outcome.prediction, outcome.smallest_eigenvalue
+    errors = judged(outcome.dataset, estimate.tau, estimate.kinetic, estimate.potential)
+    return replace(
+        errors,
+        inertia_not_pd_percent=metrics.not_positive_definite_percent(smallest),
+        inertia_min_eigenvalue=float(smallest.min()),
+    )
+
+
+def judged(
+    dataset: Dataset, tau: Floats, kinetic: Floats | None, potential: Floats | None
+) -> Evaluation:
     """
-    Compute the errors of an outcome.
+    Compute the errors of torques and energies.
 
     The torques are compared with `tau_noiseless` where the data set has it; the potential energy
     after removing the mean error, since it is known up to a constant only.
 
+    Parameters
+    ----------
+    dataset : Dataset
+        N samples of n joints.
+    tau : ndarray, shape (N, n)
+        Estimates [N m or N].
+    kinetic, potential : ndarray, shape (N,), or None
+        Estimates [J].
+
     """
-    data, estimate, reference = outcome.dataset, outcome.prediction, outcome.reference
-    potential = None
-    if data.potential is not None and estimate.potential is not None:
-        potential = metrics.nmse_percent_without_offset(estimate.potential, data.potential)
-    kinetic = None
-    if data.kinetic is not None:
-        kinetic = metrics.nmse_percent(estimate.kinetic, data.kinetic)
+    reference = dataset.tau if dataset.tau_noiseless is None else dataset.tau_noiseless
+    kinetic_error = potential_error = None
+    if dataset.kinetic is not None and kinetic is not None:
+        kinetic_error = float(metrics.nmse_percent(kinetic, dataset.kinetic))
+    if dataset.potential is not None and potential is not None:
+        found = metrics.nmse_percent_without_offset(potential, dataset.potential)
+        potential_error = float(found)
     return Evaluation(
-        joint_names=data.joint_names,
-        joint_types=data.joint_types,
-        n_samples=data.n_samples,
-        nmse_percent=tuple(metrics.nmse_percent(estimate.tau, reference).tolist()),
-        rmse=tuple(metrics.rmse(estimate.tau, reference).tolist()),
+        joint_names=dataset.joint_names,
+        joint_types=dataset.joint_types,
+        n_samples=dataset.n_samples,
+        nmse_percent=tuple(metrics.nmse_percent(tau, reference).tolist()),
+        rmse=tuple(metrics.rmse(tau, reference).tolist()),
         torque_std=tuple(np.std(reference, axis=0).tolist()),
-        against_truth=data.tau_noiseless is not None,
-        kinetic_nmse_percent=None if kinetic is None else float(kinetic),
-        potential_nmse_percent=None if potential is None else float(potential),
-        inertia_not_pd_percent=metrics.not_positive_definite_percent(outcome.smallest_eigenvalue),
-        inertia_min_eigenvalue=float(outcome.smallest_eigenvalue.min()),
+        against_truth=dataset.tau_noiseless is not None,
+        kinetic_nmse_percent=kinetic_error,
+        potential_nmse_percent=potential_error,
     )
 
 

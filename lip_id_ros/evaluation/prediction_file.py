@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import os
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation.estimator import Uncertain
 from lip_id_ros.evaluation.mcap_writer import JointStateTrack, NumberTrack, Track, write_mcap
@@ -27,7 +29,9 @@ UNITS = {
 }
 
 
-Writer = Callable[[str, Uncertain, Outcome, Progress], None]
+Values = Mapping[str, NDArray[np.float64] | None]
+"""Estimates by the names of docs/interfaces.md; None, or left out, where a model has none."""
+Writer = Callable[[str, Dataset, Values], None]
 
 
 def writer_for(path: str | os.PathLike[str]) -> Writer:
@@ -49,14 +53,19 @@ def writer_for(path: str | os.PathLike[str]) -> Writer:
     return WRITERS[suffix]
 
 
-def write_prediction_npz(
-    path: str | os.PathLike[str],
-    estimator: Uncertain,
-    outcome: Outcome,
-    progress: Progress = silent,
-) -> None:
+def estimates(estimator: Uncertain, outcome: Outcome, progress: Progress = silent) -> Values:
+    """Return torques, their parts, energies and standard deviations of all of these."""
+    estimate = outcome.prediction
+    std = deviation(estimator, outcome.dataset, progress)
+    return {
+        **{name: getattr(estimate, name) for name in (*TORQUES, *ENERGIES)},
+        **{f'{name}_std': getattr(std, name) for name in ('tau', *ENERGIES)},
+    }
+
+
+def write_prediction_npz(path: str | os.PathLike[str], data: Dataset, found: Values) -> None:
     """
-    Write torques, their parts, energies and standard deviations; see docs/interfaces.md.
+    Write estimates beside what was measured; see docs/interfaces.md.
 
     Raises
     ------
@@ -64,22 +73,14 @@ def write_prediction_npz(
         If the file cannot be written.
 
     """
-    data, estimate = outcome.dataset, outcome.prediction
     arrays = {'t': data.t, 'segment': data.segment, 'tau_measured': data.tau}
-    arrays |= {name: getattr(estimate, name) for name in (*TORQUES, *ENERGIES)}
-    std = deviation(estimator, data, progress)
-    arrays |= {f'{name}_std': getattr(std, name) for name in ('tau', *ENERGIES)}
-    arrays['joint_names'] = np.array(data.joint_names)
-    known = {name: values for name, values in arrays.items() if values is not None}
-    write_npz(path, known, {'format': FORMAT, 'version': VERSION, 'units': UNITS})
+    arrays |= {name: each for name, each in found.items() if each is not None}
+    units = {name: unit for name, unit in UNITS.items() if name in arrays}
+    names = {'joint_names': np.array(data.joint_names)}
+    write_npz(path, arrays | names, {'format': FORMAT, 'version': VERSION, 'units': units})
 
 
-def write_prediction_mcap(
-    path: str | os.PathLike[str],
-    estimator: Uncertain,
-    outcome: Outcome,
-    progress: Progress = silent,
-) -> None:
+def write_prediction_mcap(path: str | os.PathLike[str], data: Dataset, found: Values) -> None:
     """
     Write measured and predicted effort, energies and standard deviations as topics.
 
@@ -89,21 +90,16 @@ def write_prediction_mcap(
         If the file cannot be written.
 
     """
-    data, estimate = outcome.dataset, outcome.prediction
-    std = deviation(estimator, data, progress)
     names, t = data.joint_names, data.t - min(0.0, float(data.t.min()))
-    tracks: list[Track] = [
-        JointStateTrack(MEASURED_TOPIC, names, t, data.q, data.dq, data.tau),
-        JointStateTrack(PREDICTED_TOPIC, names, t, effort=estimate.tau),
-        JointStateTrack(STD_TOPIC, names, t, effort=std.tau),
-    ]
+    tracks: list[Track] = [JointStateTrack(MEASURED_TOPIC, names, t, data.q, data.dq, data.tau)]
+    for name, topic in (('tau', PREDICTED_TOPIC), ('tau_std', STD_TOPIC)):
+        if (torques := found.get(name)) is not None:
+            tracks.append(JointStateTrack(topic, names, t, effort=torques))
     for name in ENERGIES:
-        values, deviations = getattr(estimate, name), getattr(std, name)
-        if values is not None:
-            tracks.append(NumberTrack(f'/{name}_energy', t, values))
-            tracks.append(NumberTrack(f'/{name}_energy_std', t, deviations))
+        for ending in ('', '_std'):
+            if (energy := found.get(f'{name}{ending}')) is not None:
+                tracks.append(NumberTrack(f'/{name}_energy{ending}', t, energy))
     write_mcap(path, tracks)
-    progress('write', data.n_samples, data.n_samples)
 
 
 WRITERS: dict[str, Writer] = {'.npz': write_prediction_npz, '.mcap': write_prediction_mcap}

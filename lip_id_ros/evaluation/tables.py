@@ -48,9 +48,14 @@ def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
 def notes(evaluation: Evaluation) -> list[str]:
     """Say what the errors are measured against, and whether the inertia matrix makes sense."""
     against = 'true torques of the simulation' if evaluation.against_truth else 'measured torques'
-    return [
+    texts = [
         f'{evaluation.n_samples} samples, compared with the {against}; '
-        'nMSE = 100 mean(error^2) / var(torque).',
+        'nMSE = 100 mean(error^2) / var(torque).'
+    ]
+    if evaluation.inertia_not_pd_percent is None:
+        return texts
+    return [
+        *texts,
         f'The estimated inertia matrix is not positive definite at '
         f'{evaluation.inertia_not_pd_percent:.3g} % of the samples; its smallest eigenvalue is '
         f'{evaluation.inertia_min_eigenvalue:.3g}.',

@@ -37,10 +37,15 @@ def warnings(model: TrainedModel, dataset: Dataset) -> list[str]:
             f'are among the {dataset.n_samples} evaluated; the errors say little about other '
             'motions.'
         ]
-    known = _recordings(model.provenance)
+    return same_recording(model.provenance, dataset)
+
+
+def same_recording(provenance: Mapping[str, Any], dataset: Dataset) -> list[str]:
+    """Say so where a data set comes from a recording that a model was fitted on."""
+    known = _recordings(provenance)
     if any(recording in known for recording in _recordings(dataset.provenance)):
         return [
-            'The model was fitted on other samples of the same recording; '
+            'The model was fitted on samples of the same recording; '
             'the errors may be smaller than on other motions.'
         ]
     return []

@@ -23,7 +23,11 @@ COMPARED = 'lip_id_ros/compared'
 
 
 def write_checked(
-    path: str | os.PathLike[str], schema: str, version: int, arrays: Arrays, rest: Mapping[str, Any]
+    path: str | os.PathLike[str],
+    schema: str,
+    version: int,
+    arrays: Arrays,
+    rest: Mapping[str, Any],
 ) -> None:
     """
     Write arrays and a header that says what they are.
@@ -61,6 +65,22 @@ def read_checked(
         ) from error
     _check(path, schema, version, arrays, header)
     return arrays, header
+
+
+def schema_of(path: str | os.PathLike[str]) -> str | None:
+    """
+    Return what a file says it is; None where it says nothing that can be read.
+
+    Raises
+    ------
+    OSError
+        If the file does not exist or cannot be opened.
+
+    """
+    try:
+        return read_npz(path)[1].get('schema')
+    except ValueError:
+        return None
 
 
 def contradiction(path: str | os.PathLike[str], error: Exception) -> ModelError:

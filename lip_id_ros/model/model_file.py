@@ -113,4 +113,3 @@ def _jointwise(name: str, basis: JointBasis, arrays: Arrays) -> JointwiseKernel:
         'residual': lambda: Residual(basis, arrays['residual_scales']),
     }
     return makers[name]()
-

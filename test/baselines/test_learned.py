@@ -76,7 +76,9 @@ def test_what_the_file_does_not_hold_whole_is_refused(saved: Path, tmp_path: Pat
 
 
 def test_serving_refuses_it_and_says_what_it_is(saved: Path) -> None:
-    with pytest.raises(ModelError, match="is a model of the kind 'rigid_body', for lip_id inspect"):
+    with pytest.raises(
+        ModelError, match="is a model of the kind 'rigid_body', for lip_id inspect"
+    ):
         TrainedModel.load(saved)
 
 

@@ -16,7 +16,7 @@ from lip_id_ros.comparison import Cell, Score
 from lip_id_ros.comparison.run import Results
 from lip_id_ros.comparison.summary import to_json
 from lip_id_ros.evaluation import evaluate, run
-from lip_id_ros.evaluation.prediction_file import write_prediction_npz
+from lip_id_ros.evaluation.prediction_file import estimates, write_prediction_npz
 from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.files import read_npz
 from lip_id_ros.tracking import Figures, INFORMED, LEARNED, NOMINAL
@@ -89,7 +89,8 @@ def test_arrays_of_a_data_set(tmp_path: Path) -> None:
 
 
 def test_arrays_of_a_prediction(tmp_path: Path) -> None:
-    write_prediction_npz(tmp_path / 'out.npz', Knowing(), run(Knowing(), swing(1)))
+    found = estimates(Knowing(), run(Knowing(), swing(1)))
+    write_prediction_npz(tmp_path / 'out.npz', swing(1), found)
     arrays, _ = read_npz(tmp_path / 'out.npz')
     text = section('Prediction (`.npz` or `.mcap`)')
     assert set(arrays) <= set(re.findall(r'`(\w+)`', text))

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from simulation.pendulums import swing
 
-from lip_id_ros import evaluation
 from lip_id_ros.cli import main
 from lip_id_ros.evaluation.mcap_writer import JointStateTrack, write_bag_folder
 from lip_id_ros.files import read_npz, write_npz
@@ -269,7 +268,7 @@ def test_interruption_is_quiet(
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(evaluation, 'run', interrupt)
+    monkeypatch.setattr('lip_id_ros.cli.models.run', interrupt)
     status = main(['predict', str(workshop.model), str(workshop.bag), '-o', 'out.npz'])
 
     assert status == 130
@@ -285,6 +284,8 @@ def test_interruption_is_quiet(
         ('fit', 'bag'),
         ('fit', '-o', 'out.npz'),
         ('fit', 'bag', '-o', 'out.npz', '--kernel', 'magic'),
+        ('fit', 'bag', '-o', 'out.npz', '--model', 'magic'),
+        ('fit', 'bag', '-o', 'out.npz', '--model', 'se', '--kernel', 'lip'),
         ('fit', 'bag', '-o', 'out.npz', '--holdout', '1.5'),
         ('fit', 'bag', '-o', 'out.npz', '--holdout', 'half'),
         ('fit', 'bag', '-o', 'out.npz', '--joints', 'a,,b'),

@@ -11,9 +11,10 @@ from cli.conftest import Workshop
 import pytest
 from rich.console import Console
 
-from lip_id_ros.cli import outline, output, progress_display, show
+from lip_id_ros.cli import outline, output, progress_display
 from lip_id_ros.cli.main import one_line
 from lip_id_ros.errors import DataError
+from lip_id_ros.evaluation.cautions import of_fit
 from lip_id_ros.evaluation.health_text import notable
 from lip_id_ros.serving import TrainedModel
 
@@ -141,8 +142,8 @@ def test_hyperparameters_at_a_bound_are_a_caution(workshop: Workshop) -> None:
     model = TrainedModel.load(workshop.model)
     free = replace(model, summary={**model.summary, 'at_bounds': []})
     stuck = replace(model, summary={**model.summary, 'at_bounds': ['noise_variance[0]']})
-    assert not any('ran to a bound' in text for text in show.cautions(free, None))
-    (found,) = (text for text in show.cautions(stuck, None) if 'ran to a bound' in text)
+    assert not any('ran to a bound' in text for text in of_fit(free.summary))
+    (found,) = (text for text in of_fit(stuck.summary) if 'ran to a bound' in text)
     assert '1 hyperparameters ran to a bound (noise_variance[0])' in found
 
 
@@ -150,6 +151,6 @@ def test_an_indefinite_inertia_is_a_caution(workshop: Workshop) -> None:
     model = TrainedModel.load(workshop.model)
     good = replace(model, summary={**model.summary, 'inertia_not_pd_percent': 0.0})
     bad = replace(model, summary={**model.summary, 'inertia_not_pd_percent': 12.5})
-    assert not any('inertia' in text for text in show.cautions(good, None))
-    (found,) = (text for text in show.cautions(bad, None) if 'inertia' in text)
+    assert not any('inertia' in text for text in of_fit(good.summary))
+    (found,) = (text for text in of_fit(bad.summary) if 'inertia' in text)
     assert 'is not positive definite at 12.5 % of the training samples' in found

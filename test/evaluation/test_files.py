@@ -17,6 +17,7 @@ from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation import mcap_writer, run
 from lip_id_ros.evaluation.mcap_writer import JointStateTrack, write_bag_folder, write_mcap
 from lip_id_ros.evaluation.prediction_file import (
+    estimates,
     write_prediction_mcap,
     write_prediction_npz,
     writer_for,
@@ -72,7 +73,7 @@ def test_a_failure_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.Mon
 def test_npz_holds_everything_predicted(tmp_path: Path) -> None:
     data, estimator, path = swing(1), Knowing(torque_error=0.1), tmp_path / 'out.npz'
 
-    write_prediction_npz(path, estimator, run(estimator, data))
+    write_prediction_npz(path, data, estimates(estimator, run(estimator, data)))
 
     arrays, header = read_npz(path)
     expected = estimator.predict(data.q, data.dq, data.ddq)
@@ -90,7 +91,9 @@ def test_npz_holds_everything_predicted(tmp_path: Path) -> None:
 def test_npz_without_potential_energy(tmp_path: Path) -> None:
     estimator = Knowing(offset=None)
 
-    write_prediction_npz(tmp_path / 'out.npz', estimator, run(estimator, swing(1)))
+    write_prediction_npz(
+        tmp_path / 'out.npz', swing(1), estimates(estimator, run(estimator, swing(1)))
+    )
 
     arrays, _ = read_npz(tmp_path / 'out.npz')
     assert not {'potential', 'potential_std'} & set(arrays)
@@ -99,7 +102,7 @@ def test_npz_without_potential_energy(tmp_path: Path) -> None:
 def test_mcap_shows_measured_beside_predicted(tmp_path: Path) -> None:
     data, estimator = swing(1), Knowing(torque_error=0.1)
 
-    write_prediction_mcap(tmp_path / 'out.mcap', estimator, run(estimator, data))
+    write_prediction_mcap(tmp_path / 'out.mcap', data, estimates(estimator, run(estimator, data)))
 
     found = messages(tmp_path / 'out.mcap')
     measured = [message for topic, message in found if topic == '/measured']
@@ -117,7 +120,7 @@ def test_mcap_shows_measured_beside_predicted(tmp_path: Path) -> None:
 def test_mcap_has_energies_and_standard_deviations(tmp_path: Path) -> None:
     data, estimator = swing(1), Knowing(torque_error=0.1)
 
-    write_prediction_mcap(tmp_path / 'out.mcap', estimator, run(estimator, data))
+    write_prediction_mcap(tmp_path / 'out.mcap', data, estimates(estimator, run(estimator, data)))
 
     found = messages(tmp_path / 'out.mcap')
     expected = estimator.predict(data.q, data.dq, data.ddq)
@@ -142,7 +145,9 @@ def test_mcap_has_energies_and_standard_deviations(tmp_path: Path) -> None:
 def test_mcap_without_potential_energy(tmp_path: Path) -> None:
     estimator = Knowing(offset=None)
 
-    write_prediction_mcap(tmp_path / 'out.mcap', estimator, run(estimator, swing(1)))
+    write_prediction_mcap(
+        tmp_path / 'out.mcap', swing(1), estimates(estimator, run(estimator, swing(1)))
+    )
 
     topics = {topic for topic, _ in messages(tmp_path / 'out.mcap')}
     assert not {'/potential_energy', '/potential_energy_std'} & topics
@@ -151,7 +156,8 @@ def test_mcap_without_potential_energy(tmp_path: Path) -> None:
 
 def test_mcap_says_what_plotting_tools_need(tmp_path: Path) -> None:
     """PlotJuggler and Foxglove decode by profile, schema and encoding, without ROS."""
-    write_prediction_mcap(tmp_path / 'out.mcap', Knowing(), run(Knowing(), swing(1)))
+    found = estimates(Knowing(), run(Knowing(), swing(1)))
+    write_prediction_mcap(tmp_path / 'out.mcap', swing(1), found)
 
     with (tmp_path / 'out.mcap').open('rb') as file:
         reader = make_reader(file)

@@ -42,7 +42,7 @@ def test_other_samples_of_the_same_recording_are_told_apart() -> None:
     moved = from_recording(swing(2), source='elsewhere/renamed')
     (warning,) = warnings(model, moved)
 
-    assert 'other samples of the same recording' in warning
+    assert 'on samples of the same recording' in warning
     assert warnings(model, from_recording(swing(2), start_s=99.0)) == []
 
 
