@@ -13,7 +13,7 @@ from lip_id_ros.cli.progress_display import progress_display
 from lip_id_ros.comparison import Case, compare, Store
 from lip_id_ros.comparison.report import write_comparison
 from lip_id_ros.comparison.run import Make
-from lip_id_ros.comparison.summary import tables
+from lip_id_ros.comparison.summary import remarks, tables
 from lip_id_ros.evaluation.terminal import show
 
 
@@ -35,7 +35,7 @@ def main(arguments: list[str]) -> int:
     console = Console(width=140)
     for table in tables(results):
         show(table, console)
-    for sentence in (*results.failures, f'Written: {page}'):
+    for sentence in (*remarks(results), f'Written: {page}'):
         console.print(sentence, markup=False)
     return 0
 

@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli.progress_display import progress_display
     from lip_id_ros.comparison import compare, Store
     from lip_id_ros.comparison.report import write_comparison
-    from lip_id_ros.comparison.summary import tables
+    from lip_id_ros.comparison.summary import remarks, tables
     from lip_id_ros.evaluation.terminal import show as show_table
 
     output.require_no_file(args.output)
@@ -85,4 +85,4 @@ def run(args: argparse.Namespace) -> None:
     console = output.console()
     for table in tables(results):
         show_table(table, console)
-    show.sentences([*results.failures, f'Written: {page}'], console)
+    show.sentences([*remarks(results), f'Written: {page}'], console)

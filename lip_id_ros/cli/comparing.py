@@ -10,7 +10,7 @@ from lip_id_ros.comparison import Case, thinned
 from lip_id_ros.config import Config
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import matched
-from lip_id_ros.preprocessing import load_dataset
+from lip_id_ros.preprocessing import for_training, load_dataset
 from lip_id_ros.progress import Progress
 
 
@@ -32,6 +32,7 @@ def cases(args: argparse.Namespace, config: Config, progress: Progress) -> list[
     else:
         train, rest = data.split(args.train_share)
         tests = {f'the last {100 * (1 - args.train_share):g} %': rest}
+    train = for_training(train, config.preprocessing)
     counts = args.samples or (train.n_samples,)
     return [
         Case(f'{count} samples', f'{count} training samples', some, tests, args.urdf)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from lip_id_ros.cli.models import load
 from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import DATASET_SUFFIX, describe
@@ -32,5 +31,7 @@ def describe_file(path: str, progress: Progress, assess: Assess) -> dict[str, An
 
     """
     if Path(path).suffix == DATASET_SUFFIX and schema_of(path) in (MODEL, COMPARED):
+        from lip_id_ros.cli.models import load  # needs far more than a recording does
+
         return {'file': path, 'kind': 'model', **load(path).described()}
     return describe(path, progress, assess)

@@ -12,6 +12,7 @@ import numpy as np
 
 from lip_id_ros.baselines import Answer, Estimator, Method
 from lip_id_ros.comparison.case import Case
+from lip_id_ros.comparison.code_version import code_version, UNKNOWN
 from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import judged
@@ -67,6 +68,8 @@ class Cell:
     size : int
         Numbers that the model keeps in order to answer.
     scores : tuple of Score
+    code : str
+        Version of the code that made it.
 
     """
 
@@ -79,6 +82,7 @@ class Cell:
     query_us: float
     size: int
     scores: tuple[Score, ...]
+    code: str = UNKNOWN
 
     def to_json(self) -> dict[str, Any]:
         """Return the keys of docs/interfaces.md; what is not a number becomes None."""
@@ -140,6 +144,7 @@ def measure(
         query_us=_query_us(estimator, next(iter(case.tests.values()))),
         size=estimator.size,
         scores=tuple(scores),
+        code=code_version(),
     )
     return cell, answers[0]
 

@@ -10,9 +10,10 @@ from pathlib import Path
 from lip_id_ros.comparison import plots
 from lip_id_ros.comparison.case import Case
 from lip_id_ros.comparison.cell import Cell
+from lip_id_ros.comparison.code_version import code_version
 from lip_id_ros.comparison.run import Results
 from lip_id_ros.comparison.store import Store
-from lip_id_ros.comparison.summary import groups, tables, to_json
+from lip_id_ros.comparison.summary import groups, remarks, tables, to_json
 from lip_id_ros.evaluation.report.folder import Drawing, drawn, write_folder
 from lip_id_ros.evaluation.report.page import page
 from lip_id_ros.evaluation.tables import Table
@@ -66,8 +67,8 @@ def write_comparison(
     """
     drawings = [*_boxes(results), *_curves(results), *_energies(cases, results, store)]
     pictures = drawn(drawings, progress)
-    known = Table('Where this comes from', (), facts)
-    text = page(title, results.failures, tables(results), NOTES, pictures, known)
+    known = Table('Where this comes from', (), [*facts, ('code', code_version())])
+    text = page(title, remarks(results), tables(results), NOTES, pictures, known)
     numbers = json.dumps(to_json(results), indent=1, allow_nan=False) + '\n'
     write_whole(folder / JSON, numbers.encode())
     return write_folder(folder, text, pictures)

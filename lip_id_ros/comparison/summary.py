@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.comparison.cell import Cell
+from lip_id_ros.comparison.code_version import code_version, made_by_others
 from lip_id_ros.comparison.run import Results
 from lip_id_ros.evaluation.tables import percent, Table
 
@@ -41,6 +42,12 @@ def tables(results: Results) -> Iterator[Table]:
     for group, by_model in groups(results.cells).items():
         yield _errors(group, by_model)
         yield Table(f'{group}: cost, medians', COST, [_cost(*item) for item in by_model.items()])
+
+
+def remarks(results: Results) -> list[str]:
+    """Return what a reader must know first: what failed, and what other code has made."""
+    codes = (cell.code for cell in results.cells)
+    return [*results.failures, *made_by_others(codes, code_version())]
 
 
 def to_json(results: Results) -> dict[str, Any]:

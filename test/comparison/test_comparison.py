@@ -14,9 +14,11 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.baselines import Method
-from lip_id_ros.comparison import Case, Cell, compare, Store, thinned
+from lip_id_ros.comparison import Case, Cell, compare, Store, summary, thinned
+from lip_id_ros.comparison.code_version import code_version, source_digest
 from lip_id_ros.comparison.report import write_comparison
 from lip_id_ros.comparison.run import Results
+from lip_id_ros.comparison.summary import remarks
 from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
@@ -140,3 +142,40 @@ def test_the_page_holds_everything_and_needs_no_network(tmp_path: Path) -> None:
     assert medians['half']['motions'] == 2
     assert len(numbers['cells']) == 4
     assert len(numbers['failures']) == 2
+
+
+def test_results_of_other_code_are_kept_and_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    method, store = Scaled(1.0), Store(tmp_path / 'cells')
+    first = run(tmp_path / 'cells', {'half': method}, [case()])
+    assert remarks(first) == []
+    (cell,) = first.cells
+    assert cell.code == code_version()
+
+    monkeypatch.setattr(summary, 'code_version', lambda: '9-new')
+    again = run(tmp_path / 'cells', {'half': method}, [case()])
+    assert method.fits == 1
+    (sentence,) = remarks(again)
+    assert f'1 of 1 results were kept from other code ({cell.code}; this is 9-new)' in sentence
+    page = write_comparison(tmp_path, 'Title', [case()], again, store, [])
+    assert sentence in page.read_text(encoding='utf-8')
+
+
+def test_a_cell_from_before_codes_were_noted_is_of_unknown_code(tmp_path: Path) -> None:
+    (cell,) = run(tmp_path, {'half': Scaled(1.0)}, [case()]).cells
+    content = cell.to_json()
+    del content['code']
+    assert Cell.from_json(content).code == 'unknown'
+
+
+def test_the_digest_is_that_of_the_sources(tmp_path: Path) -> None:
+    (tmp_path / 'part').mkdir()
+    (tmp_path / 'part' / 'a.py').write_text('a = 1')
+    before = source_digest([tmp_path / 'part'])
+    (tmp_path / 'part' / 'notes.txt').write_text('no source')
+    assert source_digest([tmp_path / 'part']) == before
+    (tmp_path / 'part' / 'a.py').write_text('a = 2')
+    changed = source_digest([tmp_path / 'part'])
+    (tmp_path / 'part' / 'a.py').rename(tmp_path / 'part' / 'b.py')
+    assert len({before, changed, source_digest([tmp_path / 'part'])}) == 3
