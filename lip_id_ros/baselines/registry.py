@@ -113,5 +113,17 @@ _WITH_KINEMATICS: dict[str, Callable[[Urdf], Method]] = {
     'rigid_body': _rigid_body,
     'semiparametric': _semiparametric,
 }
+MEANINGS = {
+    'se': 'a Gaussian process per joint, squared exponential',
+    'gip': 'a Gaussian process per joint, geometrically inspired polynomial kernel',
+    'lse': 'a Gaussian process on the Lagrangian, squared exponential',
+    'delan': 'a deep Lagrangian network',
+    'lip': "Gaussian processes on the energies, the paper's polynomial kernel",
+    'nested': 'as lip, kernel nested by links',
+    'recursive': 'as lip, kernel composed from base to tip; the default of this package',
+    'rigid_body': 'least squares on rigid-body dynamics, kinematics known from a URDF',
+    'semiparametric': 'a Gaussian process per joint, rigid-body features and squared exponential',
+}
+"""What each is, in words for those who compare them."""
 MODELS = (*_BLACK_BOX, *_WITH_KINEMATICS)
 """Names of all methods."""

@@ -8,6 +8,7 @@ import math
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,7 +33,7 @@ def colors(models: Sequence[str]) -> dict[str, Color]:
 
 
 def boxes(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
-    """Draw the errors of every joint and of their mean, a box over the unseen motions each."""
+    """Draw the errors of every joint and of their mean, a box, or a point, for each model."""
     joints = next(iter(by_model.values()))[0].joint_names
     panels = {
         name: {model: joint_errors(cells)[:, i] for model, cells in by_model.items()}
@@ -42,12 +43,20 @@ def boxes(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
     n_rows = math.ceil(len(panels) / N_COLUMNS)
     figure = Figure(figsize=(style.WIDTH, 2.9 * n_rows), layout='constrained')
     axes = list(figure.subplots(n_rows, N_COLUMNS, squeeze=False).flat)
+    draw = _boxes if several(by_model) else _points
     for panel, (title, errors) in zip(axes, panels.items(), strict=False):
-        _boxes(panel, title, errors)
+        values = {model: _shown(x[np.isfinite(x)]) for model, x in errors.items()}
+        draw(panel, values)
+        _label(panel, title, values)
     for panel in axes[len(panels) :]:
         panel.set_visible(False)
     figure.supylabel('nMSE [%]')
     return figure
+
+
+def several(by_model: Mapping[str, Sequence[Cell]]) -> bool:
+    """Whether there is more than one unseen motion, and so a box to be drawn."""
+    return any(len(mean_errors(cells)) > 1 for cells in by_model.values())
 
 
 def learning_curves(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
@@ -55,6 +64,7 @@ def learning_curves(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
     figure = Figure(figsize=(style.WIDTH, 4.2), layout='constrained')
     panel = figure.subplots()
     palette = colors(list(by_model))
+    panel.set_xticks(sorted({cell.n_train for cells in by_model.values() for cell in cells}))
     for model, cells in by_model.items():
         counts = sorted({cell.n_train for cell in cells})
         medians = [
@@ -62,7 +72,7 @@ def learning_curves(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
             for count in counts
         ]
         panel.plot(counts, _shown(np.array(medians)), 'o-', color=palette[model], label=model)
-    panel.set_yscale('log')
+    _logarithmic(panel)
     panel.margins(x=0.03)
     panel.set_xlabel('training samples')
     panel.set_ylabel('nMSE, mean of the joints [%]')
@@ -115,16 +125,33 @@ def _limit(panel: Axes, truth: Floats) -> None:
     panel.set_ylim(truth.min() - margin, truth.max() + margin)
 
 
-def _boxes(panel: Axes, title: str, errors: Mapping[str, Floats]) -> None:
-    palette = colors(list(errors))
-    values = [_shown(x[np.isfinite(x)]) for x in errors.values()]
-    drawn = panel.boxplot(values, patch_artist=True, widths=0.6, medianprops={'color': 'black'})
-    for box, color in zip(drawn['boxes'], palette.values(), strict=True):
+def _boxes(panel: Axes, errors: Mapping[str, Floats]) -> None:
+    drawn = panel.boxplot(
+        list(errors.values()), patch_artist=True, widths=0.6, medianprops={'color': 'black'}
+    )
+    for box, color in zip(drawn['boxes'], colors(list(errors)).values(), strict=True):
         box.set(facecolor=color, alpha=0.5)
+
+
+def _points(panel: Axes, errors: Mapping[str, Floats]) -> None:
+    palette = colors(list(errors))
+    for place, (model, values) in enumerate(errors.items(), start=1):
+        panel.plot([place] * len(values), values, 'o', color=palette[model], markersize=9)
+    panel.set_xlim(0.5, len(errors) + 0.5)
+
+
+def _label(panel: Axes, title: str, errors: Mapping[str, Floats]) -> None:
     panel.set_xticks(range(1, len(errors) + 1), list(errors), rotation=60, ha='right', fontsize=9)
-    if any(x.size for x in values):
-        panel.set_yscale('log')
+    if any(x.size for x in errors.values()):
+        _logarithmic(panel)
+        panel.margins(y=0.15)
     panel.set_title(title, loc='left', fontsize=10)
+
+
+def _logarithmic(panel: Axes) -> None:
+    panel.set_yscale('log')
+    panel.yaxis.set_major_formatter(LogFormatter())  # 0.1 and 10 rather than powers of ten
+    panel.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1, 0.4)))
 
 
 def _curve(

@@ -13,7 +13,7 @@ from lip_id_ros.comparison.cell import Cell
 from lip_id_ros.comparison.code_version import code_version
 from lip_id_ros.comparison.run import Results
 from lip_id_ros.comparison.store import Store
-from lip_id_ros.comparison.summary import groups, remarks, tables, to_json
+from lip_id_ros.comparison.summary import groups, meanings, remarks, tables, to_json
 from lip_id_ros.evaluation.report.folder import Drawing, drawn, write_folder
 from lip_id_ros.evaluation.report.page import page
 from lip_id_ros.evaluation.tables import Table
@@ -21,9 +21,15 @@ from lip_id_ros.files import write_whole
 from lip_id_ros.progress import Progress, silent
 
 JSON = 'comparison.json'
+BOXES = (
+    'Each box: quartiles over the unseen motions; whiskers: up to 1.5 times their range. '
+    'The scales are logarithmic.'
+)
+POINTS = 'On the one unseen motion. The scales are logarithmic.'
 NOTES = (
     'nMSE = 100 mean(error^2) / var(torque), against the true torques where a simulation knows '
-    'them, else against the measured ones; "mean" is over the joints. '
+    'them, else against the measured ones; "mean" is over the joints. Less is better: 0 is '
+    'perfect, 100 is no better than the mean of the torque. '
     'Energies are compared where they are known; the potential energy without its mean error.',
     'Times are of this machine, with whatever else it was doing.',
 )
@@ -67,16 +73,17 @@ def write_comparison(
     """
     drawings = [*_boxes(results), *_curves(results), *_energies(cases, results, store)]
     pictures = drawn(drawings, progress)
+    notes = [*(f'{name}: {what}.' for name, what in meanings(results.cells).items()), *NOTES]
     known = Table('Where this comes from', (), [*facts, ('code', code_version())])
-    text = page(title, remarks(results), tables(results), NOTES, pictures, known)
+    text = page(title, remarks(results), tables(results), notes, pictures, known)
     numbers = json.dumps(to_json(results), indent=1, allow_nan=False) + '\n'
     write_whole(folder / JSON, numbers.encode())
     return write_folder(folder, text, pictures)
 
 
 def _boxes(results: Results) -> Iterator[Drawing]:
-    caption = 'Each box: quartiles over the unseen motions; whiskers: up to 1.5 times their range.'
     for number, (group, by_model) in enumerate(groups(results.cells).items(), start=1):
+        caption = BOXES if plots.several(by_model) else POINTS
         yield f'errors_{number}', f'{group}: errors', caption, partial(plots.boxes, by_model)
 
 

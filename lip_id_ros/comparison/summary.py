@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lip_id_ros.baselines.registry import MEANINGS
 from lip_id_ros.comparison.cell import Cell
 from lip_id_ros.comparison.code_version import code_version, made_by_others
 from lip_id_ros.comparison.run import Results
@@ -44,6 +45,11 @@ def tables(results: Results) -> Iterator[Table]:
         yield Table(f'{group}: cost, medians', COST, [_cost(*item) for item in by_model.items()])
 
 
+def meanings(cells: Sequence[Cell]) -> dict[str, str]:
+    """Return what each model is, by its name; those of other origin have no such text."""
+    return {cell.model: MEANINGS[cell.model] for cell in cells if cell.model in MEANINGS}
+
+
 def remarks(results: Results) -> list[str]:
     """Return what a reader must know first: what failed, and what other code has made."""
     codes = (cell.code for cell in results.cells)
@@ -64,12 +70,17 @@ def to_json(results: Results) -> dict[str, Any]:
 
 def _errors(group: str, by_model: dict[str, list[Cell]]) -> Table:
     joints = next(iter(by_model.values()))[0].joint_names
-    header = ('model', *joints, 'mean', 'kinetic', 'potential')
+    medians = {model: _medians(cells) for model, cells in by_model.items()}
+    energies = [
+        name
+        for name in ('kinetic', 'potential')
+        if any(found[f'{name}_nmse_percent'] is not None for found in medians.values())
+    ]
+    header = ('model', *joints, 'mean', *energies)
     rows = []
-    for model, cells in by_model.items():
-        found = _medians(cells)
+    for model, found in medians.items():
         figures = [*found['nmse_percent'], found['nmse_percent_mean']]
-        figures += [found['kinetic_nmse_percent'], found['potential_nmse_percent']]
+        figures += [found[f'{name}_nmse_percent'] for name in energies]
         rows.append((model, *(percent(math.nan if x is None else x) for x in figures)))
     count = max(len(joint_errors(cells)) for cells in by_model.values())
     motions = 'one unseen motion' if count == 1 else f'median of {count} unseen motions'
@@ -79,7 +90,7 @@ def _errors(group: str, by_model: dict[str, list[Cell]]) -> Table:
 def _cost(model: str, cells: Sequence[Cell]) -> tuple[str, ...]:
     found = _medians(cells)
     seconds, query = found['fit_seconds'], found['query_us']
-    return model, f'{seconds:.3g}', f'{query:.3g}', f'{found["size"]:.0f}'
+    return model, f'{seconds:.3g}', f'{query:.0f}', f'{found["size"]:.0f}'
 
 
 def _medians(cells: Sequence[Cell]) -> dict[str, Any]:

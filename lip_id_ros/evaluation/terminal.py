@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from rich.console import Console
 import rich.table
 
 from lip_id_ros.evaluation.tables import Table
+
+WIDE = 1000  # more than any table needs
 
 
 def show(table: Table, console: Console) -> None:
@@ -16,12 +20,13 @@ def show(table: Table, console: Console) -> None:
     ----------
     table : Table
     console : rich.console.Console
-        Where to; one that is no terminal gets plain text.
+        Where to; one that is no terminal gets plain text in lines as long as they need be.
 
     """
     drawn = rich.table.Table(title=table.title, title_justify='left', title_style='bold')
     for number, name in enumerate(table.header):
-        drawn.add_column(name, justify='right' if number else 'left', no_wrap=number == 0)
+        justify: Literal['left', 'right'] = 'right' if number else 'left'
+        drawn.add_column(name, justify=justify, no_wrap=number == 0, overflow='fold')
     for row in table.rows:
         drawn.add_row(*row)
-    console.print(drawn)
+    console.print(drawn, width=None if console.is_terminal else WIDE)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.baselines import method, MODELS, needs_urdf
+from lip_id_ros.baselines.registry import MEANINGS
 from lip_id_ros.config import FitSettings
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.simulation.panda import panda_urdf
@@ -44,3 +45,7 @@ def test_every_model_answers(name: str) -> None:
     np.testing.assert_allclose(one.tau, found.tau[:1], rtol=1e-6, atol=1e-6)
     for energy in (found.kinetic, found.potential):
         assert energy is None or energy.shape == (unseen.n_samples,)
+
+
+def test_every_model_is_explained() -> None:
+    assert set(MEANINGS) == set(MODELS)

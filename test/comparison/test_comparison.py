@@ -14,11 +14,11 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.baselines import Method
-from lip_id_ros.comparison import Case, Cell, compare, Store, summary, thinned
+from lip_id_ros.comparison import Case, Cell, compare, plots, Store, summary, thinned
 from lip_id_ros.comparison.code_version import code_version, source_digest
 from lip_id_ros.comparison.report import write_comparison
 from lip_id_ros.comparison.run import Results
-from lip_id_ros.comparison.summary import remarks
+from lip_id_ros.comparison.summary import remarks, tables
 from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
@@ -179,3 +179,29 @@ def test_the_digest_is_that_of_the_sources(tmp_path: Path) -> None:
     changed = source_digest([tmp_path / 'part'])
     (tmp_path / 'part' / 'a.py').rename(tmp_path / 'part' / 'b.py')
     assert len({before, changed, source_digest([tmp_path / 'part'])}) == 3
+
+
+def test_one_unseen_motion_is_drawn_as_points_and_several_as_boxes(tmp_path: Path) -> None:
+    methods: dict[str, Method] = {'half': Scaled(1.0), 'good': Scaled(1.9)}
+    one = Case('one', 'pendulums', data(0), {'a': data(1)})
+    drawn = []
+    for each in (one, case()):
+        cells = run(tmp_path, methods, [each]).cells
+        panel = plots.boxes(summary.groups(cells)['pendulums']).axes[0]
+        drawn.append((len(panel.patches), len(panel.get_lines())))
+        assert [tick.get_text() for tick in panel.get_xticklabels()] == ['half', 'good']
+    (no_boxes, points), (boxes, lines) = drawn
+    assert (no_boxes, points, boxes) == (0, 2, 2)
+    assert lines > 2
+
+
+def test_models_are_explained_and_unknown_energies_have_no_columns(tmp_path: Path) -> None:
+    (with_truth,) = run(tmp_path, {'recursive': Scaled(1.0)}, [case()]).cells
+    without = replace(
+        with_truth,
+        scores=tuple(replace(s, kinetic_nmse_percent=math.nan) for s in with_truth.scores),
+    )
+    for cell, header in ((with_truth, ('mean', 'kinetic')), (without, ('mean',))):
+        errors, _ = tables(Results((cell,), (), ()))
+        assert tuple(errors.header) == ('model', *cell.joint_names, *header)
+    assert 'composed from base to tip' in summary.meanings([with_truth])['recursive']

@@ -16,7 +16,7 @@ h1 { font-size: 26px; margin: 8px 0; }
 h2 { font-size: 19px; margin: 36px 0 8px; }
 p { margin: 6px 0; }
 table { border-collapse: collapse; background: white; }
-th, td { padding: 6px 16px; text-align: right; border-bottom: 1px solid #e4e7eb; }
+th, td { padding: 6px 14px; text-align: right; border-bottom: 1px solid #e4e7eb; }
 th:first-child, td:first-child { text-align: left; }
 td { font-variant-numeric: tabular-nums; }
 figure { margin: 0; background: white; padding: 12px; border: 1px solid #e4e7eb; }
@@ -105,7 +105,12 @@ def _rows(table: Table) -> str:
 
 
 def _row(tag: str, cells: Iterable[str]) -> str:
-    return '<tr>' + ''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells) + '</tr>'
+    return '<tr>' + ''.join(f'<{tag}>{_text(cell)}</{tag}>' for cell in cells) + '</tr>'
+
+
+def _text(cell: str) -> str:
+    """Let long names of joints break at their underscores."""
+    return escape(cell).replace('_', '_<wbr>')
 
 
 def _figure(picture: Picture) -> str:
