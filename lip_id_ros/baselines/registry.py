@@ -119,8 +119,9 @@ MEANINGS = {
     'lse': 'a Gaussian process on the Lagrangian, squared exponential',
     'delan': 'a deep Lagrangian network',
     'lip': "Gaussian processes on the energies, the paper's polynomial kernel",
-    'nested': 'as lip, kernel nested by links',
-    'recursive': 'as lip, kernel composed from base to tip; the default of this package',
+    'nested': 'Gaussian processes on the energies, a kernel nested by links',
+    'recursive': 'Gaussian processes on the energies, a kernel composed from base to tip; '
+    'the default of this package',
     'rigid_body': 'least squares on rigid-body dynamics, kinematics known from a URDF',
     'semiparametric': 'a Gaussian process per joint, rigid-body features and squared exponential',
 }

@@ -80,7 +80,7 @@ def learning_curves(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
     return figure
 
 
-def energies(test: Dataset, answers: Mapping[str, Answer]) -> Figure:
+def energies(test: Dataset, answers: Mapping[str, Answer], palette: Mapping[str, Color]) -> Figure:
     """Draw the energies along one unseen motion, those of the models and the true ones."""
     known = {
         name: {
@@ -94,7 +94,7 @@ def energies(test: Dataset, answers: Mapping[str, Answer]) -> Figure:
     figure = Figure(figsize=(style.WIDTH, 3.2 * len(drawn)), layout='constrained')
     panels = list(figure.subplots(len(drawn), 1, sharex=True, squeeze=False).flat)
     for panel, name in zip(panels, drawn, strict=True):
-        _energy(panel, test, name, known[name], colors(list(answers)))
+        _energy(panel, test, name, known[name], palette)
     panels[-1].set_xlabel('time [s]')
     panels[0].legend(loc='center left', bbox_to_anchor=(1, 0.5))
     return figure
@@ -112,8 +112,9 @@ def _energy(
         _curve(panel, test, truth, style.MEASURED, 'true', 4.0)
         _limit(panel, truth)
     for model, values in found.items():
-        unknown = name == 'potential' and truth is not None
-        offset = np.mean(truth - values) if unknown else 0.0
+        # a constant of the potential energy is arbitrary: the means are made to agree
+        middle = 0.0 if truth is None else truth.mean()
+        offset = middle - values.mean() if name == 'potential' else 0.0
         _curve(panel, test, values + offset, palette[model], model, 1.3)
     panel.set_title(f'{name} energy', loc='left')
     panel.set_ylabel('energy [J]')
@@ -144,7 +145,6 @@ def _label(panel: Axes, title: str, errors: Mapping[str, Floats]) -> None:
     panel.set_xticks(range(1, len(errors) + 1), list(errors), rotation=60, ha='right', fontsize=9)
     if any(x.size for x in errors.values()):
         _logarithmic(panel)
-        panel.margins(y=0.15)
     panel.set_title(title, loc='left', fontsize=10)
 
 

@@ -107,6 +107,8 @@ def _energies(cases: Sequence[Case], results: Results, store: Store) -> Iterator
     if answers:
         name, test = next(iter(last.tests.items()))
         caption = (
-            f'Energies on {name} of {last.name}. The potential energy is known up to a constant.'
+            f'Energies on {name}, learned from {last.name}. The potential energy is known up to a '
+            'constant; the curves are moved to a common mean.'
         )
-        yield 'energies', 'Energies', caption, partial(plots.energies, test, answers)
+        palette = plots.colors(list(dict.fromkeys(cell.model for cell in results.cells)))
+        yield 'energies', 'Energies', caption, partial(plots.energies, test, answers, palette)

@@ -29,4 +29,7 @@ def show(table: Table, console: Console) -> None:
         drawn.add_column(name, justify=justify, no_wrap=number == 0, overflow='fold')
     for row in table.rows:
         drawn.add_row(*row)
-    console.print(drawn, width=None if console.is_terminal else WIDE)
+    if console.is_terminal:
+        console.print(drawn)
+    else:
+        Console(file=console.file, width=WIDE, highlight=False).print(drawn)

@@ -105,12 +105,10 @@ def _rows(table: Table) -> str:
 
 
 def _row(tag: str, cells: Iterable[str]) -> str:
-    return '<tr>' + ''.join(f'<{tag}>{_text(cell)}</{tag}>' for cell in cells) + '</tr>'
-
-
-def _text(cell: str) -> str:
-    """Let long names of joints break at their underscores."""
-    return escape(cell).replace('_', '_<wbr>')
+    texts = (escape(cell) for cell in cells)
+    if tag == 'th':  # long names of joints may break
+        texts = (text.replace('_', '_<wbr>') for text in texts)
+    return '<tr>' + ''.join(f'<{tag}>{text}</{tag}>' for text in texts) + '</tr>'
 
 
 def _figure(picture: Picture) -> str:
