@@ -69,6 +69,9 @@ class Network:
     """
 
     def __init__(self, network: DelanNetwork) -> None:
+        self._keep(network)
+
+    def _keep(self, network: DelanNetwork) -> None:
         self._network = network.eval()
         self.size = sum(int(weights.numel()) for weights in network.parameters())
 
@@ -80,7 +83,7 @@ class Network:
         """Set it up again; see `lip_id_ros.baselines.taken_apart`."""
         network = DelanNetwork(*description['shape'])
         network.load_state_dict(description['weights'])
-        self.__init__(network)  # type: ignore[misc]
+        self._keep(network)
 
     def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
         """Estimate torques and both energies."""
