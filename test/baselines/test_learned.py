@@ -38,7 +38,7 @@ def test_a_model_is_read_as_it_was_written(
 ) -> None:
     from lip_id_ros.baselines import delan
 
-    monkeypatch.setattr(delan.Delan.__init__, '__defaults__', (10,))
+    monkeypatch.setattr(delan.Delan.__init__, '__defaults__', (20,))
     before = fitted(name)
     before.save(tmp_path / 'model.npz')
     after = Learned.load(tmp_path / 'model.npz')
