@@ -148,10 +148,17 @@ def _label(panel: Axes, title: str, errors: Mapping[str, Floats]) -> None:
     panel.set_title(title, loc='left', fontsize=10)
 
 
+class _Plain(LogFormatter):
+    """Writes 0.1 and 10 rather than powers of ten, where a label is due."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return f'{x:g}' if super().__call__(x, pos) else ''
+
+
 def _logarithmic(panel: Axes) -> None:
     panel.set_yscale('log')
-    panel.yaxis.set_major_formatter(LogFormatter())  # 0.1 and 10 rather than powers of ten
-    panel.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1, 0.4)))
+    panel.yaxis.set_major_formatter(_Plain())
+    panel.yaxis.set_minor_formatter(_Plain(minor_thresholds=(1, 0.4)))
 
 
 def _curve(

@@ -22,8 +22,8 @@ td { font-variant-numeric: tabular-nums; }
 figure { margin: 0; background: white; padding: 12px; border: 1px solid #e4e7eb; }
 figure img { width: 100%; height: auto; display: block; }
 .warning { background: #fef3c7; border-left: 4px solid #d97706; padding: 8px 14px; }
-.facts td { text-align: left; white-space: normal; }
-.scroll { overflow-x: auto; }
+.facts td { text-align: left; overflow-wrap: anywhere; }
+.scroll { overflow-x: auto; margin-bottom: 10px; }
 """
 
 
