@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 import json
 import os
 from pathlib import Path
@@ -34,18 +33,19 @@ WITHOUT_A_WINDOW = {'QT_QPA_PLATFORM': 'offscreen', 'QTWEBENGINE_DISABLE_SANDBOX
 LABELS = Labels('Title', ['Beware.'], [('recording', 'a' * 200)])
 
 
-@cache
-def missing() -> str | None:
-    """Return why there is no browser; in a process of its own, which Qt may end."""
+@pytest.fixture(autouse=True, scope='module')
+def browser() -> None:
+    """Look for the browser in a process of its own, which Qt may end."""
     program = 'import PySide6.QtWebEngineWidgets'
-    tried = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
-    return None if tried.returncode == 0 else tried.stderr.strip().splitlines()[-1]
+    tried = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, check=False
+    )
+    if tried.returncode != 0:
+        reason = (tried.stderr.strip().splitlines() or ['it does not start'])[-1]
+        pytest.skip(f'needs a browser; make setup brings PySide6_WebEngine: {reason}')
 
 
 def seen(page: Path) -> dict[str, Any] | None:
-    reason = missing()
-    if reason is not None:
-        pytest.skip(f'needs a browser, PySide6_WebEngine of make setup: {reason}')
     looked = subprocess.run(
         [sys.executable, BROWSER, page],
         capture_output=True,
