@@ -23,7 +23,8 @@ def main(arguments: list[str]) -> int:
     short, full = EXPERIMENTS[options.experiment]
     form = full if options.full else short
     models = options.models or form.models
-    name = f'{options.experiment}, {"in full" if options.full else "short form"}'
+    words = options.experiment.replace('_', ' ').capitalize()
+    name = f'{words}, {"in full" if options.full else "short form"}'
     folder: Path = options.output or Path(f'comparison_{options.experiment}')
     # cells of networks that were trained for longer are other cells
     store = Store(folder / f'cells_{form.delan_steps}')
