@@ -19,7 +19,7 @@ from lip_id_ros.config import rows, setting, Settings
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.nodes import messages, parameters, qos, running
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.serve.references import JointOrder, Reason, RefusedError
+from lip_id_ros.runtime.references import JointOrder, Reason, RefusedError
 from lip_id_ros.runtime.settings import AT_START, EXECUTORS
 from lip_id_ros.simulation import TorqueControlledArm
 from lip_id_ros.tracking.setup import panda_setup

@@ -14,7 +14,7 @@ from lip_id_ros.nodes import messages, parameters, qos, running
 from lip_id_ros.nodes.status import OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.runtime.computed_torque import ControlSettings, PlanController
-from lip_id_ros.runtime.serve.references import RefusedError
+from lip_id_ros.runtime.references import RefusedError
 
 STATUS_PERIOD_S = 0.5
 

@@ -22,7 +22,7 @@ from lip_id_ros.nodes.serve_outputs import (
     STD_TOPIC,
 )
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.serve.references import ON_PURPOSE, RefusedError
+from lip_id_ros.runtime.references import ON_PURPOSE, RefusedError
 from lip_id_ros.runtime.serve.server import Server
 
 WARNING_PERIOD_S = 5.0

@@ -14,7 +14,7 @@ from lip_id_ros.config import setting, Settings
 from lip_id_ros.control import Gains, Torques
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.runtime.serve.references import (
+from lip_id_ros.runtime.references import (
     JointOrder,
     PlannedPoint,
     Reason,

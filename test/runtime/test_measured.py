@@ -9,11 +9,11 @@ import pytest
 from runtime.arms import NAMES, Sum
 
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.runtime.references import Reason, RefusedError
 from lip_id_ros.runtime.serve.calibration import Calibration, calibration
 from lip_id_ros.runtime.serve.feedforward import Feedforward
 from lip_id_ros.runtime.serve.low_pass import LowPass
 from lip_id_ros.runtime.serve.measured import Measured
-from lip_id_ros.runtime.serve.references import Reason, RefusedError
 
 STEP_S = 0.002
 SCALE, OFFSET = np.array([2.0, -1.0]), np.array([0.5, 0.0])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.runtime.serve.references import JointOrder, Reason, RefusedError, stack
+from lip_id_ros.runtime.references import JointOrder, Reason, RefusedError, stack
 
 NAMES = ('base', 'shoulder', 'elbow')
 FINITE = st.floats(allow_nan=False, allow_infinity=False)

@@ -12,8 +12,8 @@ import pytest
 from runtime.arms import arm, NAMES, point
 
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.runtime.references import Reason, RefusedError
 from lip_id_ros.runtime.serve.health import Level, Observer
-from lip_id_ros.runtime.serve.references import Reason, RefusedError
 from lip_id_ros.runtime.serve.server import Server
 from lip_id_ros.runtime.settings import ServeSettings
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import pytest
 
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.runtime.serve.references import RefusedError
+from lip_id_ros.runtime.references import RefusedError
 from lip_id_ros.runtime.serve.rules import by_joint, make_rules
 from lip_id_ros.runtime.serve.shaping import LONGEST_STEP_S, Sent, Shaper
 from lip_id_ros.runtime.settings import ServeSettings

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.runtime.serve.references import JointOrder, Point, Reason, RefusedError, stack
+from lip_id_ros.runtime.references import JointOrder, Point, Reason, RefusedError, stack
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from collections import Counter
 from enum import IntEnum
 from typing import NamedTuple
 
-from lip_id_ros.runtime.serve.references import Reason
+from lip_id_ros.runtime.references import Reason
 from lip_id_ros.runtime.serve.server import Server
 
 

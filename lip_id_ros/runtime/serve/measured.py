@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.runtime.references import JointOrder, Reason, RefusedError
 from lip_id_ros.runtime.serve.calibration import Calibration
 from lip_id_ros.runtime.serve.feedforward import Answer, Feedforward
 from lip_id_ros.runtime.serve.low_pass import LowPass
-from lip_id_ros.runtime.serve.references import JointOrder, Reason, RefusedError
 
 Array = NDArray[np.float64]
 

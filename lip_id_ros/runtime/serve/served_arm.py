@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lip_id_ros.runtime.references import PlannedPoint, Point, times
 from lip_id_ros.runtime.serve.checks import factors, std_excess, TrainingRange
 from lip_id_ros.runtime.serve.feedforward import Answer
 from lip_id_ros.runtime.serve.loading import Arm
 from lip_id_ros.runtime.serve.measured import Measured
-from lip_id_ros.runtime.serve.references import PlannedPoint, Point, times
 from lip_id_ros.runtime.serve.rules import make_rules, Policy, SafeValue
 from lip_id_ros.runtime.serve.shaping import Sent, Shaper
 from lip_id_ros.runtime.settings import ServeSettings

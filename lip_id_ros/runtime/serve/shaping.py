@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.runtime.serve.references import Reason, RefusedError
+from lip_id_ros.runtime.references import Reason, RefusedError
 from lip_id_ros.runtime.serve.rules import Rules
 
 Array = NDArray[np.float64]
