@@ -73,14 +73,23 @@ def prepared(dataset: Dataset, console: Console) -> None:
 
 def measured(speed: Speed, console: Console) -> None:
     """Show the times of a model."""
+    calls = (
+        ('torque, kinetic and potential energy', speed.one_query),
+        ('the same, and the torque by parts', speed.parts),
+        ('standard deviations of torques and energies', speed.deviation),
+    )
     rows = [
-        ('one query, median', f'{speed.one_query_us_median:.1f} us'),
-        ('one query, 99 of 100 below', f'{speed.one_query_us_p99:.1f} us'),
-        ('one query, longest', f'{speed.one_query_us_max:.1f} us'),
-        ('many samples at once', f'{speed.batch_per_second:.0f} samples/s'),
+        (what, f'{times.median:.1f}', f'{times.p99:.1f}', f'{times.max:.1f}')
+        for what, times in calls
     ]
-    title = f'{speed.n_joints} joints, {speed.n_samples} samples'
-    show(Table(title, ('', ''), rows), console)
+    title = f'one sample, {speed.n_joints} joints, model of {speed.n_samples} samples'
+    show(Table(title, ('', 'median [us]', '99 of 100 below', 'longest'), rows), console)
+    texts = (
+        'Torque and energies come out of one evaluation: one of them alone takes as long.',
+        f'The first standard deviation takes {speed.factorise_s:.2g} s more.',
+        f'Many samples at once, by parts: {speed.batch_per_second:.0f} per second.',
+    )
+    sentences(texts, console)
 
 
 def sentences(texts: Sequence[str], console: Console) -> None:

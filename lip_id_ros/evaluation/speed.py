@@ -2,22 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import time
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.evaluation.estimator import Answering
+from lip_id_ros.evaluation.estimator import Answering, Uncertain
 from lip_id_ros.progress import Progress, silent
 
 Floats = NDArray[np.float64]
+Call = Callable[[Floats, Floats, Floats], object]
 
 WARM_UP = 300
 QUERIES = 3000
+DEVIATIONS = 30
 BATCH = 1000
 BATCH_SECONDS = 1.0
 SEED = 0
+
+
+class Timed(Answering, Uncertain, Protocol):
+    """What is timed, such as a `Predictor`."""
+
+
+@dataclass(frozen=True)
+class CallTimes:
+    """Times of single calls with one sample each [microseconds]."""
+
+    median: float
+    p99: float
+    max: float
+
+    @classmethod
+    def of(cls, microseconds: Floats) -> CallTimes:
+        """Summarise the times of many calls."""
+        return cls(*(float(value) for value in np.quantile(microseconds, [0.5, 0.99, 1.0])))
 
 
 @dataclass(frozen=True)
@@ -27,34 +49,48 @@ class Speed:
 
     Attributes
     ----------
-    one_query_us_median, one_query_us_p99, one_query_us_max : float
-        One call with one sample: torque, kinetic and potential energy [microseconds].
+    one_query : CallTimes
+        Torque, kinetic and potential energy: they come out of one evaluation, so that none of
+        them alone costs less.
+    parts : CallTimes
+        The same, with the torque split into inertial, Coriolis, gravity and friction torques.
+    deviation : CallTimes
+        Standard deviations of torques and energies.
+    factorise_s : float
+        What the first standard deviation takes beside [s].
     batch_per_second : float
-        Samples per second where many are asked at once.
+        Samples per second where many are asked at once, with parts.
     n_joints, n_samples : int
         Size of the model.
 
     """
 
-    one_query_us_median: float
-    one_query_us_p99: float
-    one_query_us_max: float
+    one_query: CallTimes
+    parts: CallTimes
+    deviation: CallTimes
+    factorise_s: float
     batch_per_second: float
     n_joints: int
     n_samples: int
 
     def to_json(self) -> dict[str, float]:
         """Return the keys of docs/interfaces.md."""
-        return dict(vars(self))
+        flat: dict[str, float] = {}
+        for name, value in vars(self).items():
+            if isinstance(value, CallTimes):
+                flat |= {f'{name}_us_{which}': each for which, each in vars(value).items()}
+            else:
+                flat[name] = value
+        return flat
 
 
-def measure(predictor: Answering, n_samples: int, progress: Progress = silent) -> Speed:
+def measure(predictor: Timed, n_samples: int, progress: Progress = silent) -> Speed:
     """
     Time a predictor on states within the range of its training data.
 
     Parameters
     ----------
-    predictor : Answering
+    predictor : Timed
         Such as a `Predictor`.
     n_samples : int
         Training samples of the model, for the record.
@@ -67,29 +103,44 @@ def measure(predictor: Answering, n_samples: int, progress: Progress = silent) -
     """
     low, high = predictor.training_range
     states = np.random.default_rng(SEED).uniform(low, high, (BATCH, *low.shape))
-    microseconds = _query_times(predictor, states, progress)
-    median, p99, longest = np.quantile(microseconds, [0.5, 0.99, 1.0])
+    one_query = _times('one query', predictor.query, states, QUERIES, progress)
+    parts = _times('with parts', _one(predictor.predict), states, QUERIES, progress)
+    deviate = _one(predictor.standard_deviation)
+    progress('factorisation', 0, 0)
+    first = _seconds(deviate, *states[0])
+    deviation = _times('standard deviations', deviate, states, DEVIATIONS, progress)
     return Speed(
-        one_query_us_median=float(median),
-        one_query_us_p99=float(p99),
-        one_query_us_max=float(longest),
+        one_query=one_query,
+        parts=parts,
+        deviation=deviation,
+        factorise_s=max(0.0, first - 1e-6 * deviation.median),
         batch_per_second=_batch_rate(predictor, states, progress),
         n_joints=int(low.shape[1]),
         n_samples=n_samples,
     )
 
 
-def _query_times(predictor: Answering, states: Floats, progress: Progress) -> Floats:
-    nanoseconds = np.empty(QUERIES)
-    for call in range(-WARM_UP, QUERIES):
-        q, dq, ddq = states[call % BATCH]
-        begin = time.perf_counter_ns()
-        predictor.query(q, dq, ddq)
-        nanoseconds[max(call, 0)] = time.perf_counter_ns() - begin
-        if call % 500 == 0:
-            progress('one query', max(call, 0), QUERIES)
-    progress('one query', QUERIES, QUERIES)
-    return nanoseconds / 1e3
+def _one(call: Call) -> Call:
+    """Ask a call for many samples for one."""
+    return lambda q, dq, ddq: call(q[None], dq[None], ddq[None])
+
+
+def _seconds(call: Call, q: Floats, dq: Floats, ddq: Floats) -> float:
+    begin = time.perf_counter()
+    call(q, dq, ddq)
+    return time.perf_counter() - begin
+
+
+def _times(what: str, call: Call, states: Floats, calls: int, progress: Progress) -> CallTimes:
+    for q, dq, ddq in states[: min(WARM_UP, calls // 10)]:
+        call(q, dq, ddq)
+    seconds = np.empty(calls)
+    for number in range(calls):
+        seconds[number] = _seconds(call, *states[number % BATCH])
+        if number % 500 == 0:
+            progress(what, number, calls)
+    progress(what, calls, calls)
+    return CallTimes.of(1e6 * seconds)
 
 
 def _batch_rate(predictor: Answering, states: Floats, progress: Progress) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import pytest
 
 from lip_id_ros.evaluation import speed
-from lip_id_ros.serving import Prediction, Query
+from lip_id_ros.serving import Deviation, Prediction, Query
 
 Floats = NDArray[np.float64]
 
@@ -23,6 +23,7 @@ class Sleeper(Knowing):
     def __init__(self) -> None:
         super().__init__()
         self.queries: list[Floats] = []
+        self.factorised = False
 
     def query(self, q: Floats, dq: Floats, ddq: Floats) -> Query:
         self.queries.append(np.array([q, dq, ddq]))
@@ -33,17 +34,25 @@ class Sleeper(Knowing):
         time.sleep(0.02)
         return super().predict(q, dq, ddq)
 
+    def standard_deviation(self, q: Floats, dq: Floats, ddq: Floats) -> Deviation:
+        self.factorised, wait = True, 0.005 if self.factorised else 0.105
+        time.sleep(wait)
+        return super().standard_deviation(q, dq, ddq)
+
 
 def test_times_and_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(speed, 'QUERIES', 40)
-    monkeypatch.setattr(speed, 'WARM_UP', 5)
+    monkeypatch.setattr(speed, 'DEVIATIONS', 3)
     monkeypatch.setattr(speed, 'BATCH_SECONDS', 0.1)
     sleeper, reports = Sleeper(), []
 
     found = speed.measure(sleeper, 123, lambda *report: reports.append(report))
 
-    assert len(sleeper.queries) == 45
-    assert 2000 <= found.one_query_us_median <= found.one_query_us_p99 <= found.one_query_us_max
+    assert len(sleeper.queries) == 44  # with a tenth to warm up
+    assert 2_000 <= found.one_query.median <= found.one_query.p99 <= found.one_query.max
+    assert 20_000 <= found.parts.median <= found.parts.p99 <= found.parts.max
+    assert 5_000 <= found.deviation.median < 20_000
+    assert 0.09 < found.factorise_s < 0.5
     assert 0 < found.batch_per_second <= speed.BATCH / 0.02
     assert (found.n_joints, found.n_samples) == (3, 123)
     assert ('one query', 40, 40) in reports
@@ -52,11 +61,15 @@ def test_times_and_counts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_json_keys() -> None:
-    figures = speed.Speed(1.0, 2.0, 3.0, 4.0, 5, 6).to_json()
+    times = speed.CallTimes.of(np.arange(101.0))
+    figures = speed.Speed(times, times, times, 0.5, 4.0, 5, 6).to_json()
     assert figures == {
-        'one_query_us_median': 1.0,
-        'one_query_us_p99': 2.0,
-        'one_query_us_max': 3.0,
+        **{
+            f'{what}_us_{which}': value
+            for what in ('one_query', 'parts', 'deviation')
+            for which, value in (('median', 50.0), ('p99', 99.0), ('max', 100.0))
+        },
+        'factorise_s': 0.5,
         'batch_per_second': 4.0,
         'n_joints': 5,
         'n_samples': 6,
