@@ -14,7 +14,6 @@ No accelerations are needed (De Luca et al., IROS 2006).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -128,37 +127,3 @@ def external_torques(
     observer = Observer(gain)
     terms = zip(t, *momentum_and_rate(model, q, dq, tau), strict=True)
     return np.array([observer.update(float(time), *each) for time, *each in terms])
-
-
-@dataclass(frozen=True)
-class Thresholds:
-    """
-    What is no longer taken for an error of the model.
-
-    Attributes
-    ----------
-    torque : ndarray, shape (n,)
-        Largest absolute external torques that are no contact [N m or N].
-
-    """
-
-    torque: Array
-
-    @classmethod
-    def of_free_motion(cls, residuals: Array, margin: float = 2.0) -> Thresholds:
-        """
-        Take the largest residuals of a motion without contact, times a margin.
-
-        Parameters
-        ----------
-        residuals : ndarray, shape (N, n)
-            As `external_torques` returns them, of a motion that the model was not fitted on: on
-            the one that it was, residuals are some three times smaller.
-        margin : float
-
-        """
-        return cls(margin * np.abs(residuals).max(axis=0))
-
-    def exceeded(self, residual: Array) -> NDArray[np.bool_]:
-        """Which joints are touched, of the shape of `residual`: (n,) or (N, n)."""
-        return np.asarray(np.abs(residual) > self.torque)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from evaluation.stubs import Knowing
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +12,17 @@ from serving.models import random_model
 from simulation.pendulums import INERTIA, Pendulums, swing, WEIGHT
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.monitoring import ContactObserver, EnergyMonitor, external_torques, Thresholds
+from lip_id_ros.errors import DataError
+from lip_id_ros.monitoring import (
+    ContactMonitor,
+    ContactObserver,
+    EnergyMonitor,
+    external_torques,
+    sudden_part,
+    Thresholds,
+)
 from lip_id_ros.monitoring.contact import momentum_and_rate
+from lip_id_ros.monitoring.detection import shown_of_a_step
 from lip_id_ros.monitoring.observer import Observer
 from lip_id_ros.serving import Predictor
 
@@ -124,9 +135,49 @@ def test_without_gravity_the_energy_is_kinetic() -> None:
     assert balance.total == pytest.approx(INERTIA.sum() / 2)
 
 
-def test_thresholds_lie_above_what_free_motion_showed() -> None:
-    residuals = np.array([[0.1, -0.4], [-0.3, 0.2]])
-    thresholds = Thresholds.of_free_motion(residuals, margin=2.0)
-    np.testing.assert_allclose(thresholds.torque, [0.6, 0.8])
-    np.testing.assert_array_equal(thresholds.exceeded(np.array([-0.7, 0.7])), [True, False])
-    assert not thresholds.exceeded(residuals).any()
+def test_slow_errors_are_left_out_and_a_step_is_not() -> None:
+    t = np.arange(0.0, 20.0, 0.01)
+    slow = 3.0 * np.sin(2 * np.pi * 0.05 * t)[:, np.newaxis]
+    step = np.where(t[:, np.newaxis] >= 10.0, 5.0, 0.0)
+    assert np.abs(sudden_part(t, slow)).max() < 0.1
+    shown = sudden_part(t, slow + step)
+    assert shown[t < 10.0].max() < 0.1
+    assert shown[np.searchsorted(t, 10.0), 0] == pytest.approx(5.0, abs=0.1)
+    assert np.abs(shown[t > 11.0]).max() < 0.1  # what lasts is taken for normal
+
+
+@pytest.mark.parametrize(('gain', 'cutoff_hz'), [(50.0, 2.0), (20.0, 8.0)])
+def test_a_step_shows_as_much_as_is_said(gain: float, cutoff_hz: float) -> None:
+    t = np.arange(0.0, 1.0, 1e-4)
+    observed = 1.0 - np.exp(-gain * t)[:, np.newaxis]
+    largest = sudden_part(t, observed, cutoff_hz).max()
+    assert largest == pytest.approx(shown_of_a_step(gain, cutoff_hz), rel=1e-2)
+
+
+def test_thresholds_lie_between_free_motion_and_contact() -> None:
+    free = np.array([[0.1, -0.4], [-0.3, 0.2]])
+    thresholds = Thresholds.between(free, 5.0)
+    shown = 5.0 * shown_of_a_step()
+    np.testing.assert_allclose(thresholds.torque / [0.3, 0.4], shown / thresholds.torque)
+    above = thresholds.torque + 1e-6
+    np.testing.assert_array_equal(thresholds.exceeded(above * [-1, 0.5]), [True, False])
+    assert not thresholds.exceeded(free).any()
+
+
+def test_a_contact_that_free_motion_hides_is_refused() -> None:
+    expected = (
+        'a contact of 0.5 N m at joint 2 shows as 0.315 N m, but the free motion went up to 0.4; '
+        'ask for a larger contact, or learn from more motion.'
+    )
+    with pytest.raises(DataError, match=f'^{re.escape(expected)}$'):
+        Thresholds.between(np.array([[0.1, -0.4]]), [5.0, 0.5])
+
+
+def test_monitor_tells_the_torque_and_its_sudden_part() -> None:
+    data = motion()
+    monitor = ContactMonitor(Knowing())
+    rows = zip(data.t, data.q, data.dq, pushed(data), strict=True)
+    found = [monitor.update(*row) for row in rows]
+    torque = external_torques(Knowing(), data.t, data.q, data.dq, pushed(data))
+    np.testing.assert_allclose([each.torque for each in found], torque)
+    np.testing.assert_allclose([each.sudden for each in found], sudden_part(data.t, torque))

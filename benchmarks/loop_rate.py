@@ -1,0 +1,84 @@
+"""A robot on a 1 kHz wall clock over the real middleware: which torques come in time."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.serve_rate import fitted
+
+MIDDLEWARES = ('rmw_fastrtps_cpp', 'rmw_cyclonedds_cpp')
+ROUTES = ('stream', 'plan, node', 'plan, in the loop')
+COLUMNS = {
+    'middleware': 'middleware',
+    'route': 'route',
+    'missed_percent': 'missed %',
+    'lost': 'lost',
+    'unsafe': 'unsafe',
+    'answer_ms_median': 'median ms',
+    'answer_ms_p99': '99 % ms',
+    'answer_ms_max': 'max ms',
+    'interval_ms_std': 'jitter ms',
+    'interval_ms_p99': 'interval 99 % ms',
+    'robot_late_percent': 'robot late %',
+    'serve_cpu_percent': 'serve CPU %',
+    'computed_torque_cpu_percent': 'controller CPU %',
+    'rms_error_mrad': 'error mrad',
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Measure every cell, print a table; exit status 1 where an unsafe torque came."""
+    options = _options(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        model = options.model or fitted(folder)
+        cells = itertools.product(options.middlewares, options.routes)
+        rows = [measure(*cell, options.seconds, model) for cell in cells]
+    _print(rows, options.seconds)
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=1))
+    return int(any(row['unsafe'] for row in rows))
+
+
+def measure(middleware: str, route: str, seconds: float, model: str) -> dict[str, Any]:
+    """Return the figures of one cell, from processes of its own."""
+    request = {'middleware': middleware, 'route': route, 'seconds': seconds, 'model': model}
+    ran = subprocess.run(
+        [sys.executable, '-m', 'benchmarks._loop_robot', json.dumps(request)],
+        env={**os.environ, 'RMW_IMPLEMENTATION': middleware},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    row: dict[str, Any] = json.loads(ran.stdout.splitlines()[-1])
+    return row
+
+
+def _print(rows: list[dict[str, Any]], seconds: float) -> None:
+    table = Table(title=f'{seconds:g} s at 1 kHz, 7 joints')
+    for title in COLUMNS.values():
+        table.add_column(title)
+    for row in rows:
+        values = [row.get(name, '') for name in COLUMNS]
+        table.add_row(*(f'{v:.3g}' if isinstance(v, float) else str(v) for v in values))
+    Console(width=170).print(table)
+
+
+def _options(arguments: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog='benchmarks loop_rate', description=__doc__)
+    parser.add_argument('--routes', nargs='+', choices=ROUTES, default=ROUTES)
+    parser.add_argument('--middlewares', nargs='+', default=MIDDLEWARES)
+    parser.add_argument('--seconds', type=float, default=60.0)
+    parser.add_argument('--model', help='of the Panda; left out: one is fitted')
+    parser.add_argument('--json', type=Path, help='also write the figures here')
+    return parser.parse_args(arguments)
