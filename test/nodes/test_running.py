@@ -14,6 +14,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 pytestmark = pytest.mark.ros
 
 PROGRAM = """
+import gc
 from rclpy.node import Node
 from lip_id_ros.nodes import running
 
@@ -24,6 +25,7 @@ class Faulty(Node):
         self.create_timer(0.01, self.fail)
 
     def fail(self):
+        print('frozen', gc.get_freeze_count())
         raise RuntimeError('a programming error')
 
     def stop(self):
@@ -45,4 +47,6 @@ def test_an_error_in_a_callback_ends_in_good_order_too(executor: str, tmp_path: 
     )
     assert ended.returncode == 1
     assert 'kept the data' in ended.stdout
+    frozen = int(ended.stdout.split()[1])
+    assert frozen > 10_000  # what was imported costs no collection any more
     assert 'RuntimeError: a programming error' in ended.stderr
