@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import json
 from pathlib import Path
@@ -20,7 +20,6 @@ from lip_id_ros.gp import fit
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.monitoring import external_torques, sudden_part, Thresholds
 from lip_id_ros.preprocessing import for_training, preprocess
-from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.serving import Predictor
 from lip_id_ros.simulation import (
@@ -38,8 +37,10 @@ Array = NDArray[np.float64]
 
 EVERY = 10  # the observer runs at 100 Hz
 FIRST, APART, LASTS = 1.0, 2.0, 0.5  # contacts [s]
-# the low-pass of the fit must let through what the observer sees
-PREPROCESSING = PreprocessingSettings(cutoff_hz=12.5, max_samples=800)
+MOTIONS = 2  # that are learned from
+# The low-pass must let through what the observer sees; around the turn of a joint it smears the
+# step of its friction.
+PREPROCESSING = PreprocessingSettings(cutoff_hz=12.5, max_samples=2000, min_velocity=0.2)
 
 
 @dataclass(frozen=True)
@@ -89,13 +90,14 @@ def measure(
     """
     Return what free motion showed, and the delays of flags [s]; None where a push was missed.
 
-    One motion is learned from, another sets the thresholds, a third must not be flagged, and a
+    Two motions are learned from, another sets the thresholds, a third must not be flagged, and a
     fourth is pushed.
 
     """
     setup, rng = panda_setup(n_joints), np.random.default_rng(seed)
     nominal = NominalFeedforward(setup.arm.with_wrong_masses(0.2, 0.02, rng))
-    model = learned(setup, move(setup, nominal, rng, seconds), settings)
+    runs = [move(setup, nominal, rng, seconds) for _ in range(MOTIONS)]
+    model = learned(setup, runs, settings)
     predictor = Predictor(model)
     _, normal = watch(predictor, move(setup, nominal, rng, seconds))
     thresholds = Thresholds.between(normal, torque)
@@ -116,11 +118,10 @@ def measure(
     }
 
 
-def learned(setup: Setup, run: Tracking, settings: FitSettings) -> TrainedModel:
+def learned(setup: Setup, runs: Sequence[Tracking], settings: FitSettings) -> TrainedModel:
     """Learn from what the sensors said."""
-    samples = JointSamples(run.t, run.q, run.dq, run.tau, setup.arm.joint_names)
-    everything = preprocess(samples, PreprocessingSettings(cutoff_hz=PREPROCESSING.cutoff_hz))
-    return fit(at_most(for_training(everything, PREPROCESSING), PREPROCESSING), settings)
+    samples = [JointSamples(run.t, run.q, run.dq, run.tau, setup.arm.joint_names) for run in runs]
+    return fit(for_training(preprocess(samples, PREPROCESSING), PREPROCESSING), settings)
 
 
 def move(
