@@ -46,6 +46,7 @@ setup(
             'lip_id = lip_id_ros.cli:main',
             'train = lip_id_ros.nodes.train:main',
             'serve = lip_id_ros.nodes.serve:main',
+            'monitor = lip_id_ros.nodes.monitor:main',
             'replay = lip_id_ros.nodes.replay:main',
             'computed_torque = lip_id_ros.nodes.computed_torque:main',
             'simulated_panda = lip_id_ros.demo.robot:main',

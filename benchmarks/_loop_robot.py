@@ -22,7 +22,8 @@ from benchmarks._loop_figures import Timeline
 from benchmarks._serve_client import cpu_seconds, LIMITS, serving, spun
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.runtime.computed_torque import ControlSettings, PlanController
+from lip_id_ros.runtime.computed_torque import PlanController
+from lip_id_ros.runtime.node_settings import ControlSettings
 from lip_id_ros.simulation import Measurement, placed, SinusoidTrajectory
 from lip_id_ros.simulation.panda import MOTION
 from lip_id_ros.tracking.setup import DAMPING, panda_setup, STIFFNESS
@@ -104,7 +105,7 @@ class Stream:
 
     def begin(self) -> None:
         """Send the first reference until it is answered."""
-        wait_for(lambda: self._newest.any(), lambda: self._send(-1))
+        wait_for(lambda: bool(self._newest.any()), lambda: self._send(-1))
 
     def torque(self, number: int, measured: Measurement) -> Array:
         """Ask for the feedforward of this tick; use the newest."""
@@ -147,7 +148,7 @@ class PlanThroughNode:
         wait_for(lambda: self._forward.get_subscription_count() > 0, lambda: None)
         self._forward.publish(answered)
         first = Measurement(0.0, self._motion[0][0], self._motion[1][0], np.zeros(len(NAMES)))
-        wait_for(lambda: self._newest.any(), lambda: self._send(-1, first))
+        wait_for(lambda: bool(self._newest.any()), lambda: self._send(-1, first))
 
     def torque(self, number: int, measured: Measurement) -> Array:
         """Ask for the torque of this tick; use the newest."""
@@ -183,7 +184,9 @@ class PlanInLoop:
     def torque(self, number: int, measured: Measurement) -> Array:
         """Compute the torque of this tick."""
         self._timeline.asked(number)
-        message = JointMessage(tick_ns(number), NAMES, measured.q, measured.dq, ())
+        message = JointMessage(
+            tick_ns(number), NAMES, measured.q.tolist(), measured.dq.tolist(), ()
+        )
         torques = self._controller.torques(message)
         assert torques is not None
         self._timeline.answered(number, bool(np.isfinite(torques.command).all()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import sys
 import time
 
@@ -15,34 +15,18 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from lip_id_ros.config import rows, setting, Settings
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.nodes import messages, parameters, qos, running
 from lip_id_ros.recording.joint_messages import from_joint_state
+from lip_id_ros.runtime.node_settings import ArmSettings
 from lip_id_ros.runtime.references import JointOrder, Reason, RefusedError
-from lip_id_ros.runtime.settings import AT_START, EXECUTORS
+from lip_id_ros.runtime.settings import parameters_of
 from lip_id_ros.simulation import TorqueControlledArm
 from lip_id_ros.tracking.setup import panda_setup
 
 Array = NDArray[np.float64]
 
 RETRY_S = 0.2
-
-
-@dataclass(frozen=True)
-class ArmSettings(Settings):
-    """The node `simulated_arm`."""
-
-    n_joints: int = setting(
-        7, 'Joints of the Panda, from the base.', minimum=1, maximum=7, applies=AT_START
-    )
-    seed: int = setting(0, 'Seed of all noise.', minimum=0, applies=AT_START)
-    contact: tuple[float, ...] = setting(
-        (), 'External torque on each joint, as of a contact; empty for none.', unit='N m'
-    )
-    executor: str = setting(
-        'events', 'How callbacks are run.', choices=EXECUTORS, applies=AT_START
-    )
 
 
 class ArmNode(Node):
@@ -63,7 +47,7 @@ class ArmNode(Node):
 
     def __init__(self) -> None:
         super().__init__('simulated_arm')
-        self._table = {row.name: row for row in rows(ArmSettings)}
+        self._table = parameters_of(ArmSettings)
         parameters.declare(self, self._table)
         settings = self._settings()
         setup, n = panda_setup(settings.n_joints), settings.n_joints

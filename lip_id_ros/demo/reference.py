@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 import json
 import sys
 
@@ -12,23 +11,13 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from lip_id_ros.config import rows, setting, Settings
 from lip_id_ros.control import GrowingCosine
 from lip_id_ros.nodes import messages, parameters, qos, running
-from lip_id_ros.runtime.settings import EXECUTORS
+from lip_id_ros.runtime.node_settings import ReferenceSettings
+from lip_id_ros.runtime.settings import parameters_of
 from lip_id_ros.tracking.setup import panda_setup
 
 POINTS_HZ = 100.0
-
-
-@dataclass(frozen=True)
-class ReferenceSettings(Settings):
-    """The node `reference`."""
-
-    n_joints: int = setting(7, 'Joints of the Panda, from the base.', minimum=1, maximum=7)
-    amplitude: float = setting(0.6, 'Reached at the horizon.', unit='rad', minimum=0.0)
-    horizon: float = setting(10.0, 'Length of the motion.', unit='s', minimum=0.1)
-    executor: str = setting('events', 'How callbacks are run.', choices=EXECUTORS)
 
 
 class ReferenceNode(Node):
@@ -36,7 +25,7 @@ class ReferenceNode(Node):
 
     def __init__(self) -> None:
         super().__init__('reference')
-        table = {row.name: row for row in rows(ReferenceSettings)}
+        table = parameters_of(ReferenceSettings)
         parameters.declare(self, table)
         self._plan = plan(ReferenceSettings(**parameters.values(self, table)))
         self._active = self._done = False

@@ -13,10 +13,10 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from lip_id_ros.config import rows, setting, Settings
+from lip_id_ros.config import setting, Settings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.nodes import messages, parameters, qos, running
-from lip_id_ros.runtime.settings import EXECUTORS
+from lip_id_ros.runtime.settings import EXECUTORS, parameters_of
 from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory, with_encoder_noise
 from lip_id_ros.simulation.panda import MOTION
 
@@ -66,7 +66,7 @@ class RobotNode(Node):
 
     def __init__(self) -> None:
         super().__init__('simulated_panda')
-        self._table = {row.name: row for row in rows(RobotSettings)}
+        self._table = parameters_of(RobotSettings)
         parameters.declare(self, self._table)
         self._start_ns = self.get_clock().now().nanoseconds
         self._n_published = 0

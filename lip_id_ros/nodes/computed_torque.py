@@ -9,12 +9,13 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from lip_id_ros.config import rows
 from lip_id_ros.nodes import messages, parameters, qos, running
 from lip_id_ros.nodes.status import OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.computed_torque import ControlSettings, PlanController
+from lip_id_ros.runtime.computed_torque import PlanController
+from lip_id_ros.runtime.node_settings import ControlSettings
 from lip_id_ros.runtime.references import RefusedError
+from lip_id_ros.runtime.settings import parameters_of
 
 STATUS_PERIOD_S = 0.5
 
@@ -29,7 +30,7 @@ class ComputedTorqueNode(Node):
 
     def __init__(self) -> None:
         super().__init__('computed_torque')
-        table = {row.name: row for row in rows(ControlSettings)}
+        table = parameters_of(ControlSettings)
         parameters.declare(self, table)
         self._controller = PlanController(ControlSettings(**parameters.values(self, table)))
         self._counts = Counter(plans=0, torques=0)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from lip_id_ros.config import setting, Settings
 from lip_id_ros.control import Gains, Torques
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.runtime.node_settings import ControlSettings
 from lip_id_ros.runtime.references import (
     JointOrder,
     PlannedPoint,
@@ -22,28 +21,8 @@ from lip_id_ros.runtime.references import (
     stack,
     times,
 )
-from lip_id_ros.runtime.settings import AT_START, EXECUTORS
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ControlSettings(Settings):
-    """The node `computed_torque`."""
-
-    joints: tuple[str, ...] = setting((), 'Joints to control, in the order of the gains.')
-    stiffness: tuple[float, ...] = setting(
-        (), 'Torque per position error, per joint.', unit='N m/rad or N/m', minimum=0.0
-    )
-    damping: tuple[float, ...] = setting(
-        (), 'Torque per velocity error, per joint.', unit='N m s/rad or N s/m', minimum=0.0
-    )
-    torque_limits: tuple[float, ...] = setting(
-        (), 'Largest magnitude of each torque; empty for none.', unit='N m or N', minimum=0.0
-    )
-    executor: str = setting(
-        'events', 'How callbacks are run.', choices=EXECUTORS, applies=AT_START
-    )
 
 
 class EffortPoint(PlannedPoint, Protocol):

@@ -12,16 +12,27 @@ import json
 import sys
 
 from lip_id_ros.config import Row
-from lip_id_ros.runtime.settings import AT_ONCE, serve_parameters, train_parameters
+from lip_id_ros.runtime.node_settings import (
+    ArmSettings,
+    ControlSettings,
+    MonitorSettings,
+    ReferenceSettings,
+)
+from lip_id_ros.runtime.settings import (
+    AT_ONCE,
+    parameters_of,
+    serve_parameters,
+    train_parameters,
+)
 
 COMMAND = 'python -m lip_id_ros.runtime.parameter_page > docs/parameters.md'
 
 INTRODUCTION = f"""\
 # Parameters of the nodes
 
-The nodes declare and check their parameters by the tables in `lip_id_ros/runtime/settings.py` and
-`lip_id_ros/config/tables.py`, of which this page is written by
-`{COMMAND}`.
+The nodes declare and check their parameters by the tables in `lip_id_ros/runtime/settings.py`,
+`lip_id_ros/runtime/node_settings.py` and `lip_id_ros/config/tables.py`, of which this page is
+written by `{COMMAND}`.
 
 - [config/train.yaml](../config/train.yaml) and [config/serve.yaml](../config/serve.yaml) are for
   any arm, [config/panda.yaml](../config/panda.yaml) has both nodes in one file:
@@ -53,8 +64,23 @@ HEADER = """\
 
 def page() -> str:
     """Return the page as Markdown."""
-    nodes = {'train': train_parameters(), 'serve': serve_parameters()}
+    nodes = node_parameters()
     return '\n'.join([INTRODUCTION, *(_node(name, table) for name, table in nodes.items())])
+
+
+def node_parameters() -> dict[str, dict[str, Row]]:
+    """Return the parameters of every node by its name."""
+    others = {
+        'monitor': MonitorSettings,
+        'computed_torque': ControlSettings,
+        'simulated_arm': ArmSettings,
+        'reference': ReferenceSettings,
+    }
+    return {
+        'train': train_parameters(),
+        'serve': serve_parameters(),
+        **{name: parameters_of(table) for name, table in others.items()},
+    }
 
 
 def _node(name: str, table: Mapping[str, Row]) -> str:

@@ -18,13 +18,13 @@ NEXT_JOB = 'at the next fit or data set'
 ON_CONFIGURE = 'on configure; refused while configured'
 ON_LOAD = 'on configure or reload'
 
-_EXECUTOR_HELP = (
+EXECUTOR_HELP = (
     'How callbacks are run; events takes less CPU at high rates and gives way to single_threaded '
     'where this ROS has none.'
 )
 
 POLICIES = ('off', 'warn', 'scale', 'zero')
-_PER_JOINT = 'One per joint, in the order of joints, or one for all.'
+PER_JOINT = 'One per joint, in the order of joints, or one for all.'
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class TrainSettings(Settings):
         maximum=19,
         applies=NEXT_JOB,
     )
-    executor: str = setting('events', _EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)
+    executor: str = setting('events', EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)
 
 
 @dataclass(frozen=True)
@@ -91,11 +91,11 @@ class ServeSettings(Settings):
         applies=ON_CONFIGURE,
     )
     torque_limits: tuple[float, ...] = setting(
-        (), f'Largest torque or force. {_PER_JOINT}', unit='N m or N', minimum=0.0
+        (), f'Largest torque or force. {PER_JOINT}', unit='N m or N', minimum=0.0
     )
     rate_limits: tuple[float, ...] = setting(
         (),
-        f'Largest change of a torque or force. {_PER_JOINT}',
+        f'Largest change of a torque or force. {PER_JOINT}',
         unit='N m/s or N/s',
         minimum=0.0,
     )
@@ -131,7 +131,7 @@ class ServeSettings(Settings):
     )
     range_margin: tuple[float, ...] = setting(
         (0.2,),
-        f'What a joint may go beyond its training range, as a share of half of it. {_PER_JOINT}',
+        f'What a joint may go beyond its training range, as a share of half of it. {PER_JOINT}',
         minimum=0.0,
     )
     std_policy: str = setting(
@@ -143,7 +143,7 @@ class ServeSettings(Settings):
     )
     std_limits: tuple[float, ...] = setting(
         (),
-        f'Largest standard deviation of a torque, for std_policy. {_PER_JOINT}',
+        f'Largest standard deviation of a torque, for std_policy. {PER_JOINT}',
         unit='N m or N',
         minimum=0.0,
     )
@@ -192,7 +192,7 @@ class ServeSettings(Settings):
         maximum=1000.0,
     )
     autostart: bool = setting(True, 'Configure and activate at the start.', applies=AT_START)
-    executor: str = setting('events', _EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)
+    executor: str = setting('events', EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)
 
     @property
     def needs_deviations(self) -> bool:
@@ -232,15 +232,16 @@ def train_parameters() -> dict[str, Row]:
     fit = {
         name: replace(row, applies=times.get(name, NEXT_JOB)) for name, row in flat_rows(Config())
     }
-    return {**_own(TrainSettings), **fit}
+    return {**parameters_of(TrainSettings), **fit}
 
 
 def serve_parameters() -> dict[str, Row]:
     """Return all parameters of `serve` by name."""
-    return _own(ServeSettings)
+    return parameters_of(ServeSettings)
 
 
-def _own(table: type[Settings]) -> dict[str, Row]:
+def parameters_of(table: type[Settings]) -> dict[str, Row]:
+    """Return the parameters of one table by name."""
     return {row.name: row for row in rows(table)}
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.runtime.computed_torque import ControlSettings, PlanController
+from lip_id_ros.runtime.computed_torque import PlanController
+from lip_id_ros.runtime.node_settings import ControlSettings
 from lip_id_ros.runtime.references import RefusedError
 
 NAMES = ('a', 'b')

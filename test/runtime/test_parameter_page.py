@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lip_id_ros.runtime import parameter_page
-from lip_id_ros.runtime.settings import serve_parameters, train_parameters
+from lip_id_ros.runtime.parameter_page import node_parameters
 
 PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'parameters.md'
 
@@ -21,7 +21,7 @@ def test_the_page_is_current(capsys: pytest.CaptureFixture[str]) -> None:
 def test_every_parameter_has_one_line() -> None:
     lines = parameter_page.page().splitlines()
     names = [line.split('`')[1] for line in lines if line.startswith('| `')]
-    assert names == [*train_parameters(), *serve_parameters()]
+    assert names == [name for table in node_parameters().values() for name in table]
     assert (
         '| `recording.effort_offset` | double array | `[]` |  | N m or N | at the next fit or '
         'data set | Added to the scaled effort, per joint; empty for 0. |'

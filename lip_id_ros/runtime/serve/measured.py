@@ -2,40 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.runtime.references import JointOrder, Reason, RefusedError
+from lip_id_ros.runtime.motion import Motion, MotionReader
 from lip_id_ros.runtime.serve.calibration import Calibration
 from lip_id_ros.runtime.serve.feedforward import Answer, Feedforward
 from lip_id_ros.runtime.serve.low_pass import LowPass
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """
-    One measured joint state in the order of the model.
-
-    Attributes
-    ----------
-    t : float
-        Its stamp [s].
-    q, dq : ndarray, shape (n,)
-        Positions [rad or m], velocities.
-    tau : ndarray, shape (n,), or None
-        Measured torques [N m or N]; None where none are measured.
-
-    """
-
-    t: float
-    q: Array
-    dq: Array
-    tau: Array | None
 
 
 class Measured:
@@ -56,8 +32,7 @@ class Measured:
         self, feedforward: Feedforward, calibration: Calibration, cutoff_hz: float
     ) -> None:
         self._feedforward = feedforward
-        self._calibration = calibration
-        self._order = JointOrder(feedforward.joint_names)
+        self._reader = MotionReader(feedforward.joint_names, calibration)
         self._low_pass = LowPass(cutoff_hz)
 
     def motion(self, message: JointMessage) -> Motion:
@@ -70,14 +45,7 @@ class Measured:
             If a joint of the model is missing or named twice, or a value missing or not finite.
 
         """
-        columns = self._order.columns(message.names)
-        q, dq = (
-            self._vector(row, message, columns) for row in (message.position, message.velocity)
-        )
-        tau = None
-        if len(message.effort):
-            tau = self._calibration.torque(self._vector(message.effort, message, columns))
-        return Motion(1e-9 * message.stamp_ns, q, dq, tau)
+        return self._reader.motion(message)
 
     def energies(self, motion: Motion) -> Answer:
         """Return the energies at a measured state; the torques are those without acceleration."""
@@ -110,12 +78,3 @@ class Measured:
         (q, dq, tau), (_, ddq, _) = filtered
         residual = tau - self._feedforward.at(np.stack([q, dq, ddq])).tau
         return residual if np.isfinite(residual).all() else None
-
-    def _vector(self, row: object, message: JointMessage, columns: NDArray[np.intp]) -> Array:
-        values = np.asarray(row, dtype=np.float64)
-        if len(values) != len(message.names):
-            raise RefusedError(Reason.WRONG_LENGTH)
-        chosen = values[columns]
-        if not np.isfinite(chosen).all():
-            raise RefusedError(Reason.NOT_FINITE)
-        return chosen

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.runtime.motion import Motion
 from lip_id_ros.runtime.references import (
     ON_PURPOSE,
     PlannedPoint,
@@ -21,7 +22,6 @@ from lip_id_ros.runtime.references import (
 from lip_id_ros.runtime.serve.deviations import Deviated
 from lip_id_ros.runtime.serve.feedforward import Answer, Parts
 from lip_id_ros.runtime.serve.loading import Arm
-from lip_id_ros.runtime.serve.measured import Motion
 from lip_id_ros.runtime.serve.served_arm import ServedArm
 from lip_id_ros.runtime.serve.shaping import Sent
 from lip_id_ros.runtime.serve.watch import Watch

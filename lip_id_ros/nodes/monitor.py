@@ -1,0 +1,104 @@
+"""Node `monitor`: joint states in; external torques, contacts and the balance of energy out."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64
+from std_srvs.srv import Trigger
+
+from lip_id_ros.nodes import messages, parameters, qos, running
+from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
+from lip_id_ros.recording.joint_messages import from_joint_state
+from lip_id_ros.runtime.monitor import Monitor
+from lip_id_ros.runtime.node_settings import MonitorSettings
+from lip_id_ros.runtime.references import RefusedError
+from lip_id_ros.runtime.settings import parameters_of
+
+STATUS_PERIOD_S = 0.5
+
+
+class MonitorNode(Node):
+    """
+    Tell what the model says of each joint state.
+
+    Raises
+    ------
+    InvalidParameterValueException
+        If a parameter is given a value that is not allowed.
+    LipIdError
+        If the model does not fit.
+    OSError
+        If it cannot be opened.
+
+    """
+
+    def __init__(self) -> None:
+        super().__init__('monitor')
+        table = parameters_of(MonitorSettings)
+        parameters.declare(self, table)
+        self._monitor = Monitor(MonitorSettings(**parameters.values(self, table)))
+        self._n_refused = 0
+        self._status = StatusPublisher(self)
+        self._torque = self.create_publisher(JointState, '~/external_torque', qos.OUTPUT)
+        self._contact = self.create_publisher(Bool, '~/contact', qos.OUTPUT)
+        self._total = self.create_publisher(Float64, '~/total_energy', qos.OUTPUT)
+        self._unexplained = self.create_publisher(Float64, '~/power_unexplained', qos.OUTPUT)
+        self.create_service(Trigger, '~/calibrate', self._on_calibrate)
+        self.create_subscription(JointState, 'joint_states', self._on_joint_state, qos.NEWEST)
+        # steady: a paused simulation must not silence the diagnostics
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(STATUS_PERIOD_S, self._publish_status, clock=steady)
+
+    def stop(self) -> None:
+        """Nothing to let go of."""
+
+    def _on_joint_state(self, message: JointState) -> None:
+        try:
+            watched = self._monitor.take(from_joint_state(message))
+        except RefusedError as refused:
+            self.get_logger().warning(f'refused: {refused}', throttle_duration_sec=5.0)
+            return
+        if watched is None:
+            return
+        self._torque.publish(
+            messages.torque_message(
+                message.header.stamp, self._monitor.joint_names, watched.touch.torque
+            )
+        )
+        self._unexplained.publish(Float64(data=watched.energy.unexplained))
+        if math.isfinite(watched.energy.total):
+            self._total.publish(Float64(data=watched.energy.total))
+        if watched.contact is not None:
+            self._contact.publish(Bool(data=watched.contact))
+
+    def _on_calibrate(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        response.success, response.message = True, self._monitor.calibrate()
+        return response
+
+    def _publish_status(self) -> None:
+        values = self._monitor.status()
+        n_refused = sum(values['refused'].values())
+        if values['failure']:
+            level, summary = ERROR, values['failure']
+        elif n_refused > self._n_refused:
+            level, summary = WARN, 'joint states were refused'
+        else:
+            level, summary = OK, values['state']
+        self._n_refused = n_refused
+        self._status.publish(Status(level, summary, values))
+
+
+def main() -> int:
+    """Run the node `monitor`."""
+    return running.run(MonitorNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
