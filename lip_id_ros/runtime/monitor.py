@@ -29,7 +29,7 @@ from lip_id_ros.serving import Predictor, TrainedModel
 Array = NDArray[np.float64]
 
 LONGEST_GAP_S = 0.2
-NEARLY = 0.9
+NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
 
 
@@ -120,8 +120,11 @@ class Monitor:
             If it cannot be used; it is counted.
 
         """
+        step = 1e-9 * message.stamp_ns - self._t
+        if 0.0 <= step < NEARLY / self._settings.rate_hz:
+            return None
         try:
-            return self._watch(self._reader.motion(message))
+            return self._watch(step, self._reader.motion(message))
         except RefusedError as refused:
             self._refused[refused.reason.value] += 1
             raise
@@ -143,12 +146,9 @@ class Monitor:
             return 'calibrating'
         return 'watching' if self._thresholds is not None else 'without thresholds'
 
-    def _watch(self, motion: Motion) -> Watched | None:
+    def _watch(self, step: float, motion: Motion) -> Watched | None:
         if motion.tau is None:
             raise RefusedError(Reason.WRONG_LENGTH)
-        step = motion.t - self._t
-        if 0.0 <= step < NEARLY / self._settings.rate_hz:
-            return None
         self._t = motion.t
         follows = 0.0 < step <= max(LONGEST_GAP_S, 2.0 / self._settings.rate_hz)
         if not follows:

@@ -1,0 +1,96 @@
+"""Node `monitor` in a process of its own: contacts are told, whatever else is heard."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nodes import malformed, toy
+from nodes.test_train_stream import publish_at
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64
+
+from lip_id_ros.nodes import messages
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph
+
+pytestmark = pytest.mark.ros
+
+T, Q, DQ, DDQ = toy.motion(1500, seed=3)
+TAU = toy.torque(Q, DDQ)
+START_NS = 1_800_000_000_000_000_000
+RATE_HZ = 100.0
+
+
+def states(rows: range, contact: float = 0.0) -> Iterator[JointState]:
+    """Yield samples of the motion; a contact at the elbow does a part of the work."""
+    for row in rows:
+        tau = TAU[row] - [0.0, contact]
+        message = messages.torque_message(
+            messages.stamp_at(START_NS + round(1e9 * T[row])), toy.JOINTS, tau
+        )
+        message.position = messages.doubles(Q[row])
+        message.velocity = messages.doubles(DQ[row])
+        yield message
+
+
+def test_a_contact_is_told_after_calibration(ros: tuple[Graph, Client], model_path: str) -> None:
+    graph, client = ros
+    graph.start('monitor', model_path=model_path, smallest_contact=[2.0], calibration_s=2.0)
+    torques = client.listen(JointState, '/monitor/external_torque')
+    contacts = client.listen(Bool, '/monitor/contact')
+    totals = client.listen(Float64, '/monitor/total_energy')
+    powers = client.listen(Float64, '/monitor/power_unexplained')
+    publisher = client.speak(JointState, '/joint_states')
+    client.status('monitor', lambda status: status['state'] == 'without thresholds')
+    answer = client.trigger('/monitor/calibrate')
+    assert answer.success
+    publish_at(publisher, RATE_HZ, states(range(400)))
+    client.status('monitor', lambda status: status['state'] == 'watching')
+    client.wait_until(lambda: contacts, 'a word on contacts')
+    assert not any(message.data for message in contacts)
+
+    publish_at(publisher, RATE_HZ, states(range(400, 430), contact=2.0))
+    client.wait_until(lambda: contacts[-1].data, 'contact')
+    client.wait_until(lambda: torques[-1].header.stamp.nanosec == 290_000_000, 'the last torque')
+    assert torques[-1].name == list(toy.JOINTS)
+    np.testing.assert_allclose(torques[-1].effort, [0.0, 2.0], atol=0.3)
+    assert len(totals) == len(powers)
+    assert powers[-1].data == pytest.approx(2.0 * DQ[429, 1], abs=0.5)
+    assert client.status('monitor', lambda status: status['contacts'] == 1)
+
+
+def test_malformed_messages_are_counted_and_end_nothing(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    node = graph.start('monitor', model_path=model_path, rate_hz=1000.0, thresholds=[1.0])
+    torques = client.listen(JointState, '/monitor/external_torque')
+    diagnostics = client.listen(DiagnosticArray, '/diagnostics')
+    publisher = client.speak(JointState, '/joint_states')
+    publish_at(publisher, 1000.0, malformed.joint_states(3000, seed=2))
+    client.status('monitor', lambda status: len(status['refused']) >= 4)
+    client.wait_until(
+        lambda: any(each.status[0].level == DiagnosticStatus.WARN for each in diagnostics), 'WARN'
+    )
+    before = len(torques)
+    publish_at(publisher, RATE_HZ, states(range(100)))
+    client.wait_until(lambda: len(torques) > before + 50, 'torques of good messages')
+    assert all(np.isfinite(message.effort).all() for message in list(torques))
+    assert node.alive
+    assert 'Traceback' not in node.log
+
+
+def test_a_model_that_is_not_there_is_one_line(ros: tuple[Graph, Client]) -> None:
+    graph, _ = ros
+    node = graph.start('monitor', model_path='none.npz')
+    assert node.wait() == 1
+    assert 'none.npz' in node.log
+    assert 'Traceback' not in node.log
