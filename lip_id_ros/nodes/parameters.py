@@ -43,6 +43,7 @@ def declare(node: Node, table: Mapping[str, Row]) -> None:
 
     """
     node.add_on_set_parameters_callback(lambda changed: _check(table, changed))
+    _mend_empty_lists(node, table)
     for name, row in table.items():
         node.declare_parameter(name, row.default, descriptor(row))
     _refuse_unknown(node, table)
@@ -107,6 +108,15 @@ def _check(table: Mapping[str, Row], changed: Sequence[Parameter]) -> SetParamet
     except ConfigError as error:
         return refused(error)
     return SetParametersResult(successful=True)
+
+
+def _mend_empty_lists(node: Node, table: Mapping[str, Row]) -> None:
+    """Give ``[]`` of a file or the command line its value: rcl hands it on as none at all."""
+    overrides = node._parameter_overrides
+    for name in table.keys() & overrides.keys():
+        unset = overrides[name].type_ == Parameter.Type.NOT_SET
+        if unset and table[name].kind.startswith('list'):
+            overrides[name] = Parameter(name, value=[])
 
 
 def _refuse_unknown(node: Node, table: Mapping[str, Row]) -> None:

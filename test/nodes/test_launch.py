@@ -193,3 +193,12 @@ def test_the_node_ends_well_with_its_launch(ros: tuple[Graph, Client], model_pat
     with launched(graph, 'serve.launch.py', f'model_path:={model_path}') as log:
         client.status('serve', lambda status: status['state'] == 'active')
     assert 'process has finished cleanly' in log.read_text()
+
+
+def test_an_arm_is_watched(ros: tuple[Graph, Client], model_path: str) -> None:
+    graph, client = ros
+    arguments = (f'model_path:={model_path}', 'namespace:=left', 'joint_states:=/cell/states')
+    with launched(graph, 'monitor.launch.py', *arguments):
+        client.speak(JointState, '/cell/states')
+        status = client.status('left/monitor', lambda status: True)
+        assert status['state'] == 'without thresholds'

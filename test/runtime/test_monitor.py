@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from nodes import toy
 import numpy as np
@@ -114,7 +115,7 @@ def test_a_gap_and_a_clock_set_back_begin_anew(path: str, shift_s: float) -> Non
     ],
 )
 def test_what_cannot_be_used_is_counted_and_spoils_nothing(
-    path: str, changed: dict[str, object], reason: str
+    path: str, changed: dict[str, Any], reason: str
 ) -> None:
     watching = monitor(path)
     take(watching, range(100))
