@@ -36,6 +36,7 @@ PLAN_HZ = 100
 START_SECONDS, LAST_SECONDS = 120.0, 1.0
 SETUP = panda_setup()
 NAMES = list(SETUP.arm.joint_names)
+BOUNDS = np.array(LIMITS)
 CONTROL = ControlSettings(
     joints=SETUP.arm.joint_names, stiffness=STIFFNESS, damping=DAMPING, torque_limits=tuple(LIMITS)
 )
@@ -112,8 +113,8 @@ class Stream:
         self._timeline.asked(number)
         self._send(number)
         q, dq, _ = (part[number] for part in self._motion)
-        feedback = np.array(STIFFNESS) * (q - measured.q) + np.array(DAMPING) * (dq - measured.dq)
-        return np.asarray(np.clip(self._newest + feedback, -np.array(LIMITS), LIMITS))
+        feedback = SETUP.gains.feedback(q - measured.q, dq - measured.dq)
+        return np.asarray(np.clip(self._newest + feedback, -BOUNDS, BOUNDS))
 
     def _send(self, number: int) -> None:
         q, dq, ddq = (messages.doubles(part[max(number, 0)]) for part in self._motion)
@@ -252,7 +253,7 @@ def heard(timeline: Timeline, message: JointState, before: Array) -> Array:
     """Note an answer; return its torque, or the one before where it must not reach a robot."""
     effort = np.array(message.effort)
     # a comparison with nan is false
-    safe = effort.shape == (len(NAMES),) and bool((np.abs(effort) <= LIMITS).all())
+    safe = effort.shape == (len(NAMES),) and bool((np.abs(effort) <= BOUNDS).all())
     ns = message.header.stamp.sec * messages.NANOSECONDS + message.header.stamp.nanosec
     timeline.answered(ns * RATE_HZ // messages.NANOSECONDS - 2, safe)
     return effort if safe else before

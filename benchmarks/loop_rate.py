@@ -12,10 +12,14 @@ import sys
 import tempfile
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.serve_rate import fitted
+from benchmarks.contact import learned, move
+from lip_id_ros.config import FitSettings
+from lip_id_ros.simulation import NominalFeedforward
+from lip_id_ros.tracking.setup import panda_setup
 
 MIDDLEWARES = ('rmw_fastrtps_cpp', 'rmw_cyclonedds_cpp')
 ROUTES = ('stream', 'plan, node', 'plan, in the loop')
@@ -48,6 +52,16 @@ def main(arguments: list[str]) -> int:
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1))
     return int(any(row['unsafe'] for row in rows))
+
+
+def fitted(folder: str) -> str:
+    """Learn a minute of motion of the simulated arm, 500 samples."""
+    setup, rng = panda_setup(), np.random.default_rng(0)
+    nominal = NominalFeedforward(setup.arm.with_wrong_masses(0.2, 0.02, rng))
+    path = f'{folder}/model.npz'
+    run = move(setup, nominal, rng, 60.0)
+    learned(setup, [run], FitSettings(max_samples=500)).save(path)
+    return path
 
 
 def measure(middleware: str, route: str, seconds: float, model: str) -> dict[str, Any]:
