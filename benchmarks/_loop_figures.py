@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+AHEAD = (1, 2, 5)
+"""How many ticks ahead a question may be asked."""
+
 
 class Timeline:
     """
@@ -55,8 +58,9 @@ class Timeline:
         """
         Return what the loop saw.
 
-        An answer is missed that comes later than a period after its question, and in time
-        otherwise, so that a robot that is late itself does not count against what answers it.
+        An answer is missed that comes later than a period after its question, or never, so that
+        a robot that is late itself does not count against what answers it. Where references are
+        sent ticks ahead, answers have so many periods.
 
         """
         times = self._answered - self._asked
@@ -65,8 +69,7 @@ class Timeline:
         return {
             'ticks': self.n_ticks,
             'lost': int(np.isnan(times).sum()),
-            'missed': int((heard > self._period).sum()),
-            'missed_percent': 100 * float(1 - (heard <= self._period).sum() / self.n_ticks),
+            **{f'missed_percent_{ticks}': self._missed(times, ticks) for ticks in AHEAD},
             'unsafe': self._unsafe,
             'answer_ms_median': 1e3 * float(np.median(heard)),
             'answer_ms_p99': 1e3 * float(np.quantile(heard, 0.99)),
@@ -76,3 +79,6 @@ class Timeline:
             'robot_late_percent': 100
             * float(np.mean(self._asked - self._due > 0.5 * self._period)),
         }
+
+    def _missed(self, times: Array, ticks: int) -> float:
+        return 100 * float(1 - (times <= ticks * self._period).sum() / self.n_ticks)

@@ -26,7 +26,9 @@ ROUTES = ('stream', 'plan, node', 'plan, in the loop')
 COLUMNS = {
     'middleware': 'middleware',
     'route': 'route',
-    'missed_percent': 'missed %',
+    'missed_percent_1': 'missed %',
+    'missed_percent_2': '2 ms',
+    'missed_percent_5': '5 ms',
     'lost': 'lost',
     'unsafe': 'unsafe',
     'answer_ms_median': 'median ms',

@@ -46,7 +46,7 @@ def test_ticks_come_when_they_are_due_and_late_ones_at_once(
             clock.wait(2.75)
     np.testing.assert_allclose(due, [1, 2, 3, 4, 5, 7.75, 7.75, 8, 9, 10], atol=1e-6)
     figures = timeline.figures()
-    assert figures['lost'] == figures['missed'] == 0
+    assert figures['lost'] == figures['missed_percent_1'] == 0
     assert figures['robot_late_percent'] == 20.0
 
 
@@ -61,8 +61,9 @@ def test_late_lost_and_unsafe_answers_are_counted(monkeypatch: pytest.MonkeyPatc
         timeline.answered(number, number != 1)
     timeline.answered(-1, False)  # of the time before
     figures = timeline.figures()
-    assert (figures['lost'], figures['missed'], figures['unsafe']) == (1, 1, 1)
-    assert figures['missed_percent'] == 50.0  # with the one that was lost
+    assert (figures['lost'], figures['unsafe']) == (1, 1)
+    assert figures['missed_percent_1'] == 50.0  # with the one that was lost
+    assert figures['missed_percent_2'] == 25.0
     assert figures['answer_ms_median'] == 500.0
     assert figures['answer_ms_max'] == 2000.0
     assert figures['interval_ms_std'] == pytest.approx(1e3 * np.std([1.25, 2.5]))
