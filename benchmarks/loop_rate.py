@@ -87,7 +87,7 @@ def _print(rows: list[dict[str, Any]], seconds: float) -> None:
     for row in rows:
         values = [row.get(name, '') for name in COLUMNS]
         table.add_row(*(f'{v:.3g}' if isinstance(v, float) else str(v) for v in values))
-    Console(width=170).print(table)
+    Console(width=190).print(table)
 
 
 def _options(arguments: list[str]) -> argparse.Namespace:
