@@ -69,7 +69,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
 
 
 def _spare_collections() -> None:
-    """Leave what was loaded out of later garbage collections, which stood still for 0.3 s."""
+    """Leave what was loaded out of later garbage collections, which took 60 ms and more."""
     gc.collect()
     gc.freeze()
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.errors import DataError, LipIdError
+from lip_id_ros.errors import DataError
 from lip_id_ros.monitoring import (
     ContactMonitor,
     EnergyBalance,
@@ -86,7 +86,7 @@ class Monitor:
         self._thresholds = (
             Thresholds(self._per_joint('thresholds')) if settings.thresholds else None
         )
-        self._calibration: Calibration | None = None
+        self._free: FreeMotion | None = None
         self._failure = ''
         self._told_until = -np.inf
         self._counts = Counter(watched=0, contacts=0)
@@ -97,7 +97,7 @@ class Monitor:
 
     def calibrate(self) -> str:
         """Watch free motion from now on; return what was begun."""
-        self._calibration = Calibration(self._settings.calibration_s)
+        self._free = FreeMotion(self._settings.calibration_s, len(self.joint_names))
         return f'watching {self._settings.calibration_s:g} s of motion; let nothing touch the arm'
 
     def take(self, message: JointMessage) -> Watched | None:
@@ -142,7 +142,7 @@ class Monitor:
 
     @property
     def _state(self) -> str:
-        if self._calibration is not None:
+        if self._free is not None:
             return 'calibrating'
         return 'watching' if self._thresholds is not None else 'without thresholds'
 
@@ -178,11 +178,11 @@ class Monitor:
         return bool(0.0 <= self._told_until - t <= self._settings.hold_s)
 
     def _learn(self, step: float, sudden: Array) -> None:
-        if self._calibration is None or not self._calibration.add(step, sudden):
+        if self._free is None or not self._free.add(step, sudden):
             return
-        found, self._calibration = self._calibration, None
+        found, self._free = self._free, None
         try:
-            self._thresholds = Thresholds.between(found.largest, self._smallest)
+            self._thresholds = Thresholds.between(found.largest[np.newaxis], self._smallest)
             self._failure = ''
         except DataError as error:
             self._failure = f'not calibrated: {error}'
@@ -193,31 +193,29 @@ class Monitor:
         )
 
 
-class Calibration:
+class FreeMotion:
     """
-    What free motion shows.
+    What a motion without contact shows.
 
     Parameters
     ----------
     seconds : float
         How much is watched [s].
+    n_joints : int
+
+    Attributes
+    ----------
+    largest : ndarray, shape (n,)
+        The largest sudden torques so far [N m or N].
 
     """
 
-    def __init__(self, seconds: float) -> None:
+    def __init__(self, seconds: float, n_joints: int) -> None:
         self._left = seconds
-        self._largest: Array | None = None
-
-    @property
-    def largest(self) -> Array:
-        """The largest sudden torques so far, shape (1, n) [N m or N]."""
-        if self._largest is None:
-            raise LipIdError('nothing was watched yet.')
-        return self._largest[np.newaxis]
+        self.largest = np.zeros(n_joints)
 
     def add(self, step: float, sudden: Array) -> bool:
         """Take a sample, `step` [s] after the one before; tell whether it is enough."""
-        size = np.abs(sudden)
-        self._largest = size if self._largest is None else np.maximum(self._largest, size)
+        self.largest = np.maximum(self.largest, np.abs(sudden))
         self._left -= step
         return self._left <= 0.0
