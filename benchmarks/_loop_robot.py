@@ -190,8 +190,8 @@ class PlanInLoop:
         )
         torques = self._controller.torques(message)
         assert torques is not None
-        self._timeline.answered(number, bool(np.isfinite(torques.command).all()))
-        return torques.command
+        self._timeline.answered(number, bool((np.abs(torques) <= BOUNDS).all()))
+        return torques
 
 
 ROUTES: dict[str, Callable[[Node, Timeline, SinusoidTrajectory, float], Route]] = {

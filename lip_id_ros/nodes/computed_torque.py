@@ -64,7 +64,7 @@ class ComputedTorqueNode(Node):
             self._counts['torques'] += 1
             self._command.publish(
                 messages.torque_message(
-                    message.header.stamp, self._controller.joint_names, torques.command
+                    message.header.stamp, self._controller.joint_names, torques
                 )
             )
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from lip_id_ros.control import Gains, Torques
+from lip_id_ros.control import Gains
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.runtime.node_settings import ControlSettings
@@ -99,7 +99,7 @@ class PlanController:
             raise RefusedError(Reason.NOT_FINITE_TORQUE)
         self._plan = _Plan(t, motion[0], motion[1], effort)
 
-    def torques(self, message: JointMessage) -> Torques | None:
+    def torques(self, message: JointMessage) -> Array | None:
         """
         Answer a measurement.
 
@@ -110,8 +110,9 @@ class PlanController:
 
         Returns
         -------
-        Torques, or None
-            Within the limits, in the order of `joint_names`; None without a plan.
+        ndarray, shape (n,), or None
+            Effort of the plan plus feedback, within the limits [N m or N], in the order of
+            `joint_names`; None without a plan.
 
         Raises
         ------
@@ -131,10 +132,10 @@ class PlanController:
             raise RefusedError(Reason.NOT_FINITE)
         q_wanted, dq_wanted, effort = self._plan.at(message.stamp_ns)
         feedback = self._gains.feedback(q_wanted - q, dq_wanted - dq)
-        command = np.clip(effort + feedback, -self._limits, self._limits)
+        command: Array = np.clip(effort + feedback, -self._limits, self._limits)
         if not np.isfinite(command).all():
             raise RefusedError(Reason.NOT_FINITE_TORQUE)
-        return Torques(effort, command - effort)
+        return command
 
 
 class _Plan:

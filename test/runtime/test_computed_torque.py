@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
@@ -63,8 +63,7 @@ def test_effort_and_feedback_between_two_points() -> None:
     controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
     torques = controller.torques(measured(0.5, [0.4, 1.0], [1.0, 0.2]))
     assert torques is not None
-    np.testing.assert_allclose(torques.feedforward, [3.0, -4.0])
-    np.testing.assert_allclose(torques.feedback, [100 * 0.1, -5 * 0.2])
+    np.testing.assert_allclose(torques, [3.0 + 100 * 0.1, -4.0 - 5 * 0.2])
 
 
 def test_clock_is_the_stamp_of_the_measurements_and_begins_with_the_first() -> None:
@@ -73,8 +72,8 @@ def test_clock_is_the_stamp_of_the_measurements_and_begins_with_the_first() -> N
     later = controller.torques(measured(7.5, [0.5, 1.0], [1.0, 0.0]))
     assert first is not None
     assert later is not None
-    np.testing.assert_allclose(first.command, [2.0, -4.0])
-    np.testing.assert_allclose(later.command, [3.0, -4.0], atol=1e-9)
+    np.testing.assert_allclose(first, [2.0, -4.0])
+    np.testing.assert_allclose(later, [3.0, -4.0], atol=1e-9)
 
 
 def test_the_last_point_is_held_at_rest() -> None:
@@ -82,7 +81,7 @@ def test_the_last_point_is_held_at_rest() -> None:
     controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
     held = controller.torques(measured(5.0, [1.0, 1.0], [0.0, 0.0]))
     assert held is not None
-    np.testing.assert_allclose(held.command, [4.0, -4.0])
+    np.testing.assert_allclose(held, [4.0, -4.0])
 
 
 def test_joints_are_mapped_by_name_on_both_sides() -> None:
@@ -93,20 +92,30 @@ def test_joints_are_mapped_by_name_on_both_sides() -> None:
     controller = following(swapped, ('b', 'a'))
     torques = controller.torques(measured(0.0, [9.0, 0.8, 0.0], [0, 0, 1.0], ('x', 'b', 'a')))
     assert torques is not None
-    np.testing.assert_allclose(torques.command, [2.0, -4.0 + 50 * 0.2])
+    np.testing.assert_allclose(torques, [2.0, -4.0 + 50 * 0.2])
 
 
 def test_without_efforts_feedback_is_all() -> None:
     bare = [Point(p.positions, p.velocities, p.time_from_start) for p in PLAN]
     torques = following(bare).torques(measured(0.0, [0.1, 1.0], [1.0, 0.0]))
     assert torques is not None
-    np.testing.assert_allclose(torques.command, [-10.0, 0.0])
+    np.testing.assert_allclose(torques, [-10.0, 0.0])
 
 
 def test_torques_keep_their_limits() -> None:
     torques = following().torques(measured(0.0, [9.0, -9.0], [0.0, 0.0]))
     assert torques is not None
-    np.testing.assert_array_equal(torques.command, [-30.0, 20.0])
+    np.testing.assert_array_equal(torques, [-30.0, 20.0])
+
+
+def test_limits_are_kept_to_the_last_digit() -> None:
+    # -14.6 + (12 - -14.6) is more than 12: nothing may be added to what was limited
+    controller = PlanController(replace(SETTINGS, torque_limits=(12.0, 12.0)))
+    points = [replace(point, effort=[-14.6, -14.6]) for point in PLAN]
+    controller.take(NAMES, points)
+    torques = controller.torques(measured(0.0, [-9.0, -9.0], [0.0, 0.0]))
+    assert torques is not None
+    assert torques.tolist() == [12.0, 12.0]
 
 
 @pytest.mark.parametrize(
@@ -130,7 +139,7 @@ def test_a_bad_plan_is_refused_and_the_one_before_goes_on(
         controller.take(NAMES, points)
     torques = controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
     assert torques is not None
-    np.testing.assert_allclose(torques.command, [2.0, -4.0])
+    np.testing.assert_allclose(torques, [2.0, -4.0])
 
 
 @pytest.mark.parametrize(
