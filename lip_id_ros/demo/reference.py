@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
+import time
 
 from builtin_interfaces.msg import Duration
 import numpy as np
@@ -18,33 +20,48 @@ from lip_id_ros.runtime.settings import parameters_of
 from lip_id_ros.tracking.setup import panda_setup
 
 POINTS_HZ = 100.0
+RETRY_S = 5.0
 
 
 class ReferenceNode(Node):
-    """Publish the plan once, as soon as `serve` is active and hears it."""
+    """
+    Publish the plan as soon as `serve` is active and hears it.
+
+    Publish it again where `computed_torque` has not taken it: as long as nodes find each other,
+    messages between them may be lost.
+
+    """
 
     def __init__(self) -> None:
         super().__init__('reference')
         table = parameters_of(ReferenceSettings)
         parameters.declare(self, table)
         self._plan = plan(ReferenceSettings(**parameters.values(self, table)))
-        self._active = self._done = False
+        self._active = self._taken = False
+        self._published = -math.inf
         self._publisher = self.create_publisher(
             JointTrajectory, 'desired_trajectory', qos.REFERENCE
         )
-        self.create_subscription(String, 'serve/status', self._on_status, qos.LATCHED)
-        self.create_timer(0.1, self._publish_once)
+        self.create_subscription(String, 'serve/status', self._on_serve, qos.LATCHED)
+        self.create_subscription(
+            String, 'computed_torque/status', self._on_controller, qos.LATCHED
+        )
+        self.create_timer(0.1, self._publish)
 
     def stop(self) -> None:
         """Nothing to let go of."""
 
-    def _on_status(self, message: String) -> None:
+    def _on_serve(self, message: String) -> None:
         self._active = json.loads(message.data).get('state') == 'active'
 
-    def _publish_once(self) -> None:
-        if self._active and not self._done and self._publisher.get_subscription_count():
+    def _on_controller(self, message: String) -> None:
+        self._taken = json.loads(message.data).get('plans', 0) > 0
+
+    def _publish(self) -> None:
+        due = time.monotonic() - self._published > RETRY_S
+        if due and self._active and not self._taken and self._publisher.get_subscription_count():
             self._publisher.publish(self._plan)
-            self._done = True
+            self._published = time.monotonic()
 
 
 def plan(settings: ReferenceSettings) -> JointTrajectory:
@@ -53,8 +70,8 @@ def plan(settings: ReferenceSettings) -> JointTrajectory:
     reference = GrowingCosine(setup.posture, settings.amplitude, settings.horizon)
     t = np.linspace(0.0, settings.horizon, round(POINTS_HZ * settings.horizon) + 1)
     message = JointTrajectory(joint_names=list(setup.arm.joint_names))
-    for time, q, dq, ddq in zip(t, *reference.sample(t), strict=True):
-        sec, nanosec = divmod(round(1e9 * time), 1_000_000_000)
+    for at, q, dq, ddq in zip(t, *reference.sample(t), strict=True):
+        sec, nanosec = divmod(round(1e9 * at), 1_000_000_000)
         message.points.append(
             JointTrajectoryPoint(
                 positions=messages.doubles(q),

@@ -22,7 +22,7 @@ from lip_id_ros.monitoring.contact import ContactObserver, GAIN, Predicting
 
 Array = NDArray[np.float64]
 
-CUTOFF_HZ = 2.0
+CUTOFF_HZ = 4.0
 """What changes more slowly than this is taken for an error of the model."""
 
 

@@ -166,7 +166,7 @@ def test_thresholds_lie_between_free_motion_and_contact() -> None:
 
 def test_a_contact_that_free_motion_hides_is_refused() -> None:
     expected = (
-        'a contact of 0.5 N m at joint 2 shows as 0.315 N m, but the free motion went up to 0.4; '
+        'a contact of 0.5 N m at joint 2 shows as 0.249 N m, but the free motion went up to 0.4; '
         'ask for a larger contact, or learn from more motion.'
     )
     with pytest.raises(DataError, match=f'^{re.escape(expected)}$'):
