@@ -7,7 +7,8 @@ within milliseconds. So the estimated external torque is judged without its slow
 .. math:: y = r - \bar r, \qquad \dot{\bar r} = \omega (r - \bar r)
 
 Thresholds lie between the largest y of a free motion and the y of the smallest contact that is to
-be told, as far from one as from the other (geometric mean).
+be told: two thirds of the way, in logarithms, since one motion does not show the largest of the
+next.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ Array = NDArray[np.float64]
 
 CUTOFF_HZ = 4.0
 """What changes more slowly than this is taken for an error of the model."""
+
+NEARER = 2 / 3
+"""Where a threshold lies between free motion (0) and contact (1), in logarithms."""
 
 
 class SuddenPart:
@@ -140,7 +144,7 @@ class Thresholds:
                 f'{joint + 1} shows as {shown[joint]:.3g} N m, but the free motion went up to '
                 f'{largest[joint]:.3g}; ask for a larger contact, or learn from more motion.'
             )
-        return cls(np.sqrt(largest * shown))
+        return cls(largest ** (1 - NEARER) * shown**NEARER)
 
     def exceeded(self, sudden: Array) -> NDArray[np.bool_]:
         """Which joints are touched, of the shape of `sudden`: (n,) or (N, n)."""

@@ -158,7 +158,7 @@ def test_thresholds_lie_between_free_motion_and_contact() -> None:
     free = np.array([[0.1, -0.4], [-0.3, 0.2]])
     thresholds = Thresholds.between(free, 5.0)
     shown = 5.0 * shown_of_a_step()
-    np.testing.assert_allclose(thresholds.torque / [0.3, 0.4], shown / thresholds.torque)
+    np.testing.assert_allclose(np.sqrt(thresholds.torque / [0.3, 0.4]), shown / thresholds.torque)
     above = thresholds.torque + 1e-6
     np.testing.assert_array_equal(thresholds.exceeded(above * [-1, 0.5]), [True, False])
     assert not thresholds.exceeded(free).any()
