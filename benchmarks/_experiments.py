@@ -7,15 +7,17 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks._effects import ArmWithEffects, measured, PANDA_EFFECTS
+from benchmarks._effects import Drives, INDUSTRIAL, MILD
 from benchmarks._panda import half_ranges, run_pair
+from benchmarks._sensors import measured, MOTOR_CURRENTS, Sensors, TORQUE_SENSORS
 from lip_id_ros.comparison import Case, thinned
 from lip_id_ros.config import FitSettings
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.simulation import MotionLimits, panda, SinusoidTrajectory
 from lip_id_ros.simulation.panda import MOTION, panda_urdf
 
-SECONDS, RATE_HZ = 50.0, 200.0
 UNSEEN = 'unseen motion'
 
 BLACK_BOX = ('se', 'gip', 'lse', 'delan', 'lip', 'nested', 'recursive')
@@ -59,30 +61,74 @@ def data_efficiency(n_joints: int, counts: tuple[int, ...], n_seeds: int) -> Ite
         yield Case(f'{group}, seed {seed}', group, thinned(train, count), {UNSEEN: test})
 
 
+@dataclass(frozen=True)
+class Setting:
+    """
+    One arm, and how far its motions reach.
+
+    Attributes
+    ----------
+    name : str
+    drives : Drives
+    sensors : Sensors
+    known : MotionLimits
+        Of the motions to learn from.
+    farther : float
+        How many times as far the unseen ones reach.
+
+    """
+
+    name: str
+    drives: Drives
+    sensors: Sensors
+    known: MotionLimits
+    farther: float
+
+
 def friction(n_joints: int, n_seeds: int, n_tests: int) -> Iterator[Case]:
     """
     Section `sec:real_melfa`, in simulation: effects that no energy describes, measured motions.
 
-    Unseen motions reach about twice as far as those learned from, at half the frequencies.
+    Unseen motions reach farther than those learned from, at half the frequencies.
 
     """
-    arm = ArmWithEffects(panda(n_joints), PANDA_EFFECTS.first(n_joints))
-    for seed in range(n_seeds):
+    arm = panda(n_joints)
+    for setting, seed in product(settings_of_friction(), range(n_seeds)):
         rng = np.random.default_rng(seed)
-        far = MOTION.first(n_joints)
-        known = SinusoidTrajectory.random(_within(half_ranges(n_joints), 0.6), rng, 100)
-        train = measured(arm, known, SECONDS, RATE_HZ, rng)
+
+        def record(motion: SinusoidTrajectory) -> Dataset:
+            return measured(arm, setting.drives.first(n_joints), setting.sensors, motion, rng)
+
+        known = SinusoidTrajectory.random(setting.known.first(n_joints), rng, 100)
+        limits = _farther(known, setting.farther)
+        train = record(known)
         tests = {
-            f'{UNSEEN} {number + 1}': measured(
-                arm, SinusoidTrajectory.random(far, rng, 50), SECONDS, RATE_HZ, rng
-            )
+            f'{UNSEEN} {number + 1}': record(SinusoidTrajectory.random(limits, rng, 50))
             for number in range(n_tests)
         }
-        yield Case(f'seed {seed}', f'{n_joints} joints with friction', train, tests, panda_urdf())
+        yield Case(f'{setting.name}, seed {seed}', setting.name, train, tests, panda_urdf())
+
+
+def settings_of_friction() -> tuple[Setting, ...]:
+    """Return the arms of the experiment; docs/comparison.md explains them."""
+    wide, narrow = _within(MOTION, 0.7), _within(half_ranges(7), 0.6)
+    return (
+        Setting('motor currents, 1.4 times as far', INDUSTRIAL, MOTOR_CURRENTS, wide, 1.4),
+        Setting('motor currents, 2.4 times as far', INDUSTRIAL, MOTOR_CURRENTS, narrow, 2.4),
+        Setting('small effects, 2.4 times as far', MILD, TORQUE_SENSORS, narrow, 2.4),
+    )
 
 
 def _within(limits: MotionLimits, share: float) -> MotionLimits:
-    reach = share * (limits.q_max - limits.q_min) / 2
+    return _around(limits, share * (limits.q_max - limits.q_min) / 2)
+
+
+def _farther(known: SinusoidTrajectory, times: float) -> MotionLimits:
+    q, _, _ = known.sample(np.arange(0.0, known.period, 0.01))
+    return _around(MOTION.first(known.n_joints), times * np.abs(q - known.centre).max(axis=0))
+
+
+def _around(limits: MotionLimits, reach: NDArray[np.float64]) -> MotionLimits:
     return replace(limits, q_min=limits.centre - reach, q_max=limits.centre + reach)
 
 
