@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lip_id_ros.kernels import Hyperparameters, Weights
 
 Array = NDArray[np.float64]
+Places = NDArray[np.int64]
 
 
 def arrays(hyperparameters: Hyperparameters) -> Iterator[tuple[str, Array]]:
@@ -49,3 +50,11 @@ def to_log_gradient(gradient: Hyperparameters, at: Hyperparameters) -> Array:
     """Turn derivatives by the hyperparameters into derivatives by their logarithms, shape (p,)."""
     pairs = zip(arrays(gradient), arrays(at), strict=True)
     return np.concatenate([(by * values).ravel() for (_, by), (_, values) in pairs])
+
+
+def cosines_and_sines(like: Hyperparameters) -> tuple[Places, Places]:
+    """Return where the weights of each joint's cosines are in the vector, and those of its sines."""
+    numbers = from_vector(np.log(np.arange(1.0, 1.0 + to_vector(like).size)), like).weights
+    factors = np.concatenate([numbers.factors.reshape(-1, 3), numbers.potential_factors])
+    places = np.rint(factors).astype(np.int64) - 1
+    return places[:, 1], places[:, 2]
