@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +29,24 @@ def to_vector(hyperparameters: Hyperparameters) -> Array:
 
 def from_vector(vector: Array, like: Hyperparameters) -> Hyperparameters:
     """Return the hyperparameters whose logarithms are `vector`, in the shapes of `like`."""
-    parts = []
-    start = 0
-    for _, values in arrays(like):
-        parts.append(np.exp(vector[start : start + values.size]).reshape(values.shape))
-        start += values.size
+    parts = [part for _, part in _split(np.exp(vector), like)]
     count = len(Weights._fields)
     return Hyperparameters(Weights(*parts[:count]), tuple(parts[count:-1]), parts[-1])
+
+
+def cosines_and_sines(like: Hyperparameters) -> tuple[Places, Places]:
+    """Return where the vector has the weights of each factor's cosine, and those of its sine."""
+    places = dict(_split(np.arange(to_vector(like).size), like))
+    kinetic, potential = places['factors'], places['potential_factors']
+    factors = np.concatenate([kinetic.reshape(-1, 3), potential])
+    return factors[:, 1], factors[:, 2]
+
+
+def _split(vector: NDArray[Any], like: Hyperparameters) -> Iterator[tuple[str, NDArray[Any]]]:
+    start = 0
+    for name, values in arrays(like):
+        yield name, vector[start : start + values.size].reshape(values.shape)
+        start += values.size
 
 
 def names(like: Hyperparameters) -> list[str]:
@@ -50,11 +62,3 @@ def to_log_gradient(gradient: Hyperparameters, at: Hyperparameters) -> Array:
     """Turn derivatives by the hyperparameters into derivatives by their logarithms, shape (p,)."""
     pairs = zip(arrays(gradient), arrays(at), strict=True)
     return np.concatenate([(by * values).ravel() for (_, by), (_, values) in pairs])
-
-
-def cosines_and_sines(like: Hyperparameters) -> tuple[Places, Places]:
-    """Return where the weights of each joint's cosines are in the vector, and those of its sines."""
-    numbers = from_vector(np.log(np.arange(1.0, 1.0 + to_vector(like).size)), like).weights
-    factors = np.concatenate([numbers.factors.reshape(-1, 3), numbers.potential_factors])
-    places = np.rint(factors).astype(np.int64) - 1
-    return places[:, 1], places[:, 2]

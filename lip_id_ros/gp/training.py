@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 RANGE = np.log(1e6)
 """How far a hyperparameter may go from where it starts, up or down."""
 
-ALIKE = 0.5
+ALIKE = 3.0
 """Precision of the prior on how far the weights of a joint's cosine and sine are apart."""
 
 FAR_WORSE = 10.0
@@ -38,8 +38,8 @@ class Objective:
     centre : Hyperparameters
         Of the Gaussian prior on their logarithms.
     prior_precision : float
-        Of each logarithm; 0 for plain maximum likelihood. The noise has no prior. The zero of a
-        joint is arbitrary, so with a prior the weights of its cosine and sine are alike in it.
+        Of each logarithm; 0 for plain maximum likelihood. The noise has no prior. Where a joint's
+        zero is does not matter to a robot: a prior also takes cosine and sine for alike (`ALIKE`).
 
     """
 
@@ -54,15 +54,17 @@ class Objective:
 
     def penalty(self, vector: Array) -> float:
         """Return what the prior adds to the negative log likelihood."""
-        away, apart = self._away(vector), self._apart(vector)
-        return 0.5 * self.prior_precision * float(away @ away) + 0.5 * self._alike * float(
-            apart @ apart
+        away = self._away(vector)
+        apart = self._apart(away)
+        return 0.5 * (
+            self.prior_precision * float(away @ away) + self._alike * float(apart @ apart)
         )
 
     def _penalty_gradient(self, vector: Array) -> Array:
-        gradient = self.prior_precision * self._away(vector)
-        pull = self._alike * self._apart(vector)
+        away = self._away(vector)
+        gradient = self.prior_precision * away
         cosines, sines = self._pairs
+        pull = self._alike * self._apart(away)
         gradient[cosines] += pull
         gradient[sines] -= pull
         return gradient
@@ -73,12 +75,11 @@ class Objective:
 
     @cached_property
     def _pairs(self) -> tuple[Places, Places]:
-        """Where the weights of cosines are in the vector, and those of sines."""
         return cosines_and_sines(self.centre)
 
-    def _apart(self, vector: Array) -> Array:
+    def _apart(self, away: Array) -> Array:
         cosines, sines = self._pairs
-        return vector[cosines] - vector[sines]
+        return away[cosines] - away[sines]
 
     def _away(self, vector: Array) -> Array:
         away = vector - to_vector(self.centre)
