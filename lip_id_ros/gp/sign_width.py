@@ -15,7 +15,8 @@ from lip_id_ros.linear_algebra import CholeskyFactor
 
 Array = NDArray[np.float64]
 
-FACTORS = (0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
+FACTORS = (0.2, 0.5, 1.0, 2.0)
+"""Of the initial width. Wider ones fit hard accelerations better and gentler motions worse."""
 
 
 def with_likely_sign_widths(
