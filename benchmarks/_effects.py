@@ -1,160 +1,189 @@
-"""What a real joint has besides rigid bodies, and what sensors make of its motion."""
+"""What a real joint has between its motor and its link."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.dataset import Dataset
-from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.recording import JointSamples
 from lip_id_ros.simulation.arm import Dynamics
-from lip_id_ros.simulation.datasets import Trajectory, with_truth
+from lip_id_ros.simulation.trajectories import Motion
 
 Floats = NDArray[np.float64]
 
-REST = 1e-3  # [rad/s]; slower than that, Coulomb friction fades
+REST = 1e-3  # [rad/s]; slower than that, friction fades
+N_JOINTS = 7
 
 
 @dataclass(frozen=True)
-class JointEffects:
+class Drives:
     """
-    Torques of friction, rotors and gears; every field has shape (n,).
+    Friction, rotors, gears and motor currents of all joints; every field has shape (n,).
 
     Attributes
     ----------
     viscous : ndarray
         [N m s/rad].
     coulomb, stiction : ndarray
-        Friction of a fast joint, and what is added to it near rest [N m].
+        Friction of a fast joint without load, and what is added to it near rest [N m].
+    load_coulomb, load_stiction : ndarray
+        Friction for each N m that the gear carries: of a fast joint, and near rest.
     stribeck_speed : ndarray
         Speed at which the added part has fallen by 1/e [rad/s].
+    uneven : ndarray
+        Share by which friction varies within a turn.
+    drift : ndarray
+        Largest share by which viscous friction differs from one recording to the next.
     rotor : ndarray
         Inertia of the rotor, seen through the gear [kg m^2].
     ripple : ndarray
-        Amplitude of the torque that repeats `PERIODS` times in a turn [N m].
+        Amplitude of the torque that repeats in a turn [N m].
+    ripple_periods : ndarray
+        How often it does.
+    stiffness : ndarray
+        Of the gear [N m/rad].
+    gain : ndarray
+        Recorded over true torque.
 
     """
 
     viscous: Floats
     coulomb: Floats
     stiction: Floats
+    load_coulomb: Floats
+    load_stiction: Floats
     stribeck_speed: Floats
+    uneven: Floats
+    drift: Floats
     rotor: Floats
     ripple: Floats
+    ripple_periods: Floats
+    stiffness: Floats
+    gain: Floats
 
-    def first(self, n_joints: int) -> JointEffects:
-        """Keep the effects of the first joints."""
-        return JointEffects(*(values[:n_joints] for values in vars(self).values()))
+    def first(self, n_joints: int) -> Drives:
+        """Keep the drives of the first joints."""
+        return Drives(*(getattr(self, field.name)[:n_joints] for field in fields(self)))
 
-    def torque(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
-        """Return the torque [N m], shape (N, n)."""
-        near_rest = self.stiction * np.exp(-np.square(dq / self.stribeck_speed))
-        dry = (self.coulomb + near_rest) * np.tanh(dq / REST)
-        return self.viscous * dq + dry + self.rotor * ddq + self.ripple * np.sin(PERIODS * q)
+    def at_some_temperature(self, rng: np.random.Generator) -> Drives:
+        """Return the drives as they are during one recording."""
+        change = self.drift * rng.uniform(-1.0, 1.0, self.drift.shape)
+        return replace(self, viscous=self.viscous * (1.0 + change))
+
+    def friction(self, q: Floats, dq: Floats, load: Floats) -> Floats:
+        """Return the torque of friction [N m] under the load of the links [N m], all (N, n)."""
+        carried = np.abs(load)
+        near_rest = np.exp(-np.square(dq / self.stribeck_speed))
+        dry = self.coulomb + self.load_coulomb * carried
+        dry = dry + (self.stiction + self.load_stiction * carried) * near_rest
+        place = 1.0 + self.uneven * np.sin(q + np.arange(q.shape[1]))
+        return place * (self.viscous * dq + dry * np.tanh(dq / REST))
+
+    def torque(self, motor: Motion, load: Floats) -> Floats:
+        """Return the torque of the motors as recorded [N m], shape (N, n)."""
+        q, dq, ddq = motor
+        own = self.rotor * ddq + self.ripple * np.sin(self.ripple_periods * q)
+        return self.gain * (load + own + self.friction(q, dq, load))
 
 
-PERIODS = 12.0
-PANDA_EFFECTS = JointEffects(
+def _same(value: float) -> Floats:
+    return np.full(N_JOINTS, value)
+
+
+MILD = Drives(
     viscous=np.array([1.0, 1.0, 0.8, 0.8, 0.4, 0.3, 0.3]),
     coulomb=np.array([1.0, 1.0, 0.8, 0.8, 0.5, 0.4, 0.4]),
     stiction=np.array([0.4, 0.4, 0.3, 0.3, 0.2, 0.15, 0.15]),
-    stribeck_speed=np.full(7, 0.05),
+    load_coulomb=_same(0.0),
+    load_stiction=_same(0.0),
+    stribeck_speed=_same(0.05),
+    uneven=_same(0.0),
+    drift=_same(0.0),
     rotor=np.array([0.6, 0.6, 0.5, 0.4, 0.2, 0.2, 0.1]),
     ripple=np.array([0.3, 0.3, 0.2, 0.2, 0.1, 0.05, 0.05]),
+    ripple_periods=_same(12.0),
+    stiffness=_same(np.inf),
+    gain=_same(1.0),
 )
-"""Plausible sizes, a few percent of each joint's torque; not measured on any robot."""
+"""A few percent of each joint's torque, and little that rigid bodies and Coulomb do not have."""
+
+LARGEST = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # the maker's torques [N m]
+
+INDUSTRIAL = Drives(
+    viscous=0.015 * LARGEST,
+    coulomb=0.03 * LARGEST,
+    stiction=0.015 * LARGEST,
+    load_coulomb=_same(0.023),
+    load_stiction=_same(0.126),
+    stribeck_speed=_same(0.1),
+    uneven=_same(0.1),
+    drift=_same(0.15),
+    rotor=MILD.rotor,
+    ripple=0.01 * LARGEST,
+    ripple_periods=_same(200.0),
+    stiffness=np.array([1e4, 1e4, 1e4, 1e4, 5e3, 5e3, 5e3]),
+    gain=np.array([1.03, 0.96, 1.02, 0.97, 1.05, 0.98, 0.95]),
+)
+"""A geared arm whose torques are motor currents; docs/comparison.md says where sizes are from."""
 
 
-class ArmWithEffects:
+class Run(NamedTuple):
     """
-    An arm and what is in its joints.
+    What happens along a motion at even times, each array (N, n), energies (N,).
+
+    Attributes
+    ----------
+    motor : Motion
+        What encoders see.
+    tau : ndarray
+        Torque of the motors as recorded, without noise [N m].
+    kinetic, potential : ndarray
+        [J]; the kinetic energy with that of the rotors, the potential one of the links.
+
+    """
+
+    motor: Motion
+    tau: Floats
+    kinetic: Floats
+    potential: Floats
+
+
+def driven(arm: Dynamics, drives: Drives, link: Motion, step_s: float) -> Run:
+    """
+    Follow a motion of the links that is one period long.
+
+    The gears bend by load / stiffness, which leaves out only what friction and ripple bend them.
 
     Parameters
     ----------
     arm : Dynamics
-    effects : JointEffects
+        Links without drives.
+    drives : Drives
+    link : Motion
+        Exact positions, velocities and accelerations of the links, each (N, n).
+    step_s : float
+        Between samples [s].
 
     """
-
-    def __init__(self, arm: Dynamics, effects: JointEffects) -> None:
-        self._arm, self._effects = arm, effects
-        self.joint_names, self.joint_types = arm.joint_names, arm.joint_types
-
-    def inverse_dynamics(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
-        """Torques [N m], shape (N, n)."""
-        return self._arm.inverse_dynamics(q, dq, ddq) + self._effects.torque(q, dq, ddq)
-
-    def kinetic(self, q: Floats, dq: Floats) -> Floats:
-        """Kinetic energy [J], shape (N,), with that of the rotors."""
-        rotors = 0.5 * np.square(dq) @ self._effects.rotor
-        return np.asarray(self._arm.kinetic(q, dq) + rotors)
-
-    def potential(self, q: Floats) -> Floats:
-        """Potential energy [J], shape (N,)."""
-        return self._arm.potential(q)
-
-
-@dataclass(frozen=True)
-class Sensors:
-    """
-    White noise and steps of what is read.
-
-    Attributes
-    ----------
-    position_step, position_noise : float
-        [rad].
-    velocity_noise : float
-        [rad/s].
-    torque_step, torque_noise : float
-        [N m].
-
-    """
-
-    position_step: float = 2 * np.pi / 2**17
-    position_noise: float = 2e-5
-    velocity_noise: float = 2e-3
-    torque_step: float = 0.01
-    torque_noise: float = 0.1
-
-
-def measured(
-    arm: Dynamics,
-    trajectory: Trajectory,
-    seconds: float,
-    rate_hz: float,
-    rng: np.random.Generator,
-    sensors: Sensors | None = None,
-) -> Dataset:
-    """
-    Record a motion as a driver would, and prepare it as any recording is prepared.
-
-    Returns
-    -------
-    Dataset
-        Filtered, differentiated and decimated by default settings, with the truth beside it.
-
-    """
-    sensors = sensors or Sensors()
-    t = np.arange(round(seconds * rate_hz), dtype=np.float64) / rate_hz
-    q, dq, ddq = trajectory.sample(t)
-    tau = arm.inverse_dynamics(q, dq, ddq)
-
-    def noisy(values: Floats, std: float) -> Floats:
-        return values + std * rng.standard_normal(values.shape)
-
-    samples = JointSamples(
-        t=t,
-        position=_stepped(noisy(q, sensors.position_noise), sensors.position_step),
-        velocity=noisy(dq, sensors.velocity_noise),
-        effort=_stepped(noisy(tau, sensors.torque_noise), sensors.torque_step),
-        joint_names=arm.joint_names,
+    load = arm.inverse_dynamics(*link)
+    bend = load / drives.stiffness
+    rate = _derivative(bend, step_s)
+    q, dq, ddq = (
+        x + y for x, y in zip(link, (bend, rate, _derivative(rate, step_s)), strict=True)
     )
-    found = with_truth(preprocess(samples), arm, trajectory)
-    return replace(found, provenance={'sources': ['simulation']})
+    rotors = 0.5 * np.square(dq) @ drives.rotor
+    return Run(
+        motor=(q, dq, ddq),
+        tau=drives.torque((q, dq, ddq), load),
+        kinetic=np.asarray(arm.kinetic(link[0], link[1]) + rotors),
+        potential=arm.potential(link[0]),
+    )
 
 
-def _stepped(values: Floats, step: float) -> Floats:
-    return np.asarray(step * np.round(values / step))
+def _derivative(values: Floats, step_s: float) -> Floats:
+    """Differentiate one period exactly, up to rounding."""
+    omega = 2j * np.pi * np.fft.rfftfreq(len(values), step_s)
+    changes = np.fft.irfft(omega[:, None] * np.fft.rfft(values, axis=0), len(values), axis=0)
+    return np.asarray(changes)

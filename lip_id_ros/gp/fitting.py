@@ -19,6 +19,7 @@ from lip_id_ros.gp.initial import (
     make_residual,
     starting_points,
 )
+from lip_id_ros.gp.sign_width import with_likely_sign_widths
 from lip_id_ros.gp.subset import spread
 from lip_id_ros.gp.training import maximise, Objective, Optimum
 from lip_id_ros.kernels import (
@@ -67,7 +68,7 @@ def fit(
     _check(dataset)
     kernel = make_kernel(dataset, settings)
     backend = choose(settings.device)
-    optimum = _optimise(kernel, dataset, settings, backend, progress)
+    kernel, optimum = _optimise(kernel, dataset, settings, backend, progress)
     optimised = time.monotonic()
     progress(CONDITIONING, 0, 1)
     model = _condition(kernel, optimum, _covering(dataset, kernel, settings.max_samples))
@@ -131,19 +132,21 @@ def _optimise(
     settings: FitSettings,
     backend: Backend,
     progress: Progress,
-) -> Optimum:
+) -> tuple[TorqueKernel, Optimum]:
     centre = initial_hyperparameters(
         kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
     )
 
-    def objective(count: int) -> Objective:
-        some = _covering(dataset, kernel, count)
+    def objective(kernel: TorqueKernel, some: Dataset) -> Objective:
         states = kernel.states(some.q, some.dq, some.ddq)
         likelihood = backend.likelihood(kernel, states, some.tau, centre)
         return Objective(likelihood, centre, settings.prior_precision)
 
-    start = _best_start(objective(max(LEAST_SAMPLES, settings.subset // 3)), settings, progress)
-    return maximise(objective(settings.subset), start, settings.iterations, progress)
+    few = _covering(dataset, kernel, max(LEAST_SAMPLES, settings.subset // 3))
+    start = _best_start(objective(kernel, few), settings, progress)
+    some = _covering(dataset, kernel, settings.subset)
+    kernel = with_likely_sign_widths(kernel, start, some)
+    return kernel, maximise(objective(kernel, some), start, settings.iterations, progress)
 
 
 def _best_start(

@@ -23,6 +23,9 @@ NOISIER = 5.0
 WEAKER = 0.01
 """Factor on the scales of the kinetic energy in the weakest of them."""
 
+SIGN_SHARE = 0.05
+"""Initial width of the smooth sign of friction, as a share of each joint's usual velocity."""
+
 RESIDUAL_SHARE = 0.05
 """Initial standard deviation of the residual, likewise."""
 
@@ -99,8 +102,8 @@ def initial_residual(deviation: Array) -> Array:
 
 
 def make_friction(dq: Array) -> Friction:
-    """Return the friction kernel whose sign is smooth within a hundredth of the usual velocity."""
-    return Friction(sign_width=0.01 * _root_mean_square(dq))
+    """Return the friction kernel whose sign is smooth within a share of the usual velocity."""
+    return Friction(sign_width=SIGN_SHARE * _root_mean_square(dq))
 
 
 def make_residual(basis: JointBasis, dq: Array, ddq: Array) -> Residual:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from lip_id_ros.kernels import Hyperparameters, Weights
 
 Array = NDArray[np.float64]
+Places = NDArray[np.int64]
 
 
 def arrays(hyperparameters: Hyperparameters) -> Iterator[tuple[str, Array]]:
@@ -27,13 +29,24 @@ def to_vector(hyperparameters: Hyperparameters) -> Array:
 
 def from_vector(vector: Array, like: Hyperparameters) -> Hyperparameters:
     """Return the hyperparameters whose logarithms are `vector`, in the shapes of `like`."""
-    parts = []
-    start = 0
-    for _, values in arrays(like):
-        parts.append(np.exp(vector[start : start + values.size]).reshape(values.shape))
-        start += values.size
+    parts = [part for _, part in _split(np.exp(vector), like)]
     count = len(Weights._fields)
     return Hyperparameters(Weights(*parts[:count]), tuple(parts[count:-1]), parts[-1])
+
+
+def cosines_and_sines(like: Hyperparameters) -> tuple[Places, Places]:
+    """Return where the vector has the weights of each factor's cosine, and those of its sine."""
+    places = dict(_split(np.arange(to_vector(like).size), like))
+    kinetic, potential = places['factors'], places['potential_factors']
+    factors = np.concatenate([kinetic.reshape(-1, 3), potential])
+    return factors[:, 1], factors[:, 2]
+
+
+def _split(vector: NDArray[Any], like: Hyperparameters) -> Iterator[tuple[str, NDArray[Any]]]:
+    start = 0
+    for name, values in arrays(like):
+        yield name, vector[start : start + values.size].reshape(values.shape)
+        start += values.size
 
 
 def names(like: Hyperparameters) -> list[str]:

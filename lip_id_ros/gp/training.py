@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from scipy.optimize import minimize, OptimizeResult
 
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp.likelihood import Likelihood
-from lip_id_ros.gp.log_vector import from_vector, names, to_vector
+from lip_id_ros.gp.log_vector import cosines_and_sines, from_vector, names, Places, to_vector
 from lip_id_ros.kernels import Hyperparameters
 from lip_id_ros.progress import Progress, silent
 
@@ -18,6 +19,9 @@ Array = NDArray[np.float64]
 
 RANGE = np.log(1e6)
 """How far a hyperparameter may go from where it starts, up or down."""
+
+ALIKE = 3.0
+"""Precision of the prior on how far the weights of a joint's cosine and sine are apart."""
 
 FAR_WORSE = 10.0
 STAGE = 'hyperparameters'
@@ -34,7 +38,8 @@ class Objective:
     centre : Hyperparameters
         Of the Gaussian prior on their logarithms.
     prior_precision : float
-        Of each logarithm; 0 for plain maximum likelihood. The noise has no prior.
+        Of each logarithm; 0 for plain maximum likelihood. The noise has no prior. Where a joint's
+        zero is does not matter to a robot: a prior also takes cosine and sine for alike (`ALIKE`).
 
     """
 
@@ -45,12 +50,36 @@ class Objective:
     def value_and_gradient(self, vector: Array) -> tuple[float, Array]:
         """Evaluate at one vector of log-hyperparameters, shape (p,)."""
         value, gradient = self.likelihood.value_and_gradient(vector)
-        return value + self.penalty(vector), gradient + self.prior_precision * self._away(vector)
+        return value + self.penalty(vector), gradient + self._penalty_gradient(vector)
 
     def penalty(self, vector: Array) -> float:
         """Return what the prior adds to the negative log likelihood."""
         away = self._away(vector)
-        return 0.5 * self.prior_precision * float(away @ away)
+        apart = self._apart(away)
+        return 0.5 * (
+            self.prior_precision * float(away @ away) + self._alike * float(apart @ apart)
+        )
+
+    def _penalty_gradient(self, vector: Array) -> Array:
+        away = self._away(vector)
+        gradient = self.prior_precision * away
+        cosines, sines = self._pairs
+        pull = self._alike * self._apart(away)
+        gradient[cosines] += pull
+        gradient[sines] -= pull
+        return gradient
+
+    @property
+    def _alike(self) -> float:
+        return ALIKE if self.prior_precision > 0.0 else 0.0
+
+    @cached_property
+    def _pairs(self) -> tuple[Places, Places]:
+        return cosines_and_sines(self.centre)
+
+    def _apart(self, away: Array) -> Array:
+        cosines, sines = self._pairs
+        return away[cosines] - away[sines]
 
     def _away(self, vector: Array) -> Array:
         away = vector - to_vector(self.centre)

@@ -8,7 +8,14 @@ from hypothesis import strategies as st
 from kernels.cases import MEMBERS
 import numpy as np
 
-from lip_id_ros.gp.log_vector import arrays, from_vector, names, to_log_gradient, to_vector
+from lip_id_ros.gp.log_vector import (
+    arrays,
+    cosines_and_sines,
+    from_vector,
+    names,
+    to_log_gradient,
+    to_vector,
+)
 from lip_id_ros.kernels import Hyperparameters
 
 
@@ -35,6 +42,14 @@ def test_round_trip(at: Hyperparameters) -> None:
 def test_every_entry_has_a_name_of_its_own(at: Hyperparameters) -> None:
     labels = names(at)
     assert len(labels) == len(set(labels)) == len(to_vector(at))
+
+
+@given(at=hyperparameters())
+def test_cosines_and_sines_are_those_of_the_factors(at: Hyperparameters) -> None:
+    labels = np.array(names(at))
+    for places, end in zip(cosines_and_sines(at), ('1]', '2]'), strict=True):
+        expected = [x for x in labels if 'factors' in x and x.endswith(end)]
+        assert sorted(labels[places]) == sorted(expected)
 
 
 def test_a_name_tells_the_entry() -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp.likelihood import MarginalLikelihood
-from lip_id_ros.gp.log_vector import from_vector, to_vector
-from lip_id_ros.gp.training import maximise, Objective, Optimum, RANGE, STAGE
+from lip_id_ros.gp.log_vector import cosines_and_sines, from_vector, to_vector
+from lip_id_ros.gp.training import ALIKE, maximise, Objective, Optimum, RANGE, STAGE
 
 
 def small(member: str = 'recursive') -> MarginalLikelihood:
@@ -48,7 +48,36 @@ def test_a_stationary_point_is_reached() -> None:
     slope = likelihood.value_and_gradient(end)[1]
     noise = likelihood.like.noise_variance.size
     slope[:-noise] += precision * (end - start)[:-noise]
+    cosines, sines = cosines_and_sines(likelihood.like)
+    pull = ALIKE * ((end - start)[cosines] - (end - start)[sines])
+    slope[cosines] += pull
+    slope[sines] -= pull
     assert abs(slope).max() < 1e-2
+
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_the_gradient_is_that_of_the_objective(member: str) -> None:
+    likelihood = small(member)
+    objective = Objective(likelihood, likelihood.like, 0.5)
+    rng = np.random.default_rng(0)
+    at = to_vector(likelihood.like) + 0.3 * rng.standard_normal(to_vector(likelihood.like).size)
+    way = rng.standard_normal(at.size)
+    step = 1e-5
+    ahead, behind = (objective.value_and_gradient(at + s * way)[0] for s in (step, -step))
+    slope = objective.value_and_gradient(at)[1] @ way
+    assert (ahead - behind) / (2 * step) == pytest.approx(slope, rel=1e-5)
+
+
+def test_cosine_and_sine_are_alike_in_the_prior() -> None:
+    likelihood = small()
+    objective = Objective(likelihood, likelihood.like, 0.05)
+    cosines, sines = cosines_and_sines(likelihood.like)
+    at = to_vector(likelihood.like)
+    at[cosines] += 1.0
+    together = at.copy()
+    together[sines] += 1.0
+    assert objective.penalty(at) > 5.0 * objective.penalty(together)
+    assert Objective(likelihood, likelihood.like, 0.0).penalty(at) == 0.0
 
 
 def test_a_strong_prior_keeps_all_but_the_noise() -> None:

@@ -1,0 +1,68 @@
+"""The velocity at which friction has its sign is found in the data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gp.arms import ARMS, dataset_of, noise_of, random_motion
+import numpy as np
+import pytest
+
+from lip_id_ros.config import FitSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp import fit
+from lip_id_ros.gp.fitting import make_kernel
+from lip_id_ros.gp.initial import initial_hyperparameters, SIGN_SHARE
+from lip_id_ros.gp.likelihood import MarginalLikelihood
+from lip_id_ros.gp.log_vector import to_vector
+from lip_id_ros.gp.sign_width import FACTORS, with_likely_sign_widths
+from lip_id_ros.kernels.jointwise import Friction
+
+ARM = ARMS['polar']
+MOTION = random_motion(ARM, 60, seed=0)
+USUAL = np.sqrt(np.mean(MOTION[1] ** 2, axis=0))
+
+
+def with_friction(shares: list[float]) -> Dataset:
+    """Return torques with a sign as wide as these shares of each joint's usual velocity."""
+    tau = ARM.torque(*MOTION)
+    tau = tau + tau.std(axis=0) * np.tanh(MOTION[1] / (np.array(shares) * USUAL))
+    return dataset_of(ARM, MOTION, tau + noise_of(tau, 0.01))
+
+
+@pytest.mark.parametrize('shares', [[0.01, 0.4], [0.4, 0.01]])
+def test_every_joint_has_a_width_of_its_own(shares: list[float]) -> None:
+    model = fit(with_friction(shares), FitSettings(iterations=10))
+    (friction,) = model.prior.kernel.jointwise
+    assert isinstance(friction, Friction)
+    found = friction.sign_width / USUAL
+    narrow, wide = int(np.argmin(shares)), int(np.argmax(shares))
+    assert found[narrow] <= SIGN_SHARE
+    assert found[wide] == pytest.approx(FACTORS[-1] * SIGN_SHARE)
+
+
+def test_no_other_width_of_a_single_joint_is_likelier() -> None:
+    data = with_friction([0.1, 0.3])
+    kernel = make_kernel(data, FitSettings())
+    at = initial_hyperparameters(kernel.energy, kernel.jointwise, data.dq, data.ddq, data.tau)
+    (friction,) = with_likely_sign_widths(kernel, at, data).jointwise
+    assert isinstance(friction, Friction)
+    last = data.n_joints - 1
+
+    def value(factor: float) -> float:
+        widths = friction.sign_width.copy()
+        widths[last] = factor * SIGN_SHARE * USUAL[last]
+        tried = replace(kernel, jointwise=(Friction(widths),))
+        states = tried.states(data.q, data.dq, data.ddq)
+        likelihood = MarginalLikelihood(tried, states, data.tau, at)
+        return likelihood.value_and_gradient(to_vector(at))[0]
+
+    best = min(FACTORS, key=value)
+    assert friction.sign_width[last] == pytest.approx(best * SIGN_SHARE * USUAL[last])
+
+
+def test_without_friction_nothing_changes() -> None:
+    data = with_friction([0.1, 0.1])
+    kernel = make_kernel(data, FitSettings(friction=False))
+    at = initial_hyperparameters(kernel.energy, kernel.jointwise, data.dq, data.ddq, data.tau)
+    assert with_likely_sign_widths(kernel, at, data) is kernel
