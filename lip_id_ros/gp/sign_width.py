@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.errors import FitError
 from lip_id_ros.kernels import Hyperparameters, TorqueKernel, TorquePrior
 from lip_id_ros.kernels.jointwise import Friction, JointwiseKernel
 from lip_id_ros.linear_algebra import CholeskyFactor
@@ -54,35 +53,40 @@ def _likely(
 ) -> Friction:
     states = kernel.states(dataset.q, dataset.dq, dataset.ddq)
     gram = TorquePrior(kernel, hyperparameters).noisy_gram(states)
-    parameters = hyperparameters.jointwise[place]
-    n, y = dataset.n_joints, dataset.tau.ravel()
+    y = dataset.tau.ravel()
     widths = term.sign_width.copy()
-
-    def covariance(joint: int, factor: float) -> Array:
-        tried = widths.copy()
-        tried[joint] = factor * term.sign_width[joint]
-        x = Friction(tried).inputs(dataset.q, dataset.dq, dataset.ddq)[joint]
-        return np.asarray((x * parameters[joint]) @ x.T)
-
-    for joint in range(n):
-        block = gram[joint::n, joint::n]
-        rest = block - covariance(joint, 1.0)
-        values = []
-        for factor in FACTORS:
-            block[...] = rest + covariance(joint, factor)
-            values.append(_value(gram, y))
-        best = FACTORS[int(np.argmin(values))]
-        block[...] = rest + covariance(joint, best)
-        widths[joint] = best * term.sign_width[joint]
+    for joint, (_, coulomb, _) in enumerate(hyperparameters.jointwise[place]):
+        now, *tried = np.tanh(dataset.dq[:, joint] / np.outer((1.0, *FACTORS), widths[joint]))
+        signs = np.zeros((len(tried) + 1, *dataset.tau.shape))
+        signs[:, :, joint] = np.sqrt(coulomb) * np.array([now, *tried])
+        values = _values(gram, y, *signs.reshape(len(signs), -1))
+        best = int(np.argmin(values))
+        block = gram[joint :: dataset.n_joints, joint :: dataset.n_joints]
+        block += coulomb * (np.outer(tried[best], tried[best]) - np.outer(now, now))
+        widths[joint] *= FACTORS[best]
     return replace(term, sign_width=widths)
 
 
-def _value(gram: Array, y: Array) -> float:
-    try:
-        factor = CholeskyFactor.of(gram)
-    except FitError:
-        return np.inf
-    return 0.5 * float(y @ factor.solve(y)) + 0.5 * factor.log_determinant()
+def _values(gram: Array, y: Array, now: Array, *tried: Array) -> list[float]:
+    """
+    Return what is likely where one vector takes another's place, up to a constant.
+
+    Half of y^T K^-1 y + log det K for K = gram - now now^T + z z^T of every z: one factorisation,
+    and the lemmas of Woodbury and of the determinant.
+
+    """
+    factor = CholeskyFactor.of(gram)
+    columns = factor.half_solve(np.column_stack([y, now, *tried]))
+    products = columns.T @ columns
+    sign = np.diag([-1.0, 1.0])
+    values = []
+    for z in range(2, len(products)):
+        both = np.ix_((1, z), (1, z))
+        change = sign + products[both]
+        along = products[0, (1, z)]
+        explained = float(along @ np.linalg.solve(change, along))
+        values.append(0.5 * (np.log(-np.linalg.det(change)) - explained))
+    return values
 
 
 def _replaced(
