@@ -176,5 +176,9 @@ EXPERIMENTS: dict[str, tuple[Form, Form]] = {
         Form(lambda: friction(4, 3, 4), FRICTION, FitSettings(subset=150)),
         Form(lambda: friction(6, 11, 11), ('lse', *FRICTION), FitSettings()),
     ),
+    'energies': (
+        Form(lambda: energies(3, 1), WITH_ENERGIES, FitSettings(subset=100)),
+        Form(lambda: energies(6, 10), WITH_ENERGIES, FitSettings(), 6000),
+    ),
 }
 """By name: the short form, which takes minutes, and the full one, which takes hours or days."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 import json
 from pathlib import Path
+import re
 
 import numpy as np
 import pytest
@@ -90,6 +91,11 @@ def test_a_real_arm_knows_no_true_torques() -> None:
         (truth,), (unseen,) = case.tests.values(), judged.tests.values()
         assert unseen.tau_noiseless is None
         np.testing.assert_array_equal(unseen.tau, truth.tau)
+
+
+def test_the_page_names_every_experiment() -> None:
+    page = (Path(__file__).parents[1] / 'docs' / 'comparison.md').read_text()
+    assert set(re.findall(r'benchmarks compare (\w+)', page)) == set(EXPERIMENTS)
 
 
 @pytest.mark.parametrize('name', sorted(EXPERIMENTS))
