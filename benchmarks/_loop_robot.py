@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, ExitStack
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
 import json
 import subprocess
 import sys
-import tempfile
 import time
 from typing import Any, Protocol
 
@@ -18,6 +17,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from benchmarks._cells import running
 from benchmarks._loop_figures import Timeline
 from benchmarks._serve_client import cpu_seconds, LIMITS, serving, spun
 from lip_id_ros.nodes import messages, qos
@@ -269,20 +269,10 @@ def wait_for(condition: Callable[[], bool], attempt: Callable[[], None]) -> None
             raise TimeoutError(f'no answer in {START_SECONDS:g} s')
 
 
-@contextmanager
-def controlling() -> Iterator[subprocess.Popen[bytes]]:
+def controlling() -> AbstractContextManager[subprocess.Popen[bytes]]:
     """Run `computed_torque` while the block runs."""
-    arguments = []
-    for name in ('joints', 'stiffness', 'damping', 'torque_limits'):
-        arguments += ['-p', f'{name}:={json.dumps(getattr(CONTROL, name))}']
-    command = [sys.executable, '-m', 'lip_id_ros.nodes.computed_torque', '--ros-args', *arguments]
-    with tempfile.TemporaryFile() as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log)
-        try:
-            yield process
-        finally:
-            process.terminate()
-            process.wait()
+    names = ('joints', 'stiffness', 'damping', 'torque_limits')
+    return running('computed_torque', {name: json.dumps(getattr(CONTROL, name)) for name in names})
 
 
 if __name__ == '__main__':

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 import json
 import os
 from pathlib import Path
 import struct
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from typing import Any
@@ -22,6 +21,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from benchmarks._cells import running
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.running import make_executor
 from lip_id_ros.simulation import panda, SinusoidTrajectory
@@ -142,25 +142,18 @@ def safe(answer: JointState) -> bool:
     return effort.shape == (len(LIMITS),) and bool((np.abs(effort) <= LIMITS).all())  # nan, too
 
 
-@contextmanager
-def serving(model: str, executor: str) -> Iterator[subprocess.Popen[bytes]]:
+def serving(model: str, executor: str) -> AbstractContextManager[subprocess.Popen[bytes]]:
     """Run `serve` while the block runs."""
-    parameters = {
-        'model_path': model,
-        'executor': executor,
-        'torque_limits': json.dumps(LIMITS),
-        'ramp_s': 0.0,
-        'joints': json.dumps(list(panda().joint_names)),
-    }
-    arguments = [part for each in parameters.items() for part in ('-p', '{}:={}'.format(*each))]
-    command = [sys.executable, '-m', 'lip_id_ros.nodes.serve', '--ros-args', *arguments]
-    with tempfile.TemporaryFile() as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log)
-        try:
-            yield process
-        finally:
-            process.terminate()
-            process.wait()
+    return running(
+        'serve',
+        {
+            'model_path': model,
+            'executor': executor,
+            'torque_limits': json.dumps(LIMITS),
+            'ramp_s': '0.0',
+            'joints': json.dumps(list(panda().joint_names)),
+        },
+    )
 
 
 @contextmanager

@@ -5,17 +5,12 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
-import os
 from pathlib import Path
-import subprocess
-import sys
 import tempfile
-from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
+from benchmarks._cells import measured, show
 from benchmarks.contact import learned, move
 from lip_id_ros.config import FitSettings
 from lip_id_ros.simulation import NominalFeedforward
@@ -49,8 +44,19 @@ def main(arguments: list[str]) -> int:
     with tempfile.TemporaryDirectory() as folder:
         model = options.model or fitted(folder)
         cells = itertools.product(options.middlewares, options.routes)
-        rows = [measure(*cell, options.seconds, model) for cell in cells]
-    _print(rows, options.seconds)
+        rows = [
+            measured(
+                'benchmarks._loop_robot',
+                {
+                    'middleware': middleware,
+                    'route': route,
+                    'seconds': options.seconds,
+                    'model': model,
+                },
+            )
+            for middleware, route in cells
+        ]
+    show(f'{options.seconds:g} s at 1 kHz, 7 joints', COLUMNS, rows, 190)
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1))
     return int(any(row['unsafe'] for row in rows))
@@ -64,30 +70,6 @@ def fitted(folder: str) -> str:
     run = move(setup, nominal, rng, 60.0)
     learned(setup, [run], FitSettings(max_samples=500)).save(path)
     return path
-
-
-def measure(middleware: str, route: str, seconds: float, model: str) -> dict[str, Any]:
-    """Return the figures of one cell, from processes of its own."""
-    request = {'middleware': middleware, 'route': route, 'seconds': seconds, 'model': model}
-    ran = subprocess.run(
-        [sys.executable, '-m', 'benchmarks._loop_robot', json.dumps(request)],
-        env={**os.environ, 'RMW_IMPLEMENTATION': middleware},
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-    )
-    row: dict[str, Any] = json.loads(ran.stdout.splitlines()[-1])
-    return row
-
-
-def _print(rows: list[dict[str, Any]], seconds: float) -> None:
-    table = Table(title=f'{seconds:g} s at 1 kHz, 7 joints')
-    for title in COLUMNS.values():
-        table.add_column(title)
-    for row in rows:
-        values = [row.get(name, '') for name in COLUMNS]
-        table.add_row(*(f'{v:.3g}' if isinstance(v, float) else str(v) for v in values))
-    Console(width=190).print(table)
 
 
 def _options(arguments: list[str]) -> argparse.Namespace:

@@ -5,16 +5,10 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
-import os
 from pathlib import Path
-import subprocess
-import sys
 import tempfile
-from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
+from benchmarks._cells import measured, show
 from benchmarks._panda import run_pair
 from lip_id_ros.config import FitSettings
 from lip_id_ros.gp import fit
@@ -48,8 +42,22 @@ def main(arguments: list[str]) -> int:
     with tempfile.TemporaryDirectory() as folder:
         model = options.model or fitted(folder)
         cells = itertools.product(options.middlewares, options.executors, options.rates)
-        rows = [measure(*cell, options.seconds, model) for cell in cells]
-    _print(rows, options.seconds)
+        rows = [
+            measured(
+                'benchmarks._serve_client',
+                {
+                    'middleware': middleware,
+                    'executor': executor,
+                    'rate_hz': rate_hz,
+                    'seconds': options.seconds,
+                    'model': model,
+                },
+            )
+            for middleware, executor, rate_hz in cells
+        ]
+    show(
+        f'{options.seconds:g} s of single-point references to serve, 7 joints', COLUMNS, rows, 130
+    )
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1))
     return int(any(row['wrong'] for row in rows))
@@ -61,35 +69,3 @@ def fitted(folder: str) -> str:
     train, _ = run_pair(7, seed=0)
     fit(train, FitSettings(subset=100, iterations=8, max_samples=500)).save(path)
     return path
-
-
-def measure(
-    middleware: str, executor: str, rate_hz: float, seconds: float, model: str
-) -> dict[str, Any]:
-    """Return the figures of one cell, from processes of its own."""
-    request = {
-        'middleware': middleware,
-        'executor': executor,
-        'rate_hz': rate_hz,
-        'seconds': seconds,
-        'model': model,
-    }
-    ran = subprocess.run(
-        [sys.executable, '-m', 'benchmarks._serve_client', json.dumps(request)],
-        env={**os.environ, 'RMW_IMPLEMENTATION': middleware},
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-    )
-    row: dict[str, Any] = json.loads(ran.stdout.splitlines()[-1])
-    return row
-
-
-def _print(rows: list[dict[str, Any]], seconds: float) -> None:
-    table = Table(title=f'{seconds:g} s of single-point references to serve, 7 joints')
-    for title in COLUMNS.values():
-        table.add_column(title)
-    for row in rows:
-        values = [row[name] for name in COLUMNS]
-        table.add_row(*(f'{v:.3g}' if isinstance(v, float) else str(v) for v in values))
-    Console(width=130).print(table)
