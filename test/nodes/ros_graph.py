@@ -133,10 +133,15 @@ class Client:
         self.node.create_subscription(kind, topic, messages.append, profile)
         return messages
 
-    def speak(self, kind: Any, topic: str, profile: QoSProfile = qos.REFERENCE) -> Any:
-        """Return a publisher that is heard."""
+    def speak(
+        self, kind: Any, topic: str, profile: QoSProfile = qos.REFERENCE, listeners: int = 1
+    ) -> Any:
+        """Return a publisher that is heard by so many."""
         publisher = self.node.create_publisher(kind, topic, profile)
-        self.wait_until(publisher.get_subscription_count, f'subscriber of {topic}')
+        self.wait_until(
+            lambda: publisher.get_subscription_count() >= listeners, f'subscriber of {topic}'
+        )
+        time.sleep(FOUND_S)  # the subscriber finds the publisher a little later
         return publisher
 
     def status(self, node: str, condition: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:

@@ -145,8 +145,7 @@ def test_both_nodes_of_two_arms_share_a_graph(
         assert all(len(point.effort) == 2 for point in plans['left'][0].points)
         assert not plans['right']
 
-        measured = client.speak(JointState, '/right/measured', qos.OUTPUT)
-        client.wait_until(lambda: measured.get_subscription_count() == 2, 'both nodes')
+        measured = client.speak(JointState, '/right/measured', qos.OUTPUT, listeners=2)
         for number in range(1, 21):
             state = JointState(name=GOOD.joint_names, position=[0.0] * 2, velocity=[0.0] * 2)
             state.header.stamp.sec = number
