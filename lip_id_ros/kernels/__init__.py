@@ -4,10 +4,12 @@ from lip_id_ros.kernels.features import JointBasis
 from lip_id_ros.kernels.jointwise import Friction, JointwiseKernel, Residual
 from lip_id_ros.kernels.prior import Hyperparameters, JointStates, TorqueKernel, TorquePrior
 from lip_id_ros.kernels.program import EnergyKernel, FAMILY
+from lip_id_ros.kernels.rigid_links import Chain, RigidLinks
 from lip_id_ros.kernels.weights import Weights
 
 __all__ = [
     'FAMILY',
+    'Chain',
     'EnergyKernel',
     'Friction',
     'Hyperparameters',
@@ -15,6 +17,7 @@ __all__ = [
     'JointStates',
     'JointwiseKernel',
     'Residual',
+    'RigidLinks',
     'TorqueKernel',
     'TorquePrior',
     'Weights',

@@ -60,7 +60,7 @@ class _Cache(FunctionCache):
 @cache
 def _digest(folder: Path) -> str:
     digest = hashlib.sha256()
-    for source in sorted(folder.glob('*.py')):
+    for source in sorted(folder.rglob('*.py')):
         digest.update(source.read_bytes())
     return digest.hexdigest()
 

@@ -12,6 +12,7 @@ from lip_id_ros.kernels import plain
 from lip_id_ros.kernels.features import JointBasis, Samples
 from lip_id_ros.kernels.jointwise import JointwiseKernel
 from lip_id_ros.kernels.program import EnergyKernel
+from lip_id_ros.kernels.rigid_links import RigidLinks
 from lip_id_ros.kernels.weights import Weights
 
 Array = NDArray[np.float64]
@@ -28,6 +29,8 @@ class JointStates:
     packed : Samples
     jointwise : tuple of arrays
         The inputs of each jointwise kernel.
+    links : tuple of arrays, each of shape (N n, k)
+        The features of the torques of rigid links.
 
     """
 
@@ -36,6 +39,7 @@ class JointStates:
     ddq: Array
     packed: Samples
     jointwise: tuple[Array, ...]
+    links: tuple[Array, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -52,18 +56,22 @@ class TorqueKernel:
     energy : EnergyKernel
     basis : JointBasis
     jointwise : tuple of JointwiseKernel
+    links : tuple of RigidLinks
+        Rigid links beside the energy kernel: one, or none.
 
     """
 
     energy: EnergyKernel
     basis: JointBasis
     jointwise: tuple[JointwiseKernel, ...] = ()
+    links: tuple[RigidLinks, ...] = ()
 
     def states(self, q: Array, dq: Array, ddq: Array) -> JointStates:
         """Prepare joint states, each of shape (N, n); ShapeError if they are not."""
         packed = self.basis.pack(q, dq, ddq)
         inputs = tuple(kernel.inputs(q, dq, ddq) for kernel in self.jointwise)
-        return JointStates(q, dq, ddq, packed, inputs)
+        features = tuple(links.torque(q, dq, ddq).reshape(q.size, -1) for links in self.links)
+        return JointStates(q, dq, ddq, packed, inputs, features)
 
 
 @dataclass(frozen=True)
@@ -113,7 +121,7 @@ class TorquePrior:
 
         """
         out = energy.gram(self.kernel.energy, self.hyperparameters.weights, x.packed)
-        return self._add_jointwise(out, x, x)
+        return self._add_others(out, x, x)
 
     def noisy_gram(self, x: JointStates) -> Array:
         """Gram matrix of measured torques: `gram` plus the noise variances on the diagonal."""
@@ -125,7 +133,7 @@ class TorquePrior:
         """Covariances of noiseless torques at x and z, shape (N n, M n)."""
         weights = self.hyperparameters.weights
         out = energy.cross_gram(self.kernel.energy, weights, x.packed, z.packed)
-        return self._add_jointwise(out, x, z)
+        return self._add_others(out, x, z)
 
     def torque_variance(self, x: JointStates) -> Array:
         """Prior variances of noiseless torques, shape (N, n)."""
@@ -134,6 +142,8 @@ class TorquePrior:
         out: Array = np.einsum('tii->ti', blocks).copy()
         for kernel, parameters, inputs in self._terms(x):
             out += kernel.prior_variance(parameters, inputs)
+        for features in x.links:
+            out += np.square(features).sum(axis=1).reshape(out.shape)
         return out
 
     def kinetic_variance(self, x: JointStates) -> Array:
@@ -141,7 +151,10 @@ class TorquePrior:
         f, _ = self.kernel.basis.features(x.q)
         weights = self.hyperparameters.weights
         values = plain.kinetic_covariance(self.kernel.energy, weights, f, x.dq.T, f, x.dq.T)
-        return np.asarray(values, dtype=np.float64)
+        out = np.array(values, dtype=np.float64)
+        for links in self.kernel.links:
+            out += np.square(links.kinetic(x.q, x.dq)).sum(axis=1)
+        return out
 
     def potential_covariance(self, q: Array, z: Array) -> Array:
         """Prior covariances of potential energies at rows of q and z, shapes (N or 1, n) [J^2]."""
@@ -149,18 +162,29 @@ class TorquePrior:
         fz, _ = self.kernel.basis.features(z)
         weights = self.hyperparameters.weights
         values = plain.potential_covariance(self.kernel.energy, weights, f, fz)
-        return np.asarray(values, dtype=np.float64)
+        out = np.array(values, dtype=np.float64)
+        for links in self.kernel.links:
+            out = out + (links.potential(q) * links.potential(z)).sum(axis=1)
+        return out
 
     def energy_covariance(self, x: JointStates, z: JointStates) -> tuple[Array, Array]:
         """Covariances of kinetic and potential energy at x with torques at z, shapes (N, M n)."""
         weights = self.hyperparameters.weights
-        return energy.energy_covariance(self.kernel.energy, weights, x.packed, z.packed)
+        kinetic, potential = energy.energy_covariance(
+            self.kernel.energy, weights, x.packed, z.packed
+        )
+        for links, features in zip(self.kernel.links, z.links, strict=True):
+            kinetic += links.kinetic(x.q, x.dq) @ features.T
+            potential += links.potential(x.q) @ features.T
+        return kinetic, potential
 
     def _terms(self, x: JointStates) -> list[tuple[JointwiseKernel, Array, Array]]:
         parameters = self.hyperparameters.jointwise
         return list(zip(self.kernel.jointwise, parameters, x.jointwise, strict=True))
 
-    def _add_jointwise(self, out: Array, x: JointStates, z: JointStates) -> Array:
+    def _add_others(self, out: Array, x: JointStates, z: JointStates) -> Array:
+        for left, right in zip(x.links, z.links, strict=True):
+            out += left @ right.T
         n = self.kernel.energy.n_joints
         for (kernel, parameters, left), right in zip(self._terms(x), z.jointwise, strict=True):
             covariance = kernel.covariance(parameters, left, right)

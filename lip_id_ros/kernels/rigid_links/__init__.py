@@ -1,0 +1,6 @@
+"""Rigid links whose joint placements are known or learned: torques linear in their parameters."""
+
+from lip_id_ros.kernels.rigid_links.chain import Chain, PARAMETERS
+from lip_id_ros.kernels.rigid_links.links import RigidLinks
+
+__all__ = ['PARAMETERS', 'Chain', 'RigidLinks']
