@@ -12,7 +12,7 @@ from lip_id_ros.kernels import plain
 from lip_id_ros.kernels.features import JointBasis, Samples
 from lip_id_ros.kernels.jointwise import JointwiseKernel
 from lip_id_ros.kernels.program import EnergyKernel
-from lip_id_ros.kernels.rigid_links import RigidLinks
+from lip_id_ros.kernels.rigid_links import ARTICULATED, RigidLinks
 from lip_id_ros.kernels.weights import Weights
 
 Array = NDArray[np.float64]
@@ -65,6 +65,17 @@ class TorqueKernel:
     basis: JointBasis
     jointwise: tuple[JointwiseKernel, ...] = ()
     links: tuple[RigidLinks, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the energy kernel, or 'articulated' where rigid links are beside it."""
+        return ARTICULATED if self.links else self.energy.name
+
+    @property
+    def has_potential(self) -> bool:
+        """Whether any of the prior is potential energy."""
+        weight = any(links.chain.gravity.any() for links in self.links)
+        return weight or len(self.energy.potential_links) > 0
 
     def states(self, q: Array, dq: Array, ddq: Array) -> JointStates:
         """Prepare joint states, each of shape (N, n); ShapeError if they are not."""

@@ -6,8 +6,11 @@ from collections.abc import Callable, Mapping
 import os
 from typing import Any, TYPE_CHECKING
 
-from lip_id_ros.errors import LipIdError
+import numpy as np
+
+from lip_id_ros.errors import LipIdError, ShapeError
 from lip_id_ros.kernels import (
+    Chain,
     EnergyKernel,
     FAMILY,
     Friction,
@@ -15,11 +18,13 @@ from lip_id_ros.kernels import (
     JointBasis,
     JointwiseKernel,
     Residual,
+    RigidLinks,
     TorqueKernel,
     TorquePrior,
     Weights,
 )
 from lip_id_ros.kernels.program import with_potential_after
+from lip_id_ros.kernels.rigid_links import PARAMETERS
 from lip_id_ros.model.checked_file import (
     Arrays,
     contradiction,
@@ -31,17 +36,18 @@ from lip_id_ros.model.checked_file import (
 if TYPE_CHECKING:
     from lip_id_ros.model.trained_model import TrainedModel
 
-VERSION = 1
+VERSION = 2
 
 
 def write(path: str | os.PathLike[str], model: TrainedModel) -> None:
     """Write a model; see `TrainedModel.save`."""
     header = {
-        'kernel': model.kernel,
+        'kernel': model.prior.kernel.energy.name,
         'potential_links': model.prior.kernel.energy.potential_links.tolist(),
         'joint_names': list(model.joint_names),
         'joint_types': list(model.joint_types),
         'jointwise': [kernel.name for kernel in model.prior.kernel.jointwise],
+        'rigid_links': bool(model.prior.kernel.links),
         'summary': dict(model.summary),
         'provenance': dict(model.provenance),
     }
@@ -78,6 +84,11 @@ def _arrays(model: TrainedModel) -> Arrays:
             arrays['friction_sign_width'] = kernel.sign_width
         if isinstance(kernel, Residual):
             arrays['residual_scales'] = kernel.scales
+    for links in prior.kernel.links:
+        arrays['links_rotations'] = links.chain.rotations
+        arrays['links_translations'] = links.chain.translations
+        arrays['links_gravity'] = links.chain.gravity
+        arrays['links_deviations'] = links.deviations
     return arrays
 
 
@@ -85,7 +96,8 @@ def _restore(arrays: Arrays, header: Mapping[str, Any]) -> dict[str, Any]:
     types = tuple(str(kind) for kind in header['joint_types'])
     basis = JointBasis(types, arrays['basis_centre'], arrays['basis_half_range'])
     jointwise = tuple(_jointwise(name, basis, arrays) for name in header['jointwise'])
-    kernel = TorqueKernel(_energy_kernel(header, len(types)), basis, jointwise)
+    links = (_links(basis, arrays),) if header['rigid_links'] else ()
+    kernel = TorqueKernel(_energy_kernel(header, len(types)), basis, jointwise, links)
     hyperparameters = Hyperparameters(
         weights=Weights(*(arrays[f'weights_{name}'] for name in Weights._fields)),
         jointwise=tuple(arrays[f'{name}_parameters'] for name in header['jointwise']),
@@ -113,3 +125,19 @@ def _jointwise(name: str, basis: JointBasis, arrays: Arrays) -> JointwiseKernel:
         'residual': lambda: Residual(basis, arrays['residual_scales']),
     }
     return makers[name]()
+
+
+def _links(basis: JointBasis, arrays: Arrays) -> RigidLinks:
+    n = len(basis.joint_types)
+    shapes = {
+        'links_rotations': (n, 3, 3),
+        'links_translations': (n, 3),
+        'links_gravity': (3,),
+        'links_deviations': (n, PARAMETERS),
+    }
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise ShapeError(f'{name} of shape {arrays[name].shape} where {shape} was expected')
+    rotations, translations, gravity, deviations = (arrays[name] for name in shapes)
+    chain = Chain(rotations, translations, np.asarray(basis.prismatic), gravity)
+    return RigidLinks(chain, deviations)

@@ -65,8 +65,8 @@ class TrainedModel:
 
     @property
     def kernel(self) -> str:
-        """Name of the energy kernel."""
-        return self.prior.kernel.energy.name
+        """Name of the energy kernel, or 'articulated' where rigid links are beside it."""
+        return self.prior.kernel.name
 
     @property
     def noise_std(self) -> Array:
@@ -76,7 +76,7 @@ class TrainedModel:
     @property
     def has_potential(self) -> bool:
         """Whether the potential energy can be told: not from gravity-compensated torques."""
-        return len(self.prior.kernel.energy.potential_links) > 0
+        return self.prior.kernel.has_potential
 
     @property
     def potential_reference(self) -> Array:

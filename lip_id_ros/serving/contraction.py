@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.recipe import Recipe
+from lip_id_ros.serving.rigid_links import TRIPLES
 
 Array = NDArray[np.float64]
 
@@ -57,6 +58,8 @@ class Scratch(NamedTuple):
         Of every factor: a, D'a, d'_alpha a, and their derivatives by the query's q_b.
     sums, dsums : arrays, shape (2, 3, LANES)
         Velocity sums of entries, near and far, with D' and d'_alpha, and their time derivatives.
+    links : array, shape (n, TRIPLES, 3)
+        What rigid links carry outward for the way back.
 
     """
 
@@ -69,6 +72,7 @@ class Scratch(NamedTuple):
     a: Array
     sums: Array
     dsums: Array
+    links: Array
 
 
 @compiled
@@ -85,6 +89,7 @@ def new_scratch(how: Recipe) -> Scratch:
         np.zeros((n_steps, 6, LANES)),
         np.zeros((2, 3, LANES)),
         np.zeros((2, 3, LANES)),
+        np.zeros((how.potential_scales.shape[0], TRIPLES, 3)),
     )
 
 

@@ -1,4 +1,4 @@
-"""One query of a trained model, compiled: features, energies, friction and residual together."""
+"""One query of a trained model, compiled: features, energies, links, friction and residual."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving.contraction import Scratch, TrainingSide
 from lip_id_ros.serving.entries import energy_of_entries
 from lip_id_ros.serving.potential import potential_energy
+from lip_id_ros.serving.rigid_links import energies_of_links, links_mean, LinksMean
 from lip_id_ros.serving.squares import energy_of_squares
 
 Array = NDArray[np.float64]
@@ -72,6 +73,7 @@ class Contracted(NamedTuple):
     arm: Arm
     how: Recipe
     side: TrainingSide
+    links: LinksMean
     terms: JointTerms
 
 
@@ -82,6 +84,7 @@ def contract(model: TrainedModel) -> Contracted:
         arm=Arm(basis.prismatic, basis.centre, basis.half_range),
         how=recipe(model.prior.kernel.energy, model.prior.hyperparameters.weights),
         side=_training_side(model),
+        links=links_mean(model),
         terms=_joint_terms(model),
     )
 
@@ -179,6 +182,7 @@ def evaluate_one(
     arm: Arm,
     how: Recipe,
     side: TrainingSide,
+    links: LinksMean,
     terms: JointTerms,
     work: Scratch,
     features: Array,
@@ -195,7 +199,7 @@ def evaluate_one(
         Set to the torques of the kinetic energy, of gravity, and of friction and residual.
     energies : array, shape (2,)
         Set to kinetic and potential energy.
-    arm, how, side, terms
+    arm, how, side, links, terms
         The model, as `Contracted`.
     work : Scratch
     features : array, shape (4, n)
@@ -209,6 +213,9 @@ def evaluate_one(
     energies[0] = energy_of_squares(parts[0], how, work, side, f, g, dq, ddq)
     energies[0] += energy_of_entries(parts[0], how, work, side, f, g, dq, ddq)
     energies[1] = potential_energy(parts[1], how, work, side, f, g)
+    kinetic, potential = energies_of_links(parts[0], parts[1], links, work.links, q, dq, ddq)
+    energies[0] += kinetic
+    energies[1] += potential
     _friction(parts[2], terms, dq)
     _residual(parts[2], terms, side, f, dq, ddq)
 
@@ -220,6 +227,7 @@ def evaluate_many(
     arm: Arm,
     how: Recipe,
     side: TrainingSide,
+    links: LinksMean,
     terms: JointTerms,
     work: Scratch,
     features: Array,
@@ -230,5 +238,16 @@ def evaluate_many(
     """Evaluate N queries: `evaluate_one` for every row."""
     for t in range(q.shape[0]):
         evaluate_one(
-            parts[t], energies[t], arm, how, side, terms, work, features, q[t], dq[t], ddq[t]
+            parts[t],
+            energies[t],
+            arm,
+            how,
+            side,
+            links,
+            terms,
+            work,
+            features,
+            q[t],
+            dq[t],
+            ddq[t],
         )

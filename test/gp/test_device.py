@@ -8,7 +8,7 @@ import sys
 
 from gp.arms import ARMS as PHYSICAL_ARMS
 from gp.arms import dataset_of, random_motion
-from gp.cases import P, R, random_likelihood, TERMS, TYPES, without_gravity
+from gp.cases import P, R, random_likelihood, TERMS, TYPES, with_links, without_gravity
 from kernels.cases import MEMBERS
 import numpy as np
 import pytest
@@ -80,9 +80,18 @@ def test_without_gravity(member: str, device: str) -> None:
     assert_same(likelihood, on_device(likelihood, device))
 
 
+@pytest.mark.parametrize('device', DEVICES)
+def test_rigid_links(device: str) -> None:
+    likelihood = random_likelihood('recursive', TYPES, ('friction',), 11)
+    linked = with_links(likelihood)
+    assert_same(linked, on_device(linked, device))
+    at = to_vector(likelihood.like)
+    assert linked.value_and_gradient(at)[0] != likelihood.value_and_gradient(at)[0]
+
+
 @pytest.mark.parametrize('chunk_bytes', [1, 60_000])
 def test_chunks_make_no_difference(chunk_bytes: int) -> None:
-    likelihood = random_likelihood('recursive', TYPES, ('friction', 'residual'), 11)
+    likelihood = with_links(random_likelihood('recursive', TYPES, ('friction', 'residual'), 11))
     assert_same(likelihood, on_device(likelihood, 'cpu', chunk_bytes))
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, Weights
+from lip_id_ros.kernels import Chain, EnergyKernel, FAMILY, JointBasis, RigidLinks, Weights
+from lip_id_ros.kernels.rigid_links import PARAMETERS
 from lip_id_ros.kernels.weights import shapes
 
 Array = NDArray[np.float64]
@@ -29,3 +31,15 @@ def random_basis(types: tuple[str, ...], rng: np.random.Generator) -> JointBasis
     """Draw centres and ranges of prismatic joints."""
     n = len(types)
     return JointBasis(types, rng.normal(size=n), 0.5 + rng.random(n))
+
+
+def random_links(types: tuple[str, ...], rng: np.random.Generator) -> RigidLinks:
+    """Draw the places of joints, gravity, and standard deviations around one half."""
+    n = len(types)
+    chain = Chain(
+        rotations=Rotation.random(n, random_state=rng).as_matrix().reshape(n, 3, 3),
+        translations=0.5 * rng.normal(size=(n, 3)),
+        prismatic=np.array([kind == P for kind in types]),
+        gravity=rng.normal(size=3),
+    )
+    return RigidLinks(chain, np.exp(0.4 * rng.normal(size=(n, PARAMETERS)) - 0.7))

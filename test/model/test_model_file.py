@@ -12,15 +12,23 @@ from typing import Any
 from gp.cases import P, R
 from hypothesis import given
 from hypothesis import strategies as st
-from kernels.cases import MEMBERS, random_states
+from kernels.cases import random_states
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from serving.models import BOTH, random_model, random_model_with, random_model_without_potential
+from serving.models import (
+    BOTH,
+    KERNELS,
+    random_model,
+    random_model_with,
+    random_model_without_gravity,
+    random_model_without_potential,
+)
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.kernels import ARTICULATED
 from lip_id_ros.kernels.program import POTENTIALS
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving import Predictor
@@ -56,8 +64,17 @@ def answers(model: TrainedModel, x: Any) -> list[Any]:
     return [*found, predictor.inertia_matrix(x[0])]
 
 
+def assert_same_links(first: TrainedModel, second: TrainedModel) -> None:
+    """Compare what the prior has of rigid links to the last bit."""
+    both = zip(first.prior.kernel.links, second.prior.kernel.links, strict=True)
+    for got, expected in both:
+        np.testing.assert_array_equal(got.deviations, expected.deviations)
+        for part, same in zip(got.chain, expected.chain, strict=True):
+            np.testing.assert_array_equal(part, same)
+
+
 @pytest.mark.parametrize('terms', [(), ('residual',), BOTH])
-@pytest.mark.parametrize('member', MEMBERS)
+@pytest.mark.parametrize('member', KERNELS)
 def test_round_trip(member: str, terms: tuple[str, ...], path: Path) -> None:
     model = replace(
         random_model(member, (R, P, R), terms=terms),
@@ -70,12 +87,21 @@ def test_round_trip(member: str, terms: tuple[str, ...], path: Path) -> None:
         assert getattr(loaded, name) == getattr(model, name)
     np.testing.assert_array_equal(loaded.tau, model.tau)
     np.testing.assert_array_equal(loaded.noise_std, model.noise_std)
+    assert_same_links(loaded, model)
     assert os.listdir(path.parent) == [path.name]
 
 
 def test_round_trip_without_potential(path: Path) -> None:
     model = random_model_without_potential('lip')
     model.save(path)
+    assert not TrainedModel.load(path).has_potential
+    assert_same_answers(model, TrainedModel.load(path))
+
+
+def test_round_trip_of_links_without_gravity(path: Path) -> None:
+    model = random_model_without_gravity()
+    model.save(path)
+    assert TrainedModel.load(path).kernel == ARTICULATED
     assert not TrainedModel.load(path).has_potential
     assert_same_answers(model, TrainedModel.load(path))
 
@@ -164,8 +190,8 @@ def changed(path: Path, change: Callable[[Arrays, Header], None]) -> Path:
 
 
 def test_a_newer_format(saved: Path) -> None:
-    newer = changed(saved, lambda _, header: header.update(version=2))
-    check_refused(newer, 'has model format 2, but this program reads format 1')
+    newer = changed(saved, lambda _, header: header.update(version=3))
+    check_refused(newer, 'has model format 3, but this program reads format 2')
 
 
 def flip(arrays: Arrays, _: Header) -> None:
@@ -229,7 +255,50 @@ def test_contents_that_do_not_fit_together(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The hash is right and the contents are not: another program's mistake."""
-    stored = read_npz(saved)[1]['sha256']
+    check_contradiction(saved, change, what, monkeypatch)
+
+
+def check_contradiction(
+    path: Path,
+    change: Callable[[Arrays, Header], None],
+    what: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Compare the sentence for a file that is changed and has its hash nevertheless."""
+    stored = read_npz(path)[1]['sha256']
     monkeypatch.setattr('lip_id_ros.model.checked_file._digest', lambda *_: stored)
     sentence = f'says it is a model but lacks or contradicts itself in .*{what}'
-    check_refused(changed(saved, change), sentence)
+    check_refused(changed(path, change), sentence)
+
+
+LINKS = ('links_rotations', 'links_translations', 'links_gravity', 'links_deviations')
+
+
+@pytest.mark.parametrize('name', LINKS)
+def test_links_of_other_joints(name: str, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    random_model(ARTICULATED, terms=()).save(path)
+
+    def cut(arrays: Arrays, _: Header) -> None:
+        arrays[name] = arrays[name][1:]
+
+    what = rf'{name} of shape \(2,.*\) where \(3,.*\) was expected'
+    check_contradiction(path, cut, what, monkeypatch)
+
+
+@pytest.mark.parametrize('name', LINKS)
+def test_links_that_are_not_there(name: str, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    random_model(ARTICULATED, terms=()).save(path)
+
+    def leave_out(arrays: Arrays, _: Header) -> None:
+        del arrays[name]
+
+    check_contradiction(path, leave_out, f"'{name}'", monkeypatch)
+
+
+def test_damaged_links(path: Path) -> None:
+    random_model(ARTICULATED, terms=()).save(path)
+
+    def turn(arrays: Arrays, _: Header) -> None:
+        arrays['links_rotations'][0] *= -1.0
+
+    check_refused(changed(path, turn), 'is damaged: its contents do not match their hash')

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from gp.cases import random_hyperparameters, random_kernel, TYPES
-from kernels.cases import Array, random_states
+from kernels.cases import Array, MEMBERS, random_links, random_states
 import numpy as np
 
-from lip_id_ros.kernels import EnergyKernel, Hyperparameters, TorqueKernel, TorquePrior
+from lip_id_ros.kernels import (
+    ARTICULATED,
+    EnergyKernel,
+    Hyperparameters,
+    TorqueKernel,
+    TorquePrior,
+)
 from lip_id_ros.kernels.program import without_potential
 from lip_id_ros.model import TrainedModel
 
 BOTH = ('friction', 'residual')
+KERNELS = (*MEMBERS, ARTICULATED)
 
 
 def random_model(
@@ -22,24 +30,33 @@ def random_model(
     terms: tuple[str, ...] = BOTH,
     seed: int = 0,
 ) -> TrainedModel:
-    """Return a model that is conditioned on random torques."""
+    """Return a model that is conditioned on random torques; `ARTICULATED` has rigid links."""
     rng = np.random.default_rng(seed)
-    kernel = random_kernel(member, types, terms, rng)
+    kernel = _random_kernel(member, types, terms, rng)
     return conditioned(TorquePrior(kernel, random_hyperparameters(kernel, rng)), n_samples, rng)
 
 
 def random_model_without_potential(member: str) -> TrainedModel:
-    """Return a model of torques that leave gravity out."""
+    """Return a model whose energy kernel has no potential; rigid links keep theirs."""
     return random_model_with(without_potential, member)
+
+
+def random_model_without_gravity() -> TrainedModel:
+    """Return a model with rigid links of torques that leave gravity out."""
+    model = random_model_without_potential(ARTICULATED)
+    (links,) = model.prior.kernel.links
+    weightless = replace(links, chain=links.chain._replace(gravity=np.zeros(3)))
+    prior = replace(model.prior, kernel=replace(model.prior.kernel, links=(weightless,)))
+    return conditioned(prior, model.n_samples, np.random.default_rng(1))
 
 
 def random_model_with(
     potential: Callable[[EnergyKernel], EnergyKernel], member: str
 ) -> TrainedModel:
-    """Return a model whose potential energy is another than the kernel's own."""
+    """Return a model whose energy kernel has another potential than its own."""
     rng = np.random.default_rng(0)
-    own = random_kernel(member, TYPES, (), rng)
-    kernel = TorqueKernel(potential(own.energy), own.basis)
+    own = _random_kernel(member, TYPES, (), rng)
+    kernel = replace(own, energy=potential(own.energy))
     hyperparameters = random_hyperparameters(kernel, rng)
     return conditioned(TorquePrior(kernel, hyperparameters), 7, rng)
 
@@ -65,3 +82,12 @@ def conditioned(prior: TorquePrior, n_samples: int, rng: np.random.Generator) ->
         alpha=alpha,
         summary={'potential_reference': rng.normal(size=n).tolist()},
     )
+
+
+def _random_kernel(
+    member: str, types: tuple[str, ...], terms: tuple[str, ...], rng: np.random.Generator
+) -> TorqueKernel:
+    if member != ARTICULATED:
+        return random_kernel(member, types, terms, rng)
+    beside = random_kernel('recursive', types, terms, rng)
+    return replace(beside, links=(random_links(types, rng),))

@@ -5,16 +5,22 @@ from __future__ import annotations
 from kernels.cases import ARMS, Array, MEMBERS, random_states
 import numpy as np
 import pytest
-from serving.models import random_model, random_model_without_potential
+from serving.models import (
+    KERNELS,
+    random_model,
+    random_model_without_gravity,
+    random_model_without_potential,
+)
 
 from lip_id_ros.errors import ShapeError
+from lip_id_ros.kernels import ARTICULATED
 from lip_id_ros.kernels.lanes import LANES
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving import Predictor
 from lip_id_ros.serving.evaluator import evaluate_many, evaluate_one
 
 States = tuple[Array, Array, Array]
-CASES = [(member, types) for member in MEMBERS for types in ARMS]
+CASES = [(member, types) for member in KERNELS for types in ARMS]
 
 
 def queries(n: int, n_samples: int = 5) -> States:
@@ -53,7 +59,7 @@ def test_every_member_and_arm(member: str, types: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize('n_samples', [1, LANES - 1, LANES, LANES + 1, 2 * LANES, 2 * LANES + 1])
-@pytest.mark.parametrize('member', MEMBERS)
+@pytest.mark.parametrize('member', KERNELS)
 def test_numbers_of_samples_around_the_width_of_the_loops(member: str, n_samples: int) -> None:
     check_against_covariances(random_model(member, n_samples=n_samples))
 
@@ -63,7 +69,7 @@ def test_other_terms(terms: tuple[str, ...]) -> None:
     check_against_covariances(random_model('recursive', terms=terms))
 
 
-@pytest.mark.parametrize('member', MEMBERS)
+@pytest.mark.parametrize('member', KERNELS)
 def test_parts_of_the_torque(member: str) -> None:
     """Each part depends on what it may depend on, and together they are the torque."""
     q, dq, ddq = queries(3)
@@ -82,7 +88,7 @@ def test_parts_of_the_torque(member: str) -> None:
     assert abs(got.friction).max() > 1e-3
 
 
-@pytest.mark.parametrize('member', MEMBERS)
+@pytest.mark.parametrize('member', KERNELS)
 def test_inertia_matrix(member: str) -> None:
     q, dq, ddq = queries(3)
     predictor = Predictor(random_model(member))
@@ -93,7 +99,7 @@ def test_inertia_matrix(member: str) -> None:
     assert_close(0.5 * np.einsum('ti,tij,tj->t', dq, matrix, dq), got.kinetic)
 
 
-@pytest.mark.parametrize('member', MEMBERS)
+@pytest.mark.parametrize('member', KERNELS)
 def test_gravity_is_the_slope_of_the_potential(member: str) -> None:
     q, dq, ddq = queries(3)
     predictor = Predictor(random_model(member))
@@ -115,7 +121,7 @@ def swing(t: Array) -> States:
     return 0.8 * np.sin(angle), 0.8 * w * np.cos(angle), -0.8 * w**2 * np.sin(angle)
 
 
-@pytest.mark.parametrize('member', MEMBERS)
+@pytest.mark.parametrize('member', KERNELS)
 def test_power_balance(member: str) -> None:
     """d(T + V)/dt = dq . tau for any weights, since torques and energies are of one Lagrangian."""
     predictor = Predictor(random_model(member))
@@ -145,6 +151,22 @@ def test_without_potential(member: str) -> None:
     assert_close(one.tau, got.tau[0])
 
 
+def test_links_may_have_the_only_potential() -> None:
+    model = random_model_without_potential(ARTICULATED)
+    assert model.has_potential
+    check_against_covariances(model)
+
+
+def test_links_without_gravity_have_no_potential() -> None:
+    q, dq, ddq = queries(3)
+    model = random_model_without_gravity()
+    got = Predictor(model).predict(q, dq, ddq)
+    assert got.potential is None
+    assert not got.gravity.any()
+    tau = model.prior.cross_gram(model.prior.kernel.states(q, dq, ddq), model.states)
+    assert_close(got.tau.ravel(), tau @ model.alpha.ravel())
+
+
 def test_the_potential_is_zero_at_its_reference() -> None:
     model = random_model('recursive')
     got = Predictor(model).query(model.potential_reference, *np.ones((2, 3)))
@@ -156,6 +178,7 @@ def test_nothing_is_compiled_once_a_predictor_stands() -> None:
     predictor = Predictor(random_model('recursive'))
     states = queries(3)
     predictor.predict(*states)
+    Predictor(random_model(ARTICULATED)).predict(*states)
     before = len(evaluate_one.signatures), len(evaluate_many.signatures)  # type: ignore[attr-defined]
     expected = predictor.predict(*states).tau
     for x in states:

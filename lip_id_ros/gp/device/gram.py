@@ -42,7 +42,10 @@ def cross_gram(
         each = COVARIANCES[term.name](at.jointwise[k], x.jointwise[k], z.jointwise[k])
         blocks = blocks + torch.diag_embed(each.permute(1, 2, 0))
     n = kernel.energy.n_joints
-    return blocks.permute(0, 2, 1, 3).reshape(len(blocks) * n, -1)
+    gram = blocks.permute(0, 2, 1, 3).reshape(len(blocks) * n, -1)
+    for one, other in zip(x.links, z.links, strict=True):  # without hyperparameters
+        gram = gram + one.flatten(0, 1) @ other.flatten(0, 1).T
+    return gram
 
 
 def _squares(energy: EnergyKernel, weights: Weights, x: TensorStates, z: TensorStates) -> Tensor:

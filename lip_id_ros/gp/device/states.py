@@ -24,6 +24,8 @@ class TensorStates(NamedTuple):
         Velocities and accelerations.
     jointwise : tuple of tensors
         The inputs of each jointwise kernel; the second index is the sample.
+    links : tuple of tensors, each of shape (N, n, k)
+        The features of the torques of rigid links.
 
     """
 
@@ -32,19 +34,22 @@ class TensorStates(NamedTuple):
     dq: Tensor
     ddq: Tensor
     jointwise: tuple[Tensor, ...]
+    links: tuple[Tensor, ...]
 
     @classmethod
     def of(cls, x: JointStates, device: str) -> TensorStates:
         """Copy joint states, without their padding, to a device."""
         f, g, dq, ddq = (torch.tensor(v[..., : len(x)], device=device) for v in x.packed)
-        return cls(
-            f, g, dq, ddq, tuple(torch.tensor(inputs, device=device) for inputs in x.jointwise)
-        )
+        jointwise = tuple(torch.tensor(inputs, device=device) for inputs in x.jointwise)
+        shape = (*x.q.shape, -1)
+        links = tuple(torch.tensor(part.reshape(shape), device=device) for part in x.links)
+        return cls(f, g, dq, ddq, jointwise, links)
 
     def some(self, samples: slice) -> TensorStates:
         """Return some of the samples."""
         f, g, dq, ddq = (values[..., samples] for values in self[:4])
-        return TensorStates(f, g, dq, ddq, tuple(inputs[:, samples] for inputs in self.jointwise))
+        jointwise = tuple(inputs[:, samples] for inputs in self.jointwise)
+        return TensorStates(f, g, dq, ddq, jointwise, tuple(part[samples] for part in self.links))
 
 
 def hyperparameters(vector: Tensor, like: Hyperparameters) -> Hyperparameters:

@@ -1,8 +1,7 @@
 """
 Motion of a chain of links from base to tip (docs/maths.md, section 10).
 
-The motion of a link is three vectors in its own frame: angular velocity, angular acceleration, and
-the acceleration of the frame's origin less gravity.
+What belongs to a link is expressed in its own frame, and where it is in that of the link before.
 
 """
 
@@ -14,7 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.kernels.lanes import compiled
-from lip_id_ros.kernels.rigid_links.vectors import cross, turn_back
+from lip_id_ros.kernels.rigid_links.triples import (
+    Axes,
+    cross,
+    load,
+    outward,
+    plus,
+    store,
+    times,
+    Triple,
+)
 
 Array = NDArray[np.float64]
 
@@ -23,8 +31,6 @@ PARAMETERS = 11
 Of every link: mass, three first moments, the inertias xx xy xz yy yz zz about the origin of its
 frame [kg, kg m, kg m^2], and the inertia of the rotor, seen through the gear [kg m^2 or kg].
 """
-
-ANGULAR, ANGULAR_RATE, LINEAR_RATE = 0, 1, 2
 
 
 class Chain(NamedTuple):
@@ -49,98 +55,92 @@ class Chain(NamedTuple):
     gravity: Array
 
 
-@compiled
-def place_joint(rotation: Array, offset: Array, chain: Chain, i: int, q: float) -> None:
-    """Set a link's rotation (3, 3) and origin (3,) in the link before it, at position q."""
-    at_zero = chain.rotations[i]
-    if chain.prismatic[i]:
-        for k in range(3):
-            offset[k] = chain.translations[i, k] + at_zero[k, 2] * q
-            rotation[k, 0], rotation[k, 1] = at_zero[k, 0], at_zero[k, 1]
-            rotation[k, 2] = at_zero[k, 2]
-    else:
-        cos, sin = np.cos(q), np.sin(q)
-        for k in range(3):
-            offset[k] = chain.translations[i, k]
-            rotation[k, 0] = at_zero[k, 0] * cos + at_zero[k, 1] * sin
-            rotation[k, 1] = at_zero[k, 1] * cos - at_zero[k, 0] * sin
-            rotation[k, 2] = at_zero[k, 2]
-
-
-@compiled
-def carry(motion: Array, parent: Array, rotation: Array, offset: Array, work: Array) -> None:
-    """Set the motion (3, 3) that a link has of the link before it; `work` has shape (3, 3)."""
-    cross(parent[ANGULAR], offset, work[0])
-    cross(parent[ANGULAR], work[0], work[1])
-    cross(parent[ANGULAR_RATE], offset, work[0])
-    for k in range(3):
-        work[1, k] += work[0, k] + parent[LINEAR_RATE, k]
-    turn_back(rotation, parent[ANGULAR], motion[ANGULAR])
-    turn_back(rotation, parent[ANGULAR_RATE], motion[ANGULAR_RATE])
-    turn_back(rotation, work[1], motion[LINEAR_RATE])
-
-
-@compiled
-def add_joint(motion: Array, prismatic: bool, dq: float, ddq: float) -> None:
-    """Add what the link's own joint adds to its motion."""
-    x, y = motion[ANGULAR, 0], motion[ANGULAR, 1]
-    if prismatic:
-        motion[LINEAR_RATE, 0] += 2.0 * y * dq
-        motion[LINEAR_RATE, 1] -= 2.0 * x * dq
-        motion[LINEAR_RATE, 2] += ddq
-    else:
-        motion[ANGULAR, 2] += dq
-        motion[ANGULAR_RATE, 0] += y * dq
-        motion[ANGULAR_RATE, 1] -= x * dq
-        motion[ANGULAR_RATE, 2] += ddq
-
-
-class Links(NamedTuple):
+class Place(NamedTuple):
     """
-    Working memory: all links of a chain at one joint state.
+    Where a link is in the link before it.
 
     Attributes
     ----------
-    rotations, offsets : arrays, shapes (n, 3, 3) and (n, 3)
-        Of each link in the one before it.
-    carried, motions : arrays, shape (n + 1, 3, 3)
-        Motion without and with the link's own joint; row 0 is the base, row i + 1 link i.
-    work : array, shape (3, 3)
+    axes : three triples
+    origin : triple
 
     """
 
-    rotations: Array
-    offsets: Array
-    carried: Array
-    motions: Array
-    work: Array
+    axes: Axes
+    origin: Triple
+
+
+class Motion(NamedTuple):
+    """
+    How a link moves, or a change of that.
+
+    Attributes
+    ----------
+    angular, angular_rate : triples
+        Angular velocity and acceleration.
+    linear_rate : triple
+        Acceleration of the frame's origin less gravity.
+
+    """
+
+    angular: Triple
+    angular_rate: Triple
+    linear_rate: Triple
 
 
 @compiled
-def new_links(n_joints: int) -> Links:
-    """Allocate working memory."""
-    return Links(
-        np.zeros((n_joints, 3, 3)),
-        np.zeros((n_joints, 3)),
-        np.zeros((n_joints + 1, 3, 3)),
-        np.zeros((n_joints + 1, 3, 3)),
-        np.zeros((3, 3)),
+def upward(chain: Chain) -> Triple:
+    """Return what gravity is taken for: an acceleration of the base."""
+    return -chain.gravity[0], -chain.gravity[1], -chain.gravity[2]
+
+
+@compiled
+def place(chain: Chain, i: int, q: float) -> Place:
+    """Return where link i is when its joint is at position q."""
+    r, t = chain.rotations, chain.translations
+    x = r[i, 0, 0], r[i, 1, 0], r[i, 2, 0]
+    y = r[i, 0, 1], r[i, 1, 1], r[i, 2, 1]
+    z = r[i, 0, 2], r[i, 1, 2], r[i, 2, 2]
+    origin = t[i, 0], t[i, 1], t[i, 2]
+    if chain.prismatic[i]:
+        return Place((x, y, z), plus(origin, times(q, z)))
+    c, s = np.cos(q), np.sin(q)
+    return Place((plus(times(c, x), times(s, y)), plus(times(c, y), times(-s, x)), z), origin)
+
+
+@compiled
+def store_place(array: Array, i: int, at: Place) -> None:
+    """Keep a place in the first four vectors of an array (n, m, 3)."""
+    store(array, i, 0, at.axes[0])
+    store(array, i, 1, at.axes[1])
+    store(array, i, 2, at.axes[2])
+    store(array, i, 3, at.origin)
+
+
+@compiled
+def load_place(array: Array, i: int) -> Place:
+    """Return a place that was kept."""
+    axes = load(array, i, 0), load(array, i, 1), load(array, i, 2)
+    return Place(axes, load(array, i, 3))
+
+
+@compiled
+def carried(motion: Motion, at: Place) -> Motion:
+    """Return the motion that a link has of the link before it."""
+    w, a, d = motion
+    centripetal = cross(w, cross(w, at.origin))
+    return Motion(
+        outward(at.axes, w),
+        outward(at.axes, a),
+        outward(at.axes, plus(plus(d, cross(a, at.origin)), centripetal)),
     )
 
 
 @compiled
-def move(links: Links, chain: Chain, q: Array, dq: Array, ddq: Array) -> None:
-    """Set the motions of all links at a joint state of arrays (n,)."""
-    for k in range(3):
-        links.motions[0, LINEAR_RATE, k] = -chain.gravity[k]
-    for i in range(chain.prismatic.shape[0]):
-        place_joint(links.rotations[i], links.offsets[i], chain, i, q[i])
-        carry(
-            links.carried[i + 1],
-            links.motions[i],
-            links.rotations[i],
-            links.offsets[i],
-            links.work,
-        )
-        links.motions[i + 1] = links.carried[i + 1]
-        add_joint(links.motions[i + 1], chain.prismatic[i], dq[i], ddq[i])
+def with_joint(motion: Motion, prismatic: bool, dq: float, ddq: float) -> Motion:
+    """Return the motion with what the link's own joint adds to it."""
+    w, a, d = motion
+    x, y = w[1] * dq, -w[0] * dq  # w times the velocity of the joint
+    if prismatic:
+        return Motion(w, a, plus(d, (2.0 * x, 2.0 * y, ddq)))
+    return Motion(plus(w, (0.0, 0.0, dq)), plus(a, (x, y, ddq)), d)

@@ -16,6 +16,9 @@ from lip_id_ros.kernels.rigid_links.regressor import (
 
 Array = NDArray[np.float64]
 
+ARTICULATED = 'articulated'
+"""Name of kernels that have rigid links beside their energy kernel."""
+
 
 @dataclass(frozen=True, eq=False)
 class RigidLinks:

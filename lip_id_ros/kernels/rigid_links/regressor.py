@@ -7,15 +7,19 @@ from numpy.typing import NDArray
 
 from lip_id_ros.kernels.lanes import compiled
 from lip_id_ros.kernels.rigid_links.chain import (
-    ANGULAR,
+    carried,
     Chain,
-    move,
-    new_links,
+    load_place,
+    Motion,
     PARAMETERS,
-    place_joint,
+    Place,
+    place,
+    store_place,
+    upward,
+    with_joint,
 )
-from lip_id_ros.kernels.rigid_links.vectors import cross, turn_back
-from lip_id_ros.kernels.rigid_links.wrench import shift, wrench_columns
+from lip_id_ros.kernels.rigid_links.triples import cross, dot, outward, plus, Triple
+from lip_id_ros.kernels.rigid_links.wrench import shifted, Wrench
 
 Array = NDArray[np.float64]
 
@@ -38,23 +42,50 @@ def torque_regressor(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
     """
     count, n = q.shape
     out = np.zeros((count, n, PARAMETERS * n))
-    links = new_links(n)
+    places = np.empty((n, 4, 3))
     columns = np.empty((6, PARAMETERS - 1))
-    now, before = np.empty((2, 3)), np.empty((2, 3))
+    still = (0.0, 0.0, 0.0)
     for t in range(count):
-        move(links, chain, q[t], dq[t], ddq[t])
+        motion = Motion(still, still, upward(chain))
         for j in range(n):
-            out[t, j, PARAMETERS * j + PARAMETERS - 1] = ddq[t, j]
-            wrench_columns(columns, links.motions[j + 1])
-            for c in range(PARAMETERS - 1):
-                for k in range(3):
-                    now[0, k], now[1, k] = columns[k, c], columns[3 + k, c]
-                for i in range(j, -1, -1):
-                    row = 1 if chain.prismatic[i] else 0
-                    out[t, i, PARAMETERS * j + c] = now[row, 2]
-                    shift(before, now, links.rotations[i], links.offsets[i], links.work)
-                    now[:] = before
+            at = place(chain, j, q[t, j])
+            store_place(places, j, at)
+            motion = with_joint(carried(motion, at), chain.prismatic[j], dq[t, j], ddq[t, j])
+            _wrench_columns(columns, motion)
+            out[t, j, PARAMETERS * (j + 1) - 1] = ddq[t, j]
+            for i in range(j, -1, -1):
+                row = 5 if chain.prismatic[i] else 2
+                for c in range(PARAMETERS - 1):
+                    out[t, i, PARAMETERS * j + c] = columns[row, c]
+                _shift_columns(columns, load_place(places, i))
     return out
+
+
+@compiled
+def _wrench_columns(out: Array, motion: Motion) -> None:
+    """Set the wrenches (6, 10) of unit parameters of a link, torque before force."""
+    (w0, w1, w2), (a0, a1, a2), (d0, d1, d2) = motion
+    out[:] = 0.0
+    out[3, 0], out[4, 0], out[5, 0] = d0, d1, d2
+    out[0, 2], out[0, 3] = d2, -d1
+    out[1, 1], out[1, 3] = -d2, d0
+    out[2, 1], out[2, 2] = d1, -d0
+    out[3, 1], out[3, 2], out[3, 3] = -w1 * w1 - w2 * w2, w0 * w1 - a2, w0 * w2 + a1
+    out[4, 1], out[4, 2], out[4, 3] = w0 * w1 + a2, -w0 * w0 - w2 * w2, w1 * w2 - a0
+    out[5, 1], out[5, 2], out[5, 3] = w0 * w2 - a1, w1 * w2 + a0, -w0 * w0 - w1 * w1
+    out[0, 4], out[1, 4], out[2, 4] = a0, w0 * w2, -w0 * w1
+    out[0, 5], out[1, 5], out[2, 5] = a1 - w0 * w2, a0 + w1 * w2, w0 * w0 - w1 * w1
+    out[0, 6], out[1, 6], out[2, 6] = a2 + w0 * w1, w2 * w2 - w0 * w0, a0 - w1 * w2
+    out[0, 7], out[1, 7], out[2, 7] = -w1 * w2, a1, w0 * w1
+    out[0, 8], out[1, 8], out[2, 8] = w1 * w1 - w2 * w2, a2 - w0 * w1, a1 + w0 * w2
+    out[0, 9], out[1, 9], out[2, 9] = w1 * w2, -w0 * w2, a2
+
+
+@compiled
+def _shift_columns(x: Array, at: Place) -> None:
+    for c in range(PARAMETERS - 1):
+        one = Wrench((x[0, c], x[1, c], x[2, c]), (x[3, c], x[4, c], x[5, c]))
+        (x[0, c], x[1, c], x[2, c]), (x[3, c], x[4, c], x[5, c]) = shifted(one, at)
 
 
 @compiled
@@ -62,26 +93,24 @@ def kinetic_regressor(chain: Chain, q: Array, dq: Array) -> Array:
     """Kinetic energies of unit parameters at (N, n) positions and velocities, (N, 11 n)."""
     count, n = q.shape
     out = np.zeros((count, PARAMETERS * n))
-    links, still = new_links(n), np.zeros(n)
-    v, past = np.zeros(3), np.zeros(3)
     for t in range(count):
-        move(links, chain, q[t], dq[t], still)
-        v[:] = 0.0
+        w = v = (0.0, 0.0, 0.0)
         for j in range(n):
-            cross(links.motions[j, ANGULAR], links.offsets[j], past)
-            for k in range(3):
-                past[k] += v[k]
-            turn_back(links.rotations[j], past, v)
+            at = place(chain, j, q[t, j])
+            v = outward(at.axes, plus(v, cross(w, at.origin)))
+            w = outward(at.axes, w)
             if chain.prismatic[j]:
-                v[2] += dq[t, j]
-            _kinetic(out[t, PARAMETERS * j :], links.motions[j + 1, ANGULAR], v, dq[t, j])
+                v = plus(v, (0.0, 0.0, dq[t, j]))
+            else:
+                w = plus(w, (0.0, 0.0, dq[t, j]))
+            _kinetic(out[t, PARAMETERS * j :], w, v, dq[t, j])
     return out
 
 
 @compiled
-def _kinetic(out: Array, w: Array, v: Array, dq: float) -> None:
-    out[0] = 0.5 * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    cross(v, w, out[1:4])
+def _kinetic(out: Array, w: Triple, v: Triple, dq: float) -> None:
+    out[0] = 0.5 * dot(v, v)
+    out[1], out[2], out[3] = cross(v, w)
     out[4], out[5], out[6] = 0.5 * w[0] * w[0], w[0] * w[1], w[0] * w[2]
     out[7], out[8], out[9] = 0.5 * w[1] * w[1], w[1] * w[2], 0.5 * w[2] * w[2]
     out[10] = 0.5 * dq * dq
@@ -92,17 +121,13 @@ def potential_regressor(chain: Chain, q: Array) -> Array:
     """Potential energies of unit parameters at (N, n) positions, shape (N, 11 n)."""
     count, n = q.shape
     out = np.zeros((count, PARAMETERS * n))
-    rotation, offset = np.empty((3, 3)), np.empty(3)
-    up, past = np.empty(3), np.empty(3)
     for t in range(count):
-        height = 0.0
-        up[:] = -chain.gravity
+        height, up = 0.0, upward(chain)
         for j in range(n):
-            place_joint(rotation, offset, chain, j, q[t, j])
-            for k in range(3):
-                height += up[k] * offset[k]
-                past[k] = up[k]
-            turn_back(rotation, past, up)
-            out[t, PARAMETERS * j] = height
-            out[t, PARAMETERS * j + 1 : PARAMETERS * j + 4] = up
+            at = place(chain, j, q[t, j])
+            height += dot(up, at.origin)
+            up = outward(at.axes, up)
+            first = PARAMETERS * j
+            out[t, first] = height
+            out[t, first + 1], out[t, first + 2], out[t, first + 3] = up
     return out

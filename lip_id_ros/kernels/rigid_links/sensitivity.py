@@ -9,47 +9,80 @@ from numpy.typing import NDArray
 
 from lip_id_ros.kernels.lanes import compiled
 from lip_id_ros.kernels.rigid_links.chain import (
-    ANGULAR,
-    ANGULAR_RATE,
+    carried,
     Chain,
-    LINEAR_RATE,
-    Links,
-    move,
-    new_links,
+    load_place,
+    Motion,
+    Place,
+    place,
+    store_place,
+    upward,
+    with_joint,
 )
-from lip_id_ros.kernels.rigid_links.vectors import cross, turn, turn_back
-from lip_id_ros.kernels.rigid_links.wrench import shift, wrench, wrench_change
+from lip_id_ros.kernels.rigid_links.triples import (
+    cross,
+    inward,
+    load,
+    outward,
+    plus,
+    store,
+    Triple,
+)
+from lip_id_ros.kernels.rigid_links.wrench import (
+    along_joint,
+    both,
+    shifted,
+    Wrench,
+    wrench,
+    wrench_change,
+)
 
 Array = NDArray[np.float64]
 
 DIRECTIONS = 6
 """Of a placement: three rotations about its own axes, three shifts of its origin."""
 
+NOTHING = (0.0, 0.0, 0.0)
 
-class Changes(NamedTuple):
+
+class Links(NamedTuple):
     """
-    Working memory of one direction.
+    Working memory: all links of a chain at one joint state.
 
     Attributes
     ----------
-    axis : array, shape (3,)
-        The rotation, in the frame of the moved link.
-    shift : array, shape (3,)
-        The shift of its origin, in the frame of the link before.
-    motion : array, shape (3, 3)
-        Change of a link's motion.
+    places : array, shape (n, 4, 3)
+    carried, motions : arrays, shape (n + 1, 3, 3)
+        Motion without and with the link's own joint; row 0 is the base, row i + 1 link i.
     wrenches : array, shape (n, 2, 3)
-        Changes of the wrenches.
-    now, work : arrays, shapes (2, 3) and (3, 3)
+        What moves a link and all beyond it.
+    changes : array, shape (n, 2, 3)
+        Of what moves a link by itself.
 
     """
 
-    axis: Array
-    shift: Array
-    motion: Array
+    places: Array
+    carried: Array
+    motions: Array
     wrenches: Array
-    now: Array
-    work: Array
+    changes: Array
+
+
+class Displacement(NamedTuple):
+    """
+    How the frame of a link moves in that of the link before it.
+
+    Attributes
+    ----------
+    axis : triple
+        The rotation, in the frame of the moved link.
+    shift : triple
+        The shift of its origin, in the frame of the link before.
+
+    """
+
+    axis: Triple
+    shift: Triple
 
 
 @compiled
@@ -73,129 +106,140 @@ def torque_sensitivity(chain: Chain, parameters: Array, q: Array, dq: Array, ddq
     """
     count, n = q.shape
     out = np.zeros((count, n, n, DIRECTIONS))
-    links = new_links(n)
-    wrenches = np.zeros((n, 2, 3))
-    changes = Changes(
-        np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros((n, 2, 3)), np.zeros((2, 3)),
-        np.zeros((3, 3)),
-    )  # fmt: skip
+    links = Links(
+        np.empty((n, 4, 3)),
+        np.empty((n + 1, 3, 3)),
+        np.empty((n + 1, 3, 3)),
+        np.empty((n, 2, 3)),
+        np.empty((n, 2, 3)),
+    )
     for t in range(count):
-        move(links, chain, q[t], dq[t], ddq[t])
-        _wrenches(wrenches, links, parameters)
+        _move(links, chain, parameters, q[t], dq[t], ddq[t])
         for i in range(n):
             for direction in range(DIRECTIONS):
-                _displace(changes, chain, i, direction, q[t, i])
-                _outward(changes, links, chain, parameters, i, dq[t])
-                _inward(out[t, :, i, direction], changes, links, chain, wrenches, i)
+                moved = _displacement(chain, i, direction, q[t, i])
+                _to_tip(links, chain, parameters, i, moved, dq[t])
+                _to_base(out[t, :, i, direction], links, chain, i, moved)
     return out
 
 
 @compiled
-def _wrenches(out: Array, links: Links, parameters: Array) -> None:
-    """Set what moves each link and all beyond it, in its frame."""
-    n = len(parameters)
+def _move(links: Links, chain: Chain, parameters: Array, q: Array, dq: Array, ddq: Array) -> None:
+    n = len(q)
+    motion = Motion(NOTHING, NOTHING, upward(chain))
+    _store_motion(links.motions, 0, motion)
     for i in range(n):
-        wrench(out[i], parameters[i], links.motions[i + 1], links.work)
-    for i in range(n - 1, 0, -1):
-        _add_shifted(out[i - 1], out[i], links, i)
+        at = place(chain, i, q[i])
+        store_place(links.places, i, at)
+        motion = carried(motion, at)
+        _store_motion(links.carried, i + 1, motion)
+        motion = with_joint(motion, chain.prismatic[i], dq[i], ddq[i])
+        _store_motion(links.motions, i + 1, motion)
+    total = Wrench(NOTHING, NOTHING)
+    for i in range(n - 1, -1, -1):
+        total = both(total, wrench(parameters, i, _motion(links.motions, i + 1)))
+        store(links.wrenches, i, 0, total.torque)
+        store(links.wrenches, i, 1, total.force)
+        total = shifted(total, load_place(links.places, i))
 
 
 @compiled
-def _add_shifted(out: Array, wrench: Array, links: Links, i: int) -> None:
-    shifted = np.empty((2, 3))
-    shift(shifted, wrench, links.rotations[i], links.offsets[i], links.work)
-    for k in range(3):
-        out[0, k] += shifted[0, k]
-        out[1, k] += shifted[1, k]
-
-
-@compiled
-def _displace(changes: Changes, chain: Chain, i: int, direction: int, q: float) -> None:
-    """Set how the frame of link i moves in that of the link before it."""
-    axis, offset = changes.axis, changes.shift
-    axis[:], offset[:] = 0.0, 0.0
+def _displacement(chain: Chain, i: int, direction: int, q: float) -> Displacement:
+    k = direction % 3
+    unit = 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2)
     if direction >= 3:
-        offset[direction - 3] = 1.0
-        return
-    axis[direction] = 1.0
+        return Displacement(NOTHING, unit)
     if chain.prismatic[i]:  # it slides along an axis that turns
-        for k in range(3):
-            rotation = chain.rotations[i, k]
-            offset[k] = q * (rotation[0] * axis[1] - rotation[1] * axis[0])
-        return
-    x, y, cos, sin = axis[0], axis[1], np.cos(q), np.sin(q)
-    axis[0], axis[1] = cos * x + sin * y, cos * y - sin * x
+        return Displacement(unit, inward(place(chain, i, 0.0).axes, cross(unit, (0.0, 0.0, q))))
+    c, s = np.cos(q), np.sin(q)
+    return Displacement((c * unit[0] + s * unit[1], c * unit[1] - s * unit[0], unit[2]), NOTHING)
 
 
 @compiled
-def _outward(
-    changes: Changes, links: Links, chain: Chain, parameters: Array, i: int, dq: Array
+def _to_tip(
+    links: Links, chain: Chain, parameters: Array, i: int, moved: Displacement, dq: Array
 ) -> None:
     """Set the changes of the wrenches of the links from i to the tip."""
-    motion, work = changes.motion, changes.work
-    for row in range(3):
-        cross(links.carried[i + 1, row], changes.axis, motion[row])
-    cross(links.motions[i, ANGULAR], changes.shift, work[0])
-    cross(links.motions[i, ANGULAR], work[0], work[1])
-    cross(links.motions[i, ANGULAR_RATE], changes.shift, work[0])
-    for k in range(3):
-        work[0, k] += work[1, k]
-    turn_back(links.rotations[i], work[0], work[1])
-    for k in range(3):
-        motion[LINEAR_RATE, k] += work[1, k]
+    change = _first_change(links, i, moved)
     for j in range(i, len(dq)):
         if j > i:
-            _carry_change(motion, links, j, work)
-        _add_joint_change(motion, chain.prismatic[j], dq[j])
-        wrench_change(changes.wrenches[j], parameters[j], links.motions[j + 1], motion, work)
+            at = load_place(links.places, j)
+            change = _carried_change(change, load(links.motions, j, 0), at)
+        change = _with_joint_change(change, chain.prismatic[j], dq[j])
+        found = wrench_change(parameters, j, _motion(links.motions, j + 1), change)
+        store(links.changes, j, 0, found.torque)
+        store(links.changes, j, 1, found.force)
 
 
 @compiled
-def _carry_change(motion: Array, links: Links, j: int, work: Array) -> None:
-    """Take the change of motion of link j - 1 over to what link j has of it."""
-    w, offset, rotation = links.motions[j, ANGULAR], links.offsets[j], links.rotations[j]
-    cross(motion[ANGULAR], offset, work[0])
-    cross(w, work[0], work[1])
-    for k in range(3):
-        motion[LINEAR_RATE, k] += work[1, k]
-    cross(w, offset, work[0])
-    cross(motion[ANGULAR], work[0], work[1])
-    cross(motion[ANGULAR_RATE], offset, work[0])
-    for k in range(3):
-        motion[LINEAR_RATE, k] += work[0, k] + work[1, k]
-    for row in range(3):
-        turn_back(rotation, motion[row], work[0])
-        motion[row] = work[0]
+def _first_change(links: Links, i: int, moved: Displacement) -> Motion:
+    w, a = load(links.motions, i, 0), load(links.motions, i, 1)
+    linear = plus(cross(w, cross(w, moved.shift)), cross(a, moved.shift))
+    own = _motion(links.carried, i + 1)
+    return Motion(
+        cross(own.angular, moved.axis),
+        cross(own.angular_rate, moved.axis),
+        plus(
+            cross(own.linear_rate, moved.axis),
+            outward(load_place(links.places, i).axes, linear),
+        ),
+    )
 
 
 @compiled
-def _add_joint_change(motion: Array, prismatic: bool, dq: float) -> None:
-    w = motion[ANGULAR]
-    row, factor = (LINEAR_RATE, 2.0) if prismatic else (ANGULAR_RATE, 1.0)
-    motion[row, 0] += factor * w[1] * dq
-    motion[row, 1] -= factor * w[0] * dq
+def _carried_change(change: Motion, w: Triple, at: Place) -> Motion:
+    """Return the change of what a link has of the link before, whose angular velocity is w."""
+    dw, da, dd = change
+    r = at.origin
+    centripetal = plus(cross(w, cross(dw, r)), cross(dw, cross(w, r)))
+    return Motion(
+        outward(at.axes, dw),
+        outward(at.axes, da),
+        outward(at.axes, plus(plus(dd, cross(da, r)), centripetal)),
+    )
 
 
 @compiled
-def _inward(
-    out: Array, changes: Changes, links: Links, chain: Chain, wrenches: Array, i: int
-) -> None:
+def _with_joint_change(change: Motion, prismatic: bool, dq: float) -> Motion:
+    dw, da, dd = change
+    x, y = dw[1] * dq, -dw[0] * dq
+    if prismatic:
+        return Motion(dw, da, plus(dd, (2.0 * x, 2.0 * y, 0.0)))
+    return Motion(dw, plus(da, (x, y, 0.0)), dd)
+
+
+@compiled
+def _to_base(out: Array, links: Links, chain: Chain, i: int, moved: Displacement) -> None:
     """Set the changes of all torques, shape (n,)."""
-    changed, now, work = changes.wrenches, changes.now, changes.work
-    for j in range(len(wrenches) - 1, i - 1, -1):
-        out[j] = changed[j, 1 if chain.prismatic[j] else 0, 2]
-        if j > i:
-            _add_shifted(changed[j - 1], changed[j], links, j)
-    for row in range(2):  # link i turns with what acts on it
-        cross(changes.axis, wrenches[i, row], work[0])
-        for k in range(3):
-            changed[i, row, k] += work[0, k]
-    shift(now, changed[i], links.rotations[i], links.offsets[i], work)
-    turn(links.rotations[i], wrenches[i, 1], work[0])
-    cross(changes.shift, work[0], work[1])
-    for k in range(3):
-        now[0, k] += work[1, k]
+    change = Wrench(NOTHING, NOTHING)
+    for j in range(len(out) - 1, i, -1):
+        change = both(change, _wrench(links.changes, j))
+        out[j] = along_joint(change, chain.prismatic[j])
+        change = shifted(change, load_place(links.places, j))
+    change = both(change, _wrench(links.changes, i))
+    out[i] = along_joint(change, chain.prismatic[i])
+    # Link i turns with what acts on it, and its origin shifts.
+    at, whole = load_place(links.places, i), _wrench(links.wrenches, i)
+    turned = Wrench(cross(moved.axis, whole.torque), cross(moved.axis, whole.force))
+    lever = cross(moved.shift, inward(at.axes, whole.force))
+    change = both(shifted(both(change, turned), at), Wrench(lever, NOTHING))
     for j in range(i - 1, -1, -1):
-        out[j] = now[1 if chain.prismatic[j] else 0, 2]
-        shift(changed[j], now, links.rotations[j], links.offsets[j], work)
-        now[:] = changed[j]
+        out[j] = along_joint(change, chain.prismatic[j])
+        change = shifted(change, load_place(links.places, j))
+
+
+@compiled
+def _wrench(array: Array, i: int) -> Wrench:
+    return Wrench(load(array, i, 0), load(array, i, 1))
+
+
+@compiled
+def _motion(array: Array, i: int) -> Motion:
+    return Motion(load(array, i, 0), load(array, i, 1), load(array, i, 2))
+
+
+@compiled
+def _store_motion(array: Array, i: int, motion: Motion) -> None:
+    store(array, i, 0, motion.angular)
+    store(array, i, 1, motion.angular_rate)
+    store(array, i, 2, motion.linear_rate)

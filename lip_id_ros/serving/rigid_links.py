@@ -1,0 +1,147 @@
+"""
+The posterior mean of rigid links: the recursion of Newton and Euler with the mean parameters.
+
+Outward go the motions of the links and gravity, inward the wrenches, and the mass and first moment
+of all that a joint carries (docs/maths.md, sections 6 and 10).
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.kernels.lanes import compiled
+from lip_id_ros.kernels.rigid_links import Chain, PARAMETERS
+from lip_id_ros.kernels.rigid_links.chain import (
+    carried,
+    load_place,
+    Motion,
+    place,
+    store_place,
+    upward,
+    with_joint,
+)
+from lip_id_ros.kernels.rigid_links.triples import (
+    cross,
+    dot,
+    inward,
+    load,
+    outward,
+    plus,
+    store,
+    times,
+)
+from lip_id_ros.kernels.rigid_links.wrench import (
+    along_joint,
+    both,
+    first_moment,
+    inertia_times,
+    shifted,
+    Wrench,
+    wrench,
+)
+from lip_id_ros.model import TrainedModel
+
+Array = NDArray[np.float64]
+
+ROTOR = PARAMETERS - 1
+NOTHING = (0.0, 0.0, 0.0)
+TORQUE, FORCE, UP, TRIPLES = 4, 5, 6, 7
+"""Where the triples of a link are in working memory, after its place, and how many there are."""
+
+
+class LinksMean(NamedTuple):
+    """
+    Posterior mean of rigid links; without any, of a chain of no links.
+
+    Attributes
+    ----------
+    chain : Chain
+    parameters : array, shape (n, 11)
+
+    """
+
+    chain: Chain
+    parameters: Array
+
+
+def links_mean(model: TrainedModel) -> LinksMean:
+    """Return the posterior mean of a model's links."""
+    for links, features in zip(model.prior.kernel.links, model.states.links, strict=True):
+        # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
+        chain = Chain(
+            np.array(links.chain.rotations, order='C'),
+            np.array(links.chain.translations, order='C'),
+            np.array(links.chain.prismatic, order='C'),
+            np.array(links.chain.gravity, order='C'),
+        )
+        return LinksMean(chain, links.parameters(features, model.alpha))
+    none = np.zeros(0, dtype=np.bool_)
+    chain = Chain(np.zeros((0, 3, 3)), np.zeros((0, 3)), none, np.zeros(3))
+    return LinksMean(chain, np.zeros((0, PARAMETERS)))
+
+
+@compiled
+def energies_of_links(
+    tau: Array, gravity: Array, mean: LinksMean, work: Array, q: Array, dq: Array, ddq: Array
+) -> tuple[float, float]:
+    """
+    Return T and V; add the torques of T to `tau`, and those of V to `gravity`.
+
+    Parameters
+    ----------
+    tau, gravity : arrays, shape (n,)
+    mean : LinksMean
+    work : array, shape (n, 7, 3)
+        Working memory.
+    q, dq, ddq : arrays, shape (n,)
+
+    """
+    kinetic = _to_tip(mean, work, q, dq, ddq)
+    return kinetic, _to_base(tau, gravity, mean, work, ddq)
+
+
+@compiled
+def _to_tip(mean: LinksMean, work: Array, q: Array, dq: Array, ddq: Array) -> float:
+    # Sets all of `work`; returns T. The motions leave gravity out.
+    chain, p = mean
+    v, up = NOTHING, upward(chain)
+    motion = Motion(NOTHING, NOTHING, NOTHING)
+    total = 0.0
+    for i in range(p.shape[0]):
+        at = place(chain, i, q[i])
+        v = outward(at.axes, plus(v, cross(motion.angular, at.origin)))
+        if chain.prismatic[i]:
+            v = plus(v, (0.0, 0.0, dq[i]))
+        motion = with_joint(carried(motion, at), chain.prismatic[i], dq[i], ddq[i])
+        up = outward(at.axes, up)
+        w = motion.angular
+        total += 0.5 * (p[i, 0] * dot(v, v) + dot(w, inertia_times(p, i, w)))
+        total += dot(v, cross(w, first_moment(p, i))) + 0.5 * p[i, ROTOR] * dq[i] ** 2
+        own = wrench(p, i, motion)
+        store_place(work, i, at)
+        store(work, i, TORQUE, own.torque)
+        store(work, i, FORCE, own.force)
+        store(work, i, UP, up)
+    return total
+
+
+@compiled
+def _to_base(tau: Array, gravity: Array, mean: LinksMean, work: Array, ddq: Array) -> float:
+    # Returns V.
+    chain, p = mean
+    total, mass, moment = Wrench(NOTHING, NOTHING), 0.0, NOTHING
+    for i in range(p.shape[0] - 1, -1, -1):
+        total = both(total, Wrench(load(work, i, TORQUE), load(work, i, FORCE)))
+        mass, moment = mass + p[i, 0], plus(moment, first_moment(p, i))
+        up = load(work, i, UP)
+        weight = Wrench(cross(moment, up), times(mass, up))
+        tau[i] += along_joint(total, chain.prismatic[i]) + p[i, ROTOR] * ddq[i]
+        gravity[i] += along_joint(weight, chain.prismatic[i])
+        at = load_place(work, i)
+        total = shifted(total, at)
+        moment = plus(inward(at.axes, moment), times(mass, at.origin))
+    return dot(upward(chain), moment)
