@@ -14,7 +14,7 @@ from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving.contraction import Scratch, TrainingSide
 from lip_id_ros.serving.entries import energy_of_entries
 from lip_id_ros.serving.potential import potential_energy
-from lip_id_ros.serving.rigid_links import energies_of_links, links_mean, LinksMean
+from lip_id_ros.serving.rigid_links import energies_of_links, links_mean
 from lip_id_ros.serving.squares import energy_of_squares
 
 Array = NDArray[np.float64]
@@ -73,7 +73,7 @@ class Contracted(NamedTuple):
     arm: Arm
     how: Recipe
     side: TrainingSide
-    links: LinksMean
+    links: Array
     terms: JointTerms
 
 
@@ -182,7 +182,7 @@ def evaluate_one(
     arm: Arm,
     how: Recipe,
     side: TrainingSide,
-    links: LinksMean,
+    links: Array,
     terms: JointTerms,
     work: Scratch,
     features: Array,
@@ -213,7 +213,9 @@ def evaluate_one(
     energies[0] = energy_of_squares(parts[0], how, work, side, f, g, dq, ddq)
     energies[0] += energy_of_entries(parts[0], how, work, side, f, g, dq, ddq)
     energies[1] = potential_energy(parts[1], how, work, side, f, g)
-    kinetic, potential = energies_of_links(parts[0], parts[1], links, work.links, q, dq, ddq)
+    kinetic, potential = energies_of_links(
+        parts[0], parts[1], links, arm.prismatic, work.links, q, dq, ddq
+    )
     energies[0] += kinetic
     energies[1] += potential
     _friction(parts[2], terms, dq)
@@ -227,7 +229,7 @@ def evaluate_many(
     arm: Arm,
     how: Recipe,
     side: TrainingSide,
-    links: LinksMean,
+    links: Array,
     terms: JointTerms,
     work: Scratch,
     features: Array,

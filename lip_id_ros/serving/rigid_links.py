@@ -68,25 +68,39 @@ class LinksMean(NamedTuple):
     parameters: Array
 
 
-def links_mean(model: TrainedModel) -> LinksMean:
-    """Return the posterior mean of a model's links."""
+def links_mean(model: TrainedModel) -> Array:
+    """
+    Return the posterior mean of a model's links, all in one array.
+
+    A query takes a quarter of a microsecond longer for every array that is handed to it.
+
+    """
     for links, features in zip(model.prior.kernel.links, model.states.links, strict=True):
-        # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
-        chain = Chain(
-            np.array(links.chain.rotations, order='C'),
-            np.array(links.chain.translations, order='C'),
-            np.array(links.chain.prismatic, order='C'),
-            np.array(links.chain.gravity, order='C'),
-        )
-        return LinksMean(chain, links.parameters(features, model.alpha))
-    none = np.zeros(0, dtype=np.bool_)
-    chain = Chain(np.zeros((0, 3, 3)), np.zeros((0, 3)), none, np.zeros(3))
-    return LinksMean(chain, np.zeros((0, PARAMETERS)))
+        places = links.chain.rotations, links.chain.translations
+        mean = links.parameters(features, model.alpha)
+        return np.concatenate([part.ravel() for part in (*places, mean, links.chain.gravity)])
+    return np.zeros(3)
+
+
+@compiled
+def _unpacked(mean: Array, prismatic: NDArray[np.bool_]) -> LinksMean:
+    n = (mean.shape[0] - 3) // (12 + PARAMETERS)
+    rotations = mean[: 9 * n].reshape(n, 3, 3)
+    translations = mean[9 * n : 12 * n].reshape(n, 3)
+    parameters = mean[12 * n : -3].reshape(n, PARAMETERS)
+    return LinksMean(Chain(rotations, translations, prismatic, mean[-3:]), parameters)
 
 
 @compiled
 def energies_of_links(
-    tau: Array, gravity: Array, mean: LinksMean, work: Array, q: Array, dq: Array, ddq: Array
+    tau: Array,
+    gravity: Array,
+    mean: Array,
+    prismatic: NDArray[np.bool_],
+    work: Array,
+    q: Array,
+    dq: Array,
+    ddq: Array,
 ) -> tuple[float, float]:
     """
     Return T and V; add the torques of T to `tau`, and those of V to `gravity`.
@@ -94,20 +108,23 @@ def energies_of_links(
     Parameters
     ----------
     tau, gravity : arrays, shape (n,)
-    mean : LinksMean
+    mean : array
+        As `links_mean` lays it out.
+    prismatic : bool array, shape (n,)
     work : array, shape (n, 7, 3)
         Working memory.
     q, dq, ddq : arrays, shape (n,)
 
     """
-    kinetic = _to_tip(mean, work, q, dq, ddq)
-    return kinetic, _to_base(tau, gravity, mean, work, ddq)
+    links = _unpacked(mean, prismatic)
+    kinetic = _to_tip(links, work, q, dq, ddq)
+    return kinetic, _to_base(tau, gravity, links, work, ddq)
 
 
 @compiled
-def _to_tip(mean: LinksMean, work: Array, q: Array, dq: Array, ddq: Array) -> float:
+def _to_tip(links: LinksMean, work: Array, q: Array, dq: Array, ddq: Array) -> float:
     # Sets all of `work`; returns T. The motions leave gravity out.
-    chain, p = mean
+    chain, p = links
     v, up = NOTHING, upward(chain)
     motion = Motion(NOTHING, NOTHING, NOTHING)
     total = 0.0
@@ -130,9 +147,9 @@ def _to_tip(mean: LinksMean, work: Array, q: Array, dq: Array, ddq: Array) -> fl
 
 
 @compiled
-def _to_base(tau: Array, gravity: Array, mean: LinksMean, work: Array, ddq: Array) -> float:
+def _to_base(tau: Array, gravity: Array, links: LinksMean, work: Array, ddq: Array) -> float:
     # Returns V.
-    chain, p = mean
+    chain, p = links
     total, mass, moment = Wrench(NOTHING, NOTHING), 0.0, NOTHING
     for i in range(p.shape[0] - 1, -1, -1):
         total = both(total, Wrench(load(work, i, TORQUE), load(work, i, FORCE)))
