@@ -33,11 +33,13 @@ from lip_id_ros.kernels.rigid_links.triples import (
     plus,
     store,
     times,
+    Triple,
 )
 from lip_id_ros.kernels.rigid_links.wrench import (
     along_joint,
+    Body,
+    body,
     both,
-    first_moment,
     inertia_times,
     shifted,
     Wrench,
@@ -135,15 +137,19 @@ def _to_tip(links: LinksMean, work: Array, q: Array, dq: Array, ddq: Array) -> f
             v = plus(v, (0.0, 0.0, dq[i]))
         motion = with_joint(carried(motion, at), chain.prismatic[i], dq[i], ddq[i])
         up = outward(at.axes, up)
-        w = motion.angular
-        total += 0.5 * (p[i, 0] * dot(v, v) + dot(w, inertia_times(p, i, w)))
-        total += dot(v, cross(w, first_moment(p, i))) + 0.5 * p[i, ROTOR] * dq[i] ** 2
-        own = wrench(p, i, motion)
+        total += _kinetic(body(p, i), motion.angular, v) + 0.5 * p[i, ROTOR] * dq[i] ** 2
+        own = wrench(body(p, i), motion)
         store_place(work, i, at)
         store(work, i, TORQUE, own.torque)
         store(work, i, FORCE, own.force)
         store(work, i, UP, up)
     return total
+
+
+@compiled
+def _kinetic(own: Body, w: Triple, v: Triple) -> float:
+    squares = own.mass * dot(v, v) + dot(w, inertia_times(own, w))
+    return 0.5 * squares + dot(v, cross(w, own.moment))
 
 
 @compiled
@@ -153,7 +159,8 @@ def _to_base(tau: Array, gravity: Array, links: LinksMean, work: Array, ddq: Arr
     total, mass, moment = Wrench(NOTHING, NOTHING), 0.0, NOTHING
     for i in range(p.shape[0] - 1, -1, -1):
         total = both(total, Wrench(load(work, i, TORQUE), load(work, i, FORCE)))
-        mass, moment = mass + p[i, 0], plus(moment, first_moment(p, i))
+        own = body(p, i)
+        mass, moment = mass + own.mass, plus(moment, own.moment)
         up = load(work, i, UP)
         weight = Wrench(cross(moment, up), times(mass, up))
         tau[i] += along_joint(total, chain.prismatic[i]) + p[i, ROTOR] * ddq[i]

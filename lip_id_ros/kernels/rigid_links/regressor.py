@@ -19,7 +19,7 @@ from lip_id_ros.kernels.rigid_links.chain import (
     with_joint,
 )
 from lip_id_ros.kernels.rigid_links.triples import cross, dot, outward, plus, Triple
-from lip_id_ros.kernels.rigid_links.wrench import shifted, Wrench
+from lip_id_ros.kernels.rigid_links.wrench import row_along_joint, shifted, Wrench
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def torque_regressor(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
             _wrench_columns(columns, motion)
             out[t, j, PARAMETERS * (j + 1) - 1] = ddq[t, j]
             for i in range(j, -1, -1):
-                row = 5 if chain.prismatic[i] else 2
+                row = row_along_joint(chain.prismatic[i])
                 for c in range(PARAMETERS - 1):
                     out[t, i, PARAMETERS * j + c] = columns[row, c]
                 _shift_columns(columns, load_place(places, i))

@@ -29,8 +29,9 @@ from lip_id_ros.kernels.rigid_links.triples import (
     Triple,
 )
 from lip_id_ros.kernels.rigid_links.wrench import (
-    along_joint,
+    body,
     both,
+    row_along_joint,
     shifted,
     Wrench,
     wrench,
@@ -56,8 +57,16 @@ class Links(NamedTuple):
         Motion without and with the link's own joint; row 0 is the base, row i + 1 link i.
     wrenches : array, shape (n, 2, 3)
         What moves a link and all beyond it.
-    changes : array, shape (n, 2, 3)
+    moved : array, shape (6, 6)
+        How a link's frame moves in that of the link before it: its rotation, in its own frame, and
+        the shift of its origin, in the frame of the link before. The last index, here and below,
+        is the direction, so that all directions go together through vector instructions.
+    motion : array, shape (9, 6)
+        Change of a link's motion.
+    changes : array, shape (n, 6, 6)
         Of what moves a link by itself.
+    total : array, shape (6, 6)
+        Of what moves a link and all beyond it.
 
     """
 
@@ -65,24 +74,10 @@ class Links(NamedTuple):
     carried: Array
     motions: Array
     wrenches: Array
+    moved: Array
+    motion: Array
     changes: Array
-
-
-class Displacement(NamedTuple):
-    """
-    How the frame of a link moves in that of the link before it.
-
-    Attributes
-    ----------
-    axis : triple
-        The rotation, in the frame of the moved link.
-    shift : triple
-        The shift of its origin, in the frame of the link before.
-
-    """
-
-    axis: Triple
-    shift: Triple
+    total: Array
 
 
 @compiled
@@ -111,15 +106,18 @@ def torque_sensitivity(chain: Chain, parameters: Array, q: Array, dq: Array, ddq
         np.empty((n + 1, 3, 3)),
         np.empty((n + 1, 3, 3)),
         np.empty((n, 2, 3)),
-        np.empty((n, 2, 3)),
+        np.empty((6, DIRECTIONS)),
+        np.empty((9, DIRECTIONS)),
+        np.empty((n, 6, DIRECTIONS)),
+        np.empty((6, DIRECTIONS)),
     )
     for t in range(count):
         _move(links, chain, parameters, q[t], dq[t], ddq[t])
         for i in range(n):
-            for direction in range(DIRECTIONS):
-                moved = _displacement(chain, i, direction, q[t, i])
-                _to_tip(links, chain, parameters, i, moved, dq[t])
-                _to_base(out[t, :, i, direction], links, chain, i, moved)
+            _displace(links.moved, chain, i, q[t, i])
+            _first_change(links, i)
+            _to_tip(links, chain, parameters, i, dq[t])
+            _to_base(out[t, :, i], links, chain, i)
     return out
 
 
@@ -137,53 +135,62 @@ def _move(links: Links, chain: Chain, parameters: Array, q: Array, dq: Array, dd
         _store_motion(links.motions, i + 1, motion)
     total = Wrench(NOTHING, NOTHING)
     for i in range(n - 1, -1, -1):
-        total = both(total, wrench(parameters, i, _motion(links.motions, i + 1)))
+        total = both(total, wrench(body(parameters, i), _motion(links.motions, i + 1)))
         store(links.wrenches, i, 0, total.torque)
         store(links.wrenches, i, 1, total.force)
         total = shifted(total, load_place(links.places, i))
 
 
 @compiled
-def _displacement(chain: Chain, i: int, direction: int, q: float) -> Displacement:
-    k = direction % 3
-    unit = 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2)
-    if direction >= 3:
-        return Displacement(NOTHING, unit)
-    if chain.prismatic[i]:  # it slides along an axis that turns
-        return Displacement(unit, inward(place(chain, i, 0.0).axes, cross(unit, (0.0, 0.0, q))))
-    c, s = np.cos(q), np.sin(q)
-    return Displacement((c * unit[0] + s * unit[1], c * unit[1] - s * unit[0], unit[2]), NOTHING)
+def _displace(moved: Array, chain: Chain, i: int, q: float) -> None:
+    moved[:] = 0.0
+    for d in range(3):
+        moved[3 + d, 3 + d] = 1.0
+        unit = 1.0 * (d == 0), 1.0 * (d == 1), 1.0 * (d == 2)
+        if chain.prismatic[i]:  # it slides along an axis that turns
+            _put(moved, 0, d, unit)
+            _put(moved, 3, d, inward(place(chain, i, 0.0).axes, cross(unit, (0.0, 0.0, q))))
+        else:
+            c, s = np.cos(q), np.sin(q)
+            _put(moved, 0, d, (c * unit[0] + s * unit[1], c * unit[1] - s * unit[0], unit[2]))
 
 
 @compiled
-def _to_tip(
-    links: Links, chain: Chain, parameters: Array, i: int, moved: Displacement, dq: Array
-) -> None:
+def _first_change(links: Links, i: int) -> None:
+    before, own = _motion(links.motions, i), _motion(links.carried, i + 1)
+    axes, w = load_place(links.places, i).axes, before.angular
+    for d in range(DIRECTIONS):
+        axis, shift = _get(links.moved, 0, d), _get(links.moved, 3, d)
+        linear = plus(cross(w, cross(w, shift)), cross(before.angular_rate, shift))
+        _put(links.motion, 0, d, cross(own.angular, axis))
+        _put(links.motion, 3, d, cross(own.angular_rate, axis))
+        _put(links.motion, 6, d, plus(cross(own.linear_rate, axis), outward(axes, linear)))
+
+
+@compiled
+def _to_tip(links: Links, chain: Chain, parameters: Array, i: int, dq: Array) -> None:
     """Set the changes of the wrenches of the links from i to the tip."""
-    change = _first_change(links, i, moved)
-    for j in range(i, len(dq)):
-        if j > i:
-            at = load_place(links.places, j)
-            change = _carried_change(change, load(links.motions, j, 0), at)
-        change = _with_joint_change(change, chain.prismatic[j], dq[j])
-        found = wrench_change(parameters, j, _motion(links.motions, j + 1), change)
-        store(links.changes, j, 0, found.torque)
-        store(links.changes, j, 1, found.force)
-
-
-@compiled
-def _first_change(links: Links, i: int, moved: Displacement) -> Motion:
-    w, a = load(links.motions, i, 0), load(links.motions, i, 1)
-    linear = plus(cross(w, cross(w, moved.shift)), cross(a, moved.shift))
-    own = _motion(links.carried, i + 1)
-    return Motion(
-        cross(own.angular, moved.axis),
-        cross(own.angular_rate, moved.axis),
-        plus(
-            cross(own.linear_rate, moved.axis),
-            outward(load_place(links.places, i).axes, linear),
-        ),
-    )
+    n, change = len(dq), links.motion
+    for j in range(i, n):
+        motion, own = _motion(links.motions, j + 1), body(parameters, j)
+        wrenches, prismatic, speed = links.changes[j], chain.prismatic[j], dq[j]
+        for d in range(DIRECTIONS):
+            now = Motion(_get(change, 0, d), _get(change, 3, d), _get(change, 6, d))
+            now = _with_joint_change(now, prismatic, speed)
+            found = wrench_change(own, motion, now)
+            _put(wrenches, 0, d, found.torque)
+            _put(wrenches, 3, d, found.force)
+            _put(change, 0, d, now.angular)
+            _put(change, 3, d, now.angular_rate)
+            _put(change, 6, d, now.linear_rate)
+        if j + 1 < n:
+            at = load_place(links.places, j + 1)
+            for d in range(DIRECTIONS):
+                now = Motion(_get(change, 0, d), _get(change, 3, d), _get(change, 6, d))
+                now = _carried_change(now, motion.angular, at)
+                _put(change, 0, d, now.angular)
+                _put(change, 3, d, now.angular_rate)
+                _put(change, 6, d, now.linear_rate)
 
 
 @compiled
@@ -209,28 +216,53 @@ def _with_joint_change(change: Motion, prismatic: bool, dq: float) -> Motion:
 
 
 @compiled
-def _to_base(out: Array, links: Links, chain: Chain, i: int, moved: Displacement) -> None:
-    """Set the changes of all torques, shape (n,)."""
-    change = Wrench(NOTHING, NOTHING)
+def _to_base(out: Array, links: Links, chain: Chain, i: int) -> None:
+    """Set the changes of all torques, shape (n, 6)."""
+    total = links.total
+    total[:] = 0.0
     for j in range(len(out) - 1, i, -1):
-        change = both(change, _wrench(links.changes, j))
-        out[j] = along_joint(change, chain.prismatic[j])
-        change = shifted(change, load_place(links.places, j))
-    change = both(change, _wrench(links.changes, i))
-    out[i] = along_joint(change, chain.prismatic[i])
-    # Link i turns with what acts on it, and its origin shifts.
-    at, whole = load_place(links.places, i), _wrench(links.wrenches, i)
-    turned = Wrench(cross(moved.axis, whole.torque), cross(moved.axis, whole.force))
-    lever = cross(moved.shift, inward(at.axes, whole.force))
-    change = both(shifted(both(change, turned), at), Wrench(lever, NOTHING))
+        total += links.changes[j]
+        out[j] = total[row_along_joint(chain.prismatic[j])]
+        _shift(total, load_place(links.places, j))
+    total += links.changes[i]
+    out[i] = total[row_along_joint(chain.prismatic[i])]
+    _turn_and_shift(links, i)
     for j in range(i - 1, -1, -1):
-        out[j] = along_joint(change, chain.prismatic[j])
-        change = shifted(change, load_place(links.places, j))
+        out[j] = total[row_along_joint(chain.prismatic[j])]
+        _shift(total, load_place(links.places, j))
 
 
 @compiled
-def _wrench(array: Array, i: int) -> Wrench:
-    return Wrench(load(array, i, 0), load(array, i, 1))
+def _shift(total: Array, at: Place) -> None:
+    for d in range(DIRECTIONS):
+        found = shifted(Wrench(_get(total, 0, d), _get(total, 3, d)), at)
+        _put(total, 0, d, found.torque)
+        _put(total, 3, d, found.force)
+
+
+@compiled
+def _turn_and_shift(links: Links, i: int) -> None:
+    # Link i turns with what acts on it, and its origin shifts.
+    at, total = load_place(links.places, i), links.total
+    whole = Wrench(load(links.wrenches, i, 0), load(links.wrenches, i, 1))
+    force = inward(at.axes, whole.force)
+    for d in range(DIRECTIONS):
+        axis, moved = _get(links.moved, 0, d), _get(links.moved, 3, d)
+        turned = Wrench(cross(axis, whole.torque), cross(axis, whole.force))
+        own = Wrench(_get(total, 0, d), _get(total, 3, d))
+        found = both(shifted(both(own, turned), at), Wrench(cross(moved, force), NOTHING))
+        _put(total, 0, d, found.torque)
+        _put(total, 3, d, found.force)
+
+
+@compiled
+def _get(array: Array, row: int, d: int) -> Triple:
+    return array[row, d], array[row + 1, d], array[row + 2, d]
+
+
+@compiled
+def _put(array: Array, row: int, d: int, a: Triple) -> None:
+    array[row, d], array[row + 1, d], array[row + 2, d] = a
 
 
 @compiled

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from lip_id_ros.kernels.lanes import compiled
 from lip_id_ros.kernels.rigid_links.chain import Motion, Place
-from lip_id_ros.kernels.rigid_links.triples import cross, inward, plus, times, Triple
+from lip_id_ros.kernels.rigid_links.triples import (
+    Axes,
+    cross,
+    dot,
+    inward,
+    plus,
+    times,
+    Triple,
+)
 
 Array = NDArray[np.float64]
 
@@ -28,35 +36,67 @@ class Wrench(NamedTuple):
     force: Triple
 
 
-@compiled
-def wrench(p: Array, i: int, motion: Motion) -> Wrench:
+class Body(NamedTuple):
     """
-    Return what moves link i, of parameters p (n, 11), by itself.
+    A rigid body in the frame of its link.
+
+    Attributes
+    ----------
+    mass : float
+    moment : triple
+        Mass times centre of mass.
+    inertia : three triples
+        About the origin of the frame.
+
+    """
+
+    mass: float
+    moment: Triple
+    inertia: Axes
+
+
+@compiled
+def body(p: Array, i: int) -> Body:
+    """Return link i of parameters p (n, 11)."""
+    xx, xy, xz, yy, yz, zz = p[i, 4], p[i, 5], p[i, 6], p[i, 7], p[i, 8], p[i, 9]
+    inertia = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+    return Body(p[i, 0], (p[i, 1], p[i, 2], p[i, 3]), inertia)
+
+
+@compiled
+def inertia_times(own: Body, a: Triple) -> Triple:
+    """Return the inertia of a body times a vector."""
+    return dot(own.inertia[0], a), dot(own.inertia[1], a), dot(own.inertia[2], a)
+
+
+@compiled
+def wrench(own: Body, motion: Motion) -> Wrench:
+    """
+    Return what moves a body by itself.
 
     With angular velocity w, its rate a, linear acceleration d, first moment h and inertia I: force
     m d + a x h + w x (w x h), torque I a + w x I w + h x d (Newton and Euler).
 
     """
     w, a, d = motion
-    h = first_moment(p, i)
-    gyroscopic = cross(w, inertia_times(p, i, w))
+    h = own.moment
+    gyroscopic = cross(w, inertia_times(own, w))
     return Wrench(
-        plus(plus(inertia_times(p, i, a), gyroscopic), cross(h, d)),
-        plus(plus(times(p[i, 0], d), cross(a, h)), cross(w, cross(w, h))),
+        plus(plus(inertia_times(own, a), gyroscopic), cross(h, d)),
+        plus(plus(times(own.mass, d), cross(a, h)), cross(w, cross(w, h))),
     )
 
 
 @compiled
-def wrench_change(p: Array, i: int, motion: Motion, change: Motion) -> Wrench:
-    """Return the change of link i's wrench that goes with a change of its motion."""
+def wrench_change(own: Body, motion: Motion, change: Motion) -> Wrench:
+    """Return the change of a body's wrench that goes with a change of its motion."""
     w, (dw, da, dd) = motion.angular, change
-    h = first_moment(p, i)
-    spin, dspin = inertia_times(p, i, w), inertia_times(p, i, dw)
-    gyroscopic = plus(cross(dw, spin), cross(w, dspin))
+    h = own.moment
+    gyroscopic = plus(cross(dw, inertia_times(own, w)), cross(w, inertia_times(own, dw)))
     centripetal = plus(cross(dw, cross(w, h)), cross(w, cross(dw, h)))
     return Wrench(
-        plus(plus(inertia_times(p, i, da), gyroscopic), cross(h, dd)),
-        plus(plus(times(p[i, 0], dd), cross(da, h)), centripetal),
+        plus(plus(inertia_times(own, da), gyroscopic), cross(h, dd)),
+        plus(plus(times(own.mass, dd), cross(da, h)), centripetal),
     )
 
 
@@ -80,16 +120,6 @@ def along_joint(wrench: Wrench, prismatic: bool) -> float:
 
 
 @compiled
-def first_moment(p: Array, i: int) -> Triple:
-    """Return mass times centre of mass of link i."""
-    return p[i, 1], p[i, 2], p[i, 3]
-
-
-@compiled
-def inertia_times(p: Array, i: int, a: Triple) -> Triple:
-    """Return the inertia of link i times a vector."""
-    return (
-        p[i, 4] * a[0] + p[i, 5] * a[1] + p[i, 6] * a[2],
-        p[i, 5] * a[0] + p[i, 7] * a[1] + p[i, 8] * a[2],
-        p[i, 6] * a[0] + p[i, 8] * a[1] + p[i, 9] * a[2],
-    )
+def row_along_joint(prismatic: bool) -> int:
+    """Return where that is among the six numbers of a wrench."""
+    return 5 if prismatic else 2
