@@ -34,6 +34,7 @@ setup(
         'rich>=13.0',
         'rosbags>=0.11.7',
         'scipy>=1.11',
+        'threadpoolctl>=3.1',
     ],
     extras_require={
         'sim': ['pin>=3.0', 'example-robot-data>=4.1'],

@@ -37,7 +37,11 @@ ROSDEP = {
     'scipy': 'python3-scipy',
     'yaml': 'python3-yaml',
 }
-WITHOUT_KEY = {'pinocchio': 'pin', 'example_robot_data': 'example-robot-data'}
+WITHOUT_KEY = {
+    'example_robot_data': 'example-robot-data',
+    'pinocchio': 'pin',
+    'threadpoolctl': 'threadpoolctl',
+}
 OPTIONAL = {'torch'}
 LAUNCH_FILE = """
 from launch import LaunchDescription

@@ -108,9 +108,10 @@ class FitSettings(Settings):
     """The model and its training."""
 
     kernel: str = setting(
-        'recursive',
-        'Family of energy kernels.',
-        choices=('lip', 'nested', 'recursive', 'recursive_per_link'),
+        'articulated',
+        'A kernel on energies; articulated finds the places of the joints first, and adds the '
+        'recursive kernel where rigid links leave something over.',
+        choices=('articulated', 'lip', 'nested', 'recursive', 'recursive_per_link'),
     )
     potential: str = setting(
         'kernel',

@@ -13,16 +13,14 @@ from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.gp.backend import Backend, choose
-from lip_id_ros.gp.initial import (
-    initial_hyperparameters,
-    make_friction,
-    make_residual,
-    starting_points,
-)
+from lip_id_ros.gp.beginning import BEGINNINGS, from_torques, Start
+from lip_id_ros.gp.initial import make_friction, make_residual
+from lip_id_ros.gp.linear_likelihood import LinearLikelihood
 from lip_id_ros.gp.sign_width import with_likely_sign_widths
 from lip_id_ros.gp.subset import spread
 from lip_id_ros.gp.training import maximise, Objective, Optimum
 from lip_id_ros.kernels import (
+    ARTICULATED,
     FAMILY,
     Hyperparameters,
     JointBasis,
@@ -30,7 +28,7 @@ from lip_id_ros.kernels import (
     TorqueKernel,
     TorquePrior,
 )
-from lip_id_ros.kernels.program import EnergyKernel, POTENTIALS, without_potential
+from lip_id_ros.kernels.program import EnergyKernel, POTENTIALS, recursive, without_potential
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.progress import Progress, silent
@@ -38,6 +36,7 @@ from lip_id_ros.progress import Progress, silent
 LEAST_SAMPLES = 10
 TRIAL_ITERATIONS = 12
 CONDITIONING = 'posterior'
+ENERGY_KERNELS = {**FAMILY, ARTICULATED: recursive}
 
 
 def fit(
@@ -97,7 +96,7 @@ def make_kernel(dataset: Dataset, settings: FitSettings) -> TorqueKernel:
 
 
 def _energy_kernel(dataset: Dataset, settings: FitSettings) -> EnergyKernel:
-    kernel = FAMILY[settings.kernel](dataset.n_joints)
+    kernel = ENERGY_KERNELS[settings.kernel](dataset.n_joints)
     if dataset.gravity_compensated:
         return without_potential(kernel)
     return POTENTIALS[settings.potential](kernel)
@@ -133,32 +132,32 @@ def _optimise(
     backend: Backend,
     progress: Progress,
 ) -> tuple[TorqueKernel, Optimum]:
-    centre = initial_hyperparameters(
-        kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
-    )
-
-    def objective(kernel: TorqueKernel, some: Dataset) -> Objective:
+    def objective(kernel: TorqueKernel, centre: Hyperparameters, some: Dataset) -> Objective:
         states = kernel.states(some.q, some.dq, some.ddq)
-        likelihood = backend.likelihood(kernel, states, some.tau, centre)
+        make = LinearLikelihood if kernel.is_linear else backend.likelihood
+        likelihood = make(kernel, states, some.tau, centre)
         return Objective(likelihood, centre, settings.prior_precision)
 
     few = _covering(dataset, kernel, max(LEAST_SAMPLES, settings.subset // 3))
-    start = _best_start(objective(kernel, few), settings, progress)
-    some = _covering(dataset, kernel, settings.subset)
-    kernel = with_likely_sign_widths(kernel, start, some)
-    return kernel, maximise(objective(kernel, some), start, settings.iterations, progress)
-
-
-def _best_start(
-    objective: Objective, settings: FitSettings, progress: Progress
-) -> Hyperparameters:
+    begin = BEGINNINGS.get(settings.kernel, from_torques)
     # Tried on fewer samples, so that all of them together cost less than the optimisation itself.
-    iterations = min(TRIAL_ITERATIONS, settings.iterations)
-    trials = [
-        maximise(objective, start, iterations, progress, f'start {number}')
-        for number, start in enumerate(starting_points(objective.centre), start=1)
+    tried = [
+        _tried(start, objective(start.kernel, start.centre, few), settings, progress, number)
+        for number, start in enumerate(begin(kernel, dataset, settings, progress), start=1)
     ]
-    return min(trials, key=lambda trial: trial.value).hyperparameters
+    start, trial = min(tried, key=lambda pair: pair[1].value + pair[0].handicap)
+    some = _covering(dataset, kernel, settings.subset)
+    kernel = with_likely_sign_widths(start.kernel, trial.hyperparameters, some)
+    followed = objective(kernel, start.centre, some)
+    return kernel, maximise(followed, trial.hyperparameters, settings.iterations, progress)
+
+
+def _tried(
+    start: Start, objective: Objective, settings: FitSettings, progress: Progress, number: int
+) -> tuple[Start, Optimum]:
+    iterations = min(TRIAL_ITERATIONS, settings.iterations)
+    stage = f'start {number}'
+    return start, maximise(objective, start.hyperparameters, iterations, progress, stage)
 
 
 def _condition(kernel: TorqueKernel, optimum: Optimum, dataset: Dataset) -> TrainedModel:

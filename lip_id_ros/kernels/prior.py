@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lip_id_ros.kernels import gram as energy
 from lip_id_ros.kernels import plain
 from lip_id_ros.kernels.features import JointBasis, Samples
-from lip_id_ros.kernels.jointwise import JointwiseKernel
+from lip_id_ros.kernels.jointwise import Friction, JointwiseKernel
 from lip_id_ros.kernels.program import EnergyKernel
 from lip_id_ros.kernels.rigid_links import ARTICULATED, RigidLinks
 from lip_id_ros.kernels.weights import Weights
@@ -76,6 +76,11 @@ class TorqueKernel:
         """Whether any of the prior is potential energy."""
         weight = any(links.chain.gravity.any() for links in self.links)
         return weight or len(self.energy.potential_links) > 0
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether links and friction are all of the prior."""
+        return self.energy.is_empty and all(isinstance(x, Friction) for x in self.jointwise)
 
     def states(self, q: Array, dq: Array, ddq: Array) -> JointStates:
         """Prepare joint states, each of shape (N, n); ShapeError if they are not."""
@@ -162,7 +167,7 @@ class TorquePrior:
         f, _ = self.kernel.basis.features(x.q)
         weights = self.hyperparameters.weights
         values = plain.kinetic_covariance(self.kernel.energy, weights, f, x.dq.T, f, x.dq.T)
-        out = np.array(values, dtype=np.float64)
+        out = np.full(len(x), values, dtype=np.float64)
         for links in self.kernel.links:
             out += np.square(links.kinetic(x.q, x.dq)).sum(axis=1)
         return out

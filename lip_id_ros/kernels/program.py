@@ -63,6 +63,11 @@ class EnergyKernel:
     n_factor_sets: int
     potential_links: NDArray[np.int64]
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether there are no energies."""
+        return not (len(self.squares) or len(self.entries) or len(self.potential_links))
+
 
 def recursive(n_joints: int) -> EnergyKernel:
     """
@@ -132,7 +137,15 @@ def nested(n_joints: int) -> EnergyKernel:
     return _kernel('nested', n_joints, entries=steps)
 
 
+def none(n_joints: int) -> EnergyKernel:
+    """Return no energies, for what rigid links explain by themselves."""
+    kernel = with_potential_after(_kernel('none', n_joints), [])
+    return replace(kernel, n_factor_sets=0)
+
+
 FAMILY = {kernel.__name__: kernel for kernel in (recursive, recursive_per_link, nested, lip)}
+ENERGIES = {**FAMILY, 'none': none}
+"""Every energy kernel by its name; those of the family can do without rigid links."""
 
 
 def without_potential(kernel: EnergyKernel) -> EnergyKernel:

@@ -12,7 +12,6 @@ from lip_id_ros.errors import LipIdError, ShapeError
 from lip_id_ros.kernels import (
     Chain,
     EnergyKernel,
-    FAMILY,
     Friction,
     Hyperparameters,
     JointBasis,
@@ -23,7 +22,7 @@ from lip_id_ros.kernels import (
     TorquePrior,
     Weights,
 )
-from lip_id_ros.kernels.program import with_potential_after
+from lip_id_ros.kernels.program import ENERGIES, with_potential_after
 from lip_id_ros.kernels.rigid_links import PARAMETERS
 from lip_id_ros.model.checked_file import (
     Arrays,
@@ -115,7 +114,7 @@ def _restore(arrays: Arrays, header: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _energy_kernel(header: Mapping[str, Any], n_joints: int) -> EnergyKernel:
-    kernel = FAMILY[header['kernel']](n_joints)
+    kernel = ENERGIES[header['kernel']](n_joints)
     return with_potential_after(kernel, header['potential_links'])
 
 

@@ -90,13 +90,14 @@ def contract(model: TrainedModel) -> Contracted:
 
 
 def _training_side(model: TrainedModel) -> TrainingSide:
-    n_samples = model.n_samples
+    # Links and friction are told by their parameters alone.
+    n_samples = 0 if model.prior.kernel.is_linear else model.n_samples
     extent = -(-n_samples // LANES) * LANES
     packed = model.states.packed
     f, g = packed.f[:, :, :extent], packed.g[:, :, :extent]
     dq, ddq = packed.dq[:, :extent], packed.ddq[:, :extent]
     alpha = np.zeros((model.n_joints, extent))
-    alpha[:, :n_samples] = model.alpha.T
+    alpha[:, :n_samples] = model.alpha[:n_samples].T
     parts = (f, g * dq, g * alpha, dq, ddq, alpha)
     return TrainingSide(*(np.ascontiguousarray(part) for part in parts))
 

@@ -1,0 +1,106 @@
+"""Where the optimisation of a kernel begins: from torques alone, or from links found in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.config import FitSettings
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp.initial import initial_hyperparameters, initial_weights, starting_points
+from lip_id_ros.gp.placement_search import find_links, Samples
+from lip_id_ros.gp.subset import spread
+from lip_id_ros.kernels import ARTICULATED, Hyperparameters, JointwiseKernel, TorqueKernel
+from lip_id_ros.kernels.jointwise import Friction
+from lip_id_ros.kernels.program import EnergyKernel, none
+from lip_id_ros.progress import Progress
+
+Array = NDArray[np.float64]
+
+MANY_SAMPLES, FEW_SAMPLES = 500, 100
+"""That placements are fitted to in the end, and that the first descents make do with."""
+
+WORTH = 10.0
+"""By how much energies beside links must raise the log likelihood, for what a query costs more."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """
+    One place from which the optimisation may begin.
+
+    Attributes
+    ----------
+    kernel : TorqueKernel
+    centre : Hyperparameters
+        Of the prior on the hyperparameters.
+    hyperparameters : Hyperparameters
+    handicap : float
+        By so much its log likelihood must be better than another's.
+
+    """
+
+    kernel: TorqueKernel
+    centre: Hyperparameters
+    hyperparameters: Hyperparameters
+    handicap: float = 0.0
+
+
+Begin = Callable[[TorqueKernel, Dataset, FitSettings, Progress], list[Start]]
+
+
+def from_torques(
+    kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
+) -> list[Start]:
+    """Begin with energies that explain all of the torques."""
+    centre = initial_hyperparameters(
+        kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
+    )
+    return [Start(kernel, centre, start) for start in starting_points(centre)]
+
+
+def from_links(
+    kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
+) -> list[Start]:
+    """Find the links first, and begin with them alone, or with energies for what they leave."""
+    centre = initial_hyperparameters(
+        kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
+    )
+    rows = spread(kernel.basis, dataset.q, dataset.dq, dataset.ddq, MANY_SAMPLES)
+    some = dataset.select(rows)
+    samples = Samples(some, _friction_features(kernel, centre, some))
+    found = find_links(samples, FEW_SAMPLES, settings.seed, progress)
+
+    def beside(energy: EnergyKernel, handicap: float) -> Start:
+        size = np.stack([found.left_over, -found.left_over])
+        centred = replace(
+            centre,
+            weights=initial_weights(energy, dataset.dq, dataset.ddq, size),
+            noise_variance=found.left_over**2,
+        )
+        with_links = replace(kernel, energy=energy, links=(found.links,))
+        return Start(with_links, centred, centred, handicap)
+
+    return [beside(none(dataset.n_joints), 0.0), beside(kernel.energy, WORTH)]
+
+
+BEGINNINGS: dict[str, Begin] = {ARTICULATED: from_links}
+"""Of the kernels that do not begin from torques alone."""
+
+
+def _friction_features(
+    kernel: TorqueKernel, hyperparameters: Hyperparameters, dataset: Dataset
+) -> Array:
+    features = [np.zeros((dataset.n_samples, dataset.n_joints, 0))]
+    terms: list[tuple[JointwiseKernel, Array]] = list(
+        zip(kernel.jointwise, hyperparameters.jointwise, strict=True)
+    )
+    for term, variances in terms:
+        if isinstance(term, Friction):
+            inputs = term.inputs(dataset.q, dataset.dq, dataset.ddq) * np.sqrt(variances)[:, None]
+            each = np.einsum('itc,ij->tjic', inputs, np.eye(dataset.n_joints))
+            features.append(each.reshape(dataset.n_samples, dataset.n_joints, -1))
+    return np.concatenate(features, axis=2)
