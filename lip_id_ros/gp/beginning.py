@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import FitError
 from lip_id_ros.gp.initial import initial_hyperparameters, initial_weights, starting_points
+from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.placement_search import find_links, Samples
 from lip_id_ros.gp.subset import spread
 from lip_id_ros.kernels import ARTICULATED, Hyperparameters, JointwiseKernel, TorqueKernel
 from lip_id_ros.kernels.jointwise import Friction
 from lip_id_ros.kernels.program import EnergyKernel, none
+from lip_id_ros.linear_algebra import NOT_FINITE
 from lip_id_ros.progress import Progress
 
 Array = NDArray[np.float64]
@@ -56,9 +59,7 @@ def from_torques(
     kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
 ) -> list[Start]:
     """Begin with energies that explain all of the torques."""
-    centre = initial_hyperparameters(
-        kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
-    )
+    centre = _centre(kernel, dataset)
     return [Start(kernel, centre, start) for start in starting_points(centre)]
 
 
@@ -66,9 +67,7 @@ def from_links(
     kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
 ) -> list[Start]:
     """Find the links first, and begin with them alone, or with energies for what they leave."""
-    centre = initial_hyperparameters(
-        kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
-    )
+    centre = _centre(kernel, dataset)
     rows = spread(kernel.basis, dataset.q, dataset.dq, dataset.ddq, MANY_SAMPLES)
     some = dataset.select(rows)
     samples = Samples(some, _friction_features(kernel, centre, some))
@@ -89,6 +88,16 @@ def from_links(
 
 BEGINNINGS: dict[str, Begin] = {ARTICULATED: from_links}
 """Of the kernels that do not begin from torques alone."""
+
+
+def _centre(kernel: TorqueKernel, dataset: Dataset) -> Hyperparameters:
+    with np.errstate(over='ignore', divide='ignore'):
+        centre = initial_hyperparameters(
+            kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
+        )
+        if np.isfinite(to_vector(centre)).all():
+            return centre
+    raise FitError(NOT_FINITE)
 
 
 def _friction_features(

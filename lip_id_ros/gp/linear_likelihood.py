@@ -6,12 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, cholesky, LinAlgError, solve_triangular
 
-from lip_id_ros.errors import FitError
 from lip_id_ros.gp.log_vector import from_vector, to_log_gradient
 from lip_id_ros.kernels import Hyperparameters, JointStates, TorqueKernel, Weights
-from lip_id_ros.linear_algebra import NOT_FINITE
+from lip_id_ros.linear_algebra import CholeskyFactor
 
 Array = NDArray[np.float64]
 
@@ -75,15 +73,18 @@ class LinearLikelihood:
         deviations = np.sqrt(self._variances(at))
         weighted = features / noise[:, None]
         products = features.T @ weighted
-        lower = _factor(np.eye(len(products)) + products * np.outer(deviations, deviations))
+        # Without noise the products outgrow the identity: then a little jitter is added.
+        factor = CholeskyFactor.of(
+            np.eye(len(products)) + products * np.outer(deviations, deviations)
+        )
         projected = deviations * (weighted.T @ y)
-        coefficients = deviations * cho_solve((lower, True), projected)
+        coefficients = deviations * factor.solve(projected)
         alpha = y / noise - weighted @ coefficients
-        half = _half_solve(lower, deviations[:, None] * products)
+        half = factor.half_solve(deviations[:, None] * products)
         inner = np.diagonal(products) - np.square(half).sum(axis=0)
-        rows = _half_solve(lower, deviations[:, None] * weighted.T)
+        rows = factor.half_solve(deviations[:, None] * weighted.T)
         diagonal = 1.0 / noise - np.square(rows).sum(axis=0)
-        determinant = np.log(np.diagonal(lower)).sum() + 0.5 * np.log(noise).sum()
+        determinant = 0.5 * (factor.log_determinant() + np.log(noise).sum())
         value = 0.5 * y @ alpha + determinant + 0.5 * len(y) * np.log(2.0 * np.pi)
         by_variance = 0.5 * (inner - np.square(features.T @ alpha))
         by_noise = 0.5 * (diagonal - np.square(alpha)).reshape(self.tau.shape).sum(axis=0)
@@ -103,14 +104,3 @@ class LinearLikelihood:
             start += variances.size
         weights = Weights(*(np.zeros_like(values) for values in at.weights))
         return Hyperparameters(weights, tuple(jointwise), by_noise)
-
-
-def _factor(matrix: Array) -> Array:
-    try:
-        return np.asarray(cholesky(matrix, lower=True))
-    except (LinAlgError, ValueError) as error:
-        raise FitError(NOT_FINITE) from error
-
-
-def _half_solve(lower: Array, y: Array) -> Array:
-    return np.asarray(solve_triangular(lower, y, lower=True, check_finite=False))

@@ -14,13 +14,13 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.kernels.rigid_links import Chain, PARAMETERS, RigidLinks
 from lip_id_ros.kernels.rigid_links.sensitivity import DIRECTIONS, torque_sensitivity
+from lip_id_ros.linear_algebra import CholeskyFactor
 
 Array = NDArray[np.float64]
 
@@ -38,8 +38,8 @@ class Fitted:
     chain : Chain
     features : array, shape (N n, k)
         In units of the residuals' deviations.
-    factor : tuple
-        Cholesky factor of their normal equations.
+    factor : CholeskyFactor
+        Of their normal equations.
     parameters : array, shape (k,)
         Of links, then of friction, in units of their prior deviations.
     left_over : array, shape (N, n)
@@ -49,7 +49,7 @@ class Fitted:
 
     chain: Chain
     features: Array
-    factor: tuple[Array, bool]
+    factor: CholeskyFactor
     parameters: Array
     left_over: Array
 
@@ -86,7 +86,15 @@ class PlacementProblem:
         self._fitted = lru_cache(maxsize=2)(self._fit)
 
     def fit(self, vector: Array) -> Fitted:
-        """Solve for the linear parameters at given placements, shape (6 n,)."""
+        """
+        Solve for the linear parameters at given placements, shape (6 n,).
+
+        Raises
+        ------
+        FitError
+            If the data are not finite in these units.
+
+        """
         return self._fitted(vector.tobytes())
 
     def residuals(self, vector: Array) -> Array:
@@ -106,7 +114,7 @@ class PlacementProblem:
         turning = np.stack([right_jacobian(rotation) for rotation in rotations])
         slopes[..., :3] = np.einsum('tijk,jkl->tijl', slopes[..., :3], turning)
         along = slopes.reshape(len(at.features), -1)
-        taken = cho_solve(at.factor, at.features.T @ along)
+        taken = at.factor.solve(at.features.T @ along)
         distances = np.kron(np.eye(n), np.eye(3, DIRECTIONS, 3)) / REACH
         return np.vstack([at.features @ taken - along, taken, distances])
 
@@ -128,8 +136,8 @@ class PlacementProblem:
         )
         normal = features.T @ features
         normal.reshape(-1)[:: len(normal) + 1] += 1.0
-        factor = cho_factor(normal, lower=True, overwrite_a=True, check_finite=False)
-        parameters = cho_solve(factor, features.T @ self._tau.ravel())
+        factor = CholeskyFactor.of(normal)
+        parameters = factor.solve(features.T @ self._tau.ravel())
         left_over = self._tau - (features @ parameters).reshape(self._tau.shape)
         return Fitted(chain, features, factor, parameters, left_over)
 

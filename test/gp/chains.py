@@ -1,0 +1,71 @@
+"""Random serial arms of rigid bodies, with torques and energies by the links' own regressors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from kernels.cases import Array
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lip_id_ros.kernels import Chain, RigidLinks
+from lip_id_ros.kernels.rigid_links import PARAMETERS
+
+R, P = 'revolute', 'prismatic'
+UPPER = np.triu_indices(3)
+
+
+@dataclass(frozen=True)
+class ChainArm:
+    """An arm whose joints are anywhere; pinocchio says the same (test_rigid_links)."""
+
+    joint_types: tuple[str, ...]
+    links: RigidLinks
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the torques, shape (N, n)."""
+        return self.links.torque(q, dq, ddq).sum(axis=2)
+
+    def kinetic(self, q: Array, dq: Array) -> Array:
+        """Return T, shape (N,)."""
+        return self.links.kinetic(q, dq).sum(axis=1)
+
+    def potential(self, q: Array) -> Array:
+        """Return V, shape (N,)."""
+        return self.links.potential(q).sum(axis=1)
+
+    def motion(self, n_samples: int, seed: int) -> tuple[Array, Array, Array]:
+        """Draw q, dq, ddq, as of an arm that moves well."""
+        rng = np.random.default_rng(seed)
+        reach = np.where([kind == P for kind in self.joint_types], 0.3, 2.0)
+        shape = (n_samples, len(self.joint_types))
+        return (
+            reach * rng.uniform(-1.0, 1.0, shape),
+            reach * rng.standard_normal(shape),
+            4.0 * reach * rng.standard_normal(shape),
+        )
+
+
+def random_arm(joint_types: tuple[str, ...], seed: int, gravity: float = 9.81) -> ChainArm:
+    """Put rigid bodies together in any way."""
+    rng = np.random.default_rng(seed)
+    n = len(joint_types)
+    chain = Chain(
+        Rotation.random(n, random_state=rng).as_matrix().reshape(n, 3, 3),
+        0.25 * rng.standard_normal((n, 3)),
+        np.array([kind == P for kind in joint_types]),
+        np.array([0.0, 0.0, -gravity]),
+    )
+    bodies = np.stack([random_body(rng) for _ in joint_types])
+    return ChainArm(joint_types, RigidLinks(chain, bodies))
+
+
+def random_body(rng: np.random.Generator) -> Array:
+    """Return the parameters of a body that exists, shape (11,)."""
+    mass, centre = rng.uniform(0.5, 3.0), 0.1 * rng.standard_normal(3)
+    points = 0.1 * rng.standard_normal((3, 3))
+    second = points @ points.T + mass * np.outer(centre, centre)
+    inertia = np.trace(second) * np.eye(3) - second
+    body = np.array([mass, *(mass * centre), *inertia[UPPER], 0.1 * rng.random()])
+    assert body.shape == (PARAMETERS,)
+    return body
