@@ -31,7 +31,7 @@ COARSE = 0.05
 FINEST = 1e-4
 """Smallest deviation of the residuals, likewise."""
 
-BATCH, FEWEST_BATCHES, MOST_BATCHES = 4, 3, 12
+BATCH, FEWEST_BATCHES, MOST_BATCHES = 4, 4, 12
 SAME = 1.01
 """Ratio of costs below which two descents have ended in the same place."""
 
@@ -71,7 +71,8 @@ class Found:
     ----------
     links : RigidLinks
     left_over : array, shape (n,)
-        Root mean squares of what links and friction leave of the torques [N m or N].
+        Root mean squares of what links and friction leave of the torques [N m or N]; at least
+        `FINEST` of each.
 
     """
 
@@ -100,9 +101,9 @@ def find_links(samples: Samples, few: int, seed: int, progress: Progress) -> Fou
         places = search.distinct_places(samples.select(rows), seed, progress)
         places = search.refined(samples.select(rows), places)
         (place, *_) = search.refined(samples, places[:1])
-        problem = search.problem(samples)
+        search.measure(samples, place)
     progress(STAGE, 1, 1)
-    return Found(problem.links(place), search.scale)
+    return Found(search.problem(samples).links(place), search.scale)
 
 
 class _Search:
@@ -141,12 +142,16 @@ class _Search:
     def refined(self, samples: Samples, places: Sequence[Array]) -> list[Array]:
         """Descend again, with residuals in units of what is left over, best first."""
         for _ in range(REFINEMENTS):
-            left_over = self.problem(samples).fit(places[0]).left_over * self.scale
-            self.scale = np.maximum(np.sqrt(np.mean(left_over**2, axis=0)), FINEST * self._torque)
+            self.measure(samples, places[0])
             problem = self.problem(samples)
             found = [descend(problem, place, MORE_EVALUATIONS) for place in places]
             places = [place for _, place in sorted(found, key=lambda each: each[0])]
         return list(places)
+
+    def measure(self, samples: Samples, place: Array) -> None:
+        """Take for the residuals' deviations what is left over at a place."""
+        left_over = self.problem(samples).fit(place).left_over * self.scale
+        self.scale = np.maximum(np.sqrt(np.mean(left_over**2, axis=0)), FINEST * self._torque)
 
 
 def prior_deviations(dataset: Dataset, gravity: float) -> Array:

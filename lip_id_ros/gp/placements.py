@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 REACH = 3.0
 """Standard deviation of the prior on distances between joints [m], where residuals have one."""
 
+TOLERANCE = 1e-4
+"""A descent ends where a step gains less than this share of its cost."""
+
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
@@ -162,6 +165,11 @@ def right_jacobian(rotation: Array) -> Array:
 def descend(problem: PlacementProblem, start: Array, evaluations: int) -> tuple[float, Array]:
     """Go downhill by Levenberg and Marquardt; return half the sum of squares, and where."""
     found = least_squares(
-        problem.residuals, start, problem.jacobian, method='lm', max_nfev=evaluations
+        problem.residuals,
+        start,
+        problem.jacobian,
+        method='lm',
+        ftol=TOLERANCE,
+        max_nfev=evaluations,
     )
     return float(found.cost), np.asarray(found.x)
