@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 MANY_SAMPLES, FEW_SAMPLES = 500, 100
 """That placements are fitted to in the end, and that the first descents make do with."""
 
+LEAST_PER_JOINT = 2
+"""Samples per joint with fewer of which placements fit anything, and say nothing."""
+
 WORTH = 10.0
 """By how much energies beside links must raise the log likelihood, for what a query costs more."""
 
@@ -67,6 +70,8 @@ def from_links(
     kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
 ) -> list[Start]:
     """Find the links first, and begin with them alone, or with energies for what they leave."""
+    if dataset.n_samples < LEAST_PER_JOINT * dataset.n_joints:
+        return from_torques(kernel, dataset, settings, progress)
     centre = _centre(kernel, dataset)
     rows = spread(kernel.basis, dataset.q, dataset.dq, dataset.ddq, MANY_SAMPLES)
     some = dataset.select(rows)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gp.arms import Arm
 from kernels.cases import Array
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,23 +17,31 @@ UPPER = np.triu_indices(3)
 
 
 @dataclass(frozen=True)
-class ChainArm:
+class ChainArm(Arm):
     """An arm whose joints are anywhere; pinocchio says the same (test_rigid_links)."""
 
     joint_types: tuple[str, ...]
     links: RigidLinks
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return the torques, shape (N, n)."""
-        return self.links.torque(q, dq, ddq).sum(axis=2)
+        return np.asarray(self.links.torque(q, dq, ddq).sum(axis=2))
 
     def kinetic(self, q: Array, dq: Array) -> Array:
-        """Return T, shape (N,)."""
-        return self.links.kinetic(q, dq).sum(axis=1)
+        return np.asarray(self.links.kinetic(q, dq).sum(axis=1))
 
     def potential(self, q: Array) -> Array:
-        """Return V, shape (N,)."""
-        return self.links.potential(q).sum(axis=1)
+        return np.asarray(self.links.potential(q).sum(axis=1))
+
+    def gravity(self, q: Array) -> Array:
+        return self.torque(q, np.zeros_like(q), np.zeros_like(q))
+
+    def coriolis(self, q: Array, dq: Array) -> Array:
+        return self.torque(q, dq, np.zeros_like(q)) - self.gravity(q)
+
+    def inertia(self, q: Array) -> Array:
+        still, rest = np.zeros_like(q), self.gravity(q)
+        units = (np.broadcast_to(unit, q.shape) for unit in np.eye(q.shape[1]))
+        return np.stack([self.torque(q, still, unit) - rest for unit in units], axis=2)
 
     def motion(self, n_samples: int, seed: int) -> tuple[Array, Array, Array]:
         """Draw q, dq, ddq, as of an arm that moves well."""
