@@ -16,9 +16,11 @@ from benchmarks._timing import seconds
 from lip_id_ros.config import FitSettings
 from lip_id_ros.evaluation import evaluate
 from lip_id_ros.gp import fit
-from lip_id_ros.kernels import FAMILY
+from lip_id_ros.kernels import ARTICULATED, FAMILY
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving import Predictor
+
+KERNELS = (ARTICULATED, *sorted(FAMILY))
 
 
 def main(arguments: list[str]) -> int:
@@ -26,7 +28,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog='benchmarks panda_fit', description=__doc__)
     parser.add_argument('--joints', type=int, default=7)
     parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--kernels', nargs='+', choices=sorted(FAMILY), default=sorted(FAMILY))
+    parser.add_argument('--kernels', nargs='+', choices=KERNELS, default=KERNELS)
     parser.add_argument('--json', type=Path, help='also write the figures here')
     options = parser.parse_args(arguments)
     rows = [measure(kernel, options.joints, options.seed) for kernel in options.kernels]

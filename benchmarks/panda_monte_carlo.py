@@ -22,7 +22,7 @@ from lip_id_ros.gp import fit
 from lip_id_ros.serving import Predictor
 
 Cell = dict[str, Any]
-KERNELS = ('lip', 'nested', 'recursive')
+KERNELS = ('lip', 'nested', 'recursive', 'articulated')
 
 
 def main(arguments: list[str]) -> int:

@@ -53,6 +53,7 @@ FOREIGN = {
     'scipy': ('',),
     'numba': ('kernels', 'serving'),  # beside the loops that it compiles
     'torch': ('kernels/plain', 'gp/device', 'baselines'),  # imported where asked for
+    'threadpoolctl': ('gp/placement_search',),
     'rosbags': ('recording', 'evaluation/mcap_writer'),
     'lz4': ('recording/storage/compression',),
     # zstd: the standard library has it from 3.14 as compression

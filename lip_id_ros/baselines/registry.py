@@ -10,7 +10,7 @@ from lip_id_ros.errors import ConfigError, LipIdError
 
 Urdf = str | os.PathLike[str]
 
-OURS = ('lip', 'nested', 'recursive')
+OURS = ('lip', 'nested', 'recursive', 'articulated')
 
 
 def method(name: str, urdf: Urdf | None = None) -> Method:
@@ -120,8 +120,9 @@ MEANINGS = {
     'delan': 'a deep Lagrangian network',
     'lip': "Gaussian processes on the energies, the paper's polynomial kernel",
     'nested': 'Gaussian processes on the energies, a kernel nested by links',
-    'recursive': 'Gaussian processes on the energies, a kernel composed from base to tip; '
-    'the default of this package',
+    'recursive': 'Gaussian processes on the energies, a kernel composed from base to tip',
+    'articulated': 'rigid links, the places of whose joints are found in the data, and Gaussian '
+    'processes where they leave something over; the default of this package',
     'rigid_body': 'least squares on rigid-body dynamics, kinematics known from a URDF',
     'semiparametric': 'a Gaussian process per joint, rigid-body features and squared exponential',
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 MODELS = (
-    *('recursive', 'nested', 'lip'),
+    *('articulated', 'recursive', 'nested', 'lip'),
     *('se', 'gip', 'lse', 'delan', 'rigid_body', 'semiparametric'),
 )
 SOURCE_HELP = 'rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz'

@@ -7,10 +7,11 @@ import argparse
 from lip_id_ros.cli import arguments
 
 HELP = 'compare models of the literature and ours on the same data'
-DEFAULT_MODELS = 'se,gip,lip,recursive'
+DEFAULT_MODELS = 'se,gip,lip,recursive,articulated'
 EPILOG = """\
 models:
-  recursive, nested, lip       of this package; lip is the paper's
+  articulated                  of this package, its default: rigid links found in the data
+  recursive, nested, lip       of this package, on energies alone; lip is the paper's
   se, gip                      one Gaussian process per joint: squared exponential, polynomial
   lse                          squared exponential on the Lagrangian
   delan                        deep Lagrangian network
@@ -19,7 +20,7 @@ models:
 examples:
   lip_id compare my_bag -o out                         the last 30 % are the unseen motion
   lip_id compare run1.mcap run2.mcap --test run3.mcap run4.mcap -o out
-  lip_id compare my_bag --models recursive,rigid_body --urdf arm.urdf -o out
+  lip_id compare my_bag --models articulated,rigid_body --urdf arm.urdf -o out
   lip_id compare my_bag --samples 50,100,200,400 -o out    error against number of samples
 
 out/index.html has all figures, out/comparison.json all numbers. What is finished is kept in

@@ -24,8 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument(
         '--kernel',
-        choices=('recursive', 'recursive_per_link', 'nested', 'lip'),
-        help='energy kernel (default: recursive)',
+        choices=('articulated', 'recursive', 'recursive_per_link', 'nested', 'lip'),
+        help='what torques are made of (default: articulated)',
     )
     kind.add_argument(
         '--model',

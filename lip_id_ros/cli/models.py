@@ -132,6 +132,7 @@ class OfThisPackage:
             'joint_types': list(model.joint_types),
             'samples': model.n_samples,
             'has_potential_energy': model.has_potential,
+            **_links(model),
             'fit': dict(model.summary),
             'provenance': dict(model.provenance),
         }
@@ -143,6 +144,17 @@ class OfThisPackage:
     def cautions(self) -> list[str]:
         """Say what the summary tells."""
         return of_fit(self._model.summary)
+
+
+def _links(model: TrainedModel) -> dict[str, Any]:
+    kernel = model.prior.kernel
+    if not kernel.links:
+        return {}
+    axes = {
+        joint: {'angle_deg': angle, 'distance_m': distance}
+        for joint, angle, distance in show.axes(model)
+    }
+    return {'energies_beside_links': kernel.energy.name, 'axis_to_the_one_before': axes}
 
 
 class OfTheLiterature:

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
 from lip_id_ros.dataset import Dataset
@@ -14,6 +15,7 @@ from lip_id_ros.evaluation.report import Labels
 from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.evaluation.tables import error_table, notes, Table, TORQUE_UNITS
 from lip_id_ros.evaluation.terminal import show
+from lip_id_ros.kernels.rigid_links.axes import angles_between, distances_between
 from lip_id_ros.serving import TrainedModel
 
 HONEST = (
@@ -37,6 +39,35 @@ def fitted(model: TrainedModel, training: Dataset, console: Console) -> None:
     seconds = model.summary['seconds_total']
     title = f'{model.kernel} kernel, {model.n_samples} samples, fitted in {seconds:.3g} s'
     show(Table(title, ('', 'type', 'noise', 'std of torque'), rows), console)
+    if model.prior.kernel.links:
+        _linked(model, console)
+
+
+def _linked(model: TrainedModel, console: Console) -> None:
+    """Show what can be looked up: how each axis lies to the one before it."""
+    rows = [
+        (name, f'{angle:.1f} deg', '' if distance is None else f'{distance:.3f} m')
+        for name, angle, distance in axes(model)
+    ]
+    if rows:
+        header = ('', 'angle', 'distance')
+        show(Table('each axis to the one before it, found in the data', header, rows), console)
+    if model.prior.kernel.energy.is_empty:
+        text = 'Rigid links and friction explain the torques as well as more would.'
+    else:
+        text = f'The kernel {model.prior.kernel.energy.name!r} explains what rigid links leave.'
+    sentences([text], console)
+
+
+def axes(model: TrainedModel) -> list[tuple[str, float, float | None]]:
+    """Return angle [deg] and distance [m] of each axis to the one before it, where it has one."""
+    found = []
+    for links in model.prior.kernel.links:
+        angles, distances = angles_between(links.chain), distances_between(links.chain)
+        for name, angle, distance in zip(model.joint_names[1:], angles, distances, strict=True):
+            apart = None if np.isnan(distance) else float(distance)
+            found.append((name, float(np.degrees(angle)), apart))
+    return found
 
 
 def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:

@@ -256,7 +256,9 @@ def test_inspect_shows_what_a_model_was_fitted_on(workshop: Workshop, capsys: Ca
     lip_id('inspect', workshop.model)
 
     output = capsys.readouterr().out
-    assert 'kernel: recursive' in output
+    assert 'kernel: articulated' in output
+    assert 'energies_beside_links: none' in output
+    assert output.count('angle_deg') == 2
     assert f'source: {workshop.bag}' in output
 
 
