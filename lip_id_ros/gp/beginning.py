@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
-from lip_id_ros.gp.initial import initial_hyperparameters, initial_weights, starting_points
+from lip_id_ros.gp.initial import (
+    initial_hyperparameters,
+    initial_weights,
+    NOISE_SHARE,
+    starting_points,
+)
 from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.placement_search import find_links, Samples
 from lip_id_ros.gp.subset import spread
@@ -69,7 +74,12 @@ def from_torques(
 def from_links(
     kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
 ) -> list[Start]:
-    """Find the links first, and begin with them alone, or with energies for what they leave."""
+    """
+    Find the links first, and begin with them alone, with energies beside them, or without them.
+
+    The latter two are for arms that are no chain of rigid links.
+
+    """
     if dataset.n_samples < LEAST_PER_JOINT * dataset.n_joints:
         return from_torques(kernel, dataset, settings, progress)
     centre = _centre(kernel, dataset)
@@ -78,17 +88,25 @@ def from_links(
     samples = Samples(some, _friction_features(kernel, centre, some))
     found = find_links(samples, FEW_SAMPLES, settings.seed, progress)
 
-    def beside(energy: EnergyKernel, handicap: float) -> Start:
-        size = np.stack([found.left_over, -found.left_over])
-        centred = replace(
-            centre,
-            weights=initial_weights(energy, dataset.dq, dataset.ddq, size),
-            noise_variance=found.left_over**2,
-        )
-        with_links = replace(kernel, energy=energy, links=(found.links,))
-        return Start(with_links, centred, centred, handicap)
+    size = np.stack([found.left_over, -found.left_over])
 
-    return [beside(none(dataset.n_joints), 0.0), beside(kernel.energy, WORTH)]
+    def with_links(energy: EnergyKernel) -> tuple[TorqueKernel, Hyperparameters]:
+        weights = initial_weights(energy, dataset.dq, dataset.ddq, size)
+        linked = replace(kernel, energy=energy, links=(found.links,))
+        return linked, replace(centre, weights=weights, noise_variance=found.left_over**2)
+
+    alone, centre_alone = with_links(none(dataset.n_joints))
+    both, centre_both = with_links(kernel.energy)
+    little_noise = replace(centre_both, noise_variance=(NOISE_SHARE * found.left_over) ** 2)
+    return [
+        Start(alone, centre_alone, centre_alone),
+        Start(both, centre_both, centre_both, WORTH),
+        Start(both, little_noise, little_noise, WORTH),
+        *(
+            replace(start, handicap=WORTH)
+            for start in from_torques(kernel, dataset, settings, progress)
+        ),
+    ]
 
 
 BEGINNINGS: dict[str, Begin] = {ARTICULATED: from_links}
