@@ -74,7 +74,7 @@ def test_the_model_knows_where_it_comes_from() -> None:
     assert model.provenance == {'sources': ['a.mcap'], 'n_samples_available': 40}
     assert model.joint_names == dataset.joint_names
     assert model.joint_types == dataset.joint_types
-    assert model.kernel == 'recursive'
+    assert model.kernel == 'articulated'
     assert model.n_joints == 2
 
 
