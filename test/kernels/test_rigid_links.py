@@ -98,7 +98,7 @@ def chain_of(rotations: list[Rotation], translations: list[list[float]], arm: st
         np.array([rotation.as_matrix() for rotation in rotations]),
         np.array(translations, dtype=np.float64),
         np.array([kind == 'P' for kind in arm]),
-        np.zeros(3),
+        np.array([0.0, 0.0, -9.81]),
     )
 
 
@@ -111,6 +111,8 @@ def test_how_neighbouring_axes_lie() -> None:
     np.testing.assert_allclose(distances_between(chain), [5.0, 2.0])
     slides = chain_of(turns, shifts, 'RRP')
     np.testing.assert_allclose(distances_between(slides), [5.0, np.nan])
+    weightless = chain._replace(gravity=np.zeros(3))
+    np.testing.assert_allclose(distances_between(weightless), [np.nan, np.nan])
 
 
 @pytest.mark.parametrize('arm', ARMS)

@@ -27,7 +27,8 @@ def distances_between(chain: Chain) -> Array:
     Returns
     -------
     array, shape (n - 1,)
-        [m]; not a number where one of the two is prismatic, whose axis is but a direction.
+        [m]; not a number where one of the two is prismatic, whose axis is but a direction, and
+        where there is no gravity, without which torques tell lengths up to a factor.
 
     """
     axes, origins = chain.rotations[1:, :, 2], chain.translations[1:]
@@ -36,5 +37,5 @@ def distances_between(chain: Chain) -> Array:
     skew = np.abs((origins * normals).sum(axis=1)) / np.where(sines > 0.0, sines, 1.0)
     side_by_side = np.hypot(origins[:, 0], origins[:, 1])
     distances = np.where(sines > PARALLEL, skew, side_by_side)
-    slides = chain.prismatic[1:] | chain.prismatic[:-1]
-    return np.where(slides, np.nan, distances)
+    unknown = chain.prismatic[1:] | chain.prismatic[:-1] | ~chain.gravity.any()
+    return np.where(unknown, np.nan, distances)

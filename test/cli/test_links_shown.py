@@ -1,0 +1,46 @@
+"""What a fit found of the arm's geometry, on the console."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gp.arms import dataset_of, noise_of, random_motion, TwoLinks
+import pytest
+from serving.models import random_model
+
+from lip_id_ros.cli import main
+
+Capture = pytest.CaptureFixture[str]
+
+
+def run(*arguments: str | Path) -> None:
+    assert main([str(argument) for argument in arguments]) == 0
+
+
+def test_a_fit_tells_the_length_of_a_link(tmp_path: Path, capsys: Capture) -> None:
+    """The planar arm has parallel axes, half a metre apart."""
+    arm = TwoLinks(length=0.5)
+    motion = random_motion(arm, 200, seed=4)
+    tau = arm.torque(*motion)
+    dataset_of(arm, motion, tau + noise_of(tau, 0.001)).save(tmp_path / 'arm.npz')
+    run('fit', tmp_path / 'arm.npz', '-o', tmp_path / 'model.npz')
+    output = ' '.join(capsys.readouterr().out.split())
+    assert 'articulated kernel' in output
+    assert 'each axis to the one before it, found in the data' in output
+    assert '0.500 m' in output
+    assert 'Rigid links and friction explain the torques as well as more would.' in output
+
+    run('inspect', tmp_path / 'model.npz')
+    output = ' '.join(capsys.readouterr().out.split())
+    assert 'energies_beside_links: none' in output
+    assert output.count('angle_deg') == 1
+
+
+def test_a_slide_is_no_distance_away(tmp_path: Path, capsys: Capture) -> None:
+    types = ('revolute', 'revolute', 'prismatic')
+    random_model('articulated', types=types).save(tmp_path / 'model.npz')
+    run('inspect', tmp_path / 'model.npz')
+    output = ' '.join(capsys.readouterr().out.split())
+    assert 'energies_beside_links: recursive' in output
+    assert output.count('angle_deg') == 2
+    assert output.count('distance_m: none') == 1
