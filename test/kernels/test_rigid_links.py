@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.kernels import Chain, RigidLinks
 from lip_id_ros.kernels.rigid_links import PARAMETERS
-from lip_id_ros.kernels.rigid_links.axes import angles_between, distances_between
 from lip_id_ros.kernels.rigid_links.sensitivity import torque_sensitivity
+from lip_id_ros.model.axes import angles_between, distances_between
 
 pinocchio = pytest.importorskip('pinocchio')
 

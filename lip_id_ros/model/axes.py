@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.kernels.rigid_links.chain import Chain
+from lip_id_ros.kernels import Chain
 
 Array = NDArray[np.float64]
 
-PARALLEL = 1e-3
-"""Sine of the angle below which two axes count as parallel."""
+PARALLEL = np.sin(np.radians(3.0))
+"""
+Sine of the angle below which two axes count as parallel: torques tell a small angle poorly, and
+where such axes cross says nothing.
+"""
 
 
 def angles_between(chain: Chain) -> Array:
