@@ -34,8 +34,8 @@ MANY_SAMPLES, FEW_SAMPLES = 500, 100
 LEAST_PER_JOINT = 2
 """Samples per joint with fewer of which placements fit anything, and say nothing."""
 
-WORTH = 10.0
-"""By how much energies beside links must raise the log likelihood, for what a query costs more."""
+WORTH = 1.0
+"""By how much each hyperparameter of the energies must raise the log likelihood (Akaike 1974)."""
 
 
 @dataclass(frozen=True)
@@ -97,13 +97,14 @@ def from_links(
 
     alone, centre_alone = with_links(none(dataset.n_joints))
     both, centre_both = with_links(kernel.energy)
+    handicap = WORTH * sum(values.size for values in centre.weights)
     little_noise = replace(centre_both, noise_variance=(NOISE_SHARE * found.left_over) ** 2)
     return [
         Start(alone, centre_alone, centre_alone),
-        Start(both, centre_both, centre_both, WORTH),
-        Start(both, little_noise, little_noise, WORTH),
+        Start(both, centre_both, centre_both, handicap),
+        Start(both, little_noise, little_noise, handicap),
         *(
-            replace(start, handicap=WORTH)
+            replace(start, handicap=handicap)
             for start in from_torques(kernel, dataset, settings, progress)
         ),
     ]
