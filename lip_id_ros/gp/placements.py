@@ -86,7 +86,7 @@ class PlacementProblem:
         self._prismatic = np.array([kind == 'prismatic' for kind in dataset.joint_types])
         self._deviations, self._scale, self._gravity = deviations, scale, gravity
         self.n_joints = dataset.n_joints
-        self._fitted = lru_cache(maxsize=2)(self._fit)
+        self._fitted = lru_cache(maxsize=8)(self._fit)
 
     def fit(self, vector: Array) -> Fitted:
         """
