@@ -20,8 +20,8 @@ from lip_id_ros.gp.initial import (
 from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.placement_search import find_links, Samples
 from lip_id_ros.gp.subset import spread
-from lip_id_ros.kernels import ARTICULATED, Hyperparameters, JointwiseKernel, TorqueKernel
-from lip_id_ros.kernels.jointwise import Friction
+from lip_id_ros.kernels import ARTICULATED, Hyperparameters, TorqueKernel
+from lip_id_ros.kernels.jointwise import Friction, own_joint_columns
 from lip_id_ros.kernels.program import EnergyKernel, none
 from lip_id_ros.linear_algebra import NOT_FINITE
 from lip_id_ros.progress import Progress
@@ -80,20 +80,20 @@ def from_links(
     The latter two are for arms that are no chain of rigid links.
 
     """
+    energies = from_torques(kernel, dataset, settings, progress)
     if dataset.n_samples < LEAST_PER_JOINT * dataset.n_joints:
-        return from_torques(kernel, dataset, settings, progress)
-    centre = _centre(kernel, dataset)
+        return energies
+    centre = energies[0].centre
     rows = spread(kernel.basis, dataset.q, dataset.dq, dataset.ddq, MANY_SAMPLES)
     some = dataset.select(rows)
     samples = Samples(some, _friction_features(kernel, centre, some))
     found = find_links(samples, FEW_SAMPLES, settings.seed, progress)
-
-    size = np.stack([found.left_over, -found.left_over])
+    variance = found.left_over**2
 
     def with_links(energy: EnergyKernel) -> tuple[TorqueKernel, Hyperparameters]:
-        weights = initial_weights(energy, dataset.dq, dataset.ddq, size)
+        weights = initial_weights(energy, dataset.ddq, variance)
         linked = replace(kernel, energy=energy, links=(found.links,))
-        return linked, replace(centre, weights=weights, noise_variance=found.left_over**2)
+        return linked, replace(centre, weights=weights, noise_variance=variance)
 
     alone, centre_alone = with_links(none(dataset.n_joints))
     both, centre_both = with_links(kernel.energy)
@@ -103,10 +103,7 @@ def from_links(
         Start(alone, centre_alone, centre_alone),
         Start(both, centre_both, centre_both, handicap),
         Start(both, little_noise, little_noise, handicap),
-        *(
-            replace(start, handicap=handicap)
-            for start in from_torques(kernel, dataset, settings, progress)
-        ),
+        *(replace(start, handicap=handicap) for start in energies),
     ]
 
 
@@ -128,12 +125,8 @@ def _friction_features(
     kernel: TorqueKernel, hyperparameters: Hyperparameters, dataset: Dataset
 ) -> Array:
     features = [np.zeros((dataset.n_samples, dataset.n_joints, 0))]
-    terms: list[tuple[JointwiseKernel, Array]] = list(
-        zip(kernel.jointwise, hyperparameters.jointwise, strict=True)
-    )
-    for term, variances in terms:
+    for term, variances in zip(kernel.jointwise, hyperparameters.jointwise, strict=True):
         if isinstance(term, Friction):
-            inputs = term.inputs(dataset.q, dataset.dq, dataset.ddq) * np.sqrt(variances)[:, None]
-            each = np.einsum('itc,ij->tjic', inputs, np.eye(dataset.n_joints))
-            features.append(each.reshape(dataset.n_samples, dataset.n_joints, -1))
+            inputs = term.inputs(dataset.q, dataset.dq, dataset.ddq)
+            features.append(own_joint_columns(inputs * np.sqrt(variances)[:, None]))
     return np.concatenate(features, axis=2)

@@ -33,18 +33,19 @@ RESIDUAL_LENGTH = 3.0
 """Initial length scales of the residual, in standard deviations of the inputs."""
 
 
-def initial_weights(kernel: EnergyKernel, dq: Array, ddq: Array, tau: Array) -> Weights:
+def initial_weights(kernel: EnergyKernel, ddq: Array, variance: Array) -> Weights:
     """
-    Weights under which the prior explains torques of the size that was measured.
+    Weights under which the prior explains torques of a given size.
 
     Parameters
     ----------
     kernel : EnergyKernel
-    dq, ddq : arrays, shape (N, n)
-    tau : array, shape (N, n)
+    ddq : array, shape (N, n)
+    variance : array, shape (n,)
+        Of each torque [(N m)^2 or N^2].
 
     """
-    torque = np.sqrt(np.mean(tau.var(axis=0)))
+    torque = np.sqrt(np.mean(variance))
     acceleration = _root_mean_square(ddq)
     ones = shapes(kernel)
     return Weights(
@@ -63,14 +64,14 @@ def initial_hyperparameters(
     ddq: Array,
     tau: Array,
 ) -> Hyperparameters:
-    """Return the starting point of the optimisation; parameters as in `initial_weights`."""
+    """Return the starting point of the optimisation for motions and torques of shape (N, n)."""
     deviation = _positive(tau.std(axis=0))
     starts = {
         'friction': lambda: initial_friction(dq, deviation),
         'residual': lambda: initial_residual(deviation),
     }
     return Hyperparameters(
-        weights=initial_weights(kernel, dq, ddq, tau),
+        weights=initial_weights(kernel, ddq, tau.var(axis=0)),
         jointwise=tuple(starts[kernel.name]() for kernel in jointwise),
         noise_variance=(NOISE_SHARE * deviation) ** 2,
     )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lip_id_ros.gp.log_vector import from_vector, to_log_gradient
 from lip_id_ros.kernels import Hyperparameters, JointStates, TorqueKernel, Weights
+from lip_id_ros.kernels.jointwise import own_joint_columns
 from lip_id_ros.linear_algebra import CholeskyFactor
 
 Array = NDArray[np.float64]
@@ -43,9 +44,8 @@ class LinearLikelihood:
 
     def __post_init__(self) -> None:
         """Gather the features, shape (N n, k)."""
-        n = self.tau.shape[1]
         friction = (
-            np.einsum('itc,ij->tjic', inputs, np.eye(n)).reshape(self.tau.size, -1)
+            own_joint_columns(inputs).reshape(self.tau.size, -1)
             for inputs in self.states.jointwise
         )
         features = np.hstack([*self.states.links, *friction])

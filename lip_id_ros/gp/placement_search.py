@@ -96,10 +96,11 @@ def find_links(samples: Samples, few: int, seed: int, progress: Progress) -> Fou
     """
     search = _Search(samples)
     rows = np.unique(np.linspace(0, len(samples.friction) - 1, few).astype(np.intp))
+    some = samples.select(rows)
     # Products this small gain nothing from more threads of their own.
     with threadpool_limits(1):
-        places = search.distinct_places(samples.select(rows), seed, progress)
-        places = search.refined(samples.select(rows), places)
+        places = search.distinct_places(some, seed, progress)
+        places = search.refined(some, places)
         (place, *_) = search.refined(samples, places[:1])
         search.measure(samples, place)
     progress(STAGE, 1, 1)

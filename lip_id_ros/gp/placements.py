@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.kernels.features import PRISMATIC
 from lip_id_ros.kernels.rigid_links import Chain, PARAMETERS, RigidLinks
 from lip_id_ros.kernels.rigid_links.sensitivity import DIRECTIONS, torque_sensitivity
 from lip_id_ros.linear_algebra import CholeskyFactor
@@ -83,7 +84,7 @@ class PlacementProblem:
         self._state = tuple(np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
         self._tau = dataset.tau / scale
         self._friction = (friction / scale[:, None]).reshape(dataset.tau.size, -1)
-        self._prismatic = np.array([kind == 'prismatic' for kind in dataset.joint_types])
+        self._prismatic = np.array([kind == PRISMATIC for kind in dataset.joint_types])
         self._deviations, self._scale, self._gravity = deviations, scale, gravity
         self.n_joints = dataset.n_joints
         self._fitted = lru_cache(maxsize=8)(self._fit)

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 import os
 from typing import Any, TYPE_CHECKING
 
-import numpy as np
-
 from lip_id_ros.errors import LipIdError, ShapeError
 from lip_id_ros.kernels import (
     Chain,
@@ -138,5 +136,5 @@ def _links(basis: JointBasis, arrays: Arrays) -> RigidLinks:
         if arrays[name].shape != shape:
             raise ShapeError(f'{name} of shape {arrays[name].shape} where {shape} was expected')
     rotations, translations, gravity, deviations = (arrays[name] for name in shapes)
-    chain = Chain(rotations, translations, np.asarray(basis.prismatic), gravity)
+    chain = Chain(rotations, translations, basis.prismatic, gravity)
     return RigidLinks(chain, deviations)

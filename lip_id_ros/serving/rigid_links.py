@@ -22,6 +22,7 @@ from lip_id_ros.kernels.rigid_links.chain import (
     place,
     store_place,
     upward,
+    velocity,
     with_joint,
 )
 from lip_id_ros.kernels.rigid_links.triples import (
@@ -29,6 +30,7 @@ from lip_id_ros.kernels.rigid_links.triples import (
     dot,
     inward,
     load,
+    NOTHING,
     outward,
     plus,
     store,
@@ -50,7 +52,6 @@ from lip_id_ros.model import TrainedModel
 Array = NDArray[np.float64]
 
 ROTOR = PARAMETERS - 1
-NOTHING = (0.0, 0.0, 0.0)
 TORQUE, FORCE, UP, TRIPLES = 4, 5, 6, 7
 """Where the triples of a link are in working memory, after its place, and how many there are."""
 
@@ -132,9 +133,7 @@ def _to_tip(links: LinksMean, work: Array, q: Array, dq: Array, ddq: Array) -> f
     total = 0.0
     for i in range(p.shape[0]):
         at = place(chain, i, q[i])
-        v = outward(at.axes, plus(v, cross(motion.angular, at.origin)))
-        if chain.prismatic[i]:
-            v = plus(v, (0.0, 0.0, dq[i]))
+        v = velocity(v, motion.angular, at, chain.prismatic[i], dq[i])
         motion = with_joint(carried(motion, at), chain.prismatic[i], dq[i], ddq[i])
         up = outward(at.axes, up)
         total += _kinetic(body(p, i), motion.angular, v) + 0.5 * p[i, ROTOR] * dq[i] ** 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gp.arms import ARMS, dataset_of, noise_of, random_motion
+from kernels.cases import random_links
 import numpy as np
 import pytest
 
@@ -13,9 +14,8 @@ from lip_id_ros.gp.initial import initial_hyperparameters, make_friction
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.linear_likelihood import LinearLikelihood
 from lip_id_ros.gp.log_vector import to_vector
-from lip_id_ros.kernels import Chain, JointBasis, RigidLinks, TorqueKernel
+from lip_id_ros.kernels import JointBasis, TorqueKernel
 from lip_id_ros.kernels.program import none, recursive
-from lip_id_ros.kernels.rigid_links import PARAMETERS
 
 
 def likelihoods(name: str, friction: bool) -> tuple[MarginalLikelihood, LinearLikelihood]:
@@ -24,13 +24,7 @@ def likelihoods(name: str, friction: bool) -> tuple[MarginalLikelihood, LinearLi
     tau = arm.torque(*motion)
     dataset = dataset_of(arm, motion, tau + noise_of(tau, 0.1))
     n = dataset.n_joints
-    chain = Chain(
-        np.linalg.qr(rng.standard_normal((n, 3, 3)))[0],
-        rng.standard_normal((n, 3)),
-        np.array([kind == 'prismatic' for kind in dataset.joint_types]),
-        np.array([0.0, 0.0, -9.81]),
-    )
-    links = RigidLinks(chain, rng.uniform(0.5, 2.0, (n, PARAMETERS)))
+    links = random_links(dataset.joint_types, rng)
     basis = JointBasis.of(dataset.joint_types, dataset.q)
     jointwise = (make_friction(dataset.dq),) if friction else ()
     kernel = TorqueKernel(none(n), basis, jointwise, (links,))

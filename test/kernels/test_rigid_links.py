@@ -1,5 +1,6 @@
 """Rigid links against pinocchio and against themselves."""
 
+from kernels.cases import P, R, random_links
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -16,17 +17,12 @@ TO_PINOCCHIO = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # its inertias are xx xy yy xz yz
 
 
 def random_chain(arm: str, rng: np.random.Generator) -> Chain:
-    n = len(arm)
-    return Chain(
-        Rotation.random(n, random_state=rng).as_matrix().reshape(n, 3, 3),
-        rng.standard_normal((n, 3)),
-        np.array([kind == 'P' for kind in arm]),
-        np.array([0.0, 0.0, -9.81]),
-    )
+    return random_links(tuple({'R': R, 'P': P}[kind] for kind in arm), rng).chain
 
 
 def oracle(chain: Chain) -> tuple[object, object]:
     model = pinocchio.Model()
+    model.gravity.linear = chain.gravity
     last = 0
     for i, slides in enumerate(chain.prismatic):
         joint = pinocchio.JointModelPZ() if slides else pinocchio.JointModelRZ()

@@ -137,6 +137,13 @@ def carried(motion: Motion, at: Place) -> Motion:
 
 
 @compiled
+def velocity(before: Triple, w: Triple, at: Place, prismatic: bool, dq: float) -> Triple:
+    """Return the velocity of a link's origin from that of the link before, which turns with w."""
+    v = outward(at.axes, plus(before, cross(w, at.origin)))
+    return plus(v, (0.0, 0.0, dq)) if prismatic else v
+
+
+@compiled
 def with_joint(motion: Motion, prismatic: bool, dq: float, ddq: float) -> Motion:
     """Return the motion with what the link's own joint adds to it."""
     w, a, d = motion

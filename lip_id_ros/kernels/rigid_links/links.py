@@ -41,11 +41,6 @@ class RigidLinks:
     chain: Chain
     deviations: Array
 
-    @property
-    def n_joints(self) -> int:
-        """Number of joints n."""
-        return len(self.deviations)
-
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Features of the torques at joint states of shape (N, n), shape (N, n, 11 n)."""
         state = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))

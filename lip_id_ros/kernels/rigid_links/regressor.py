@@ -16,9 +16,10 @@ from lip_id_ros.kernels.rigid_links.chain import (
     place,
     store_place,
     upward,
+    velocity,
     with_joint,
 )
-from lip_id_ros.kernels.rigid_links.triples import cross, dot, outward, plus, Triple
+from lip_id_ros.kernels.rigid_links.triples import cross, dot, NOTHING, outward, plus, Triple
 from lip_id_ros.kernels.rigid_links.wrench import row_along_joint, shifted, Wrench
 
 Array = NDArray[np.float64]
@@ -44,9 +45,8 @@ def torque_regressor(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
     out = np.zeros((count, n, PARAMETERS * n))
     places = np.empty((n, 4, 3))
     columns = np.empty((6, PARAMETERS - 1))
-    still = (0.0, 0.0, 0.0)
     for t in range(count):
-        motion = Motion(still, still, upward(chain))
+        motion = Motion(NOTHING, NOTHING, upward(chain))
         for j in range(n):
             at = place(chain, j, q[t, j])
             store_place(places, j, at)
@@ -94,14 +94,12 @@ def kinetic_regressor(chain: Chain, q: Array, dq: Array) -> Array:
     count, n = q.shape
     out = np.zeros((count, PARAMETERS * n))
     for t in range(count):
-        w = v = (0.0, 0.0, 0.0)
+        w = v = NOTHING
         for j in range(n):
             at = place(chain, j, q[t, j])
-            v = outward(at.axes, plus(v, cross(w, at.origin)))
+            v = velocity(v, w, at, chain.prismatic[j], dq[t, j])
             w = outward(at.axes, w)
-            if chain.prismatic[j]:
-                v = plus(v, (0.0, 0.0, dq[t, j]))
-            else:
+            if not chain.prismatic[j]:
                 w = plus(w, (0.0, 0.0, dq[t, j]))
             _kinetic(out[t, PARAMETERS * j :], w, v, dq[t, j])
     return out

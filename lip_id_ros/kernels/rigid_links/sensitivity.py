@@ -23,6 +23,7 @@ from lip_id_ros.kernels.rigid_links.triples import (
     cross,
     inward,
     load,
+    NOTHING,
     outward,
     plus,
     store,
@@ -42,8 +43,6 @@ Array = NDArray[np.float64]
 
 DIRECTIONS = 6
 """Of a placement: three rotations about its own axes, three shifts of its origin."""
-
-NOTHING = (0.0, 0.0, 0.0)
 
 
 class Links(NamedTuple):

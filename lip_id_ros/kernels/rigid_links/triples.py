@@ -12,6 +12,8 @@ Triple = tuple[float, float, float]
 Axes = tuple[Triple, Triple, Triple]
 """The axes of a child's frame, expressed in the parent: the columns of a rotation."""
 
+NOTHING: Triple = (0.0, 0.0, 0.0)
+
 
 @compiled
 def dot(a: Triple, b: Triple) -> float:
