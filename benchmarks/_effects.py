@@ -6,12 +6,10 @@ from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.simulation.arm import Dynamics
 from lip_id_ros.simulation.trajectories import Motion
-
-Floats = NDArray[np.float64]
 
 REST = 1e-3  # [rad/s]; slower than that, friction fades
 N_JOINTS = 7
@@ -49,19 +47,19 @@ class Drives:
 
     """
 
-    viscous: Floats
-    coulomb: Floats
-    stiction: Floats
-    load_coulomb: Floats
-    load_stiction: Floats
-    stribeck_speed: Floats
-    uneven: Floats
-    drift: Floats
-    rotor: Floats
-    ripple: Floats
-    ripple_periods: Floats
-    stiffness: Floats
-    gain: Floats
+    viscous: Array
+    coulomb: Array
+    stiction: Array
+    load_coulomb: Array
+    load_stiction: Array
+    stribeck_speed: Array
+    uneven: Array
+    drift: Array
+    rotor: Array
+    ripple: Array
+    ripple_periods: Array
+    stiffness: Array
+    gain: Array
 
     def first(self, n_joints: int) -> Drives:
         """Keep the drives of the first joints."""
@@ -72,7 +70,7 @@ class Drives:
         change = self.drift * rng.uniform(-1.0, 1.0, self.drift.shape)
         return replace(self, viscous=self.viscous * (1.0 + change))
 
-    def friction(self, q: Floats, dq: Floats, load: Floats) -> Floats:
+    def friction(self, q: Array, dq: Array, load: Array) -> Array:
         """Return the torque of friction [N m] under the load of the links [N m], all (N, n)."""
         carried = np.abs(load)
         near_rest = np.exp(-np.square(dq / self.stribeck_speed))
@@ -81,14 +79,14 @@ class Drives:
         place = 1.0 + self.uneven * np.sin(q + np.arange(q.shape[1]))
         return place * (self.viscous * dq + dry * np.tanh(dq / REST))
 
-    def torque(self, motor: Motion, load: Floats) -> Floats:
+    def torque(self, motor: Motion, load: Array) -> Array:
         """Return the torque of the motors as recorded [N m], shape (N, n)."""
         q, dq, ddq = motor
         own = self.rotor * ddq + self.ripple * np.sin(self.ripple_periods * q)
         return self.gain * (load + own + self.friction(q, dq, load))
 
 
-def _same(value: float) -> Floats:
+def _same(value: float) -> Array:
     return np.full(N_JOINTS, value)
 
 
@@ -145,9 +143,9 @@ class Run(NamedTuple):
     """
 
     motor: Motion
-    tau: Floats
-    kinetic: Floats
-    potential: Floats
+    tau: Array
+    kinetic: Array
+    potential: Array
 
 
 def driven(arm: Dynamics, drives: Drives, link: Motion, step_s: float) -> Run:
@@ -182,7 +180,7 @@ def driven(arm: Dynamics, drives: Drives, link: Motion, step_s: float) -> Run:
     )
 
 
-def _derivative(values: Floats, step_s: float) -> Floats:
+def _derivative(values: Array, step_s: float) -> Array:
     """Differentiate one period exactly, up to rounding."""
     omega = 2j * np.pi * np.fft.rfftfreq(len(values), step_s)
     changes = np.fft.irfft(omega[:, None] * np.fft.rfft(values, axis=0), len(values), axis=0)

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks._effects import Drives, INDUSTRIAL, MILD
 from benchmarks._panda import half_ranges, run_pair
 from benchmarks._sensors import measured, MOTOR_CURRENTS, Sensors, TORQUE_SENSORS
+from lip_id_ros.arrays import Array
 from lip_id_ros.comparison import Case, thinned
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import Arm, MotionLimits, panda, SinusoidTrajectory
 from lip_id_ros.simulation.panda import MOTION, panda_urdf
 
@@ -144,7 +144,7 @@ def _farther(known: SinusoidTrajectory, times: float) -> MotionLimits:
     return _around(MOTION.first(known.n_joints), times * np.abs(q - known.centre).max(axis=0))
 
 
-def _around(limits: MotionLimits, reach: NDArray[np.float64]) -> MotionLimits:
+def _around(limits: MotionLimits, reach: Array) -> MotionLimits:
     return replace(limits, q_min=limits.centre - reach, q_max=limits.centre + reach)
 
 

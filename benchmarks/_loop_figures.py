@@ -6,9 +6,8 @@ from collections.abc import Iterator
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lip_id_ros.arrays import Array
 
 AHEAD = (1, 2, 5)
 """How many ticks ahead a question may be asked."""

@@ -11,7 +11,6 @@ import time
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -20,6 +19,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from benchmarks._cells import running
 from benchmarks._loop_figures import Timeline
 from benchmarks._serve_client import cpu_seconds, LIMITS, serving, spun
+from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.runtime.computed_torque import PlanController
@@ -28,7 +28,6 @@ from lip_id_ros.simulation import Measurement, placed, SinusoidTrajectory
 from lip_id_ros.simulation.panda import MOTION
 from lip_id_ros.tracking.setup import DAMPING, panda_setup, STIFFNESS
 
-Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
 
 RATE_HZ = 1000

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks._effects import driven, Drives, LARGEST
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.simulation.arm import Dynamics
 from lip_id_ros.simulation.datasets import Trajectory
-
-Floats = NDArray[np.float64]
 
 SECONDS, RATE_HZ = 50.0, 200.0
 
@@ -35,8 +33,8 @@ class Sensors:
 
     """
 
-    torque_step: Floats
-    torque_noise: Floats
+    torque_step: Array
+    torque_noise: Array
     position_step: float = 2 * np.pi / 2**17
     position_noise: float = 2e-5
     velocity_noise: float = 2e-3
@@ -78,7 +76,7 @@ def measured(
     q, dq, _ = run.motor
     n = len(arm.joint_names)
 
-    def noisy(values: Floats, std: float | Floats) -> Floats:
+    def noisy(values: Array, std: float | Array) -> Array:
         return values + std * rng.standard_normal(values.shape)
 
     samples = JointSamples(
@@ -99,5 +97,5 @@ def measured(
     )
 
 
-def _stepped(values: Floats, step: float | Floats) -> Floats:
+def _stepped(values: Array, step: float | Array) -> Array:
     return np.asarray(step * np.round(values / step))

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from lip_id_ros.config import FitSettings, PreprocessingSettings
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.control import ComputedTorque, Feedforward
 from lip_id_ros.gp import fit
 from lip_id_ros.model import TrainedModel
@@ -22,6 +21,7 @@ from lip_id_ros.monitoring import external_torques, sudden_part, Thresholds
 from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.serving import Predictor
+from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import (
     no_contact,
     NominalFeedforward,
@@ -32,8 +32,6 @@ from lip_id_ros.simulation import (
 )
 from lip_id_ros.simulation.panda import MOTION
 from lip_id_ros.tracking.setup import panda_setup, Setup
-
-Array = NDArray[np.float64]
 
 EVERY = 10  # the observer runs at 100 Hz
 FIRST, APART, LASTS = 1.0, 2.0, 0.5  # contacts [s]
@@ -146,7 +144,7 @@ def watch(predictor: Predictor, run: Tracking) -> tuple[Array, Array]:
     return t, sudden_part(t, torque)
 
 
-def delay(t: Array, flagged: NDArray[np.bool_], begin: float) -> float | None:
+def delay(t: Array, flagged: BoolArray, begin: float) -> float | None:
     """Return how long after its begin a push was flagged on its joint [s]."""
     during = (t >= begin) & (t < begin + LASTS) & flagged
     return float(t[np.argmax(during)] - begin) if during.any() else None

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks._cells import measured, show
 from benchmarks.contact import learned, move
-from lip_id_ros.config import FitSettings
+from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import NominalFeedforward
 from lip_id_ros.tracking.setup import panda_setup
 

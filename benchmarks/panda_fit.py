@@ -13,12 +13,12 @@ from rich.table import Table
 
 from benchmarks._panda import run_pair
 from benchmarks._timing import seconds
-from lip_id_ros.config import FitSettings
 from lip_id_ros.evaluation import evaluate
 from lip_id_ros.gp import fit
 from lip_id_ros.kernels import ARTICULATED, FAMILY
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving import Predictor
+from lip_id_ros.settings import FitSettings
 
 KERNELS = (ARTICULATED, *sorted(FAMILY))
 

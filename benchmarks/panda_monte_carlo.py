@@ -15,11 +15,11 @@ from rich.table import Table
 import yaml
 
 from benchmarks._panda import run_pair
-from lip_id_ros.config import Config, override
 from lip_id_ros.evaluation import evaluate
 from lip_id_ros.files import write_whole
 from lip_id_ros.gp import fit
 from lip_id_ros.serving import Predictor
+from lip_id_ros.settings import Config, override
 
 Cell = dict[str, Any]
 KERNELS = ('lip', 'nested', 'recursive', 'articulated')

@@ -14,15 +14,14 @@ import time
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from benchmarks._panda import run_pair
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.gp import fit
 from lip_id_ros.serving import Predictor, TrainedModel
 
-Array = NDArray[np.float64]
 Call = Callable[[Array, Array, Array], object]
 STATES = 1000
 WARM_UP = 10_000
@@ -126,7 +125,7 @@ def frozen() -> Iterator[None]:
         gc.unfreeze()
 
 
-def _run(call: Call, states: Array, nanoseconds: NDArray[np.int64]) -> None:
+def _run(call: Call, states: Array, nanoseconds: IntArray) -> None:
     for number in range(len(nanoseconds)):
         q, dq, ddq = states[number % STATES]
         begin = time.perf_counter_ns()

@@ -10,8 +10,8 @@ import tempfile
 
 from benchmarks._cells import measured, show
 from benchmarks._panda import run_pair
-from lip_id_ros.config import FitSettings
 from lip_id_ros.gp import fit
+from lip_id_ros.settings import FitSettings
 
 EXECUTORS = ('events', 'single_threaded')
 MIDDLEWARES = ('rmw_fastrtps_cpp', 'rmw_cyclonedds_cpp')

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import blas, lapack
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
 
-Array = NDArray[np.float64]
 JITTERS = (0.0, 1e-12, 1e-10, 1e-8, 1e-6)
 NOT_FINITE = (
     'the Gram matrix was expected to be finite but is not: '

@@ -18,7 +18,7 @@ from benchmarks._effects import driven, Drives, INDUSTRIAL, MILD
 from benchmarks._experiments import EXPERIMENTS, Form, settings_of_friction
 from benchmarks._panda import run_pair
 from lip_id_ros.baselines import MODELS
-from lip_id_ros.config import FitSettings
+from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import panda, SinusoidTrajectory
 from lip_id_ros.simulation.panda import MOTION
 

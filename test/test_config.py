@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from lip_id_ros.config import (
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.settings import (
     build,
     Config,
     example_yaml,
@@ -27,7 +28,6 @@ from lip_id_ros.config import (
     setting,
     Settings,
 )
-from lip_id_ros.errors import ConfigError
 
 ROOT = Path(__file__).resolve().parents[1]
 

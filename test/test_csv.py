@@ -10,7 +10,6 @@ import numpy as np
 from preprocessing.motions import recording, uniform
 import pytest
 
-from lip_id_ros.config import Config, RecordingSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.csv_file import read_csv, write_csv
 from lip_id_ros.dataset.writing import writer_for
@@ -18,6 +17,7 @@ from lip_id_ros.errors import ConfigError, DataError, LipIdError, SourceError
 from lip_id_ros.preprocessing import load_dataset, preprocess
 from lip_id_ros.recording import describe
 from lip_id_ros.recording.csv_log import read_log
+from lip_id_ros.settings import Config, RecordingSettings
 
 T = uniform(300, 100.0)
 DATA = preprocess(recording(T))

@@ -15,24 +15,25 @@ SOURCES = Path(__file__).resolve().parents[1] / PACKAGE
 
 # The parts in the order in which the data goes through them, and what each may import besides
 # itself and BASE.
-BASE = {'errors', 'files', 'progress'}
+BASE = {'arrays', 'errors', 'files', 'progress'}
 PARTS = {
+    'arrays': set(),
     'errors': set(),
     'files': set(),
     'progress': set(),
     'linear_algebra': set(),
-    'config': set(),
+    'settings': set(),
     'dataset': set(),
-    'recording': {'config', 'dataset'},
-    'preprocessing': {'config', 'dataset', 'recording'},
-    'health': {'config', 'dataset', 'recording', 'preprocessing'},
+    'recording': {'settings', 'dataset'},
+    'preprocessing': {'settings', 'dataset', 'recording'},
+    'health': {'settings', 'dataset', 'recording', 'preprocessing'},
     'kernels': set(),
     'model': {'kernels'},
-    'gp': {'config', 'dataset', 'kernels', 'linear_algebra', 'model'},
+    'gp': {'settings', 'dataset', 'kernels', 'linear_algebra', 'model'},
     'serving': {'dataset', 'kernels', 'linear_algebra', 'model'},
     'evaluation': {'dataset', 'health', 'model', 'serving'},
-    'baselines': {'config', 'dataset', 'gp', 'kernels', 'linear_algebra', 'model', 'serving'},
-    'comparison': {'baselines', 'config', 'dataset', 'evaluation'},
+    'baselines': {'settings', 'dataset', 'gp', 'kernels', 'linear_algebra', 'model', 'serving'},
+    'comparison': {'baselines', 'settings', 'dataset', 'evaluation'},
     'control': {'serving'},
     'monitoring': {'serving'},
     'simulation': {'control', 'dataset', 'evaluation'},
@@ -59,7 +60,7 @@ FOREIGN = {
     # zstd: the standard library has it from 3.14 as compression
     'backports': ('recording/storage/compression',),
     'compression': ('recording/storage/compression',),
-    'yaml': ('config', 'recording/bag_folder'),
+    'yaml': ('settings', 'recording/bag_folder'),
     'pinocchio': ('simulation', 'baselines/regressor'),
     'example_robot_data': ('simulation',),
     'matplotlib': ('evaluation/report', 'comparison/plots', 'comparison/report', 'tracking/plots'),

@@ -5,13 +5,11 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
 from lip_id_ros.linear_algebra import CholeskyFactor, JITTERS
-
-Array = NDArray[np.float64]
 
 
 def positive(m: int, seed: int = 0) -> Array:

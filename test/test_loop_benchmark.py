@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks._loop_figures import Timeline
 from benchmarks._panda import run_pair
-from lip_id_ros.config import FitSettings
 from lip_id_ros.gp import fit
+from lip_id_ros.settings import FitSettings
 
 pytest.importorskip('pinocchio', reason='the simulated arm needs pinocchio')
 

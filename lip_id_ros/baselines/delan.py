@@ -7,17 +7,15 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 import torch
 from torch.optim.lr_scheduler import OneCycleLR
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.delan_network import DelanNetwork
 from lip_id_ros.baselines.interface import Answer
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.progress import Progress
-
-Floats = NDArray[np.float64]
+from lip_id_ros.settings import FitSettings
 
 WIDTH, DEPTH = 64, 3
 BATCH = 100
@@ -85,7 +83,7 @@ class Network:
         network.load_state_dict(description['weights'])
         self._keep(network)
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
         """Estimate torques and both energies."""
         motion = [torch.from_numpy(np.array(x)) for x in (q, dq, ddq)]
         with torch.no_grad():

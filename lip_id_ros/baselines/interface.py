@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lip_id_ros.config import FitSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.progress import Progress
-
-Floats = NDArray[np.float64]
+from lip_id_ros.settings import FitSettings
 
 
 @dataclass(frozen=True)
@@ -29,9 +25,9 @@ class Answer:
 
     """
 
-    tau: Floats
-    kinetic: Floats | None = None
-    potential: Floats | None = None
+    tau: Array
+    kinetic: Array | None = None
+    potential: Array | None = None
 
 
 class Estimator(Protocol):
@@ -41,7 +37,7 @@ class Estimator(Protocol):
     def size(self) -> int:
         """How many numbers it keeps in order to answer."""
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
         """Estimate torques, and energies where it has them, of motions of shape (N, n)."""
 
 

@@ -8,14 +8,15 @@ import os
 import time
 from typing import Any
 
-from lip_id_ros.baselines.interface import Answer, Estimator, Floats
+from lip_id_ros.arrays import Array
+from lip_id_ros.baselines.interface import Answer, Estimator
 from lip_id_ros.baselines.registry import method, Urdf
 from lip_id_ros.baselines.taken_apart import put_together, take_apart
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.model.checked_file import COMPARED, contradiction, read_checked, write_checked
 from lip_id_ros.progress import Progress
+from lip_id_ros.settings import FitSettings
 
 VERSION = 1
 
@@ -49,7 +50,7 @@ class Learned:
     fit_seconds: float
     provenance: Mapping[str, Any]
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
         """Estimate torques, and energies where the method has them, of motions (N, n)."""
         return self.estimator.predict(q, dq, ddq)
 

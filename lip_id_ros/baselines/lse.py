@@ -5,20 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 import torch
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.interface import Answer
 from lip_id_ros.baselines.lse_kernel import energy_gram, Lengths, States, torque_gram
 from lip_id_ros.baselines.marginal_likelihood import maximise
 from lip_id_ros.baselines.samples import covering
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.progress import Progress
-
-Floats = NDArray[np.float64]
+from lip_id_ros.settings import FitSettings
 
 ITERATIONS = 60
 BLOCK = 50  # samples answered at once
@@ -167,7 +165,7 @@ class LagrangianModel:
         self._states, self._alpha = states, alpha
         self.size = int(4 * alpha.numel() + hyperparameters.vector.numel())
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
         """
         Estimate torques, and the energies that the Lagrangian holds.
 
@@ -184,13 +182,13 @@ class LagrangianModel:
         )
         return Answer(np.concatenate(tau), (forth + back) / 2 - at_rest, -at_rest)
 
-    def _torque(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
+    def _torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         here = States.of(self._basis, q, dq, ddq)
         with torch.no_grad():
             gram = self._hyperparameters.gram(here, self._states)
             return np.asarray(torch.einsum('injm,jm->in', gram, self._alpha).numpy())
 
-    def _lagrangian(self, q: Floats, dq: Floats) -> Floats:
+    def _lagrangian(self, q: Array, dq: Array) -> Array:
         here = States.of(self._basis, q, dq, np.zeros_like(q))
         known = self._hyperparameters
         with torch.no_grad():

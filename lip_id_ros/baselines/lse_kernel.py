@@ -19,12 +19,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 import torch
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import JointBasis
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class States:
     ddq: torch.Tensor
 
     @classmethod
-    def of(cls, basis: JointBasis, q: Floats, dq: Floats, ddq: Floats) -> States:
+    def of(cls, basis: JointBasis, q: Array, dq: Array, ddq: Array) -> States:
         """Lay out motions of shape (N, n)."""
         f, g = (np.swapaxes(x, 1, 2) for x in basis.features(q))
         return cls(*(torch.from_numpy(np.array(x)) for x in (f, g, dq, ddq)))

@@ -6,14 +6,13 @@ from collections.abc import Callable
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 import torch
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
 from lip_id_ros.progress import Progress
 
-Floats = NDArray[np.float64]
 NoisyGram = Callable[[torch.Tensor], torch.Tensor]
 """From log-hyperparameters (p,) to the covariance of the measurements (m, m)."""
 
@@ -23,12 +22,12 @@ FAR_WORSE = 10.0
 
 def maximise(
     noisy_gram: NoisyGram,
-    y: Floats,
-    start: Floats,
+    y: Array,
+    start: Array,
     iterations: int,
     progress: Progress,
     stage: str,
-) -> Floats:
+) -> Array:
     """
     Return the log-hyperparameters, shape (p,), of the largest marginal likelihood.
 
@@ -52,7 +51,7 @@ def maximise(
     objective = _Guarded(noisy_gram, torch.tensor(y))
     done = 0
 
-    def report(_: Floats) -> None:
+    def report(_: Array) -> None:
         nonlocal done
         done += 1
         progress(stage, done, iterations)
@@ -78,7 +77,7 @@ class _Guarded:
         self._y = y
         self._worst: float | None = None
 
-    def __call__(self, vector: Floats) -> tuple[float, Floats]:
+    def __call__(self, vector: Array) -> tuple[float, Array]:
         theta = torch.tensor(vector, requires_grad=True)
         factor, failed = torch.linalg.cholesky_ex(self._noisy_gram(theta))
         if failed or not bool(torch.isfinite(factor).all()):
@@ -90,7 +89,7 @@ class _Guarded:
         self._worst = number if self._worst is None else max(number, self._worst)
         return number, theta.grad.numpy().copy()
 
-    def _bad_step(self, vector: Floats) -> tuple[float, Floats]:
+    def _bad_step(self, vector: Array) -> tuple[float, Array]:
         if self._worst is None:
             raise FitError(
                 'the Gram matrix was expected to be positive definite at the start but is not: '

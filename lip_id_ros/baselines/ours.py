@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from lip_id_ros.baselines.interface import Answer, Floats
-from lip_id_ros.config import FitSettings
+from lip_id_ros.arrays import Array
+from lip_id_ros.baselines.interface import Answer
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.progress import Progress
 from lip_id_ros.serving import Predictor
+from lip_id_ros.settings import FitSettings
 
 
 class Ours:
@@ -47,7 +48,7 @@ class Trained:
         self.size = int(states.q.size + states.dq.size + states.ddq.size + model.alpha.size)
         self._predictor = Predictor(model)
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
         """Estimate torques and both energies."""
         found = self._predictor.predict(q, dq, ddq)
         return Answer(found.tau, found.kinetic, found.potential)

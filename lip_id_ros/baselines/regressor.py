@@ -14,13 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
-
-Floats = NDArray[np.float64]
 
 
 class Regressor:
@@ -72,20 +70,20 @@ class Regressor:
         self._columns = [self._model.joints[i].idx_v for i in ids]
         self._neutral = pinocchio.neutral(self._model)
 
-    def torque(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return Phi, shape (N, n, 10 n), of motions of shape (N, n)."""
         found = self._each(pinocchio.computeJointTorqueRegressor, q, dq, ddq)
         return found[:, self._columns, :]
 
-    def kinetic(self, q: Floats, dq: Floats) -> Floats:
+    def kinetic(self, q: Array, dq: Array) -> Array:
         """Return rows, shape (N, 10 n), whose product with the parameters is T [J]."""
         return self._each(pinocchio.computeKineticEnergyRegressor, q, dq)
 
-    def potential(self, q: Floats) -> Floats:
+    def potential(self, q: Array) -> Array:
         """Return rows, shape (N, 10 n), whose product with the parameters is V [J]."""
         return self._each(pinocchio.computePotentialEnergyRegressor, q)
 
-    def _each(self, algorithm: Callable[..., Any], q: Floats, *rest: Floats) -> Floats:
+    def _each(self, algorithm: Callable[..., Any], q: Array, *rest: Array) -> Array:
         configurations = [
             pinocchio.integrate(self._model, self._neutral, row) for row in self._ordered(q)
         ]
@@ -93,7 +91,7 @@ class Regressor:
         # pinocchio returns views of one work space
         return np.array([np.copy(algorithm(self._model, self._data, *row)) for row in rows])
 
-    def _ordered(self, x: Floats) -> Floats:
+    def _ordered(self, x: Array) -> Array:
         ordered = np.empty_like(x)
         ordered[:, self._columns] = x
         return ordered

@@ -5,16 +5,14 @@ from __future__ import annotations
 import os
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lstsq
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.interface import Answer
 from lip_id_ros.baselines.regressor import Regressor
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.progress import Progress
-
-Floats = NDArray[np.float64]
+from lip_id_ros.settings import FitSettings
 
 REPEATS = 3  # of the weighting
 PRECISION = 1e-8  # smaller singular values, relative to the largest, count as zero
@@ -65,12 +63,12 @@ class Identified:
 
     """
 
-    def __init__(self, features: RigidBodyFeatures, parameters: Floats) -> None:
+    def __init__(self, features: RigidBodyFeatures, parameters: Array) -> None:
         self._features = features
         self._parameters = parameters
         self.size = parameters.size
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
         """Estimate torques and both energies; that of the rotors is part of the kinetic one."""
         features, parameters = self._features, self._parameters
         return Answer(
@@ -93,24 +91,24 @@ class RigidBodyFeatures:
     def __init__(self, links: Regressor) -> None:
         self._links = links
 
-    def torque(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return Phi, shape (N, n, 14 n): links, viscous, Coulomb, offset, rotor."""
         columns = (dq, np.sign(dq), np.ones_like(dq), ddq)
         return np.concatenate(
             [self._links.torque(q, dq, ddq), *(_diagonal(x) for x in columns)], axis=2
         )
 
-    def kinetic(self, q: Floats, dq: Floats) -> Floats:
+    def kinetic(self, q: Array, dq: Array) -> Array:
         """Return rows, shape (N, 14 n), whose product with the parameters is T [J]."""
         none = np.zeros((len(q), 3 * q.shape[1]))
         return np.hstack([self._links.kinetic(q, dq), none, 0.5 * np.square(dq)])
 
-    def potential(self, q: Floats) -> Floats:
+    def potential(self, q: Array) -> Array:
         """Return rows, shape (N, 14 n), whose product with the parameters is V [J]."""
         return np.hstack([self._links.potential(q), np.zeros((len(q), 4 * q.shape[1]))])
 
 
-def _weighted(phi: Floats, tau: Floats, deviation: Floats) -> Floats:
+def _weighted(phi: Array, tau: Array, deviation: Array) -> Array:
     rows = (phi / deviation[:, None]).reshape(-1, phi.shape[2])
     scale = np.linalg.norm(rows, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
@@ -118,6 +116,6 @@ def _weighted(phi: Floats, tau: Floats, deviation: Floats) -> Floats:
     return np.asarray(found) / scale
 
 
-def _diagonal(x: Floats) -> Floats:
+def _diagonal(x: Array) -> Array:
     """Return one column per joint that acts on that joint only, (N, n) to (N, n, n)."""
     return x[:, :, None] * np.eye(x.shape[1])

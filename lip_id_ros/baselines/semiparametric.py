@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import os
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.regressor import Regressor
 from lip_id_ros.baselines.rigid_body import RigidBodyFeatures
 from lip_id_ros.baselines.single_output import PerJoint, SingleOutput
 from lip_id_ros.baselines.terms import Linear, Motion, SquaredExponential
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.progress import Progress
-
-Floats = NDArray[np.float64]
+from lip_id_ros.settings import FitSettings
 
 
 class Semiparametric:
@@ -58,6 +54,6 @@ class RigidBodyTerm(Linear):
         self._features = features
         self._joint = joint
 
-    def features(self, motion: Motion) -> Floats:
+    def features(self, motion: Motion) -> Array:
         """Return the joint's rows, shape (N, 14 n)."""
         return self._features.torque(*motion)[:, self._joint]

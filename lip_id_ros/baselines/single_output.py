@@ -6,20 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 import torch
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.interface import Answer
 from lip_id_ros.baselines.marginal_likelihood import maximise
 from lip_id_ros.baselines.samples import covering
 from lip_id_ros.baselines.terms import MakeTerm, Motion, Term
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.progress import Progress
-
-Floats = NDArray[np.float64]
+from lip_id_ros.settings import FitSettings
 
 ITERATIONS = 100
 NOISE_START = 1e-2  # variances, in units of the torque's
@@ -87,7 +85,7 @@ class Sum:
         found = [term.features(motion) for term in self._terms]
         return [torch.from_numpy(np.ascontiguousarray(x)) for x in found]
 
-    def start(self, features: Sequence[torch.Tensor]) -> list[Floats]:
+    def start(self, features: Sequence[torch.Tensor]) -> list[Array]:
         """Return where the hyperparameters of each term start."""
         return [term.start(x.numpy()) for term, x in zip(self._terms, features, strict=True)]
 
@@ -119,7 +117,7 @@ class Fitted:
         kept = (*self.thetas, *self.features, self.alpha)
         return sum(int(x.numel()) for x in kept)
 
-    def torque(self, motion: Motion) -> Floats:
+    def torque(self, motion: Motion) -> Array:
         """Return the posterior mean [N m or N], shape (N,)."""
         here = self.covariance.features(motion)
         with torch.no_grad():
@@ -141,7 +139,7 @@ class PerJoint:
         self._joints = tuple(joints)
         self.size = sum(joint.size for joint in joints)
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
         """Estimate torques; energies are not in this model."""
         motion = Motion(q, dq, ddq)
         return Answer(np.column_stack([joint.torque(motion) for joint in self._joints]))
@@ -149,7 +147,7 @@ class PerJoint:
 
 def _optimise(
     covariance: Sum, dataset: Dataset, iterations: int, progress: Progress, name: str
-) -> Floats:
+) -> Array:
     x = covariance.features(Motion(dataset.q, dataset.dq, dataset.ddq))
     y, _, _ = _standardised(dataset.tau[:, covariance.joint])
     parts = covariance.start(x)
@@ -164,7 +162,7 @@ def _optimise(
     return maximise(noisy_gram, y, start, iterations, progress, f'hyperparameters of {name}')
 
 
-def _condition(covariance: Sum, vector: Floats, dataset: Dataset) -> Fitted:
+def _condition(covariance: Sum, vector: Array, dataset: Dataset) -> Fitted:
     x = covariance.features(Motion(dataset.q, dataset.dq, dataset.ddq))
     y, mean, scale = _standardised(dataset.tau[:, covariance.joint])
     thetas = _split(torch.from_numpy(vector), covariance.start(x))
@@ -174,11 +172,11 @@ def _condition(covariance: Sum, vector: Floats, dataset: Dataset) -> Fitted:
     return Fitted(covariance, thetas, x, torch.from_numpy(alpha), mean)
 
 
-def _standardised(tau: Floats) -> tuple[Floats, float, float]:
+def _standardised(tau: Array) -> tuple[Array, float, float]:
     mean, scale = float(tau.mean()), float(tau.std()) or 1.0
     return (tau - mean) / scale, mean, scale
 
 
-def _split(vector: torch.Tensor, parts: Sequence[Floats]) -> list[torch.Tensor]:
+def _split(vector: torch.Tensor, parts: Sequence[Array]) -> list[torch.Tensor]:
     sizes = [len(part) for part in parts]
     return list(torch.split(vector[: sum(sizes)], sizes))

@@ -12,29 +12,27 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 import torch
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import JointBasis
-
-Floats = NDArray[np.float64]
 
 
 class Motion(NamedTuple):
     """Positions, velocities, accelerations, each (N, n)."""
 
-    q: Floats
-    dq: Floats
-    ddq: Floats
+    q: Array
+    dq: Array
+    ddq: Array
 
 
 class Term(Protocol):
     """One summand of the covariance of a joint's torque."""
 
-    def features(self, motion: Motion) -> Floats:
+    def features(self, motion: Motion) -> Array:
         """Return the features of N motions, shape (N, d)."""
 
-    def start(self, features: Floats) -> Floats:
+    def start(self, features: Array) -> Array:
         """Return log-hyperparameters (p,) to start from, for torques of unit variance."""
 
     def gram(self, theta: torch.Tensor, x: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
@@ -61,11 +59,11 @@ class SquaredExponential:
     def __init__(self, basis: JointBasis, joint: int) -> None:
         self._basis = basis
 
-    def features(self, motion: Motion) -> Floats:
+    def features(self, motion: Motion) -> Array:
         """Return the features of all joints, shape (N, about 4 n)."""
         return np.hstack([positions(motion.q, self._basis), motion.dq, motion.ddq])
 
-    def start(self, features: Floats) -> Floats:
+    def start(self, features: Array) -> Array:
         """Start from unit variance and lengths at which typical samples are correlated."""
         deviation = features.std(axis=0)
         lengths = np.sqrt(features.shape[1]) * np.where(deviation > 0, deviation, 1.0)
@@ -99,14 +97,14 @@ class GeometricPolynomial:
     def __init__(self, basis: JointBasis, joint: int) -> None:
         self._basis = basis
 
-    def features(self, motion: Motion) -> Floats:
+    def features(self, motion: Motion) -> Array:
         """Return f_1, f_2 of every joint, then ddq and the products of velocities."""
         f, _ = self._basis.features(motion.q)
         rows, columns = np.triu_indices(self._basis.n_joints)
         products = motion.dq[:, rows] * motion.dq[:, columns]
         return np.hstack([f[0].T, f[1].T, motion.ddq, products])
 
-    def start(self, features: Floats) -> Floats:
+    def start(self, features: Array) -> Array:
         """Start from factors of about one."""
         n = self._basis.n_joints
         moving = features[:, 2 * n :]
@@ -135,7 +133,7 @@ class GeometricPolynomial:
 class Linear:
     """phi(x) Gamma phi(z)^T with a diagonal Gamma (paper, eq. K-SP and kernel_epsilon)."""
 
-    def start(self, features: Floats) -> Floats:
+    def start(self, features: Array) -> Array:
         """Start from features that contribute equally."""
         power = np.mean(np.square(features), axis=0) * features.shape[1]
         return -np.log(np.where(power > 0, power, 1.0))
@@ -159,13 +157,13 @@ class Friction(Linear):
     def __init__(self, basis: JointBasis, joint: int) -> None:
         self._joint = joint
 
-    def features(self, motion: Motion) -> Floats:
+    def features(self, motion: Motion) -> Array:
         """Return dq and sign(dq) of the joint, shape (N, 2)."""
         dq = motion.dq[:, self._joint]
         return np.column_stack([dq, np.sign(dq)])
 
 
-def positions(q: Floats, basis: JointBasis) -> Floats:
+def positions(q: Array, basis: JointBasis) -> Array:
     """Return cos q and sin q of revolute joints, the scaled q of prismatic ones, (N, m)."""
     f, _ = basis.features(q)
     return np.hstack([f[0].T, f[1][~basis.prismatic].T])

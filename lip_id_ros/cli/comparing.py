@@ -7,11 +7,11 @@ from dataclasses import replace
 import os
 
 from lip_id_ros.comparison import Case, thinned
-from lip_id_ros.config import Config
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import matched
 from lip_id_ros.preprocessing import for_training, load_dataset
 from lip_id_ros.progress import Progress
+from lip_id_ros.settings import Config
 
 
 def cases(args: argparse.Namespace, config: Config, progress: Progress) -> list[Case]:

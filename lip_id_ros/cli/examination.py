@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from lip_id_ros.config import RecordingSettings
 from lip_id_ros.errors import SourceError
 from lip_id_ros.health import Evidence, evidence_of, health
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import RecordingSettings
 
 
 class Examination:

@@ -12,7 +12,6 @@ from lip_id_ros.baselines.learned import learn as learn_other
 from lip_id_ros.baselines.learned import Learned
 from lip_id_ros.baselines.registry import OURS
 from lip_id_ros.cli import show
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation import Evaluation, judged, run, score, with_inertia_check
@@ -24,6 +23,7 @@ from lip_id_ros.gp import fit
 from lip_id_ros.model.checked_file import COMPARED, schema_of
 from lip_id_ros.progress import Progress
 from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.settings import FitSettings
 
 
 class Model(Protocol):

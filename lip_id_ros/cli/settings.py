@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from lip_id_ros.baselines.registry import OURS
-from lip_id_ros.config import Config, override, read_config
 from lip_id_ros.evaluation.estimator import Described
+from lip_id_ros.settings import Config, override, read_config
 
 
 class Recorded(Described, Protocol):

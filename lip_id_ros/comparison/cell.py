@@ -13,10 +13,10 @@ import numpy as np
 from lip_id_ros.baselines import Answer, Estimator, Method
 from lip_id_ros.comparison.case import Case
 from lip_id_ros.comparison.code_version import code_version, UNKNOWN
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import judged
 from lip_id_ros.progress import Progress
+from lip_id_ros.settings import FitSettings
 
 QUERIES = 50
 QUERY_SECONDS = 1.0

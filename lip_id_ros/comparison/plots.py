@@ -10,15 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.baselines import Answer
 from lip_id_ros.comparison.cell import Cell
 from lip_id_ros.comparison.summary import joint_errors, mean_errors
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.report import style
-
-Floats = NDArray[np.float64]
 
 Color = tuple[float, ...]
 
@@ -104,7 +102,7 @@ def _energy(
     panel: Axes,
     test: Dataset,
     name: str,
-    found: Mapping[str, Floats],
+    found: Mapping[str, Array],
     palette: Mapping[str, Color],
 ) -> None:
     truth = getattr(test, name)
@@ -120,13 +118,13 @@ def _energy(
     panel.set_ylabel('energy [J]')
 
 
-def _limit(panel: Axes, truth: Floats) -> None:
+def _limit(panel: Axes, truth: Array) -> None:
     # an estimate that is far off must not hide the others
     margin = 0.5 * float(np.ptp(truth)) or 1.0
     panel.set_ylim(truth.min() - margin, truth.max() + margin)
 
 
-def _boxes(panel: Axes, errors: Mapping[str, Floats]) -> None:
+def _boxes(panel: Axes, errors: Mapping[str, Array]) -> None:
     drawn = panel.boxplot(
         list(errors.values()), patch_artist=True, widths=0.6, medianprops={'color': 'black'}
     )
@@ -134,14 +132,14 @@ def _boxes(panel: Axes, errors: Mapping[str, Floats]) -> None:
         box.set(facecolor=color, alpha=0.5)
 
 
-def _points(panel: Axes, errors: Mapping[str, Floats]) -> None:
+def _points(panel: Axes, errors: Mapping[str, Array]) -> None:
     palette = colors(list(errors))
     for place, (model, values) in enumerate(errors.items(), start=1):
         panel.plot([place] * len(values), values, 'o', color=palette[model], markersize=9)
     panel.set_xlim(0.5, len(errors) + 0.5)
 
 
-def _label(panel: Axes, title: str, errors: Mapping[str, Floats]) -> None:
+def _label(panel: Axes, title: str, errors: Mapping[str, Array]) -> None:
     panel.set_xticks(range(1, len(errors) + 1), list(errors), rotation=60, ha='right', fontsize=9)
     if any(x.size for x in errors.values()):
         _logarithmic(panel)
@@ -162,7 +160,7 @@ def _logarithmic(panel: Axes) -> None:
 
 
 def _curve(
-    panel: Axes, test: Dataset, values: Floats, color: Color | str, label: str, width: float
+    panel: Axes, test: Dataset, values: Array, color: Color | str, label: str, width: float
 ) -> None:
     rows = style.shown_rows(test.n_samples)
     curve = style.broken_at(test.segment[rows], values[rows])
@@ -170,5 +168,5 @@ def _curve(
     panel.plot(time, curve, color=color, label=label, linewidth=width)
 
 
-def _shown(values: Floats) -> Floats:
+def _shown(values: Array) -> Array:
     return np.maximum(values, LEAST_SHOWN)

@@ -11,9 +11,9 @@ from lip_id_ros.baselines import Method, method
 from lip_id_ros.comparison.case import Case
 from lip_id_ros.comparison.cell import Cell, measure
 from lip_id_ros.comparison.store import Store
-from lip_id_ros.config import FitSettings
 from lip_id_ros.errors import DataError, FitError
 from lip_id_ros.progress import Progress, silent
+from lip_id_ros.settings import FitSettings
 
 CELLS, THIS_FIT = 'models', 'this fit'
 

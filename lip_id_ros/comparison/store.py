@@ -8,14 +8,12 @@ import json
 import os
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array
 from lip_id_ros.baselines import Answer
 from lip_id_ros.comparison.case import Case
 from lip_id_ros.comparison.cell import Cell
-from lip_id_ros.config import FitSettings
 from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.settings import FitSettings
 
 VERSION = 1
 ENERGIES = ('kinetic', 'potential')
@@ -79,5 +77,5 @@ class Store:
             If the cell cannot be read.
 
         """
-        arrays: dict[str, NDArray[np.float64]] = read_npz(path)[0]
+        arrays: dict[str, Array] = read_npz(path)[0]
         return Answer(arrays['tau'], arrays.get('kinetic'), arrays.get('potential'))

@@ -7,15 +7,13 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.registry import MEANINGS
 from lip_id_ros.comparison.cell import Cell
 from lip_id_ros.comparison.code_version import code_version, made_by_others
 from lip_id_ros.comparison.run import Results
 from lip_id_ros.evaluation.tables import percent, Table
-
-Floats = NDArray[np.float64]
 
 COST = ('model', 'fit [s]', 'one query [us]', 'numbers kept')
 
@@ -28,12 +26,12 @@ def groups(cells: Sequence[Cell]) -> dict[str, dict[str, list[Cell]]]:
     return found
 
 
-def joint_errors(cells: Sequence[Cell]) -> Floats:
+def joint_errors(cells: Sequence[Cell]) -> Array:
     """Return the nMSE [%] of every unseen motion and joint, shape (motions, n)."""
     return np.array([score.nmse_percent for cell in cells for score in cell.scores])
 
 
-def mean_errors(cells: Sequence[Cell]) -> Floats:
+def mean_errors(cells: Sequence[Cell]) -> Array:
     """Return the nMSE [%] of every unseen motion, mean over the joints, shape (motions,)."""
     return np.array([score.mean for cell in cells for score in cell.scores])
 

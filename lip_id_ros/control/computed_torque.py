@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array
 from lip_id_ros.control.feedforward import Feedforward
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.serving import Query
-
-Array = NDArray[np.float64]
 
 
 class Feedforward(Protocol):

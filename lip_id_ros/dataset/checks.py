@@ -7,6 +7,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.errors import DataError, ShapeError
 
 if TYPE_CHECKING:
@@ -16,18 +17,15 @@ JOINT_TYPES = ('revolute', 'prismatic')
 PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless')
 PER_SAMPLE = ('t', 'kinetic', 'potential')
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
-
-def floats(name: str, value: Any) -> Floats:
+def floats(name: str, value: Any) -> Array:
     """Return a read-only float64 copy; DataError where there are other things than numbers."""
     array = _numbers(name, value).astype(np.float64)
     array.setflags(write=False)
     return array
 
 
-def integers(name: str, value: Any) -> Integers:
+def integers(name: str, value: Any) -> IntArray:
     """Return a read-only int64 copy; DataError where there are other things than whole numbers."""
     numbers = _numbers(name, value)
     if not np.isfinite(numbers).all() or (numbers != np.round(numbers)).any():
@@ -94,7 +92,7 @@ def check_finite(data: Dataset) -> None:
         )
 
 
-def check_time(t: Floats, segment: Integers) -> None:
+def check_time(t: Array, segment: IntArray) -> None:
     """Raise DataError where a segment is torn apart or time goes back within it."""
     begins = np.flatnonzero(np.diff(segment)) + 1
     runs = segment[np.concatenate([[0], begins])]

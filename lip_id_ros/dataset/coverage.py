@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lip_id_ros.arrays import Array, IndexArray
 
 
-def farthest_points(points: NDArray[np.float64], count: int) -> NDArray[np.intp]:
+def farthest_points(points: Array, count: int) -> IndexArray:
     """
     Choose points by farthest-point selection, each coordinate in standard deviations.
 

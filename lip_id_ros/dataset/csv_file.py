@@ -9,7 +9,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from lip_id_ros.dataset.csv_table import Floats, PathLike, read_header, read_table
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset.csv_table import PathLike, read_header, read_table
 from lip_id_ros.dataset.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.files import write_atomically
@@ -103,7 +104,7 @@ def read_csv(path: PathLike) -> Dataset:
         raise type(error)(f'in {os.fspath(path)}, {error}') from error
 
 
-def per_joint(table: Any, signal: str, joints: Sequence[str]) -> Floats:
+def per_joint(table: Any, signal: str, joints: Sequence[str]) -> Array:
     """Return the columns of a signal, shape (N, n)."""
     return np.column_stack([table[f'{signal}_{joint}'] for joint in joints])
 

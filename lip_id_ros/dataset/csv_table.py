@@ -8,11 +8,10 @@ import os
 import warnings
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 
-Floats = NDArray[np.float64]
 PathLike = str | os.PathLike[str]
 
 
@@ -50,7 +49,7 @@ def read_header(path: PathLike) -> tuple[str, ...]:
     return names
 
 
-def read_table(path: PathLike) -> Mapping[str, Floats]:
+def read_table(path: PathLike) -> Mapping[str, Array]:
     """
     Read every column, each of shape (N,), by its name.
 

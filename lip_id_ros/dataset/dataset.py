@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import npz_file
 from lip_id_ros.dataset.checks import (
     check_finite,
     check_joints,
     check_shapes,
     check_time,
-    Floats,
     floats,
-    Integers,
     integers,
     PER_JOINT,
     PER_SAMPLE,
@@ -64,17 +63,17 @@ class Dataset:
 
     """
 
-    t: Floats
-    q: Floats
-    dq: Floats
-    ddq: Floats
-    tau: Floats
+    t: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
     joint_names: tuple[str, ...]
     joint_types: tuple[str, ...]
-    segment: Integers
-    tau_noiseless: Floats | None = None
-    kinetic: Floats | None = None
-    potential: Floats | None = None
+    segment: IntArray
+    tau_noiseless: Array | None = None
+    kinetic: Array | None = None
+    potential: Array | None = None
     gravity_compensated: bool = False
     provenance: Mapping[str, Any] = field(default_factory=dict)
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.dataset.checks import Integers, PER_JOINT, PER_SAMPLE
+from lip_id_ros.arrays import IntArray
+from lip_id_ros.dataset.checks import PER_JOINT, PER_SAMPLE
 from lip_id_ros.dataset.dataset import Dataset
 from lip_id_ros.errors import DataError
 
@@ -52,7 +53,7 @@ def _sources(dataset: Dataset) -> list[Any]:
     return list(dataset.provenance.get('sources', [dict(dataset.provenance)]))
 
 
-def _renumbered(segments: Sequence[Integers]) -> Integers:
+def _renumbered(segments: Sequence[IntArray]) -> IntArray:
     renumbered, used = [], 0
     for segment in segments:
         numbers, inverse = np.unique(segment, return_inverse=True)

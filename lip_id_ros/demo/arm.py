@@ -8,13 +8,13 @@ import sys
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.nodes import messages, parameters, qos, running
 from lip_id_ros.recording.joint_messages import from_joint_state
@@ -23,8 +23,6 @@ from lip_id_ros.runtime.references import JointOrder, Reason, RefusedError
 from lip_id_ros.runtime.settings import parameters_of
 from lip_id_ros.simulation import TorqueControlledArm
 from lip_id_ros.tracking.setup import panda_setup
-
-Array = NDArray[np.float64]
 
 RETRY_S = 0.2
 

@@ -7,8 +7,8 @@ import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo import topics
 from lip_id_ros.errors import DataError
@@ -16,8 +16,6 @@ from lip_id_ros.evaluation import Outcome, run
 from lip_id_ros.evaluation.estimator import Estimator
 from lip_id_ros.recording.bags import Bag
 from lip_id_ros.simulation.arm import Dynamics
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Served:
 
     """
 
-    stamps: NDArray[np.int64]
+    stamps: IntArray
     q: Array
     dq: Array
     ddq: Array

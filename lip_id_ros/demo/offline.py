@@ -19,7 +19,6 @@ import numpy as np
 
 from lip_id_ros.cli.output import console
 from lip_id_ros.cli.progress_display import progress_display
-from lip_id_ros.config import Config, FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo.judge import judge, verdict_table
 from lip_id_ros.errors import LipIdError
@@ -31,6 +30,7 @@ from lip_id_ros.gp import fit
 from lip_id_ros.preprocessing import for_training, load_dataset
 from lip_id_ros.progress import Progress
 from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.settings import Config, FitSettings
 from lip_id_ros.simulation import (
     Arm,
     make_dataset,

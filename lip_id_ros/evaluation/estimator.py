@@ -4,28 +4,24 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array
 from lip_id_ros.serving import Deviation, Prediction, Query
-
-Floats = NDArray[np.float64]
 
 
 class Estimator(Protocol):
     """Answers many samples; q, dq and ddq have shape (N, n)."""
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Prediction:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
         """Torques with their parts, and energies."""
 
-    def inertia_matrix(self, q: Floats) -> Floats:
+    def inertia_matrix(self, q: Array) -> Array:
         """Inertia matrices, shape (N, n, n)."""
 
 
 class Uncertain(Protocol):
     """Knows how sure it is."""
 
-    def standard_deviation(self, q: Floats, dq: Floats, ddq: Floats) -> Deviation:
+    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> Deviation:
         """Return standard deviations of torques and energies at N samples."""
 
 
@@ -33,13 +29,13 @@ class Answering(Protocol):
     """Answers one sample or many, fast."""
 
     @property
-    def training_range(self) -> tuple[Floats, Floats]:
+    def training_range(self) -> tuple[Array, Array]:
         """Lowest and highest q, dq and ddq of the training data, each of shape (3, n)."""
 
-    def query(self, q: Floats, dq: Floats, ddq: Floats) -> Query:
+    def query(self, q: Array, dq: Array, ddq: Array) -> Query:
         """Answer one sample, arrays of shape (n,)."""
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Prediction:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
         """Answer N samples."""
 
 

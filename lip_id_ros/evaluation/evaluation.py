@@ -7,15 +7,13 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.evaluation.estimator import Estimator
 from lip_id_ros.evaluation.outcome import Outcome, run
 from lip_id_ros.progress import Progress, silent
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -110,7 +108,7 @@ def score(outcome: Outcome) -> Evaluation:
 
 
 def judged(
-    dataset: Dataset, tau: Floats, kinetic: Floats | None, potential: Floats | None
+    dataset: Dataset, tau: Array, kinetic: Array | None, potential: Array | None
 ) -> Evaluation:
     """
     Compute the errors of torques and energies.

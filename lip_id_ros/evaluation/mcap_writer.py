@@ -11,9 +11,10 @@ import tempfile
 from typing import Any, Literal, Protocol, TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
+
+from lip_id_ros.arrays import Array
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -35,7 +36,7 @@ class Track(Protocol):
         """Type of its messages."""
 
     @property
-    def t(self) -> NDArray[np.float64]:
+    def t(self) -> Array:
         """Stamps [s], not negative, shape (N,); the receive time is the same."""
 
     def message(self, store: Typestore, stamp_ns: int, row: int) -> Any:
@@ -57,8 +58,8 @@ class NumberTrack:
     """
 
     topic: str
-    t: NDArray[np.float64]
-    values: NDArray[np.float64]
+    t: Array
+    values: Array
     message_type: str = NUMBER
 
     def message(self, store: Typestore, stamp_ns: int, row: int) -> Any:
@@ -84,10 +85,10 @@ class JointStateTrack:
 
     topic: str
     joint_names: Sequence[str]
-    t: NDArray[np.float64]
-    position: NDArray[np.float64] | None = None
-    velocity: NDArray[np.float64] | None = None
-    effort: NDArray[np.float64] | None = None
+    t: Array
+    position: Array | None = None
+    velocity: Array | None = None
+    effort: Array | None = None
     message_type: str = JOINT_STATE
 
     def message(self, store: Typestore, stamp_ns: int, row: int) -> Any:
@@ -184,5 +185,5 @@ def _serialized(store: Typestore, track: Track, stamp: int, row: int) -> memoryv
     return store.serialize_cdr(track.message(store, stamp, row), track.message_type)
 
 
-def _row(values: NDArray[np.float64] | None, row: int) -> NDArray[np.float64]:
+def _row(values: Array | None, row: int) -> Array:
     return np.empty(0) if values is None else np.ascontiguousarray(values[row], dtype=np.float64)

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.estimator import Described, Estimator, Uncertain
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.serving import Deviation, Prediction
-
-Floats = NDArray[np.float64]
 
 BLOCK = 500
 UNCERTAIN_BLOCK = 50  # standard deviations need far more memory per sample
@@ -39,10 +37,10 @@ class Outcome:
 
     dataset: Dataset
     prediction: Prediction
-    smallest_eigenvalue: Floats
+    smallest_eigenvalue: Array
 
     @property
-    def reference(self) -> Floats:
+    def reference(self) -> Array:
         """Torques [N m or N], shape (N, n), to compare with: the true ones where known."""
         known = self.dataset.tau_noiseless
         return self.dataset.tau if known is None else known

@@ -7,8 +7,8 @@ import os
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation.estimator import Uncertain
@@ -29,7 +29,7 @@ UNITS = {
 }
 
 
-Values = Mapping[str, NDArray[np.float64] | None]
+Values = Mapping[str, Array | None]
 """Estimates by the names of docs/interfaces.md; None, or left out, where a model has none."""
 Writer = Callable[[str, Dataset, Values], None]
 

@@ -8,13 +8,12 @@ import time
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation.estimator import Answering, Uncertain
 from lip_id_ros.progress import Progress, silent
 
-Floats = NDArray[np.float64]
-Call = Callable[[Floats, Floats, Floats], object]
+Call = Callable[[Array, Array, Array], object]
 
 WARM_UP = 300
 QUERIES = 3000
@@ -37,7 +36,7 @@ class CallTimes:
     max: float
 
     @classmethod
-    def of(cls, microseconds: Floats) -> CallTimes:
+    def of(cls, microseconds: Array) -> CallTimes:
         """Summarise the times of many calls."""
         return cls(*(float(value) for value in np.quantile(microseconds, [0.5, 0.99, 1.0])))
 
@@ -125,13 +124,13 @@ def _one(call: Call) -> Call:
     return lambda q, dq, ddq: call(q[None], dq[None], ddq[None])
 
 
-def _seconds(call: Call, q: Floats, dq: Floats, ddq: Floats) -> float:
+def _seconds(call: Call, q: Array, dq: Array, ddq: Array) -> float:
     begin = time.perf_counter()
     call(q, dq, ddq)
     return time.perf_counter() - begin
 
 
-def _times(what: str, call: Call, states: Floats, calls: int, progress: Progress) -> CallTimes:
+def _times(what: str, call: Call, states: Array, calls: int, progress: Progress) -> CallTimes:
     for q, dq, ddq in states[: min(WARM_UP, calls // 10)]:
         call(q, dq, ddq)
     seconds = np.empty(calls)
@@ -143,7 +142,7 @@ def _times(what: str, call: Call, states: Floats, calls: int, progress: Progress
     return CallTimes.of(1e6 * seconds)
 
 
-def _batch_rate(predictor: Answering, states: Floats, progress: Progress) -> float:
+def _batch_rate(predictor: Answering, states: Array, progress: Progress) -> float:
     q, dq, ddq = (np.ascontiguousarray(states[:, order]) for order in range(3))
     predictor.predict(q, dq, ddq)
     begin, n_answered, elapsed = time.perf_counter(), 0, 0.0

@@ -6,13 +6,9 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array
 from lip_id_ros.gp.likelihood import Likelihood, MarginalLikelihood
 from lip_id_ros.kernels import Hyperparameters, JointStates, TorqueKernel
-
-Array = NDArray[np.float64]
 
 
 class MakeLikelihood(Protocol):

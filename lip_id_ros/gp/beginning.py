@@ -6,9 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lip_id_ros.config import FitSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp.initial import (
@@ -25,8 +24,7 @@ from lip_id_ros.kernels.jointwise import Friction, own_joint_columns
 from lip_id_ros.kernels.program import EnergyKernel, none
 from lip_id_ros.linear_algebra import NOT_FINITE
 from lip_id_ros.progress import Progress
-
-Array = NDArray[np.float64]
+from lip_id_ros.settings import FitSettings
 
 MANY_SAMPLES, FEW_SAMPLES = 500, 100
 """That placements are fitted to in the end, and that the first descents make do with."""

@@ -7,9 +7,8 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lip_id_ros.config import FitSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.gp.backend import Backend, choose
@@ -32,6 +31,7 @@ from lip_id_ros.kernels.program import EnergyKernel, POTENTIALS, recursive, with
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.progress import Progress, silent
+from lip_id_ros.settings import FitSettings
 
 LEAST_SAMPLES = 10
 TRIAL_ITERATIONS = 12
@@ -179,7 +179,7 @@ def _condition(kernel: TorqueKernel, optimum: Optimum, dataset: Dataset) -> Trai
 
 
 def _report(optimum: Optimum) -> dict[str, Any]:
-    noise: NDArray[np.float64] = np.sqrt(optimum.hyperparameters.noise_variance)
+    noise: Array = np.sqrt(optimum.hyperparameters.noise_variance)
     return {
         'negative_log_likelihood': optimum.negative_log_likelihood,
         'iterations': optimum.iterations,

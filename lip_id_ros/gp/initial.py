@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import Hyperparameters, JointBasis, JointwiseKernel, Weights
 from lip_id_ros.kernels.jointwise import Friction, Residual
 from lip_id_ros.kernels.program import EnergyKernel
 from lip_id_ros.kernels.weights import shapes
-
-Array = NDArray[np.float64]
 
 NOISE_SHARE = 0.02
 """Initial standard deviation of the noise, as a share of each torque's."""

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.gp.log_vector import from_vector, to_log_gradient
 from lip_id_ros.kernels import Hyperparameters, JointStates, TorqueKernel, TorquePrior
 from lip_id_ros.kernels.gradient import contracted_gradient
 from lip_id_ros.linear_algebra import CholeskyFactor
-
-Array = NDArray[np.float64]
 
 
 class Likelihood(Protocol):

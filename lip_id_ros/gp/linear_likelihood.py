@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.gp.log_vector import from_vector, to_log_gradient
 from lip_id_ros.kernels import Hyperparameters, JointStates, TorqueKernel, Weights
 from lip_id_ros.kernels.jointwise import own_joint_columns
 from lip_id_ros.linear_algebra import CholeskyFactor
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

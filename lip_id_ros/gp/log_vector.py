@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels import Hyperparameters, Weights
-
-Array = NDArray[np.float64]
-Places = NDArray[np.int64]
 
 
 def arrays(hyperparameters: Hyperparameters) -> Iterator[tuple[str, Array]]:
@@ -34,7 +32,7 @@ def from_vector(vector: Array, like: Hyperparameters) -> Hyperparameters:
     return Hyperparameters(Weights(*parts[:count]), tuple(parts[count:-1]), parts[-1])
 
 
-def cosines_and_sines(like: Hyperparameters) -> tuple[Places, Places]:
+def cosines_and_sines(like: Hyperparameters) -> tuple[IntArray, IntArray]:
     """Return where the vector has the weights of each factor's cosine, and those of its sine."""
     places = dict(_split(np.arange(to_vector(like).size), like))
     kinetic, potential = places['factors'], places['potential_factors']

@@ -9,17 +9,15 @@ from functools import partial
 import os
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
+from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp.placements import descend, PlacementProblem
 from lip_id_ros.kernels import RigidLinks
 from lip_id_ros.kernels.rigid_links.sensitivity import DIRECTIONS
 from lip_id_ros.progress import Progress
-
-Array = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
 LENGTH = 1.0 / 3.0
@@ -57,7 +55,7 @@ class Samples:
     dataset: Dataset
     friction: Array
 
-    def select(self, rows: NDArray[np.intp]) -> Samples:
+    def select(self, rows: IndexArray) -> Samples:
         """Return some of the samples."""
         return Samples(self.dataset.select(rows), self.friction[rows])
 

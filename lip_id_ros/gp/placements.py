@@ -13,17 +13,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.kernels.features import PRISMATIC
 from lip_id_ros.kernels.rigid_links import Chain, PARAMETERS, RigidLinks
 from lip_id_ros.kernels.rigid_links.sensitivity import DIRECTIONS, torque_sensitivity
 from lip_id_ros.linear_algebra import CholeskyFactor
-
-Array = NDArray[np.float64]
 
 REACH = 3.0
 """Standard deviation of the prior on distances between joints [m], where residuals have one."""

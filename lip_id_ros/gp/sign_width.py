@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.kernels import Hyperparameters, TorqueKernel, TorquePrior
 from lip_id_ros.kernels.jointwise import Friction, JointwiseKernel
 from lip_id_ros.linear_algebra import CholeskyFactor
-
-Array = NDArray[np.float64]
 
 FACTORS = (0.2, 0.5, 1.0, 2.0)
 """Of the initial width. Wider ones fit hard accelerations better and gentler motions worse."""

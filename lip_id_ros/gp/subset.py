@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset.coverage import farthest_points
 from lip_id_ros.kernels import JointBasis
 
-Array = NDArray[np.float64]
 
-
-def spread(basis: JointBasis, q: Array, dq: Array, ddq: Array, count: int) -> NDArray[np.intp]:
+def spread(basis: JointBasis, q: Array, dq: Array, ddq: Array, count: int) -> IndexArray:
     """
     Choose samples by farthest-point selection in joint features, velocities and accelerations.
 

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize, OptimizeResult
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp.likelihood import Likelihood
-from lip_id_ros.gp.log_vector import cosines_and_sines, from_vector, names, Places, to_vector
+from lip_id_ros.gp.log_vector import cosines_and_sines, from_vector, names, to_vector
 from lip_id_ros.kernels import Hyperparameters
 from lip_id_ros.progress import Progress, silent
-
-Array = NDArray[np.float64]
 
 RANGE = np.log(1e6)
 """How far a hyperparameter may go from where it starts, up or down."""
@@ -74,7 +72,7 @@ class Objective:
         return ALIKE if self.prior_precision > 0.0 else 0.0
 
     @cached_property
-    def _pairs(self) -> tuple[Places, Places]:
+    def _pairs(self) -> tuple[IntArray, IntArray]:
         return cosines_and_sines(self.centre)
 
     def _apart(self, away: Array) -> Array:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.health.lags import peak, shifted
 from lip_id_ros.health.motion import Motion
-from lip_id_ros.recording.joint_samples import Floats
 
 LONGEST_LAG_S = 0.1
 
@@ -29,9 +29,9 @@ class Agreement:
 
     """
 
-    scale: Floats
-    correlation: Floats
-    lag_s: Floats
+    scale: Array
+    correlation: Array
+    lag_s: Array
 
 
 def velocity_agreement(motion: Motion) -> Agreement:
@@ -42,14 +42,14 @@ def velocity_agreement(motion: Motion) -> Agreement:
     return Agreement(scale, correlation, _lag(motion))
 
 
-def _correlation(first: Floats, second: Floats) -> Floats:
+def _correlation(first: Array, second: Array) -> Array:
     first, second = first - first.mean(axis=0), second - second.mean(axis=0)
     norms = np.sqrt(np.square(first).sum(axis=0) * np.square(second).sum(axis=0))
-    cosine: Floats = (first * second).sum(axis=0) / norms
+    cosine: Array = (first * second).sum(axis=0) / norms
     return cosine
 
 
-def _lag(motion: Motion) -> Floats:
+def _lag(motion: Motion) -> Array:
     reach = max(1, round(LONGEST_LAG_S * motion.rate_hz))
     pieces = [piece for piece in motion.stretches if len(piece.velocity) > 3 * reach]
     if not pieces:

@@ -7,13 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.health.agreement import Agreement, velocity_agreement
 from lip_id_ros.health.explanation import effort_explanation, Explanation
 from lip_id_ros.health.motion import Motion, motion_of
 from lip_id_ros.health.resolution import quantum
 from lip_id_ros.preprocessing.cleaning import stale
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.recording.joint_samples import Floats
 
 STILL = 1e-3
 """Joints whose velocity stays below this root mean square [rad/s or m/s] do not move."""
@@ -52,27 +52,27 @@ class Evidence:
         return motion_of(self.samples)
 
     @cached_property
-    def speed(self) -> Floats:
+    def speed(self) -> Array:
         """Root mean square velocity of each joint [rad/s or m/s], nan if too short."""
         if not self.motion.stretches:
             return np.full(self.samples.n_joints, np.nan)
-        rms: Floats = np.sqrt(np.mean(np.square(self.motion.joined('velocity')), axis=0))
+        rms: Array = np.sqrt(np.mean(np.square(self.motion.joined('velocity')), axis=0))
         return rms
 
     @cached_property
-    def acceleration(self) -> Floats:
+    def acceleration(self) -> Array:
         """Absolute acceleration of each joint that a hundredth of the samples exceeds."""
         if not self.motion.stretches:
             return np.full(self.samples.n_joints, np.nan)
-        high: Floats = np.percentile(np.abs(self.motion.joined('acceleration')), 99, axis=0)
+        high: Array = np.percentile(np.abs(self.motion.joined('acceleration')), 99, axis=0)
         return high
 
     @cached_property
-    def reach(self) -> Floats:
+    def reach(self) -> Array:
         """Range of each position [rad or m]."""
         if self.samples.n_samples == 0:
             return np.zeros(self.samples.n_joints)
-        extent: Floats = np.ptp(self.samples.position, axis=0)
+        extent: Array = np.ptp(self.samples.position, axis=0)
         return extent
 
     @cached_property

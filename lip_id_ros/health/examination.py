@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from lip_id_ros.config import RecordingSettings
 from lip_id_ros.health.evidence import Evidence
 from lip_id_ros.health.finding import Finding, Severity
 from lip_id_ros.health.table import CHECKS
 from lip_id_ros.preprocessing.cleaning import per_joint, torque
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import RecordingSettings
 
 _ORDER = tuple(severity.value for severity in Severity)
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.health.lags import peak, shifted
 from lip_id_ros.health.motion import Motion, Stretch
-from lip_id_ros.recording.joint_samples import Floats
 
 LONGEST_LAG_S = 0.12
 SAMPLES_PER_SECOND = 8.0
@@ -48,9 +48,9 @@ class Explanation:
 
     """
 
-    explained: Floats
-    friction_cosine: Floats
-    friction_weight: Floats
+    explained: Array
+    friction_cosine: Array
+    friction_weight: Array
     lag_s: float
     lag_gain: float
 
@@ -86,9 +86,9 @@ def _enough(motion: Motion, stretches: Sequence[Stretch]) -> bool:
 class _Regression:
     """Of one joint's effort, at each of L lags: arrays of shape (L,)."""
 
-    unexplained: Floats
-    friction_cosine: Floats
-    friction_weight: Floats
+    unexplained: Array
+    friction_cosine: Array
+    friction_weight: Array
 
 
 def _regressions(stretches: Sequence[Stretch], reach: int) -> list[_Regression]:
@@ -102,7 +102,7 @@ def _regressions(stretches: Sequence[Stretch], reach: int) -> list[_Regression]:
     ]
 
 
-def _regression(basis: Floats, velocity: Floats, effort: Floats) -> _Regression:
+def _regression(basis: Array, velocity: Array, effort: Array) -> _Regression:
     friction = _friction(velocity)
     own_friction = friction - basis @ (basis.T @ friction)  # what nothing else explains
     own_velocity = own_friction[:, 0]
@@ -117,7 +117,7 @@ def _regression(basis: Floats, velocity: Floats, effort: Floats) -> _Regression:
     return _Regression(rest / total, cosine, without / rest)
 
 
-def _motion_terms(stretches: Sequence[Stretch], reach: int) -> Floats:
+def _motion_terms(stretches: Sequence[Stretch], reach: int) -> Array:
     position = shifted(stretches, 'position', reach, 0)
     acceleration = shifted(stretches, 'acceleration', reach, 0)
     terms = np.concatenate([np.sin(position), np.cos(position), acceleration], axis=1)
@@ -125,10 +125,10 @@ def _motion_terms(stretches: Sequence[Stretch], reach: int) -> Floats:
     return np.column_stack([np.ones(len(terms)), terms[:, varying]])
 
 
-def _friction(velocity: Floats) -> Floats:
+def _friction(velocity: Array) -> Array:
     width = SIGN_WIDTH * np.sqrt(np.mean(np.square(velocity)))
     return _unit(np.column_stack([velocity, np.tanh(velocity / width)]))
 
 
-def _unit(terms: Floats) -> Floats:
+def _unit(terms: Array) -> Array:
     return terms / np.sqrt(np.mean(np.square(terms), axis=0))

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.health.motion import Stretch
-from lip_id_ros.recording.joint_samples import Floats
 
 
-def shifted(stretches: Sequence[Stretch], name: str, reach: int, lag: int) -> Floats:
+def shifted(stretches: Sequence[Stretch], name: str, reach: int, lag: int) -> Array:
     """
     Return a signal `lag` samples later, without the first and last `reach` of every stretch.
 
@@ -28,7 +28,7 @@ def shifted(stretches: Sequence[Stretch], name: str, reach: int, lag: int) -> Fl
     return np.concatenate([part[reach + lag : len(part) - reach + lag] for part in parts])
 
 
-def peak(values: Floats, rate_hz: float) -> float:
+def peak(values: Array, rate_hz: float) -> float:
     """
     Return the lag of the largest of 2 reach + 1 values [s], between samples by a parabola.
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lip_id_ros.config import PreprocessingSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.preprocessing.cleaning import chosen, stale
 from lip_id_ros.preprocessing.segments import cut, is_long_enough, Piece, smooth
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.recording.joint_samples import Floats
 from lip_id_ros.recording.timing import GAP_STEPS, median_step
+from lip_id_ros.settings import PreprocessingSettings
 
 HIGHEST_RATE_HZ = 100.0
 MOST_SAMPLES = 60_000
@@ -36,11 +36,11 @@ class Stretch:
 
     """
 
-    position: Floats
-    velocity: Floats
-    acceleration: Floats
-    recorded_velocity: Floats
-    effort: Floats
+    position: Array
+    velocity: Array
+    acceleration: Array
+    recorded_velocity: Array
+    effort: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Motion:
     rate_hz: float
     stretches: tuple[Stretch, ...]
 
-    def joined(self, name: str) -> Floats:
+    def joined(self, name: str) -> Array:
         """Return a signal of all stretches one after another."""
         return np.concatenate([getattr(stretch, name) for stretch in self.stretches])
 
@@ -104,5 +104,5 @@ def _stretches(samples: JointSamples, rate: float, every: int) -> Iterator[Stret
         yield Stretch(moved.q, moved.dq, moved.ddq, velocity, effort)
 
 
-def _or_zero(values: Floats) -> Floats:
+def _or_zero(values: Array) -> Array:
     return np.zeros_like(values) if np.isnan(values).any() else values

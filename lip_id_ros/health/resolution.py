@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lip_id_ros.recording.joint_samples import Floats
+from lip_id_ros.arrays import Array
 
 LEAST_REPETITION = 4
 ON_GRID = 0.9
@@ -15,7 +15,7 @@ TOP_OVER_NEXT = 5
 LEAST_RUN = 5
 
 
-def quantum(values: Floats) -> float:
+def quantum(values: Array) -> float:
     """
     Return the step of a quantised signal, 0 where there is none to be seen.
 
@@ -35,7 +35,7 @@ def quantum(values: Floats) -> float:
     return step if on_grid.mean() > ON_GRID else 0.0
 
 
-def longest_plateau(t: Floats, values: Floats) -> tuple[int, int]:
+def longest_plateau(t: Array, values: Array) -> tuple[int, int]:
     """Return first and last row of the longest time [s] that a signal stays exactly the same."""
     changes = np.flatnonzero(np.diff(values) != 0.0)
     starts = np.concatenate([[0], changes + 1])
@@ -44,7 +44,7 @@ def longest_plateau(t: Floats, values: Floats) -> tuple[int, int]:
     return int(starts[longest]), int(ends[longest])
 
 
-def clipped_share(values: Floats) -> float:
+def clipped_share(values: Array) -> float:
     """
     Return the share of samples that lie on a flat end of a signal's range.
 
@@ -59,7 +59,7 @@ def clipped_share(values: Floats) -> float:
     return max(_flat_top(values), _flat_top(-values))
 
 
-def _flat_top(values: Floats) -> float:
+def _flat_top(values: Array) -> float:
     extent = float(np.ptp(values))
     if extent == 0.0:
         return 0.0

@@ -23,13 +23,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.lanes import compiled, Index, LANES
 from lip_id_ros.kernels.products import Product
-
-Array = NDArray[np.float64]
 
 # Rows of `Terms.vectors`: what the emission multiplies with each other, joint by joint.
 P_W, D_P_W, P_W_Z, D_P_W_Z, D_BY_Z, D_BY_Q, DZ, DDZ, BY_DQ, BY_DDQ = range(10)

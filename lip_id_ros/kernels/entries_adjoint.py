@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.entries import (
     BY_DDQ,
     BY_DQ,
@@ -21,8 +19,6 @@ from lip_id_ros.kernels.entries import (
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.lanes import compiled, Index, LANES
 from lip_id_ros.kernels.products import Product
-
-Array = NDArray[np.float64]
 
 
 @compiled

@@ -15,12 +15,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.kernels.lanes import LANES
 
-Array = NDArray[np.float64]
 REVOLUTE, PRISMATIC = 'revolute', 'prismatic'
 
 
@@ -74,7 +73,7 @@ class JointBasis:
         return len(self.joint_types)
 
     @property
-    def prismatic(self) -> NDArray[np.bool_]:
+    def prismatic(self) -> BoolArray:
         """Which joints are prismatic, shape (n,)."""
         return np.array([kind == PRISMATIC for kind in self.joint_types])
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.lanes import compiled, compiled_parallel, Index, LANES
 from lip_id_ros.kernels.pairs import new_scratch
@@ -18,9 +18,6 @@ from lip_id_ros.kernels.pairs_adjoint import (
 from lip_id_ros.kernels.program import EnergyKernel
 from lip_id_ros.kernels.recipe import Recipe, recipe
 from lip_id_ros.kernels.weights import Weights
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 def contracted_gradient(
@@ -58,7 +55,7 @@ def contracted_gradient(
     )
 
 
-def _longest(bounds: Integers) -> int:
+def _longest(bounds: IntArray) -> int:
     return int(np.diff(bounds).max(initial=0))
 
 

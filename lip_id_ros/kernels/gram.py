@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.lanes import compiled, compiled_parallel, Index, LANES
 from lip_id_ros.kernels.pairs import kinetic_rows, new_scratch, potential_rows, torque_block
 from lip_id_ros.kernels.program import EnergyKernel
 from lip_id_ros.kernels.recipe import Recipe, recipe
 from lip_id_ros.kernels.weights import Weights
-
-Array = NDArray[np.float64]
 
 
 def gram(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:

@@ -10,13 +10,11 @@ weight, scale). The forward jets that it needs were kept on a tape (docs/maths.m
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.jets import Factor, Jet
 from lip_id_ros.kernels.lanes import compiled, Index, LANES
-
-Array = NDArray[np.float64]
 
 
 @compiled

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import JointBasis
-
-Array = NDArray[np.float64]
 
 
 class JointwiseKernel(Protocol):

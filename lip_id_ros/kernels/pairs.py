@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels import entries, jets, products
 from lip_id_ros.kernels.entries import Terms
 from lip_id_ros.kernels.features import Samples
@@ -15,9 +13,6 @@ from lip_id_ros.kernels.lanes import compiled, Index
 from lip_id_ros.kernels.products import Product
 from lip_id_ros.kernels.program import ADD, EMIT, EXTEND, MULTIPLY, RESET, SQUARE, START
 from lip_id_ros.kernels.recipe import Recipe
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Scratch(NamedTuple):
@@ -53,7 +48,7 @@ def new_scratch(n: int) -> Scratch:
 
 @compiled
 def run_square_step(
-    work: Scratch, step: Integers, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
+    work: Scratch, step: IntArray, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
     """Run one step on the velocity kernel other than the emission."""
     operation, b, k, low, high = step[0], step[1], step[2], step[4], step[5]
@@ -68,7 +63,7 @@ def run_square_step(
 
 @compiled
 def run_entry_step(
-    work: Scratch, step: Integers, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
+    work: Scratch, step: IntArray, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
     """Run one step on the product of squared factors; of an emission, prepare the terms."""
     operation, b, k, low, middle, high = step

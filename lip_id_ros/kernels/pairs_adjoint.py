@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels import (
     entries,
     entries_adjoint,
@@ -23,9 +23,6 @@ from lip_id_ros.kernels.pairs import run_entry_step, run_potential_step, run_squ
 from lip_id_ros.kernels.products import Product
 from lip_id_ros.kernels.program import ADD, EMIT, EXTEND, MULTIPLY, SQUARE
 from lip_id_ros.kernels.recipe import Recipe
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Tapes(NamedTuple):
@@ -75,7 +72,7 @@ def go_back_squares(
     block: Array,
     work: Scratch,
     tapes: Tapes,
-    steps: Integers,
+    steps: IntArray,
     how: Recipe,
     x: Samples,
     t: Index,
@@ -112,7 +109,7 @@ def go_back_entries(
     block: Array,
     work: Scratch,
     tapes: Tapes,
-    steps: Integers,
+    steps: IntArray,
     how: Recipe,
     x: Samples,
     t: Index,

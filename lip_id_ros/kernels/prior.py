@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import gram as energy
 from lip_id_ros.kernels import plain
 from lip_id_ros.kernels.features import JointBasis, Samples
@@ -14,8 +14,6 @@ from lip_id_ros.kernels.jointwise import Friction, JointwiseKernel
 from lip_id_ros.kernels.program import EnergyKernel
 from lip_id_ros.kernels.rigid_links import ARTICULATED, RigidLinks
 from lip_id_ros.kernels.weights import Weights
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

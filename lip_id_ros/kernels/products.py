@@ -11,12 +11,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.jets import Factor
 from lip_id_ros.kernels.lanes import compiled, LANES
-
-Array = NDArray[np.float64]
 
 
 class Product(NamedTuple):

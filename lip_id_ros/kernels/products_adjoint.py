@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.jets import Factor
 from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.products import Product
-
-Array = NDArray[np.float64]
 
 
 @compiled

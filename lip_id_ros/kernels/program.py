@@ -23,7 +23,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lip_id_ros.arrays import IntArray
 
 RESET, MULTIPLY, ADD, SQUARE = 0, 1, 2, 3
 START, EXTEND, EMIT = 0, 1, 2
@@ -58,10 +59,10 @@ class EnergyKernel:
 
     name: str
     n_joints: int
-    squares: NDArray[np.int64]
-    entries: NDArray[np.int64]
+    squares: IntArray
+    entries: IntArray
     n_factor_sets: int
-    potential_links: NDArray[np.int64]
+    potential_links: IntArray
 
     @property
     def is_empty(self) -> bool:
@@ -197,5 +198,5 @@ def _kernel(
     )
 
 
-def _table(steps: Sequence[Step]) -> NDArray[np.int64]:
+def _table(steps: Sequence[Step]) -> IntArray:
     return np.array(steps, dtype=np.int64).reshape(len(steps), 6)

@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels.program import EnergyKernel, RESET, START
 from lip_id_ros.kernels.weights import Weights
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Recipe(NamedTuple):
@@ -31,10 +28,10 @@ class Recipe(NamedTuple):
 
     """
 
-    squares: Integers
-    entries: Integers
-    square_bounds: Integers
-    entry_bounds: Integers
+    squares: IntArray
+    entries: IntArray
+    square_bounds: IntArray
+    entry_bounds: IntArray
     factors: Array
     velocities: Array
     kinetic_scales: Array
@@ -59,5 +56,5 @@ def recipe(kernel: EnergyKernel, weights: Weights) -> Recipe:
     )
 
 
-def _bounds(steps: Integers, first: int) -> Integers:
+def _bounds(steps: IntArray, first: int) -> IntArray:
     return np.append(np.flatnonzero(steps[:, 0] == first), len(steps))

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.program import EnergyKernel
-
-Array = NDArray[np.float64]
 
 
 class Weights(NamedTuple):

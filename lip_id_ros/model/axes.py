@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import Chain
-
-Array = NDArray[np.float64]
 
 PARALLEL = np.sin(np.radians(3.0))
 """

@@ -8,12 +8,10 @@ import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import JointStates, TorquePrior
 from lip_id_ros.model import model_file
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,12 +17,10 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.monitoring.observer import Observer
 from lip_id_ros.serving import Prediction
-
-Array = NDArray[np.float64]
 
 GAIN = 50.0
 """Of an observer [1/s]: 63 % of a sudden contact after 20 ms."""

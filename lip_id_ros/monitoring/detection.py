@@ -16,12 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import DataError
 from lip_id_ros.monitoring.contact import ContactObserver, GAIN, Predicting
-
-Array = NDArray[np.float64]
 
 CUTOFF_HZ = 4.0
 """What changes more slowly than this is taken for an error of the model."""
@@ -146,7 +145,7 @@ class Thresholds:
             )
         return cls(largest ** (1 - NEARER) * shown**NEARER)
 
-    def exceeded(self, sudden: Array) -> NDArray[np.bool_]:
+    def exceeded(self, sudden: Array) -> BoolArray:
         """Which joints are touched, of the shape of `sudden`: (n,) or (N, n)."""
         return np.asarray(np.abs(sudden) > self.torque)
 

@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.monitoring.contact import GAIN, Predicting
 from lip_id_ros.monitoring.observer import Observer
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

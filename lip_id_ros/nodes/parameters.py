@@ -14,10 +14,10 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lip_id_ros.config import Row
-from lip_id_ros.config.settings import unknown_name
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.runtime.settings import AT_START
+from lip_id_ros.settings import Row
+from lip_id_ros.settings.settings import unknown_name
 
 _LARGEST_INTEGER = 2**63 - 1
 

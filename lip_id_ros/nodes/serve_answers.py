@@ -8,11 +8,11 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages
 from lip_id_ros.nodes.serve_outputs import (
     ENERGY_TOPICS,
@@ -101,7 +101,7 @@ class Answers:
         if deviated is not None:
             self._publish_vector(STD_TOPIC, deviated.tag, deviated.std)
 
-    def _publish_vector(self, topic: str, stamp: Time, tau: NDArray[np.float64] | None) -> None:
+    def _publish_vector(self, topic: str, stamp: Time, tau: Array | None) -> None:
         if tau is not None:
             self._outputs.joints(topic, stamp, self._server.joint_names, tau)
 

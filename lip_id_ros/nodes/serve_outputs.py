@@ -8,17 +8,15 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.runtime.serve.feedforward import Answer, Parts
 from lip_id_ros.runtime.settings import ServeSettings
-
-Array = NDArray[np.float64]
 
 PARTS = ('inertial', 'coriolis', 'gravity', 'friction')
 PART_TOPICS = tuple(f'torque/{part}' for part in PARTS)

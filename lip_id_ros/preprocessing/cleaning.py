@@ -6,17 +6,16 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lip_id_ros.config import RecordingSettings
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ConfigError, SourceError
-from lip_id_ros.recording.joint_samples import Floats, JointSamples
+from lip_id_ros.recording.joint_samples import JointSamples
+from lip_id_ros.settings import RecordingSettings
 
 Value = TypeVar('Value')
-Mask = NDArray[np.bool_]
 
 
-def stale(samples: JointSamples) -> Mask:
+def stale(samples: JointSamples) -> BoolArray:
     """
     Mark samples that repeat the one before under a new stamp.
 
@@ -36,7 +35,7 @@ def stale(samples: JointSamples) -> Mask:
     return np.concatenate([np.zeros(min(1, samples.n_samples), bool), repeated])
 
 
-def chosen(samples: JointSamples, keep: Mask) -> JointSamples:
+def chosen(samples: JointSamples, keep: BoolArray) -> JointSamples:
     """Return some of the samples."""
     return replace(
         samples,
@@ -47,12 +46,12 @@ def chosen(samples: JointSamples, keep: Mask) -> JointSamples:
     )
 
 
-def _repeated(values: Floats) -> Mask:
-    same: Mask = (values[1:] == values[:-1]).all(axis=1)
+def _repeated(values: Array) -> BoolArray:
+    same: BoolArray = (values[1:] == values[:-1]).all(axis=1)
     return same
 
 
-def torque(samples: JointSamples, recording: RecordingSettings) -> Floats:
+def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
     """
     Return recorded efforts as torques or forces, scaled and offset per joint.
 
@@ -76,7 +75,7 @@ def torque(samples: JointSamples, recording: RecordingSettings) -> Floats:
         )
     scale = per_joint(samples, 'effort_scale', recording.effort_scale, 1.0)
     offset = per_joint(samples, 'effort_offset', recording.effort_offset, 0.0)
-    scaled: Floats = samples.effort * np.array(scale) + np.array(offset)
+    scaled: Array = samples.effort * np.array(scale) + np.array(offset)
     return scaled
 
 

@@ -17,13 +17,13 @@ from typing import Protocol
 import numpy as np
 from scipy import signal
 
-from lip_id_ros.recording.joint_samples import Floats
+from lip_id_ros.arrays import Array
 
 
 class Derivative(Protocol):
     """A way to differentiate uniform samples by time."""
 
-    def __call__(self, values: Floats, rate_hz: float) -> Floats:
+    def __call__(self, values: Array, rate_hz: float) -> Array:
         """
         Differentiate along the first axis.
 
@@ -44,9 +44,9 @@ class SavitzkyGolay:
     points: int = 5
     degree: int = 4
 
-    def __call__(self, values: Floats, rate_hz: float) -> Floats:
+    def __call__(self, values: Array, rate_hz: float) -> Array:
         """Differentiate along the first axis."""
-        slope: Floats = signal.savgol_filter(
+        slope: Array = signal.savgol_filter(
             values, self.points, self.degree, deriv=1, delta=1.0 / rate_hz, axis=0
         )
         return slope
@@ -56,9 +56,9 @@ class SavitzkyGolay:
 class CentralDifferences:
     """Difference of the two neighbours; damps what is fast, since it takes few points."""
 
-    def __call__(self, values: Floats, rate_hz: float) -> Floats:
+    def __call__(self, values: Array, rate_hz: float) -> Array:
         """Differentiate along the first axis."""
-        slope: Floats = np.gradient(values, 1.0 / rate_hz, axis=0)
+        slope: Array = np.gradient(values, 1.0 / rate_hz, axis=0)
         return slope
 
 

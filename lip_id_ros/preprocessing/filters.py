@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from scipy import signal
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.preprocessing.derivatives import HALF_STENCIL
-from lip_id_ros.recording.joint_samples import Floats
 
 _ORDER = 4
 
@@ -15,7 +15,7 @@ def is_filtered(rate_hz: float, cutoff_hz: float) -> bool:
     return 0.0 < cutoff_hz < 0.5 * rate_hz
 
 
-def low_pass(values: Floats, rate_hz: float, cutoff_hz: float) -> Floats:
+def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
     """
     Zero-phase Butterworth low-pass of fourth order, run forward and backward.
 
@@ -34,7 +34,7 @@ def low_pass(values: Floats, rate_hz: float, cutoff_hz: float) -> Floats:
         return values
     sections = signal.butter(_ORDER, cutoff_hz, fs=rate_hz, output='sos')
     padding = min(len(values) - 1, round(rate_hz / cutoff_hz))
-    smooth: Floats = signal.sosfiltfilt(sections, values, axis=0, padlen=padding)
+    smooth: Array = signal.sosfiltfilt(sections, values, axis=0, padlen=padding)
     return smooth
 
 

@@ -8,7 +8,6 @@ from itertools import groupby
 import os
 from pathlib import Path
 
-from lip_id_ros.config import Config
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.dataset.csv_file import CSV_SUFFIX, has_accelerations, read_csv
 from lip_id_ros.errors import SourceError
@@ -17,6 +16,7 @@ from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import DATASET_SUFFIX, JointSamples, read_sources
 from lip_id_ros.recording.csv_log import read_log
+from lip_id_ros.settings import Config
 
 PathLike = str | os.PathLike[str]
 Watch = Callable[[JointSamples], object]

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.config import PreprocessingSettings, RecordingSettings
+from lip_id_ros.arrays import BoolArray
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.preprocessing.cleaning import chosen, Mask, per_joint, stale, torque
+from lip_id_ros.preprocessing.cleaning import chosen, per_joint, stale, torque
 from lip_id_ros.preprocessing.filters import edge_length, is_filtered
 from lip_id_ros.preprocessing.segments import (
     cut,
@@ -33,6 +33,7 @@ from lip_id_ros.preprocessing.segments import (
 from lip_id_ros.preprocessing.selection import at_most, stride
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.timing import GAP_STEPS, median_step
+from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 STALE = 'sample stale'
 SHORT_SEGMENT = 'segment too short'
@@ -117,7 +118,7 @@ def _uses_velocity(samples: JointSamples, settings: PreprocessingSettings) -> bo
     return samples.has_velocity and settings.velocity == 'recorded'
 
 
-def _retimed(piece: Piece, samples: JointSamples, repeated: Mask) -> Piece:
+def _retimed(piece: Piece, samples: JointSamples, repeated: BoolArray) -> Piece:
     times = samples.t[repeated]
     inside = (times > piece.t[0]) & (times < piece.t[-1])
     return evenly_timed(piece, median_step(samples.t)) if inside.any() else piece

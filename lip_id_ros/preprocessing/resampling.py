@@ -14,19 +14,19 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from lip_id_ros.recording.joint_samples import Floats
+from lip_id_ros.arrays import Array
 
 _ROUNDING = 1e-6
 
 
-def uniform_times(t: Floats, rate_hz: float) -> Floats:
+def uniform_times(t: Array, rate_hz: float) -> Array:
     """Return times at a rate, from the first of `t` and not beyond the last [s]."""
     steps = int((t[-1] - t[0]) * rate_hz + _ROUNDING)
-    times: Floats = np.minimum(t[0] + np.arange(steps + 1) / rate_hz, t[-1])
+    times: Array = np.minimum(t[0] + np.arange(steps + 1) / rate_hz, t[-1])
     return times
 
 
-def resample(t: Floats, values: Floats, times: Floats) -> Floats:
+def resample(t: Array, values: Array, times: Array) -> Array:
     """
     Interpolate samples, monotone between each two of them.
 
@@ -44,5 +44,5 @@ def resample(t: Floats, values: Floats, times: Floats) -> Floats:
     ndarray, shape (K, n)
 
     """
-    interpolated: Floats = PchipInterpolator(t, values, axis=0)(times)
+    interpolated: Array = PchipInterpolator(t, values, axis=0)(times)
     return interpolated

@@ -6,33 +6,33 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lip_id_ros.config import PreprocessingSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.preprocessing.derivatives import DERIVATIVES, MIN_SAMPLES
 from lip_id_ros.preprocessing.filters import edge_length, low_pass
 from lip_id_ros.preprocessing.resampling import resample, uniform_times
-from lip_id_ros.recording.joint_samples import Floats
 from lip_id_ros.recording.timing import gap_starts
+from lip_id_ros.settings import PreprocessingSettings
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
     """Raw samples between two gaps; velocity is None where it was not recorded."""
 
-    t: Floats
-    position: Floats
-    velocity: Floats | None
-    torque: Floats
+    t: Array
+    position: Array
+    velocity: Array | None
+    torque: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Smooth uniform samples of one segment, each array with N rows."""
 
-    t: Floats
-    q: Floats
-    dq: Floats
-    ddq: Floats
-    tau: Floats
+    t: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
 
     def rows(self, chosen: slice) -> Motion:
         """Return some of the samples."""
@@ -67,7 +67,7 @@ def evenly_timed(piece: Piece, longest_shift_s: float) -> Piece:
     """
     numbers = np.arange(piece.t.size)
     step, start = np.polyfit(numbers, piece.t, 1) if piece.t.size > 1 else (0.0, piece.t[0])
-    even: Floats = start + step * numbers
+    even: Array = start + step * numbers
     if np.abs(even - piece.t).max() > longest_shift_s:
         return piece
     return replace(piece, t=even)
@@ -92,7 +92,7 @@ def smooth(piece: Piece, rate_hz: float, settings: PreprocessingSettings) -> Mot
     """
     times = uniform_times(piece.t, rate_hz)
 
-    def smoothed(values: Floats) -> Floats:
+    def smoothed(values: Array) -> Array:
         return low_pass(resample(piece.t, values, times), rate_hz, settings.cutoff_hz)
 
     derivative = DERIVATIVES[settings.derivative]

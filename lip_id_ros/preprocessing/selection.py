@@ -6,16 +6,12 @@ from collections.abc import Callable, Mapping
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lip_id_ros.config import PreprocessingSettings
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.coverage import farthest_points
-from lip_id_ros.preprocessing.cleaning import Mask
 from lip_id_ros.preprocessing.filters import is_filtered
-from lip_id_ros.recording.joint_samples import Floats
-
-Rows = NDArray[np.intp]
+from lip_id_ros.settings import PreprocessingSettings
 
 SAMPLES_PER_PERIOD = 4
 LEAST_LEFT = 0.25
@@ -67,7 +63,7 @@ def for_training(data: Dataset, settings: PreprocessingSettings) -> Dataset:
     return dataclasses.replace(data.select(rows), provenance={**data.provenance, **note})
 
 
-def moving(dq: Floats, min_velocity: float) -> Mask:
+def moving(dq: Array, min_velocity: float) -> BoolArray:
     """
     Mark samples at which no joint is nearly at rest.
 
@@ -84,7 +80,7 @@ def moving(dq: Floats, min_velocity: float) -> Mask:
 
     """
     threshold = min_velocity * np.sqrt(np.mean(np.square(dq), axis=0))
-    fast: Mask = (np.abs(dq) >= threshold).all(axis=1)
+    fast: BoolArray = (np.abs(dq) >= threshold).all(axis=1)
     return fast
 
 
@@ -107,12 +103,12 @@ def at_most(data: Dataset, settings: PreprocessingSettings) -> Dataset:
     return dataclasses.replace(chosen, provenance={**data.provenance, **note})
 
 
-def evenly_in_time(data: Dataset, count: int) -> Rows:
+def evenly_in_time(data: Dataset, count: int) -> IndexArray:
     """Return row numbers at even distances, the first and the last among them."""
     return np.linspace(0, data.n_samples - 1, count).round().astype(np.intp)
 
 
-def covering(data: Dataset, count: int) -> Rows:
+def covering(data: Dataset, count: int) -> IndexArray:
     """
     Return the rows that cover positions, velocities and accelerations best.
 
@@ -126,7 +122,7 @@ def covering(data: Dataset, count: int) -> Rows:
     return farthest_points(np.concatenate(features, axis=1), count)
 
 
-SELECTIONS: Mapping[str, Callable[[Dataset, int], Rows]] = {
+SELECTIONS: Mapping[str, Callable[[Dataset, int], IndexArray]] = {
     'coverage': covering,
     'time': evenly_in_time,
 }

@@ -7,10 +7,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lip_id_ros.recording.blocks import Indices, Integers
-from lip_id_ros.recording.joint_samples import Floats
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.recording.mapping import Reason
 from lip_id_ros.recording.parts import Part
 from lip_id_ros.recording.timing import arrange, GAP_STEPS, header_stamps_usable
@@ -21,10 +19,10 @@ HEADER, RECEIVE = 'header', 'receive'
 class Motion(NamedTuple):
     """Samples in the order of time: stamps [ns], and position, velocity, effort by column."""
 
-    stamps_ns: Integers
-    position: Floats
-    velocity: Floats
-    effort: Floats
+    stamps_ns: IntArray
+    position: Array
+    velocity: Array
+    effort: Array
 
 
 def clock_of(parts: Sequence[Part], wanted: str) -> str:
@@ -129,7 +127,7 @@ def merged(motions: Sequence[Motion], counts: Counter[str]) -> Motion:
     return Motion(stamps[keep], *columns)
 
 
-def _complete(part: Part, counts: Counter[str]) -> NDArray[np.bool_]:
+def _complete(part: Part, counts: Counter[str]) -> BoolArray:
     """Mark messages that have velocity and effort, unless none has."""
     keep = np.ones(part.header_ns.size, bool)
     absent = ((part.velocity, Reason.NO_VELOCITY), (part.effort, Reason.NO_EFFORT))
@@ -141,14 +139,14 @@ def _complete(part: Part, counts: Counter[str]) -> NDArray[np.bool_]:
     return keep
 
 
-def _picked(array: Floats, rows: Indices) -> Floats:
+def _picked(array: Array, rows: IndexArray) -> Array:
     """Move rows to the front, in their order, and return them."""
     if rows.size != len(array) or (np.diff(rows) != 1).any():
         array[: rows.size] = array[rows]
     return array[: rows.size]
 
 
-def _placed(given: Integers, wanted: Integers) -> tuple[Indices, Floats, NDArray[np.bool_]]:
+def _placed(given: IntArray, wanted: IntArray) -> tuple[IndexArray, Array, BoolArray]:
     """Return for each wanted stamp the sample before, the share of the next, and if both are."""
     if given.size < 2:
         before = np.zeros(wanted.size, np.intp)
@@ -165,11 +163,11 @@ def _placed(given: Integers, wanted: Integers) -> tuple[Indices, Floats, NDArray
     return start, np.clip(weight, 0.0, 1.0), exact | (inside & near)
 
 
-def _between(values: Floats, before: Indices, weight: Floats) -> Floats:
+def _between(values: Array, before: IndexArray, weight: Array) -> Array:
     if len(values) < 2:
         return values[before]
     first, second = values[before], values[before + 1]
-    mixed: Floats = first + weight[:, np.newaxis] * (second - first)
+    mixed: Array = first + weight[:, np.newaxis] * (second - first)
     at_second = weight == 1.0
     mixed[at_second] = second[at_second]
     return mixed

@@ -15,11 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IndexArray, IntArray
 from lip_id_ros.recording.joint_messages import EXTRACTORS, JOINT_STATE, JointMessage
-from lip_id_ros.recording.joint_samples import Floats
 
-Indices = NDArray[np.intp]
-Integers = NDArray[np.int64]
 Decode = Callable[[bytes], Any]
 
 
@@ -38,12 +36,12 @@ class Block(NamedTuple):
 
     """
 
-    rows: Indices
+    rows: IndexArray
     names: tuple[str, ...]
-    stamp_ns: Integers
-    position: Floats
-    velocity: Floats
-    effort: Floats
+    stamp_ns: IntArray
+    position: Array
+    velocity: Array
+    effort: Array
 
 
 class _Layout(NamedTuple):
@@ -53,7 +51,7 @@ class _Layout(NamedTuple):
     order: str
     stamp: int
     numbers: tuple[tuple[int, int], ...]
-    constant: Indices
+    constant: IndexArray
 
 
 def blocks(
@@ -96,7 +94,7 @@ def blocks(
 
 
 def _split(
-    matrix: NDArray[np.uint8], rows: Indices, is_ros1: bool, decode: Decode, found: list[Block]
+    matrix: NDArray[np.uint8], rows: IndexArray, is_ros1: bool, decode: Decode, found: list[Block]
 ) -> None:
     """Take the rows that are like the first, until none is left."""
     while rows.size:
@@ -146,7 +144,7 @@ def _layout(data: bytes, message: Any, is_ros1: bool) -> _Layout:
     return _Layout(names, order, stamp, tuple(numbers), np.flatnonzero(~varying))
 
 
-def _block(matrix: NDArray[np.uint8], rows: Indices, layout: _Layout) -> Block:
+def _block(matrix: NDArray[np.uint8], rows: IndexArray, layout: _Layout) -> Block:
     def cut(position: int, count: int, kind: str) -> NDArray[Any]:
         some = np.ascontiguousarray(
             matrix[:, position : position + np.dtype(kind).itemsize * count]

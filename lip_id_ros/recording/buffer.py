@@ -8,9 +8,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lip_id_ros.recording.joint_samples import Floats, JointSamples
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.recording.joint_samples import JointSamples
 from lip_id_ros.recording.mapping import columns_of, LARGEST, length_reason, name_reason, Reason
 
 _FIRST_ROWS = 1024
@@ -51,7 +51,7 @@ class SampleBuffer:
         """Forget all messages, counts and, unless they were given, the joints."""
         self.joint_names = self._wanted
         self.counts: Counter[str] = Counter()
-        self._orders: dict[tuple[str, ...], NDArray[np.intp] | Reason] = {}
+        self._orders: dict[tuple[str, ...], IndexArray | Reason] = {}
         self._size = 0
         self._last_stamp = -math.inf
         self._stamps = np.empty(self._first_rows)
@@ -75,9 +75,9 @@ class SampleBuffer:
         self,
         stamp_s: float,
         names: Sequence[str],
-        position: Sequence[float] | Floats,
-        velocity: Sequence[float] | Floats,
-        effort: Sequence[float] | Floats,
+        position: Sequence[float] | Array,
+        velocity: Sequence[float] | Array,
+        effort: Sequence[float] | Array,
     ) -> Reason | None:
         """
         Take one message, or drop and count it.
@@ -165,7 +165,7 @@ class SampleBuffer:
         return self._store(stamp, order, (position, velocity, effort))
 
     def _store(
-        self, stamp: float, order: NDArray[np.intp], parts: tuple[Any, Any, Any]
+        self, stamp: float, order: IndexArray, parts: tuple[Any, Any, Any]
     ) -> Reason | None:
         row = self._rows[self._size]
         for part, values in enumerate(parts):
@@ -195,13 +195,13 @@ class SampleBuffer:
         self.joint_names = names
         self._rows = np.empty((len(self._stamps), 3, len(names)))
 
-    def _remember_order(self, names: tuple[str, ...]) -> NDArray[np.intp] | Reason:
+    def _remember_order(self, names: tuple[str, ...]) -> IndexArray | Reason:
         order = self._order(names)
         if len(self._orders) < _KNOWN_ORDERS:
             self._orders[names] = order
         return order
 
-    def _order(self, names: tuple[str, ...]) -> NDArray[np.intp] | Reason:
+    def _order(self, names: tuple[str, ...]) -> IndexArray | Reason:
         reason = name_reason(names)
         if reason is not None:
             return reason

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.csv_file import CSV_SUFFIX, has_accelerations, read_csv
 from lip_id_ros.errors import SourceError
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.bags import Bag
 from lip_id_ros.recording.csv_log import read_log
-from lip_id_ros.recording.joint_samples import Floats, JointSamples
+from lip_id_ros.recording.joint_samples import JointSamples
 from lip_id_ros.recording.reading import read_topic
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step
 from lip_id_ros.recording.topics import joint_topics
@@ -132,7 +133,7 @@ def _dataset(path: str | os.PathLike[str], data: Dataset) -> dict[str, Any]:
     }
 
 
-def _timing(t: Floats) -> dict[str, Any]:
+def _timing(t: Array) -> dict[str, Any]:
     steps = np.diff(t)
     if steps.size == 0:
         return {
@@ -157,7 +158,7 @@ def _timing(t: Floats) -> dict[str, Any]:
 
 
 def _ranges(
-    joint_names: tuple[str, ...], arrays: dict[str, Floats]
+    joint_names: tuple[str, ...], arrays: dict[str, Array]
 ) -> dict[str, dict[str, list[float] | None]]:
     return {
         joint: {name: _range(values[:, column]) for name, values in arrays.items()}
@@ -165,7 +166,7 @@ def _ranges(
     }
 
 
-def _range(values: Floats) -> list[float] | None:
+def _range(values: Array) -> list[float] | None:
     if values.size == 0 or np.isnan(values).any():
         return None
     return [float(values.min()), float(values.max())]

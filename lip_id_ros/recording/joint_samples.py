@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from lip_id_ros.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +39,10 @@ class JointSamples:
 
     """
 
-    t: Floats
-    position: Floats
-    velocity: Floats
-    effort: Floats
+    t: Array
+    position: Array
+    velocity: Array
+    effort: Array
     joint_names: tuple[str, ...]
     start_s: float = 0.0
     counts: Mapping[str, int] = field(default_factory=dict)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lip_id_ros.arrays import IndexArray
 
 LARGEST = 1e9
 """No joint has a position, velocity or effort beyond this in any unit; it is noise in memory."""
@@ -57,7 +58,7 @@ def length_reason(names: int, position: int, velocity: int, effort: int) -> Reas
     return Reason.VELOCITY_LENGTH if velocity not in (0, names) else Reason.EFFORT_LENGTH
 
 
-def columns_of(names: Sequence[str], joints: Sequence[str]) -> NDArray[np.intp]:
+def columns_of(names: Sequence[str], joints: Sequence[str]) -> IndexArray:
     """Return where in a message the joints are that it has, in the order of `joints`."""
     place = {name: column for column, name in enumerate(names)}
     return np.array([place[joint] for joint in joints if joint in place], np.intp)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.recording.blocks import Block, Integers
-from lip_id_ros.recording.joint_samples import Floats
+from lip_id_ros.arrays import Array, BoolArray, IntArray
+from lip_id_ros.recording.blocks import Block
 from lip_id_ros.recording.mapping import columns_of, LARGEST, length_reason, name_reason, Reason
 from lip_id_ros.recording.timing import LATEST_NS
 
@@ -56,11 +56,11 @@ class Part(NamedTuple):
     """
 
     joints: tuple[str, ...]
-    header_ns: Integers
-    receive_ns: Integers
-    position: Floats
-    velocity: Floats
-    effort: Floats
+    header_ns: IntArray
+    receive_ns: IntArray
+    position: Array
+    velocity: Array
+    effort: Array
 
 
 class Collector:
@@ -95,7 +95,7 @@ class Collector:
         self._expected = max(1, expected)
         self._arrays: dict[tuple[str, ...], list[Growing]] = {}
 
-    def add(self, block: Block, receive_ns: Integers) -> None:
+    def add(self, block: Block, receive_ns: IntArray) -> None:
         """Take the messages of a block, or drop and count them."""
         reason = name_reason(block.names) or length_reason(
             len(block.names), *(values.shape[1] for values in block[3:])
@@ -113,7 +113,7 @@ class Collector:
             for joints, arrays in self._arrays.items()
         ]  # fmt: skip
 
-    def _take(self, block: Block, receive_ns: Integers) -> Reason | None:
+    def _take(self, block: Block, receive_ns: IntArray) -> Reason | None:
         if len(self.seen) < 64 * _MOST_PARTS:
             self.seen.update(dict.fromkeys(block.names))
         columns = columns_of(block.names, self.joints or block.names)
@@ -150,7 +150,7 @@ class Collector:
             ]
         return self._arrays[present]
 
-    def _usable(self, values: list[Floats]) -> NDArray[np.bool_]:
+    def _usable(self, values: list[Array]) -> BoolArray:
         """Mark messages of sensible numbers, count the others, put 0 for denormal ones."""
         sizes = [np.abs(part) for part in values]
         finite = np.logical_and.reduce([np.isfinite(size).all(axis=1) for size in sizes])
@@ -161,5 +161,5 @@ class Collector:
             denormal = (size < _SMALLEST) & (part != 0.0)
             self.denormal += int(denormal.sum())
             part[denormal] = 0.0
-        usable: NDArray[np.bool_] = finite & small
+        usable: BoolArray = finite & small
         return usable

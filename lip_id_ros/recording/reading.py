@@ -11,7 +11,6 @@ import os
 
 import numpy as np
 
-from lip_id_ros.config import RecordingSettings
 from lip_id_ros.errors import SourceError
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.assembling import clock_of, covering, joined
@@ -23,6 +22,7 @@ from lip_id_ros.recording.parts import Collector, Part
 from lip_id_ros.recording.storage import Channel
 from lip_id_ros.recording.timing import LATEST_NS, SECOND, seconds
 from lip_id_ros.recording.topics import choose_topics
+from lip_id_ros.settings import RecordingSettings
 
 _BATCH = 1024
 _BATCH_BYTES = 4 * 2**20

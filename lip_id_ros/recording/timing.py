@@ -7,10 +7,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from lip_id_ros.recording.joint_samples import Floats
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.recording.mapping import Reason
 
 GAP_STEPS = 5.0
@@ -29,9 +28,6 @@ APART_NS = 3600 * SECOND
 _MIN_FORWARD = 0.25
 _NEIGHBOURS = 11
 _RUN = 20
-
-Integers = NDArray[np.int64]
-Indices = NDArray[np.intp]
 
 
 class Timeline(NamedTuple):
@@ -55,15 +51,15 @@ class Timeline(NamedTuple):
 
     """
 
-    rows: Indices
-    t_ns: Integers
+    rows: IndexArray
+    t_ns: IntArray
     start_ns: int
     dropped: Counter[str]
     late: int
     restarts: int
 
 
-def header_stamps_usable(stamps_ns: Integers) -> bool:
+def header_stamps_usable(stamps_ns: IntArray) -> bool:
     """
     Whether header stamps tell the time.
 
@@ -82,7 +78,7 @@ def header_stamps_usable(stamps_ns: Integers) -> bool:
     return forward >= _MIN_FORWARD * steps.size and forward >= backward
 
 
-def arrange(stamps_ns: Integers) -> Timeline:
+def arrange(stamps_ns: IntArray) -> Timeline:
     """
     Put messages in the order of time.
 
@@ -118,7 +114,7 @@ def arrange(stamps_ns: Integers) -> Timeline:
     return Timeline(rows, stamps - start, start, +dropped, late, restarts.size)
 
 
-def _plausible(stamps: Integers, rows: Indices, dropped: Counter[str]) -> Indices:
+def _plausible(stamps: IntArray, rows: IndexArray, dropped: Counter[str]) -> IndexArray:
     negative, zero = stamps < 0, stamps == 0
     zero[:1] = False
     rows = rows[~(negative | zero)]
@@ -130,11 +126,11 @@ def _plausible(stamps: Integers, rows: Indices, dropped: Counter[str]) -> Indice
     return rows[~far]
 
 
-def _far_end(stamps: Integers) -> bool:
+def _far_end(stamps: IntArray) -> bool:
     return bool(stamps.size > 2 and np.abs(np.diff(stamps[[0, 1, -2, -1]])).max() > END_NS)
 
 
-def _far(stamps: Integers) -> NDArray[np.bool_]:
+def _far(stamps: IntArray) -> BoolArray:
     """Mark stamps far from the median of their neighbours, out of order or at an end."""
     size = min(_NEIGHBOURS, stamps.size - 1 + stamps.size % 2)
     if size < 3:
@@ -148,11 +144,11 @@ def _far(stamps: Integers) -> NDArray[np.bool_]:
         back = stamps[step:] < stamps[:-step]
         disordered[step:] |= back
         disordered[:-step] |= back
-    far: NDArray[np.bool_] = (distance > FAR_NS) & (disordered | (at_end & (distance > END_NS)))
+    far: BoolArray = (distance > FAR_NS) & (disordered | (at_end & (distance > END_NS)))
     return far
 
 
-def _restarts(stamps: Integers) -> Indices:
+def _restarts(stamps: IntArray) -> IndexArray:
     """Return where the clock goes back for good: twenty messages later than the next twenty."""
     back = np.flatnonzero(np.diff(stamps) < -RESTART_NS) + 1
     back = back[(back >= _RUN) & (back <= stamps.size - _RUN)]
@@ -165,24 +161,24 @@ def _restarts(stamps: Integers) -> Indices:
     return np.array(found, np.intp)
 
 
-def _in_parts(stamps: Integers, restarts: Indices) -> Integers:
+def _in_parts(stamps: IntArray, restarts: IndexArray) -> IntArray:
     shifted = stamps.copy()
     for begin, end in pairwise([*restarts.tolist(), stamps.size]):
         shifted[begin:end] += shifted[:begin].max() + APART_NS - shifted[begin:end].min()
     return shifted
 
 
-def seconds(t_ns: Integers) -> Floats:
+def seconds(t_ns: IntArray) -> Array:
     """Return times in seconds."""
-    t: Floats = t_ns.astype(np.float64) / SECOND
+    t: Array = t_ns.astype(np.float64) / SECOND
     return t
 
 
-def median_step(t: Floats) -> float:
+def median_step(t: Array) -> float:
     """Return the median step of increasing times [s]; 0 for fewer than two."""
     return float(np.median(np.diff(t))) if t.size > 1 else 0.0
 
 
-def gap_starts(t: Floats, longest_s: float) -> NDArray[np.intp]:
+def gap_starts(t: Array, longest_s: float) -> IndexArray:
     """Return the index of the last sample before each step longer than `longest_s`."""
     return np.flatnonzero(np.diff(t) > longest_s)

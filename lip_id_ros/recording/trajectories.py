@@ -7,14 +7,12 @@ import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import SourceError
 from lip_id_ros.recording.bags import Bag, Topic
 
 JOINT_TRAJECTORY = 'trajectory_msgs/msg/JointTrajectory'
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +31,11 @@ class Trajectory:
 
     """
 
-    t: Floats
-    q: Floats
-    dq: Floats
-    ddq: Floats
-    tau: Floats
+    t: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
     joint_names: tuple[str, ...]
 
 
@@ -98,7 +96,7 @@ def _trajectory(message: Any, where: str) -> Trajectory:
     )
 
 
-def _column(points: Any, field: str, n_joints: int, where: str) -> Floats:
+def _column(points: Any, field: str, n_joints: int, where: str) -> Array:
     values = np.full((len(points), n_joints), np.nan)
     for row, point in zip(values, points, strict=True):
         given = getattr(point, field)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.control import Gains
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
@@ -21,8 +21,6 @@ from lip_id_ros.runtime.references import (
     stack,
     times,
 )
-
-Array = NDArray[np.float64]
 
 
 class EffortPoint(PlannedPoint, Protocol):

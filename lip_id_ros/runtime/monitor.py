@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.monitoring import (
     ContactMonitor,
@@ -25,8 +25,6 @@ from lip_id_ros.runtime.serve.calibration import calibration
 from lip_id_ros.runtime.serve.loading import require_joints
 from lip_id_ros.runtime.serve.rules import by_joint
 from lip_id_ros.serving import Predictor, TrainedModel
-
-Array = NDArray[np.float64]
 
 LONGEST_GAP_S = 0.2
 NEARLY = 0.95

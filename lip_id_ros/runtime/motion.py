@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.runtime.references import JointOrder, Reason, RefusedError
 from lip_id_ros.runtime.serve.calibration import Calibration
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +70,7 @@ class MotionReader:
         return Motion(1e-9 * message.stamp_ns, q, dq, tau)
 
 
-def _vector(row: object, message: JointMessage, columns: NDArray[np.intp]) -> Array:
+def _vector(row: object, message: JointMessage, columns: IndexArray) -> Array:
     values = np.asarray(row, dtype=np.float64)
     if len(values) != len(message.names):
         raise RefusedError(Reason.WRONG_LENGTH)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lip_id_ros.config import setting, Settings
 from lip_id_ros.runtime.settings import AT_START, EXECUTOR_HELP, EXECUTORS, PER_JOINT
+from lip_id_ros.settings import setting, Settings
 
 JOINTS_HELP = 'Joints of the Panda, from the base.'
 

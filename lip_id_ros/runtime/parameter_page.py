@@ -11,7 +11,6 @@ from collections.abc import Mapping
 import json
 import sys
 
-from lip_id_ros.config import Row
 from lip_id_ros.runtime.node_settings import (
     ArmSettings,
     ControlSettings,
@@ -24,6 +23,7 @@ from lip_id_ros.runtime.settings import (
     serve_parameters,
     train_parameters,
 )
+from lip_id_ros.settings import Row
 
 COMMAND = 'python -m lip_id_ros.runtime.parameter_page > docs/parameters.md'
 
@@ -31,7 +31,7 @@ INTRODUCTION = f"""\
 # Parameters of the nodes
 
 The nodes declare and check their parameters by the tables in `lip_id_ros/runtime/settings.py`,
-`lip_id_ros/runtime/node_settings.py` and `lip_id_ros/config/tables.py`, of which this page is
+`lip_id_ros/runtime/node_settings.py` and `lip_id_ros/settings/tables.py`, of which this page is
 written by `{COMMAND}`.
 
 - [config/train.yaml](../config/train.yaml) and [config/serve.yaml](../config/serve.yaml) are for

@@ -7,11 +7,9 @@ from enum import StrEnum
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.errors import LipIdError
-
-Array = NDArray[np.float64]
 
 
 class Duration(Protocol):
@@ -121,7 +119,7 @@ class JointOrder:
         self._last_names = self.joint_names
         self._last_columns = self._look_up(self.joint_names)
 
-    def columns(self, names: Sequence[str]) -> NDArray[np.intp]:
+    def columns(self, names: Sequence[str]) -> IndexArray:
         """
         Find the model's joints among the names of a message.
 
@@ -147,7 +145,7 @@ class JointOrder:
             self._last_names = key
         return self._last_columns
 
-    def _look_up(self, names: tuple[str, ...]) -> NDArray[np.intp]:
+    def _look_up(self, names: tuple[str, ...]) -> IndexArray:
         place = {name: column for column, name in enumerate(names)}
         if len(place) != len(names):
             raise RefusedError(Reason.REPEATED_NAME)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from lip_id_ros.config import Config, flat_rows, Row, rows, setting, Settings
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.settings import Config, flat_rows, Row, rows, setting, Settings
 
 EXECUTORS = ('events', 'single_threaded')
 

@@ -13,13 +13,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.recipe import Recipe
 from lip_id_ros.serving.rigid_links import TRIPLES
-
-Array = NDArray[np.float64]
 
 
 class TrainingSide(NamedTuple):

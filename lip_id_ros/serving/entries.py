@@ -13,16 +13,11 @@ with w_alpha the derivative of w by the velocities of training sample t, summed 
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.program import EMIT, EXTEND, START
 from lip_id_ros.kernels.recipe import Recipe
 from lip_id_ros.serving.contraction import load_factor, Scratch, TrainingSide
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @compiled
@@ -50,7 +45,7 @@ def energy_of_entries(
 def _forward(
     tau: Array,
     how: Recipe,
-    steps: Integers,
+    steps: IntArray,
     work: Scratch,
     side: TrainingSide,
     f: Array,
@@ -192,7 +187,7 @@ def _add_momenta(
 
 
 @compiled
-def _backward(tau: Array, steps: Integers, work: Scratch) -> None:
+def _backward(tau: Array, steps: IntArray, work: Scratch) -> None:
     # Adds -dT/dq.
     adj = work.adj
     adj[:] = 0.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.kernels.jointwise import Friction, Residual
 from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.recipe import Recipe, recipe
@@ -16,8 +16,6 @@ from lip_id_ros.serving.entries import energy_of_entries
 from lip_id_ros.serving.potential import potential_energy
 from lip_id_ros.serving.rigid_links import energies_of_links, links_mean
 from lip_id_ros.serving.squares import energy_of_squares
-
-Array = NDArray[np.float64]
 
 INERTIAL_AND_CORIOLIS, GRAVITY, FRICTION = 0, 1, 2
 
@@ -33,7 +31,7 @@ class Arm(NamedTuple):
 
     """
 
-    prismatic: NDArray[np.bool_]
+    prismatic: BoolArray
     centre: Array
     half_range: Array
 

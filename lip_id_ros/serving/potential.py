@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.recipe import Recipe
 from lip_id_ros.serving.contraction import load_factor, Scratch, TrainingSide
-
-Array = NDArray[np.float64]
 
 
 @compiled

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving.contraction import new_scratch
@@ -20,8 +21,6 @@ from lip_id_ros.serving.evaluator import (
     INERTIAL_AND_CORIOLIS,
 )
 from lip_id_ros.serving.uncertainty import Deviation, Uncertainty
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.kernels.lanes import compiled
 from lip_id_ros.kernels.rigid_links import Chain, PARAMETERS
 from lip_id_ros.kernels.rigid_links.chain import (
@@ -49,8 +49,6 @@ from lip_id_ros.kernels.rigid_links.wrench import (
 )
 from lip_id_ros.model import TrainedModel
 
-Array = NDArray[np.float64]
-
 ROTOR = PARAMETERS - 1
 TORQUE, FORCE, UP, TRIPLES = 4, 5, 6, 7
 """Where the triples of a link are in working memory, after its place, and how many there are."""
@@ -86,7 +84,7 @@ def links_mean(model: TrainedModel) -> Array:
 
 
 @compiled
-def _unpacked(mean: Array, prismatic: NDArray[np.bool_]) -> LinksMean:
+def _unpacked(mean: Array, prismatic: BoolArray) -> LinksMean:
     n = (mean.shape[0] - 3) // (12 + PARAMETERS)
     rotations = mean[: 9 * n].reshape(n, 3, 3)
     translations = mean[9 * n : 12 * n].reshape(n, 3)
@@ -99,7 +97,7 @@ def energies_of_links(
     tau: Array,
     gravity: Array,
     mean: Array,
-    prismatic: NDArray[np.bool_],
+    prismatic: BoolArray,
     work: Array,
     q: Array,
     dq: Array,

@@ -15,16 +15,11 @@ back (reverse differentiation of T by dq and q).
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.program import ADD, MULTIPLY, RESET, SQUARE
 from lip_id_ros.kernels.recipe import Recipe
 from lip_id_ros.serving.contraction import load_factor, Scratch, TrainingSide
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @compiled
@@ -148,7 +143,7 @@ def energy_of_squares(
 @compiled
 def _forward(
     how: Recipe,
-    steps: Integers,
+    steps: IntArray,
     work: Scratch,
     side: TrainingSide,
     f: Array,
@@ -181,7 +176,7 @@ def _forward(
 def _backward(
     tau: Array,
     how: Recipe,
-    steps: Integers,
+    steps: IntArray,
     work: Scratch,
     side: TrainingSide,
     dq: Array,

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import JointStates
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model import TrainedModel
-
-Array = NDArray[np.float64]
 
 BLOCK = 64
 """Queries per block: bounds the memory of the covariances with the training samples."""

@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, LipIdError
-
-FloatArray = NDArray[np.float64]
 
 
 class Dynamics(Protocol):
@@ -22,13 +20,13 @@ class Dynamics(Protocol):
     joint_names: tuple[str, ...]
     joint_types: tuple[str, ...]
 
-    def inverse_dynamics(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Torques [N m or N], shape (N, n)."""
 
-    def kinetic(self, q: FloatArray, dq: FloatArray) -> FloatArray:
+    def kinetic(self, q: Array, dq: Array) -> Array:
         """Kinetic energy [J], shape (N,)."""
 
-    def potential(self, q: FloatArray) -> FloatArray:
+    def potential(self, q: Array) -> Array:
         """Potential energy [J], shape (N,), up to a constant."""
 
 
@@ -74,7 +72,7 @@ class Arm:
         """Number of joints."""
         return len(self.joint_names)
 
-    def inverse_dynamics(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """
         Torques of given motions (recursive Newton-Euler).
 
@@ -90,20 +88,20 @@ class Arm:
         """
         return self._each(self._pinocchio.rnea, q, dq, ddq)
 
-    def kinetic(self, q: FloatArray, dq: FloatArray) -> FloatArray:
+    def kinetic(self, q: Array, dq: Array) -> Array:
         """Kinetic energy [J], shape (N,), of motions of shape (N, n)."""
         return self._each(self._pinocchio.computeKineticEnergy, q, dq)
 
-    def potential(self, q: FloatArray) -> FloatArray:
+    def potential(self, q: Array) -> Array:
         """Potential energy [J], shape (N,), zero where all mass is at the height of the base."""
         return self._each(self._pinocchio.computePotentialEnergy, q)
 
-    def inertia_matrix(self, q: FloatArray) -> FloatArray:
+    def inertia_matrix(self, q: Array) -> Array:
         """Inertia matrices M [kg m^2 or kg], shape (N, n, n), of positions of shape (N, n)."""
         upper = np.triu(self._each(self._pinocchio.crba, q))
         return upper + np.triu(upper, 1).transpose(0, 2, 1)
 
-    def forward_dynamics(self, q: FloatArray, dq: FloatArray, tau: FloatArray) -> FloatArray:
+    def forward_dynamics(self, q: Array, dq: Array, tau: Array) -> Array:
         """
         Accelerations that torques cause in one state (articulated-body algorithm).
 
@@ -119,7 +117,7 @@ class Arm:
         """
         return np.array(self._pinocchio.aba(self._model, self._data, q, dq, tau))
 
-    def with_rotor_inertia(self, inertia: FloatArray) -> Arm:
+    def with_rotor_inertia(self, inertia: Array) -> Arm:
         """
         Copy with motors whose rotors turn with the joints.
 
@@ -172,7 +170,7 @@ class Arm:
         other._data = other._model.createData()
         return other
 
-    def _each(self, algorithm: Callable[..., Any], *motion: FloatArray) -> FloatArray:
+    def _each(self, algorithm: Callable[..., Any], *motion: Array) -> Array:
         rows = zip(*motion, strict=True)
         # pinocchio returns views of one work space
         return np.array([np.copy(algorithm(self._model, self._data, *row)) for row in rows])

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.control import ComputedTorque
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.simulation.arm import Arm
 from lip_id_ros.simulation.torque_controlled import Drives, Measurement, TorqueControlledArm
 
-Array = NDArray[np.float64]
 REPORT_EVERY = 200
 
 

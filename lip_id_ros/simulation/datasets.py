@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.simulation.arm import Dynamics
 from lip_id_ros.simulation.trajectories import Motion
@@ -16,15 +16,15 @@ from lip_id_ros.simulation.trajectories import Motion
 class Trajectory(Protocol):
     """A motion that is known at any time."""
 
-    def sample(self, t: NDArray[np.float64]) -> Motion:
+    def sample(self, t: Array) -> Motion:
         """Positions, velocities and accelerations, each (N, n), at times (N,) [s]."""
 
 
 def make_dataset(
     arm: Dynamics,
     trajectory: Trajectory,
-    t: NDArray[np.float64],
-    noise_std: float | NDArray[np.float64],
+    t: Array,
+    noise_std: float | Array,
     rng: np.random.Generator,
 ) -> Dataset:
     """

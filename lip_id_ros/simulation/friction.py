@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.simulation.arm import Dynamics
 
 
@@ -25,10 +25,10 @@ class Friction:
 
     """
 
-    viscous: NDArray[np.float64]
-    coulomb: NDArray[np.float64]
+    viscous: Array
+    coulomb: Array
 
-    def torque(self, dq: NDArray[np.float64]) -> NDArray[np.float64]:
+    def torque(self, dq: Array) -> Array:
         """Torque [N m or N], shape (N, n), that a motion of velocity `dq` (N, n) needs."""
         return self.viscous * dq + self.coulomb * np.sign(dq)
 
@@ -47,11 +47,11 @@ class SmoothFriction:
 
     """
 
-    viscous: NDArray[np.float64]
-    coulomb: NDArray[np.float64]
+    viscous: Array
+    coulomb: Array
     turning: float
 
-    def torque(self, dq: NDArray[np.float64]) -> NDArray[np.float64]:
+    def torque(self, dq: Array) -> Array:
         """Torque [N m or N], shape (N, n) or (n,), that a motion of velocity `dq` needs."""
         return self.viscous * dq + self.coulomb * np.tanh(dq / self.turning)
 
@@ -59,7 +59,7 @@ class SmoothFriction:
 class Rubbing(Protocol):
     """Any friction that depends on velocity."""
 
-    def torque(self, dq: NDArray[np.float64]) -> NDArray[np.float64]:
+    def torque(self, dq: Array) -> Array:
         """Torque [N m or N] that a motion of velocity `dq` needs, of the shape of `dq`."""
 
 
@@ -81,16 +81,14 @@ class FrictionalArm:
         self.joint_names = arm.joint_names
         self.joint_types = arm.joint_types
 
-    def inverse_dynamics(
-        self, q: NDArray[np.float64], dq: NDArray[np.float64], ddq: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Torques [N m or N], shape (N, n), with friction."""
         return self.arm.inverse_dynamics(q, dq, ddq) + self.friction.torque(dq)
 
-    def kinetic(self, q: NDArray[np.float64], dq: NDArray[np.float64]) -> NDArray[np.float64]:
+    def kinetic(self, q: Array, dq: Array) -> Array:
         """Kinetic energy [J], shape (N,)."""
         return self.arm.kinetic(q, dq)
 
-    def potential(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def potential(self, q: Array) -> Array:
         """Potential energy [J], shape (N,)."""
         return self.arm.potential(q)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, ShapeError
 
 
@@ -31,10 +32,10 @@ class MotionLimits:
 
     """
 
-    q_min: NDArray[np.float64]
-    q_max: NDArray[np.float64]
-    dq_max: NDArray[np.float64]
-    ddq_max: NDArray[np.float64]
+    q_min: Array
+    q_max: Array
+    dq_max: Array
+    ddq_max: Array
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -57,7 +58,7 @@ class MotionLimits:
         return len(self.q_min)
 
     @property
-    def centre(self) -> NDArray[np.float64]:
+    def centre(self) -> Array:
         """Middle of the position range [rad or m], shape (n,)."""
         return (self.q_min + self.q_max) / 2
 
@@ -66,7 +67,7 @@ class MotionLimits:
         return MotionLimits(*(getattr(self, field.name)[:n_joints] for field in fields(self)))
 
 
-def _frozen(values: ArrayLike) -> NDArray[np.float64]:
+def _frozen(values: ArrayLike) -> Array:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array

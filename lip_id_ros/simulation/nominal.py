@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array
 from lip_id_ros.simulation.arm import Dynamics
-
-Array = NDArray[np.float64]
 
 
 class NominalFeedforward:

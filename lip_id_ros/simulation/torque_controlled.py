@@ -6,12 +6,10 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.simulation.arm import Arm
 from lip_id_ros.simulation.friction import Rubbing
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

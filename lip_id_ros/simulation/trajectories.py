@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.simulation.limits import MotionLimits
 
 N_SINUSOIDS = 50
@@ -14,7 +14,7 @@ FUNDAMENTAL_HZ = 0.02
 GRID_POINTS_PER_FASTEST_PERIOD = 200
 HEADROOM = 0.999  # the extremes are found on a grid, which may miss them by 1e-4
 
-Motion = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Motion = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class SinusoidTrajectory:
 
     """
 
-    centre: NDArray[np.float64]
-    a: NDArray[np.float64]
-    b: NDArray[np.float64]
+    centre: Array
+    a: Array
+    b: Array
     fundamental_hz: float = FUNDAMENTAL_HZ
 
     @classmethod
@@ -83,7 +83,7 @@ class SinusoidTrajectory:
         """Time [s] after which the motion repeats."""
         return 1.0 / self.fundamental_hz
 
-    def sample(self, t: NDArray[np.float64]) -> Motion:
+    def sample(self, t: Array) -> Motion:
         """
         Exact motion at any times.
 
@@ -106,7 +106,7 @@ class SinusoidTrajectory:
         ddq = -sin @ (self.a * omega).T + cos @ (self.b * omega).T
         return q, dq, ddq
 
-    def _largest_scale(self, limits: MotionLimits) -> NDArray[np.float64]:
+    def _largest_scale(self, limits: MotionLimits) -> Array:
         n_points = GRID_POINTS_PER_FASTEST_PERIOD * self.a.shape[1]
         q, dq, ddq = self.sample(np.linspace(0.0, self.period, n_points, endpoint=False))
         reach = (limits.q_max - limits.q_min) / 2

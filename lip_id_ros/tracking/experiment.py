@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lip_id_ros.config import FitSettings, PreprocessingSettings
 from lip_id_ros.control import ComputedTorque, Feedforward, GrowingCosine, LearnedFeedforward
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
@@ -16,10 +14,9 @@ from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import FrictionalArm, NominalFeedforward, placed, track, Tracking
 from lip_id_ros.tracking.setup import Setup
-
-Array = NDArray[np.float64]
 
 LEARNED, NOMINAL, INFORMED = 'learned', 'nominal', 'nominal with friction'
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.metrics import nmse_percent, nmse_percent_without_offset
 from lip_id_ros.evaluation.tables import Table
@@ -16,7 +16,6 @@ from lip_id_ros.serving import Predictor, TrainedModel
 from lip_id_ros.simulation import Tracking
 from lip_id_ros.tracking.experiment import INFORMED, LEARNED, NOMINAL, Trial
 
-Array = NDArray[np.float64]
 POSITION, FEEDBACK = 'position_nmse_percent', 'feedback_mean_square'
 TITLES = {
     POSITION: 'Joint position nMSE [%]',

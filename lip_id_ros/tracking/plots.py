@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.evaluation.metrics import nmse_percent, nmse_percent_without_offset
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.simulation import Tracking
 from lip_id_ros.tracking.experiment import LEARNED, NOMINAL
 
-Array = NDArray[np.float64]
 COLORS = {LEARNED: style.PREDICTED, NOMINAL: style.RESIDUAL}
 
 
@@ -31,7 +30,7 @@ def positions(joints: Joints, runs: Mapping[str, Tracking]) -> Figure:
     """Draw reference and positions; the runs are so close to it that they hide each other."""
     reference = runs[LEARNED].reference[0]
 
-    def draw(panel: Axes, joint: int, rows: NDArray[np.int64]) -> None:
+    def draw(panel: Axes, joint: int, rows: IntArray) -> None:
         t = runs[LEARNED].t[rows]
         panel.plot(
             t, reference[rows, joint], color=style.MEASURED, linewidth=3.0, label='reference'
@@ -45,7 +44,7 @@ def positions(joints: Joints, runs: Mapping[str, Tracking]) -> Figure:
 def errors(joints: Joints, runs: Mapping[str, Tracking]) -> Figure:
     """Draw absolute position errors, on a common logarithmic scale."""
 
-    def draw(panel: Axes, joint: int, rows: NDArray[np.int64]) -> None:
+    def draw(panel: Axes, joint: int, rows: IntArray) -> None:
         for name, color in reversed(COLORS.items()):
             error = np.abs(runs[name].error[rows, joint])
             panel.plot(runs[name].t[rows], 1e3 * error, color=color, label=name, linewidth=0.8)
@@ -58,7 +57,7 @@ def errors(joints: Joints, runs: Mapping[str, Tracking]) -> Figure:
 def feedback(joints: Joints, runs: Mapping[str, Tracking]) -> Figure:
     """Draw the torques that the feedback had to add."""
 
-    def draw(panel: Axes, joint: int, rows: NDArray[np.int64]) -> None:
+    def draw(panel: Axes, joint: int, rows: IntArray) -> None:
         for name, color in reversed(COLORS.items()):
             values = runs[name].feedback[rows, joint]
             panel.plot(runs[name].t[rows], values, color=color, label=name, linewidth=0.8)
@@ -93,7 +92,7 @@ def _grid(
     runs: Mapping[str, Tracking],
     symbol: str,
     unit: str,
-    draw: Callable[[Axes, int, NDArray[np.int64]], None],
+    draw: Callable[[Axes, int, IntArray], None],
 ) -> Figure:
     rows = style.shown_rows(len(runs[LEARNED].t))
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.control import Gains
 from lip_id_ros.simulation import Arm, Drives, panda, SmoothFriction
-
-Array = NDArray[np.float64]
 
 # The maker's ready posture: far from the limits that zero is beyond (joint 4) or at (joint 6).
 POSTURE = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)

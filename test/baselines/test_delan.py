@@ -6,9 +6,9 @@ from baselines.panda_runs import runs
 import numpy as np
 import pytest
 
-from lip_id_ros.config import FitSettings
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.progress import silent
+from lip_id_ros.settings import FitSettings
 
 pytest.importorskip('torch')
 

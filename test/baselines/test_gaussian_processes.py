@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from lip_id_ros.baselines import method
-from lip_id_ros.config import FitSettings
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.progress import silent
+from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import Friction, panda
 
 torch = pytest.importorskip('torch')

@@ -14,11 +14,11 @@ from lip_id_ros.baselines import MODELS
 from lip_id_ros.baselines.learned import learn, Learned
 from lip_id_ros.baselines.registry import needs_urdf, OURS
 from lip_id_ros.baselines.taken_apart import put_together, take_apart
-from lip_id_ros.config import FitSettings
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.progress import silent
+from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation.panda import panda_urdf
 
 pytest.importorskip('torch')

@@ -8,8 +8,8 @@ import pytest
 
 from lip_id_ros.baselines import method, MODELS, needs_urdf
 from lip_id_ros.baselines.registry import MEANINGS
-from lip_id_ros.config import FitSettings
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation.panda import panda_urdf
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from lip_id_ros.baselines import method
-from lip_id_ros.config import FitSettings
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.progress import silent
+from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import Friction
 from lip_id_ros.simulation.panda import panda_urdf
 

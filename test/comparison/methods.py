@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.baselines import Answer, Estimator
-from lip_id_ros.baselines.interface import Floats
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.progress import Progress
+from lip_id_ros.settings import FitSettings
 
 
 class Scaled:
@@ -30,7 +30,7 @@ class Multiple:
         self.size = 1
         self._factor = factor
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Answer:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
         return Answer(self._factor * q, self._factor * np.square(dq).sum(axis=1))
 
 

@@ -19,9 +19,9 @@ from lip_id_ros.comparison.code_version import code_version, source_digest
 from lip_id_ros.comparison.report import write_comparison
 from lip_id_ros.comparison.run import Results
 from lip_id_ros.comparison.summary import remarks, tables
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.settings import FitSettings
 
 SETTINGS = FitSettings()
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.control import (
     ComputedTorque,
     Gains,
@@ -15,7 +15,6 @@ from lip_id_ros.control import (
 )
 from lip_id_ros.serving import Query
 
-Array = NDArray[np.float64]
 GAINS = Gains(np.array([100.0, 50.0]), np.array([10.0, 5.0]))
 CENTRE = np.array([0.3, -1.0])
 

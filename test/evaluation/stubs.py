@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from simulation.pendulums import INERTIA, Pendulums, WEIGHT
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.serving import Deviation, Prediction
-
-Floats = NDArray[np.float64]
 
 
 class Knowing:
@@ -25,7 +23,7 @@ class Knowing:
         torque_error: float = 0.0,
         energy_error: float = 0.0,
         offset: float | None = 0.0,
-        inertia: Floats = INERTIA,
+        inertia: Array = INERTIA,
     ) -> None:
         self.torque_error = torque_error
         self.energy_error = energy_error
@@ -33,7 +31,7 @@ class Knowing:
         self.inertia = inertia
         self.calls: list[int] = []
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Prediction:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
         self.calls.append(len(q))
         arm = Pendulums()
         inertial, gravity = INERTIA * ddq, WEIGHT * np.sin(q)
@@ -48,10 +46,10 @@ class Knowing:
             potential=None if self.offset is None else arm.potential(q) + self.offset,
         )
 
-    def inertia_matrix(self, q: Floats) -> Floats:
+    def inertia_matrix(self, q: Array) -> Array:
         return np.tile(np.diag(self.inertia), (len(q), 1, 1))
 
-    def standard_deviation(self, q: Floats, dq: Floats, ddq: Floats) -> Deviation:
+    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> Deviation:
         self.calls.append(len(q))
         energy = 0.1 * np.ones(len(q))
         return Deviation(

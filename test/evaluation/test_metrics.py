@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation import metrics
 
 columns = arrays(np.float64, (12, 2), elements=st.floats(-1e3, 1e3, width=32))
@@ -34,9 +34,7 @@ def test_what_does_not_vary_has_no_nmse() -> None:
 
 
 @given(columns, st.floats(-100, 100))
-def test_an_offset_counts_only_where_it_is_known(
-    truth: NDArray[np.float64], offset: float
-) -> None:
+def test_an_offset_counts_only_where_it_is_known(truth: Array, offset: float) -> None:
     truth[0] = (0.0, 0.0)
     truth[1] = (100.0, -100.0)  # so that it varies
 
@@ -48,7 +46,7 @@ def test_an_offset_counts_only_where_it_is_known(
 
 
 @given(columns)
-def test_the_mean_as_an_estimate_has_a_hundred_percent(truth: NDArray[np.float64]) -> None:
+def test_the_mean_as_an_estimate_has_a_hundred_percent(truth: Array) -> None:
     truth[0] = (0.0, 0.0)
     truth[1] = (1.0, 1.0)
     estimate = np.broadcast_to(truth.mean(axis=0), truth.shape)

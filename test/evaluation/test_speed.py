@@ -6,13 +6,11 @@ import time
 
 from evaluation.stubs import Knowing
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation import speed
 from lip_id_ros.serving import Deviation, Prediction, Query
-
-Floats = NDArray[np.float64]
 
 
 class Sleeper(Knowing):
@@ -22,19 +20,19 @@ class Sleeper(Knowing):
 
     def __init__(self) -> None:
         super().__init__()
-        self.queries: list[Floats] = []
+        self.queries: list[Array] = []
         self.factorised = False
 
-    def query(self, q: Floats, dq: Floats, ddq: Floats) -> Query:
+    def query(self, q: Array, dq: Array, ddq: Array) -> Query:
         self.queries.append(np.array([q, dq, ddq]))
         time.sleep(0.002)
         return Query(q, 0.0, 0.0, q)
 
-    def predict(self, q: Floats, dq: Floats, ddq: Floats) -> Prediction:
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
         time.sleep(0.02)
         return super().predict(q, dq, ddq)
 
-    def standard_deviation(self, q: Floats, dq: Floats, ddq: Floats) -> Deviation:
+    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> Deviation:
         self.factorised, wait = True, 0.005 if self.factorised else 0.105
         time.sleep(wait)
         return super().standard_deviation(q, dq, ddq)

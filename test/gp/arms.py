@@ -5,9 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
-from kernels.cases import Array
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 
 G = 9.81

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from kernels.cases import Array, random_basis, random_links, random_states, random_weights
+from kernels.cases import random_basis, random_links, random_states, random_weights
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.kernels import (
     FAMILY,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gp.arms import Arm
-from kernels.cases import Array
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import Chain, RigidLinks
 from lip_id_ros.kernels.rigid_links import PARAMETERS
 

@@ -13,7 +13,6 @@ from kernels.cases import MEMBERS
 import numpy as np
 import pytest
 
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp import fit
@@ -24,6 +23,7 @@ from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.training import maximise, Objective
 from lip_id_ros.kernels import TorquePrior
 from lip_id_ros.serving import Predictor
+from lip_id_ros.settings import FitSettings
 
 torch = pytest.importorskip('torch', reason='the device path needs torch')
 

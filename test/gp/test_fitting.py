@@ -11,11 +11,11 @@ from gp.arms import ARMS, dataset_of, noise_of, random_motion
 import numpy as np
 import pytest
 
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.gp import fit
 from lip_id_ros.model import TrainedModel
+from lip_id_ros.settings import FitSettings
 
 
 @cache

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from gp.cases import random_likelihood, TERMS, TYPES, without_gravity
-from kernels.cases import Array, MEMBERS
+from kernels.cases import MEMBERS
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import arrays, to_vector
 from lip_id_ros.kernels.gram import cross_gram

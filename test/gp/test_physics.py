@@ -6,16 +6,16 @@ from dataclasses import replace
 from functools import cache
 
 from gp.arms import Arm, ARMS, dataset_of, noise_of, random_motion
-from kernels.cases import Array
 import numpy as np
 import pytest
 
-from lip_id_ros.config import FitSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.gp import fit
 from lip_id_ros.kernels import Friction, TorquePrior
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving import Predictor
+from lip_id_ros.settings import FitSettings
 
 MEMBERS = ('lip', 'nested', 'recursive')
 CASES = [(name, member) for name in ARMS for member in MEMBERS]

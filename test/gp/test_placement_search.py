@@ -10,11 +10,10 @@ from typing import Any
 
 from gp.arms import dataset_of, noise_of
 from gp.chains import ChainArm, P, R, random_arm
-from kernels.cases import Array
 import numpy as np
 import pytest
 
-from lip_id_ros.config import FitSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp import fit
@@ -22,6 +21,7 @@ from lip_id_ros.gp.placement_search import find_links, FINEST, Samples
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.progress import silent
 from lip_id_ros.serving import Predictor
+from lip_id_ros.settings import FitSettings
 
 NOISE = 1e-3
 ARMS = [*product((R, P), repeat=2), (R, P, R), (P, R, R), (R, R, P), (P, P, R), (R, R, R, R)]

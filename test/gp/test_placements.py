@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from gp.arms import dataset_of, noise_of
 from gp.chains import P, R, random_arm
-from kernels.cases import Array
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp.placement_search import prior_deviations, random_placements
 from lip_id_ros.gp.placements import descend, PlacementProblem, REACH, right_jacobian

@@ -8,7 +8,6 @@ from gp.arms import ARMS, dataset_of, noise_of, random_motion
 import numpy as np
 import pytest
 
-from lip_id_ros.config import FitSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
 from lip_id_ros.gp.fitting import make_kernel
@@ -17,6 +16,7 @@ from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.sign_width import FACTORS, with_likely_sign_widths
 from lip_id_ros.kernels.jointwise import Friction
+from lip_id_ros.settings import FitSettings
 
 ARM = ARMS['polar']
 MOTION = random_motion(ARM, 60, seed=0)

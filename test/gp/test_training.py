@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from gp.cases import random_likelihood, TYPES
-from kernels.cases import Array, MEMBERS
+from kernels.cases import MEMBERS
 import numpy as np
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import cosines_and_sines, from_vector, to_vector

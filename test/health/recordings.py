@@ -7,13 +7,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.health import evidence_of, examine, Finding
 from lip_id_ros.recording import JointSamples
 
-Floats = NDArray[np.float64]
 RATE = 100.0
 NAMES = tuple(f'arm_joint{number}' for number in range(1, 8))
 COULOMB = np.array([2.0, 2.0, 1.5, 1.5, 0.8, 0.8, 0.8])
@@ -76,6 +75,6 @@ def delayed(samples: JointSamples, signal: str, seconds: float) -> JointSamples:
     return replace(samples, **changed)
 
 
-def moved(samples: JointSamples, joint: int, q: Floats, dq: Floats) -> JointSamples:
+def moved(samples: JointSamples, joint: int, q: Array, dq: Array) -> JointSamples:
     """Let one joint move otherwise; its effort stays what it was."""
     return column(column(samples, 'position', joint, q), 'velocity', joint, dq)

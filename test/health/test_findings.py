@@ -10,7 +10,6 @@ from health.recordings import (
     codes,
     column,
     delayed,
-    Floats,
     found,
     moved,
     NAMES,
@@ -23,10 +22,11 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.config import RecordingSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.health import CHECKS, evidence_of, examine, serious
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import RecordingSettings
 
 Break = Callable[[JointSamples], JointSamples]
 JOINT = 4
@@ -89,7 +89,7 @@ def resting(samples: JointSamples) -> JointSamples:
     extra = 5000
     noise = np.random.default_rng(0).standard_normal((2, extra, samples.n_joints))
 
-    def held(values: Floats) -> Floats:
+    def held(values: Array) -> Array:
         return np.repeat(values[-1:], extra, axis=0)
 
     position = np.concatenate([samples.position, held(samples.position) + 1e-6 * noise[0]])

@@ -6,13 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lip_id_ros.config import RecordingSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.health import evidence_of, examine
 from lip_id_ros.recording import JointSamples, read_bag
+from lip_id_ros.settings import RecordingSettings
 
-Floats = NDArray[np.float64]
 ARM = RecordingSettings(joint_types=('prismatic',) + ('revolute',) * 7)
 MOTOR_CONSTANTS = (1.0, 13.6, 13.6, -8.7, -8.7, -20.6, -20.6, -20.6)
 
@@ -27,11 +26,11 @@ def found(
     return kinds
 
 
-def table(path: Path, header: int = 1) -> Floats:
+def table(path: Path, header: int = 1) -> Array:
     return np.loadtxt(path, delimiter=',', skiprows=header)
 
 
-def samples_of(t: Floats, q: Floats, dq: Floats, tau: Floats, stem: str = 'joint') -> JointSamples:
+def samples_of(t: Array, q: Array, dq: Array, tau: Array, stem: str = 'joint') -> JointSamples:
     keep = np.concatenate([[True], np.diff(t) > 0])
     names = tuple(f'{stem}_{number}' for number in range(q.shape[1]))
     return JointSamples(t[keep] - t[0], q[keep], dq[keep], tau[keep], names)

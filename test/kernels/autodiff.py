@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
 import torch
 from torch import Tensor
 from torch.func import grad, jacrev
@@ -14,7 +12,6 @@ from lip_id_ros.kernels import JointBasis, Weights
 from lip_id_ros.kernels.plain import kinetic_covariance, potential_covariance
 from lip_id_ros.kernels.program import EnergyKernel
 
-Array = NDArray[np.float64]
 State = tuple[Tensor, Tensor, Tensor]
 Scalar = Callable[[Tensor, Tensor], Tensor]
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import Chain, EnergyKernel, FAMILY, JointBasis, RigidLinks, Weights
 from lip_id_ros.kernels.rigid_links import PARAMETERS
 from lip_id_ros.kernels.weights import shapes
 
-Array = NDArray[np.float64]
 R, P = 'revolute', 'prismatic'
 ARMS = ((R,), (P,), (R, R), (P, R), (R, P, R), (R, R, P, R))
 MEMBERS = tuple(FAMILY)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from kernels.cases import Array
 import numpy as np
+
+from lip_id_ros.arrays import Array
 
 
 def rotation(rng: np.random.Generator) -> Array:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from kernels.cases import ARMS, Array, MEMBERS, random_basis, random_states, random_weights
+from kernels.cases import ARMS, MEMBERS, random_basis, random_states, random_weights
 import numpy as np
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, Weights
 from lip_id_ros.kernels.gradient import contracted_gradient
 from lip_id_ros.kernels.gram import cross_gram, energy_covariance, gram, prior_blocks

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from itertools import product
 
-from kernels.cases import Array, MEMBERS, random_basis, random_states, random_weights
+from kernels.cases import MEMBERS, random_basis, random_states, random_weights
 import numpy as np
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import EnergyKernel, FAMILY, Weights
 from lip_id_ros.kernels.plain import factor, kinetic_covariance, potential_covariance
 from lip_id_ros.kernels.program import POTENTIALS

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from kernels.cases import Array, random_states
+from kernels.cases import random_states
 import numpy as np
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import Friction, JointBasis, JointwiseKernel, Residual
 
 N_JOINTS = 3

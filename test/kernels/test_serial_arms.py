@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from kernels.cases import Array
 from kernels.serial_arm import SerialArm
 from kernels.test_family import degree
 import numpy as np
 import pytest
+
+from lip_id_ros.arrays import Array
 
 R, P = 'revolute', 'prismatic'
 ARMS = ((R, R, R, R), (P, R, R, P), (R, P, R, R), (R, R, P, P))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.contact import measure
-from lip_id_ros.config import FitSettings
+from lip_id_ros.settings import FitSettings
 
 pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
 

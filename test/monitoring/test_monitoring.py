@@ -6,11 +6,11 @@ import re
 
 from evaluation.stubs import Knowing
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 from serving.models import random_model
 from simulation.pendulums import INERTIA, Pendulums, swing, WEIGHT
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.monitoring import (
@@ -26,7 +26,6 @@ from lip_id_ros.monitoring.detection import shown_of_a_step
 from lip_id_ros.monitoring.observer import Observer
 from lip_id_ros.serving import Predictor
 
-Array = NDArray[np.float64]
 CONTACT = np.array([1.0, -2.0, 0.5])
 
 

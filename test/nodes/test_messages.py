@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
@@ -16,6 +15,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages
 from lip_id_ros.recording.joint_messages import from_joint_state
 
@@ -36,7 +36,7 @@ def test_stamps_keep_every_nanosecond(nanoseconds: int) -> None:
 
 
 @given(STAMPS, VECTORS)
-def test_torques_arrive_as_they_were_sent(stamp: Time, tau: NDArray[np.float64]) -> None:
+def test_torques_arrive_as_they_were_sent(stamp: Time, tau: Array) -> None:
     names = [f'joint_{number}' for number in range(len(tau))]
     sent = messages.torque_message(stamp, names, tau)
     message = deserialize_message(serialize_message(sent), JointState)
@@ -48,7 +48,7 @@ def test_torques_arrive_as_they_were_sent(stamp: Time, tau: NDArray[np.float64])
 
 
 @given(MATRICES)
-def test_a_plan_keeps_all_but_its_efforts(tau: NDArray[np.float64]) -> None:
+def test_a_plan_keeps_all_but_its_efforts(tau: Array) -> None:
     points = [JointTrajectoryPoint(positions=row.tolist()) for row in -tau]
     plan = JointTrajectory(joint_names=[str(column) for column in range(tau.shape[1])])
     plan.points = points

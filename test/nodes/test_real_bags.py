@@ -15,10 +15,10 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from lip_id_ros.config import Config, FitSettings, PreprocessingSettings, RecordingSettings
 from lip_id_ros.gp import fit
 from lip_id_ros.preprocessing import load_dataset
 from lip_id_ros.recording import read_bag, read_trajectory
+from lip_id_ros.settings import Config, FitSettings, PreprocessingSettings, RecordingSettings
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph

@@ -16,8 +16,8 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 import yaml
 
-from lip_id_ros.config import FitSettings, PreprocessingSettings
 from lip_id_ros.control import Gains, GrowingCosine
+from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.tracking import Experiment, run_experiment, setup
 
 if TYPE_CHECKING:

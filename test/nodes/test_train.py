@@ -16,11 +16,11 @@ from nodes import toy
 import numpy as np
 from sensor_msgs.msg import JointState
 
-from lip_id_ros.config import RecordingSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording import read_bag, read_sources
 from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.settings import RecordingSettings
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph

@@ -16,10 +16,10 @@ from nodes import malformed, toy
 from nodes.test_train import heard_publisher, joint_state, start_recording
 import numpy as np
 
-from lip_id_ros.config import RecordingSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.nodes import messages
 from lip_id_ros.recording import read_sources
+from lip_id_ros.settings import RecordingSettings
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph

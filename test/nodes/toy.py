@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lip_id_ros.config import FitSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
 from lip_id_ros.serving import Predictor, TrainedModel
-
-Array = NDArray[np.float64]
+from lip_id_ros.settings import FitSettings
 
 JOINTS = ('shoulder', 'elbow')
 INERTIA = np.array([1.5, 0.6])  # kg m^2

@@ -20,11 +20,11 @@ from simulation.pendulums import swing
 
 from lip_id_ros.comparison import Case, compare, Store, thinned
 from lip_id_ros.comparison.report import write_comparison
-from lip_id_ros.config import FitSettings
 from lip_id_ros.evaluation import run, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.evaluation.report.recording_report import write_recording_report
 from lip_id_ros.health import evidence_of, health
+from lip_id_ros.settings import FitSettings
 
 pytestmark = pytest.mark.slow
 

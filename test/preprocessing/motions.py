@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.recording import JointSamples
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -20,35 +18,35 @@ class Sinusoids:
     seed: int = 0
     highest_hz: float = 1.0
 
-    def position(self, t: Floats) -> Floats:
+    def position(self, t: Array) -> Array:
         return self._sum(t, 0)
 
-    def velocity(self, t: Floats) -> Floats:
+    def velocity(self, t: Array) -> Array:
         return self._sum(t, 1)
 
-    def acceleration(self, t: Floats) -> Floats:
+    def acceleration(self, t: Array) -> Array:
         return self._sum(t, 2)
 
-    def torque(self, t: Floats) -> Floats:
+    def torque(self, t: Array) -> Array:
         """Of two pendulums without gravity: what a filter does to it, it does to accelerations."""
         return 2.0 * self.acceleration(t) + 0.5 * self.velocity(t)
 
-    def _sum(self, t: Floats, order: int) -> Floats:
+    def _sum(self, t: Array, order: int) -> Array:
         rng = np.random.default_rng(self.seed)
         number = np.arange(1, 21)
         rate = 2.0 * np.pi * self.highest_hz * number / 20
         amplitude = rng.normal(size=(2, 20)) / number * rate**order
         phase = rng.uniform(0.0, 2.0 * np.pi, (2, 20)) + order * np.pi / 2
-        summed: Floats = (amplitude * np.sin(t[:, None, None] * rate + phase)).sum(axis=-1)
+        summed: Array = (amplitude * np.sin(t[:, None, None] * rate + phase)).sum(axis=-1)
         return summed
 
 
-def uniform(count: int, rate: float) -> Floats:
+def uniform(count: int, rate: float) -> Array:
     """Return times from zero at a rate [s]."""
     return np.arange(count, dtype=np.float64) / np.float64(rate)
 
 
-def recording(t: Floats, motion: Sinusoids | None = None, **changes: Any) -> JointSamples:
+def recording(t: Array, motion: Sinusoids | None = None, **changes: Any) -> JointSamples:
     """Return exact samples of a motion at given times."""
     motion = motion or Sinusoids()
     fields: dict[str, Any] = {
@@ -63,6 +61,6 @@ def recording(t: Floats, motion: Sinusoids | None = None, **changes: Any) -> Joi
     return JointSamples(**(fields | changes))
 
 
-def relative_error(estimate: Floats, truth: Floats) -> float:
+def relative_error(estimate: Array, truth: Array) -> float:
     """Return the root mean square error over the standard deviation of the truth."""
     return float(np.sqrt(np.mean((estimate - truth) ** 2)) / truth.std())

@@ -5,9 +5,10 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from preprocessing.motions import Floats, relative_error, Sinusoids, uniform
+from preprocessing.motions import relative_error, Sinusoids, uniform
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.preprocessing.derivatives import CentralDifferences, SavitzkyGolay
 from lip_id_ros.preprocessing.filters import edge_length, is_filtered, low_pass
 from lip_id_ros.preprocessing.resampling import resample, uniform_times
@@ -15,8 +16,8 @@ from lip_id_ros.preprocessing.resampling import resample, uniform_times
 derivative = SavitzkyGolay()
 
 
-def sine(frequency: float, rate: float) -> Floats:
-    wave: Floats = np.sin(2.0 * np.pi * frequency * uniform(int(20 * rate), rate))[:, np.newaxis]
+def sine(frequency: float, rate: float) -> Array:
+    wave: Array = np.sin(2.0 * np.pi * frequency * uniform(int(20 * rate), rate))[:, np.newaxis]
     return wave
 
 

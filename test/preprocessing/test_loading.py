@@ -9,10 +9,10 @@ from preprocessing.motions import recording, uniform
 import pytest
 from recording.bag_files import State, write_file, write_folder
 
-from lip_id_ros.config import Config, PreprocessingSettings, RecordingSettings
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError, SourceError
 from lip_id_ros.preprocessing import load_dataset, preprocess
+from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
 
 T = uniform(300, 100.0)
 

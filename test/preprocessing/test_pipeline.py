@@ -10,14 +10,15 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from preprocessing.motions import Floats, recording, relative_error, Sinusoids, uniform
+from preprocessing.motions import recording, relative_error, Sinusoids, uniform
 import pytest
 
-from lip_id_ros.config import PreprocessingSettings, RecordingSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError, DataError, SourceError
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples, read_bag
+from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 T = uniform(1000, 100.0)
 
@@ -34,7 +35,7 @@ def without_velocity(samples: JointSamples) -> JointSamples:
 def repeating_publisher(source_hz: float, publish_hz: float, count: int) -> JointSamples:
     """Publish, at a rate of its own, the newest state of a robot that has another one."""
     stamps = uniform(count, publish_hz)
-    states: Floats = np.floor(stamps * source_hz + 1e-9) / np.float64(source_hz)
+    states: Array = np.floor(stamps * source_hz + 1e-9) / np.float64(source_hz)
     return replace(recording(states), t=stamps)
 
 

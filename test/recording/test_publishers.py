@@ -23,9 +23,9 @@ from recording.bag_files import (
     write_mcap,
 )
 
-from lip_id_ros.config import RecordingSettings
 from lip_id_ros.errors import SourceError
 from lip_id_ros.recording import JointSamples, read_bag, read_sources, Reason
+from lip_id_ros.settings import RecordingSettings
 
 NAMES = ('shoulder', 'elbow')
 BOTH = RecordingSettings(joints=NAMES)

@@ -22,9 +22,9 @@ from recording.bag_files import (
     write_ros1,
 )
 
-from lip_id_ros.config import RecordingSettings
 from lip_id_ros.errors import SourceError
 from lip_id_ros.recording import JointSamples, read_bag, read_sources, Reason
+from lip_id_ros.settings import RecordingSettings
 
 EVERY_KIND = ('folder.db3', 'folder.mcap', 'bare.db3', 'bare.mcap', 'ros1.bag')
 

@@ -7,36 +7,32 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 from recording.bag_files import State, write_folder, write_mcap, write_ros1
 
-from lip_id_ros.config import RecordingSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.recording import describe, JointSamples, read_bag, Reason
-
-Floats = NDArray[np.float64]
+from lip_id_ros.settings import RecordingSettings
 
 
 def states(
     stamps_ns: Iterable[int],
     names: tuple[str, ...],
-    position: Floats,
-    velocity: Floats,
-    effort: Floats,
+    position: Array,
+    velocity: Array,
+    effort: Array,
 ) -> list[State]:
     rows = zip(stamps_ns, position, velocity, effort, strict=True)
     return [State(int(stamp), q, dq, tau, names) for stamp, q, dq, tau in rows]
 
 
-def table(path: Path) -> tuple[list[str], Floats]:
+def table(path: Path) -> tuple[list[str], Array]:
     with open(path, encoding='utf-8') as file:
         header = [name.strip().lstrip('- ') for name in file.readline().split(',')]
     return header, np.genfromtxt(path, delimiter=',', skip_header=1)
 
 
-def assert_holds(
-    samples: JointSamples, position: Floats, velocity: Floats, effort: Floats
-) -> None:
+def assert_holds(samples: JointSamples, position: Array, velocity: Array, effort: Array) -> None:
     np.testing.assert_array_equal(samples.position, position)
     np.testing.assert_array_equal(samples.velocity, velocity)
     np.testing.assert_array_equal(samples.effort, effort)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.arrays import IntArray
 from lip_id_ros.recording import Reason
 from lip_id_ros.recording.timing import APART_NS, arrange, header_stamps_usable
 
@@ -16,7 +16,7 @@ EPOCH = 1_700_000_000 * 10**9
 CLEAN = EPOCH + STEP * np.arange(300)
 
 
-def with_one(stamp: int, place: int) -> NDArray[np.int64]:
+def with_one(stamp: int, place: int) -> IntArray:
     return np.insert(CLEAN, place, stamp)
 
 

@@ -9,15 +9,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.runtime.serve.calibration import Calibration
 from lip_id_ros.runtime.serve.checks import TrainingRange
 from lip_id_ros.runtime.serve.feedforward import Feedforward
 from lip_id_ros.runtime.serve.loading import Arm
 from lip_id_ros.serving import Prediction, Query
 
-Array = NDArray[np.float64]
 NAMES = ('a', 'b')
 
 

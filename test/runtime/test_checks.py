@@ -8,13 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.runtime.serve.checks import factors, std_excess, TrainingRange
 from lip_id_ros.runtime.serve.rules import Policy
 
-Array = NDArray[np.float64]
 BOX = TrainingRange(np.array([[-1.0, 0.0]] * 3), np.array([[1.0, 4.0]] * 3))
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 from runtime.arms import point
 from serving.models import random_model
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.runtime.serve.deviations import Deviated, Deviations
 from lip_id_ros.runtime.serve.health import Level, Observer
@@ -30,7 +30,7 @@ def wait_for(deviations: Deviations) -> Deviated:
     return done
 
 
-def offer(deviations: Deviations, state: NDArray[np.float64], tag: str, now: float) -> None:
+def offer(deviations: Deviations, state: Array, tag: str, now: float) -> None:
     deviations.offer(state, tag, now, 0.1)
 
 

@@ -9,12 +9,12 @@ import time
 import numpy as np
 import pytest
 
-from lip_id_ros.config import Config, flatten
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.runtime.train.job import advanced, in_words, JobState, Task
 from lip_id_ros.runtime.train.jobs import Jobs
+from lip_id_ros.settings import Config, flatten
 
 RUNNING = JobState('fit', 'running', 'start')
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lip_id_ros.config import RecordingSettings
 from lip_id_ros.recording import JointSamples, read_sources
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.runtime.train.recorder import Recorder
 from lip_id_ros.runtime.train.recording_file import hand_over, take_over
+from lip_id_ros.settings import RecordingSettings
 
 NAMES = ['a', 'b']
 

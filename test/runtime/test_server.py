@@ -7,7 +7,6 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 from runtime.arms import arm, NAMES, point
 
@@ -16,8 +15,6 @@ from lip_id_ros.runtime.references import Reason, RefusedError
 from lip_id_ros.runtime.serve.health import Level, Observer
 from lip_id_ros.runtime.serve.server import Server
 from lip_id_ros.runtime.settings import ServeSettings
-
-Array = NDArray[np.float64]
 
 POINT = point([1, 2], [3, 4], [5, 6])
 TAU = np.array([531.0, 642.0])  # of POINT

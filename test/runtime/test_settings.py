@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import pytest
 
-from lip_id_ros.config import Config, flatten, override
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.runtime.settings import (
     fit_values,
@@ -17,6 +16,7 @@ from lip_id_ros.runtime.settings import (
     train_parameters,
     TrainSettings,
 )
+from lip_id_ros.settings import Config, flatten, override
 
 
 def test_every_parameter_is_described_and_allows_its_default() -> None:

@@ -9,16 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.runtime.references import RefusedError
 from lip_id_ros.runtime.serve.rules import by_joint, make_rules
 from lip_id_ros.runtime.serve.shaping import LONGEST_STEP_S, Sent, Shaper
 from lip_id_ros.runtime.settings import ServeSettings
 
-Array = NDArray[np.float64]
 NAMES = ('a', 'b', 'c')
 LIMITS = (87.0, 12.0, 0.0)
 RATES = (100.0, 1.0, 5.0)

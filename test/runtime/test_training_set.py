@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lip_id_ros.config import Config, PreprocessingSettings, RecordingSettings
 from lip_id_ros.errors import DataError
 from lip_id_ros.progress import silent
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.runtime.train.findings import Findings
 from lip_id_ros.runtime.train.recording_file import keep
 from lip_id_ros.runtime.train.training_set import training_set
+from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
 
 RECORDING = RecordingSettings(
     effort_scale=(2.0, -1.0), effort_offset=(0.5, 0.0), gravity_compensated=True

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from gp.cases import random_hyperparameters, random_kernel, TYPES
-from kernels.cases import Array, MEMBERS, random_links, random_states
+from kernels.cases import MEMBERS, random_links, random_states
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import (
     ARTICULATED,
     EnergyKernel,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from kernels.cases import Array, MEMBERS
+from kernels.cases import MEMBERS
 from kernels.test_family import degree
 import numpy as np
 import pytest
 from serving.models import random_model
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.serving import Predictor
 
 TYPES = ('revolute',) * 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kernels.cases import ARMS, Array, MEMBERS, random_states
+from kernels.cases import ARMS, MEMBERS, random_states
 import numpy as np
 import pytest
 from serving.models import (
@@ -12,6 +12,7 @@ from serving.models import (
     random_model_without_potential,
 )
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.kernels import ARTICULATED
 from lip_id_ros.kernels.lanes import LANES

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from kernels.cases import Array, random_states
+from kernels.cases import random_states
 import numpy as np
 import pytest
 from serving.models import KERNELS, random_model, with_noise
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.plain import kinetic_covariance, potential_covariance
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving import Predictor

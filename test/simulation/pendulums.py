@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.simulation import make_dataset, MotionLimits, SinusoidTrajectory
-
-Floats = NDArray[np.float64]
 
 NAMES = ('shoulder', 'elbow', 'wrist')
 INERTIA = np.array([0.5, 0.3, 0.2])  # kg m^2
@@ -22,13 +20,13 @@ class Pendulums:
     joint_names: tuple[str, ...] = NAMES
     joint_types: tuple[str, ...] = ('revolute',) * 3
 
-    def inverse_dynamics(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         return np.asarray(INERTIA * ddq + WEIGHT * np.sin(q))
 
-    def kinetic(self, q: Floats, dq: Floats) -> Floats:
+    def kinetic(self, q: Array, dq: Array) -> Array:
         return np.asarray(dq**2 @ INERTIA / 2)
 
-    def potential(self, q: Floats) -> Floats:
+    def potential(self, q: Array) -> Array:
         return np.asarray(-np.cos(q) @ WEIGHT)
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import sys
 
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, LipIdError
 from lip_id_ros.simulation import Arm, Friction, FrictionalArm, panda, SinusoidTrajectory
 from lip_id_ros.simulation.panda import MOTION
@@ -49,7 +49,7 @@ def pendulum(tmp_path: Path) -> Arm:
     return Arm(urdf, 1)
 
 
-def motions(n_joints: int, n_samples: int = 7) -> tuple[NDArray[np.float64], ...]:
+def motions(n_joints: int, n_samples: int = 7) -> tuple[Array, ...]:
     return tuple(np.random.default_rng(n_joints).normal(size=(3, n_samples, n_joints)))
 
 
@@ -91,7 +91,7 @@ def test_power_of_the_torques_is_the_change_of_energy(n_joints: int) -> None:
     trajectory = SinusoidTrajectory.random(MOTION.first(n_joints), np.random.default_rng(5))
     t, step = np.linspace(1.0, 40.0, 25), 1e-5
 
-    def energy(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def energy(times: Array) -> Array:
         q, dq, _ = trajectory.sample(times)
         return arm.kinetic(q, dq) + arm.potential(q)
 

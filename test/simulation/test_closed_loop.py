@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.control import ComputedTorque, Feedforward, Gains, GrowingCosine, NoFeedforward
 from lip_id_ros.simulation import (
     Arm,
@@ -21,7 +21,6 @@ from lip_id_ros.simulation import (
 
 pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
 
-Array = NDArray[np.float64]
 REFERENCE = GrowingCosine(np.array([0.0, -0.8, 0.0]), 0.5, 2.0)
 GAINS = Gains(np.full(3, 400.0), np.full(3, 40.0))
 DRIVES = Drives(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 import pytest
 
 from lip_id_ros.simulation import (
@@ -17,7 +16,6 @@ from lip_id_ros.simulation import (
 
 pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
 
-Array = NDArray[np.float64]
 POSTURE = np.array([0.1, -0.8, 0.2, -2.3, 0.3, 1.5, 0.7])
 ROTORS = np.linspace(0.05, 0.2, 7)
 FREE = SmoothFriction(np.zeros(7), np.zeros(7), 0.01)

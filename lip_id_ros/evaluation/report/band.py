@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.evaluation.estimator import Uncertain
 from lip_id_ros.evaluation.outcome import deviation, Outcome
 from lip_id_ros.progress import Progress, silent
-
-Floats = NDArray[np.float64]
 
 MOST_SAMPLES = 200  # a standard deviation costs far more than a prediction
 
@@ -32,12 +30,12 @@ class Band:
 
     """
 
-    rows: NDArray[np.int64]
-    tau: Floats
-    kinetic: Floats
-    potential: Floats | None
+    rows: IntArray
+    tau: Array
+    kinetic: Array
+    potential: Array | None
 
-    def at(self, rows: NDArray[np.int64], std: Floats) -> Floats:
+    def at(self, rows: IntArray, std: Array) -> Array:
         """
         Interpolate standard deviations (B,) between the samples at which they are known.
 
@@ -53,7 +51,7 @@ class Band:
 
 
 def band(
-    estimator: Uncertain, outcome: Outcome, noise_std: Floats, progress: Progress = silent
+    estimator: Uncertain, outcome: Outcome, noise_std: Array, progress: Progress = silent
 ) -> Band:
     """
     Compute standard deviations at evenly spread samples.

@@ -7,22 +7,20 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation.evaluation import Evaluation
 from lip_id_ros.evaluation.outcome import Outcome
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.report.band import Band
 
-Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class _Curve:
     title: str
-    estimate: Floats
-    std: Floats
-    truth: Floats | None
+    estimate: Array
+    std: Array
+    truth: Array | None
     color: str
     nmse_percent: float | None
 

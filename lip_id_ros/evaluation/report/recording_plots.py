@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.tables import TORQUE_UNITS
 from lip_id_ros.health import Evidence
@@ -68,7 +69,7 @@ def coverage(evidence: Evidence) -> Figure:
     return figure
 
 
-def _curve(panel: Axes, t: style.Floats, values: style.Floats, color: str) -> None:
+def _curve(panel: Axes, t: Array, values: Array, color: str) -> None:
     if np.isnan(values).any():
         panel.text(0.5, 0.5, 'not recorded', ha='center', va='center', transform=panel.transAxes)
         panel.set_yticks([])

@@ -12,11 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.evaluation.tables import TORQUE_UNITS
-
-Floats = NDArray[np.float64]
 
 MEASURED = '#9aa5b1'
 TRUE = '#1f2933'
@@ -124,13 +122,13 @@ def remark(panel: Axes, nmse_percent: float | None) -> None:
         panel.set_title(text, loc='right', fontsize=11, fontweight='normal', color='#52606d')
 
 
-def shown_rows(n_samples: int) -> NDArray[np.int64]:
+def shown_rows(n_samples: int) -> IntArray:
     """Return numbers of evenly spaced samples, at most as many as can be told apart."""
     n_shown = min(n_samples, MOST_POINTS)
     return np.linspace(0, n_samples - 1, n_shown).round().astype(np.int64)
 
 
-def broken_at(segment: NDArray[np.int64], values: Floats) -> Floats:
+def broken_at(segment: IntArray, values: Array) -> Array:
     """Copy a curve with nan at the start of each segment, so that no line crosses a gap."""
     curve = np.array(values, dtype=np.float64)
     curve[1:][np.diff(segment) != 0] = np.nan

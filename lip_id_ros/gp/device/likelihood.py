@@ -8,16 +8,14 @@ from functools import partial
 import math
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 import torch
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.gp.device.factorisation import cholesky
 from lip_id_ros.gp.device.gram import cross_gram
 from lip_id_ros.gp.device.states import hyperparameters, TensorStates
 from lip_id_ros.kernels import Hyperparameters, JointStates, TorqueKernel
 
-Array = NDArray[np.float64]
 Tensor = Any
 
 CHUNK_BYTES = 2**30

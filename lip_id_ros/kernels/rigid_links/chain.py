@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.kernels.lanes import compiled
 from lip_id_ros.kernels.rigid_links.triples import (
     Axes,
@@ -23,8 +23,6 @@ from lip_id_ros.kernels.rigid_links.triples import (
     times,
     Triple,
 )
-
-Array = NDArray[np.float64]
 
 PARAMETERS = 11
 """
@@ -51,7 +49,7 @@ class Chain(NamedTuple):
 
     rotations: Array
     translations: Array
-    prismatic: NDArray[np.bool_]
+    prismatic: BoolArray
     gravity: Array
 
 

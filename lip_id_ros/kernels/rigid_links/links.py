@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.rigid_links.chain import Chain, PARAMETERS
 from lip_id_ros.kernels.rigid_links.regressor import (
     kinetic_regressor,
     potential_regressor,
     torque_regressor,
 )
-
-Array = NDArray[np.float64]
 
 ARTICULATED = 'articulated'
 """Name of kernels that have rigid links beside their energy kernel."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.lanes import compiled
 from lip_id_ros.kernels.rigid_links.chain import (
     carried,
@@ -21,8 +21,6 @@ from lip_id_ros.kernels.rigid_links.chain import (
 )
 from lip_id_ros.kernels.rigid_links.triples import cross, dot, NOTHING, outward, plus, Triple
 from lip_id_ros.kernels.rigid_links.wrench import row_along_joint, shifted, Wrench
-
-Array = NDArray[np.float64]
 
 
 @compiled

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.lanes import compiled
 from lip_id_ros.kernels.rigid_links.chain import (
     carried,
@@ -38,8 +38,6 @@ from lip_id_ros.kernels.rigid_links.wrench import (
     wrench,
     wrench_change,
 )
-
-Array = NDArray[np.float64]
 
 DIRECTIONS = 6
 """Of a placement: three rotations about its own axes, three shifts of its origin."""

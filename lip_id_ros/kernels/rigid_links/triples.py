@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.lanes import compiled
 
-Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 Axes = tuple[Triple, Triple, Triple]
 """The axes of a child's frame, expressed in the parent: the columns of a rotation."""

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.lanes import compiled
 from lip_id_ros.kernels.rigid_links.chain import Motion, Place
 from lip_id_ros.kernels.rigid_links.triples import (
@@ -18,8 +16,6 @@ from lip_id_ros.kernels.rigid_links.triples import (
     times,
     Triple,
 )
-
-Array = NDArray[np.float64]
 
 
 class Wrench(NamedTuple):

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.runtime.serve.rules import Policy
-
-Array = NDArray[np.float64]
 
 SMALLEST = 1e-12
 """In place of a range or a standard deviation of zero: whatever differs is beyond it."""

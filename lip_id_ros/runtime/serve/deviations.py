@@ -9,12 +9,10 @@ import threading
 from typing import Any, cast, IO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.runtime.processes import end
-
-Array = NDArray[np.float64]
 
 LONGEST_VALID_S = 1.0
 

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.runtime.references import JointOrder, Point, Reason, RefusedError, stack
-
-Array = NDArray[np.float64]
 
 
 class Parts(Protocol):

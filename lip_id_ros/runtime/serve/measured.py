@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.runtime.motion import Motion, MotionReader
 from lip_id_ros.runtime.serve.calibration import Calibration
 from lip_id_ros.runtime.serve.feedforward import Answer, Feedforward
 from lip_id_ros.runtime.serve.low_pass import LowPass
-
-Array = NDArray[np.float64]
 
 
 class Measured:

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.runtime.settings import ServeSettings
-
-Array = NDArray[np.float64]
 
 
 class Policy(StrEnum):

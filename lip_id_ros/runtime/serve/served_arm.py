@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.runtime.references import PlannedPoint, Point, times
 from lip_id_ros.runtime.serve.checks import factors, std_excess, TrainingRange
 from lip_id_ros.runtime.serve.feedforward import Answer
@@ -17,8 +17,6 @@ from lip_id_ros.runtime.serve.measured import Measured
 from lip_id_ros.runtime.serve.rules import make_rules, Policy, SafeValue
 from lip_id_ros.runtime.serve.shaping import Sent, Shaper
 from lip_id_ros.runtime.settings import ServeSettings
-
-Array = NDArray[np.float64]
 
 
 class ServedArm:

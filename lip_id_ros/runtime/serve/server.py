@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.runtime.motion import Motion
 from lip_id_ros.runtime.references import (
@@ -27,7 +27,6 @@ from lip_id_ros.runtime.serve.shaping import Sent
 from lip_id_ros.runtime.serve.watch import Watch
 from lip_id_ros.runtime.settings import ServeSettings
 
-Array = NDArray[np.float64]
 Result = TypeVar('Result')
 
 ALARMS = ('out_of_range', 'uncertain')

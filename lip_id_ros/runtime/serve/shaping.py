@@ -6,12 +6,10 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.runtime.references import Reason, RefusedError
 from lip_id_ros.runtime.serve.rules import Rules
-
-Array = NDArray[np.float64]
 
 LONGEST_STEP_S = 0.05
 """A rate limit counts no more time than this between two torques: what comes after a pause is a
@@ -123,7 +121,7 @@ class Shaper:
             self._counts['rate_limited'] += _slow_down(safe, t, self.rules.rates)
         return safe
 
-    def _scaled(self, tau: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def _scaled(self, tau: Array) -> tuple[Array, BoolArray]:
         scaled = self.rules.scale * tau
         if not np.isfinite(scaled).all():
             raise RefusedError(Reason.NOT_FINITE_TORQUE)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from lip_id_ros.config import RecordingSettings
 from lip_id_ros.evaluation.health_text import notable
 from lip_id_ros.health import evidence_of, health
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import RecordingSettings
 
 
 class Findings:

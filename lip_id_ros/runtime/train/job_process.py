@@ -12,7 +12,6 @@ import os
 import sys
 from typing import Any, TextIO
 
-from lip_id_ros.config import Config, override
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import evaluate, with_inertia_check
@@ -24,6 +23,7 @@ from lip_id_ros.runtime.train.findings import Findings
 from lip_id_ros.runtime.train.recording_file import take_over
 from lip_id_ros.runtime.train.training_set import training_set
 from lip_id_ros.serving import Predictor
+from lip_id_ros.settings import Config, override
 
 SHOWN = ('source', 'samples', 'dropped')
 """What of a source's provenance is worth a look in ~/status."""

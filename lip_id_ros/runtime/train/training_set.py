@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from lip_id_ros.config import Config
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.preprocessing import load_dataset, preprocess
@@ -13,6 +12,7 @@ from lip_id_ros.preprocessing.loading import Watch
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import Config
 
 
 @dataclass(frozen=True)

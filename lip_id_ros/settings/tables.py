@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lip_id_ros.config.settings import setting, Settings
+from lip_id_ros.settings.settings import setting, Settings
 
 
 @dataclass(frozen=True)

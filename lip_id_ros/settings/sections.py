@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 import dataclasses
 from typing import Any, TypeVar
 
-from lip_id_ros.config.settings import build, Row, rows, Settings, unknown_name
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.settings.settings import build, Row, rows, Settings, unknown_name
 
 Sections = TypeVar('Sections')
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import yaml
 
-from lip_id_ros.config.sections import override_sections, sections
-from lip_id_ros.config.settings import Row, rows
-from lip_id_ros.config.tables import Config
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.settings.sections import override_sections, sections
+from lip_id_ros.settings.settings import Row, rows
+from lip_id_ros.settings.tables import Config
 
 
 def read_config(path: str | os.PathLike[str]) -> Config:
