@@ -15,11 +15,12 @@ SOURCES = Path(__file__).resolve().parents[1] / PACKAGE
 
 # The parts in the order in which the data goes through them, and what each may import besides
 # itself and BASE.
-BASE = {'arrays', 'errors', 'files', 'progress'}
+BASE = {'arrays', 'errors', 'files', 'numba_jit', 'progress'}
 PARTS = {
     'arrays': set(),
     'errors': set(),
     'files': set(),
+    'numba_jit': set(),
     'progress': set(),
     'linear_algebra': set(),
     'settings': set(),
@@ -27,10 +28,11 @@ PARTS = {
     'recording': {'settings', 'dataset'},
     'preprocessing': {'settings', 'dataset', 'recording'},
     'health': {'settings', 'dataset', 'recording', 'preprocessing'},
-    'kernels': set(),
-    'model': {'kernels'},
-    'gp': {'settings', 'dataset', 'kernels', 'linear_algebra', 'model'},
-    'serving': {'dataset', 'kernels', 'linear_algebra', 'model'},
+    'rigid_body': set(),
+    'kernels': {'rigid_body'},
+    'model': {'kernels', 'rigid_body'},
+    'gp': {'settings', 'dataset', 'kernels', 'linear_algebra', 'model', 'rigid_body'},
+    'serving': {'dataset', 'kernels', 'linear_algebra', 'model', 'rigid_body'},
     'evaluation': {'dataset', 'health', 'model', 'serving'},
     'baselines': {'settings', 'dataset', 'gp', 'kernels', 'linear_algebra', 'model', 'serving'},
     'comparison': {'baselines', 'settings', 'dataset', 'evaluation'},
@@ -52,7 +54,7 @@ ROS = ('nodes', 'demo')
 FOREIGN = {
     'numpy': ('',),
     'scipy': ('',),
-    'numba': ('kernels', 'serving'),  # beside the loops that it compiles
+    'numba': ('numba_jit', 'kernels'),  # prange in loops over all threads
     'torch': ('kernels/plain', 'gp/device', 'baselines'),  # imported where asked for
     'threadpoolctl': ('gp/placement_search',),
     'rosbags': ('recording', 'evaluation/mcap_writer'),

@@ -15,7 +15,7 @@ from lip_id_ros.evaluation.report import Labels
 from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.evaluation.tables import error_table, notes, Table, TORQUE_UNITS
 from lip_id_ros.evaluation.terminal import show
-from lip_id_ros.model.axes import angles_between, distances_between
+from lip_id_ros.rigid_body.axes import angles_between, distances_between
 from lip_id_ros.serving import TrainedModel
 
 HONEST = (

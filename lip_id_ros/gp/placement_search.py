@@ -16,8 +16,8 @@ from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp.placements import descend, PlacementProblem
 from lip_id_ros.kernels import RigidLinks
-from lip_id_ros.kernels.rigid_links.sensitivity import DIRECTIONS
 from lip_id_ros.progress import Progress
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 STANDARD_GRAVITY = 9.80665
 LENGTH = 1.0 / 3.0

@@ -18,10 +18,11 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.kernels import RigidLinks
 from lip_id_ros.kernels.features import PRISMATIC
-from lip_id_ros.kernels.rigid_links import Chain, PARAMETERS, RigidLinks
-from lip_id_ros.kernels.rigid_links.sensitivity import DIRECTIONS, torque_sensitivity
 from lip_id_ros.linear_algebra import CholeskyFactor
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
 
 REACH = 3.0
 """Standard deviation of the prior on distances between joints [m], where residuals have one."""
@@ -109,8 +110,10 @@ class PlacementProblem:
         """Differentiate the residuals, with Kaufman's approximation of variable projection."""
         at = self.fit(vector)
         n = self.n_joints
-        parameters = at.parameters[: PARAMETERS * n].reshape(n, PARAMETERS) * self._deviations
-        slopes = torque_sensitivity(at.chain, parameters, *self._state)
+        parameters = (
+            at.parameters[: LINK_PARAMETERS * n].reshape(n, LINK_PARAMETERS) * self._deviations
+        )
+        slopes = placement_derivatives(at.chain, parameters, *self._state)
         slopes /= self._scale[:, None, None]
         rotations = vector.reshape(n, DIRECTIONS)[:, :3]
         turning = np.stack([right_jacobian(rotation) for rotation in rotations])

@@ -26,8 +26,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import Samples
-from lip_id_ros.kernels.lanes import compiled, Index, LANES
 from lip_id_ros.kernels.products import Product
+from lip_id_ros.numba_jit import Index, jit, LANES
 
 # Rows of `Terms.vectors`: what the emission multiplies with each other, joint by joint.
 P_W, D_P_W, P_W_Z, D_P_W_Z, D_BY_Z, D_BY_Q, DZ, DDZ, BY_DQ, BY_DDQ = range(10)
@@ -56,7 +56,7 @@ class Terms(NamedTuple):
     vectors: Array
 
 
-@compiled
+@jit
 def new_terms(n: int) -> Terms:
     """Allocate terms for n joints."""
     return Terms(
@@ -67,7 +67,7 @@ def new_terms(n: int) -> Terms:
     )
 
 
-@compiled
+@jit
 def prepare(
     out: Terms,
     p: Product,
@@ -100,7 +100,7 @@ def prepare(
             vectors[BY_DDQ, i, m] = 2.0 * (dq * rates[1, m] + ddq * rates[0, m])
 
 
-@compiled
+@jit
 def _slopes(
     out: Terms,
     s: Array,
@@ -133,7 +133,7 @@ def _slopes(
             g[1, k, m] = 2.0 * near
 
 
-@compiled
+@jit
 def _rates(
     out: Terms, p: Product, x: Samples, t: Index, z: Samples, u: Index, low: int, high: int
 ) -> None:
@@ -155,7 +155,7 @@ def _rates(
             rates[3, m] += dq * by_q[i, m]
 
 
-@compiled
+@jit
 def emit(
     block: Array, k: Terms, p: Product, scale: float, low: int, middle: int, high: int
 ) -> None:
@@ -178,7 +178,7 @@ def emit(
                 )
 
 
-@compiled
+@jit
 def emit_diagonal(
     block: Array, k: Terms, s: Array, scale: float, low: int, middle: int, high: int
 ) -> None:
@@ -195,7 +195,7 @@ def emit_diagonal(
             )
 
 
-@compiled
+@jit
 def emit_energy(row: Array, k: Terms, p: Product, scale: float, low: int, high: int) -> None:
     """Add scale G'_j (wP), the covariance of the kinetic energy with torque j, to row[j]."""
     w, v, rates = k.w, k.vectors, k.rates

@@ -17,11 +17,11 @@ from lip_id_ros.kernels.entries import (
     Terms,
 )
 from lip_id_ros.kernels.features import Samples
-from lip_id_ros.kernels.lanes import compiled, Index, LANES
 from lip_id_ros.kernels.products import Product
+from lip_id_ros.numba_jit import Index, jit, LANES
 
 
-@compiled
+@jit
 def emit(
     adj: Product,
     out: Terms,
@@ -66,7 +66,7 @@ def emit(
                 a[BY_DDQ, j, m] += x * v[DDZ, i, m]
 
 
-@compiled
+@jit
 def prepare(
     by_s: Array,
     adj: Product,
@@ -100,7 +100,7 @@ def prepare(
     return total
 
 
-@compiled
+@jit
 def _vectors(
     by_s: Array,
     out: Terms,
@@ -160,7 +160,7 @@ def _vectors(
     return total
 
 
-@compiled
+@jit
 def _sums(
     by_s: Array,
     out: Terms,
@@ -196,7 +196,7 @@ def _sums(
         by_s[j] += scale * total
 
 
-@compiled
+@jit
 def _rates(
     adj: Product,
     out: Terms,

@@ -18,7 +18,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ShapeError
-from lip_id_ros.kernels.lanes import LANES
+from lip_id_ros.numba_jit import LANES
 
 REVOLUTE, PRISMATIC = 'revolute', 'prismatic'
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels.features import Samples
-from lip_id_ros.kernels.lanes import compiled, compiled_parallel, Index, LANES
 from lip_id_ros.kernels.pairs import new_scratch
 from lip_id_ros.kernels.pairs_adjoint import (
     go_back_entries,
@@ -18,6 +17,7 @@ from lip_id_ros.kernels.pairs_adjoint import (
 from lip_id_ros.kernels.program import EnergyKernel
 from lip_id_ros.kernels.recipe import Recipe, recipe
 from lip_id_ros.kernels.weights import Weights
+from lip_id_ros.numba_jit import Index, jit, jit_parallel, LANES
 
 
 def contracted_gradient(
@@ -59,7 +59,7 @@ def _longest(bounds: IntArray) -> int:
     return int(np.diff(bounds).max(initial=0))
 
 
-@compiled
+@jit
 def _part(parts: Recipe, k: Index) -> Recipe:
     return Recipe(
         parts.squares,
@@ -74,7 +74,7 @@ def _part(parts: Recipe, k: Index) -> Recipe:
     )
 
 
-@compiled_parallel
+@jit_parallel
 def _all_pairs(
     parts: Recipe, contraction: Array, how: Recipe, x: Samples, n_squares: int, n_entries: int
 ) -> None:
@@ -98,7 +98,7 @@ def _all_pairs(
                 go_back_potential(grad, block, work, tapes, how, x, t, u)
 
 
-@compiled
+@jit
 def _load_contraction(block: Array, contraction: Array, t: Index, u: Index) -> None:
     # Pairs below the diagonal stand for their mirror images too; those beyond it do not count.
     n = block.shape[0]

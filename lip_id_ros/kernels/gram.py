@@ -7,11 +7,11 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import Samples
-from lip_id_ros.kernels.lanes import compiled, compiled_parallel, Index, LANES
 from lip_id_ros.kernels.pairs import kinetic_rows, new_scratch, potential_rows, torque_block
 from lip_id_ros.kernels.program import EnergyKernel
 from lip_id_ros.kernels.recipe import Recipe, recipe
 from lip_id_ros.kernels.weights import Weights
+from lip_id_ros.numba_jit import Index, jit, jit_parallel, LANES
 
 
 def gram(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:
@@ -88,7 +88,7 @@ def energy_covariance(
     return kinetic, potential
 
 
-@compiled
+@jit
 def _store(out: Array, block: Array, t: Index, u: Index, count: Index) -> None:
     n = block.shape[0]
     for i in range(n):
@@ -97,7 +97,7 @@ def _store(out: Array, block: Array, t: Index, u: Index, count: Index) -> None:
                 out[t * n + i, (u + m) * n + j] = block[i, j, m]
 
 
-@compiled_parallel
+@jit_parallel
 def _fill_lower(out: Array, how: Recipe, x: Samples) -> None:
     n, n_samples = x.dq.shape[0], x.dq.shape[1] - LANES
     # One short and one long row together, so that the threads share the triangle evenly.
@@ -112,7 +112,7 @@ def _fill_lower(out: Array, how: Recipe, x: Samples) -> None:
                 _store(out, block, t, u, min(LANES, t + 1 - u))
 
 
-@compiled_parallel
+@jit_parallel
 def _fill_cross(out: Array, how: Recipe, x: Samples, z: Samples) -> None:
     n, columns = x.dq.shape[0], z.dq.shape[1] - LANES
     for index in numba.prange(x.dq.shape[1] - LANES):
@@ -123,7 +123,7 @@ def _fill_cross(out: Array, how: Recipe, x: Samples, z: Samples) -> None:
             _store(out, block, t, u, min(LANES, columns - u))
 
 
-@compiled_parallel
+@jit_parallel
 def _fill_diagonal(out: Array, how: Recipe, x: Samples) -> None:
     n = x.dq.shape[0]
     for index in numba.prange(x.dq.shape[1] - LANES):
@@ -133,7 +133,7 @@ def _fill_diagonal(out: Array, how: Recipe, x: Samples) -> None:
         out[t] = block[:, :, 0]
 
 
-@compiled_parallel
+@jit_parallel
 def _fill_energy(kinetic: Array, potential: Array, how: Recipe, x: Samples, z: Samples) -> None:
     n, columns = x.dq.shape[0], z.dq.shape[1] - LANES
     for index in numba.prange(x.dq.shape[1] - LANES):
@@ -146,7 +146,7 @@ def _fill_energy(kinetic: Array, potential: Array, how: Recipe, x: Samples, z: S
             _store_row(potential[t], row, u, min(LANES, columns - u))
 
 
-@compiled
+@jit
 def _store_row(out: Array, row: Array, u: Index, count: Index) -> None:
     n = row.shape[0]
     for m in range(count):
@@ -154,7 +154,7 @@ def _store_row(out: Array, row: Array, u: Index, count: Index) -> None:
             out[(u + m) * n + j] = row[j, m]
 
 
-@compiled_parallel
+@jit_parallel
 def _mirror(out: Array) -> None:
     for index in numba.prange(out.shape[0]):
         i = np.int64(index)

@@ -22,7 +22,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import Samples
-from lip_id_ros.kernels.lanes import compiled, Index, LANES
+from lip_id_ros.numba_jit import Index, jit, LANES
 
 
 class Jet(NamedTuple):
@@ -70,7 +70,7 @@ class Factor(NamedTuple):
     rate: Array
 
 
-@compiled
+@jit
 def new_jet(n: int) -> Jet:
     """Allocate a jet for n joints."""
     return Jet(
@@ -84,13 +84,13 @@ def new_jet(n: int) -> Jet:
     )
 
 
-@compiled
+@jit
 def new_factor() -> Factor:
     """Allocate a factor."""
     return Factor(np.zeros((4, LANES)), np.zeros((5, LANES)))
 
 
-@compiled
+@jit
 def reset(y: Jet, low: int, high: int) -> None:
     """Set y = 0 for a y that will depend on joints low..high-1 only; the rest is never read."""
     y.s[:] = 0.0
@@ -104,7 +104,7 @@ def reset(y: Jet, low: int, high: int) -> None:
             y.gg[i, j] = 0.0
 
 
-@compiled
+@jit
 def load_factor(out: Factor, w: Array, x: Samples, t: Index, z: Samples, u: Index, b: int) -> None:
     """Evaluate the factor of joint b, of weights w, between x at t and z at u, u + 1, ..."""
     a, rate = out
@@ -127,7 +127,7 @@ def load_factor(out: Factor, w: Array, x: Samples, t: Index, z: Samples, u: Inde
         rate[2, m] = dq * rate[4, m]
 
 
-@compiled
+@jit
 def multiply(y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
     """Set y = a(q_b, q'_b) y; before, y depends on joints low..high-1, afterwards on b too."""
     _multiply_matrices(y, factor, low, high)
@@ -136,7 +136,7 @@ def multiply(y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
     _multiply_scalars(y, factor, b)
 
 
-@compiled
+@jit
 def _multiply_matrices(y: Jet, factor: Factor, low: int, high: int) -> None:
     a, rate = factor
     for i in range(low, high):
@@ -154,7 +154,7 @@ def _multiply_matrices(y: Jet, factor: Factor, low: int, high: int) -> None:
             y.pp[i, m] = a[0, m] * pp
 
 
-@compiled
+@jit
 def _couple_matrices(y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
     # Row b and column b: the operators of joint b that differentiate the factor itself.
     a, rate = factor
@@ -168,7 +168,7 @@ def _couple_matrices(y: Jet, factor: Factor, b: int, low: int, high: int) -> Non
         y.gg[b, b, m] += a[3, m] * y.s[0, m]
 
 
-@compiled
+@jit
 def _multiply_vectors(y: Jet, factor: Factor, low: int, high: int) -> None:
     a, rate = factor
     r, c = y.r, y.c
@@ -187,7 +187,7 @@ def _multiply_vectors(y: Jet, factor: Factor, low: int, high: int) -> None:
             c[3, i, m] = a[0, m] * dg + rate[0, m] * g + rate[1, m] * dp + rate[2, m] * p
 
 
-@compiled
+@jit
 def _multiply_scalars(y: Jet, factor: Factor, b: int) -> None:
     a, rate = factor
     s, r, c = y.s, y.r, y.c
@@ -203,7 +203,7 @@ def _multiply_scalars(y: Jet, factor: Factor, b: int) -> None:
         s[3, m] = a[0, m] * y3 + rate[0, m] * y2 + rate[1, m] * y1 + rate[2, m] * y0
 
 
-@compiled
+@jit
 def add_velocity(
     y: Jet, weight: float, x: Samples, t: Index, z: Samples, u: Index, b: int
 ) -> None:
@@ -223,7 +223,7 @@ def add_velocity(
         pp[b, m] += weight
 
 
-@compiled
+@jit
 def emit_square(block: Array, y: Jet, scale: float, low: int, high: int) -> None:
     """Add scale G_i G'_j (y^2) to block[i, j]."""
     s, r, c = y.s, y.r, y.c
@@ -244,7 +244,7 @@ def emit_square(block: Array, y: Jet, scale: float, low: int, high: int) -> None
             block[i, i, m] += k * s[3, m] * y.pp[i, m]
 
 
-@compiled
+@jit
 def emit_energy_square(row: Array, y: Jet, scale: float, low: int, high: int) -> None:
     """Add scale G'_j (y^2), the covariance of the kinetic energy with torque j, to row[j]."""
     s, c = y.s, y.c

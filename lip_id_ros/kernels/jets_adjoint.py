@@ -14,10 +14,10 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.jets import Factor, Jet
-from lip_id_ros.kernels.lanes import compiled, Index, LANES
+from lip_id_ros.numba_jit import Index, jit, LANES
 
 
-@compiled
+@jit
 def new_tape(length: int, n: int) -> Jet:
     """Allocate `length` jets for n joints, stacked along a new first index."""
     return Jet(
@@ -31,13 +31,13 @@ def new_tape(length: int, n: int) -> Jet:
     )
 
 
-@compiled
+@jit
 def tape_entry(tape: Jet, k: int) -> Jet:
     """View jet k of a tape."""
     return Jet(tape.s[k], tape.r[k], tape.c[k], tape.pp[k], tape.pg[k], tape.gp[k], tape.gg[k])
 
 
-@compiled
+@jit
 def copy_jet(out: Jet, y: Jet, low: int, high: int) -> None:
     """Copy the part of a jet that belongs to joints low..high-1."""
     out.s[:] = y.s
@@ -49,14 +49,14 @@ def copy_jet(out: Jet, y: Jet, low: int, high: int) -> None:
     out.gg[low:high, low:high] = y.gg[low:high, low:high]
 
 
-@compiled
+@jit
 def clear_factor(factor: Factor) -> None:
     """Set a factor's adjoint to zero."""
     factor.a[:] = 0.0
     factor.rate[:] = 0.0
 
 
-@compiled
+@jit
 def emit_square(
     adj: Jet, work: Array, w: Array, y: Jet, scale: float, low: int, high: int
 ) -> float:
@@ -108,7 +108,7 @@ def emit_square(
     return 2.0 * total
 
 
-@compiled
+@jit
 def multiply(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
     """Go back through y = a y; `y` is the jet before it, `out` gathers the factor's adjoint."""
     _scalars(adj, out, y, factor, b)
@@ -117,7 +117,7 @@ def multiply(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, low: int, hi
     _matrices(adj, out, y, factor, low, high)
 
 
-@compiled
+@jit
 def _scalars(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int) -> None:
     a, rate = factor
     s, r, c = adj.s, adj.r, adj.c
@@ -145,7 +145,7 @@ def _scalars(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int) -> None:
         s[3, m] = a[0, m] * s3
 
 
-@compiled
+@jit
 def _vectors(adj: Jet, out: Factor, y: Jet, factor: Factor, low: int, high: int) -> None:
     a, rate = factor
     r, c = adj.r, adj.c
@@ -174,7 +174,7 @@ def _vectors(adj: Jet, out: Factor, y: Jet, factor: Factor, low: int, high: int)
             c[3, i, m] = a[0, m] * c3
 
 
-@compiled
+@jit
 def _couplings(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
     a, rate = factor
     for i in range(low, high):
@@ -191,7 +191,7 @@ def _couplings(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, low: int, 
             adj.r[0, i, m] -= rate[3, m] * column_gg + a[2, m] * column_pg
 
 
-@compiled
+@jit
 def _matrices(adj: Jet, out: Factor, y: Jet, factor: Factor, low: int, high: int) -> None:
     a, rate = factor
     for i in range(low, high):
@@ -215,7 +215,7 @@ def _matrices(adj: Jet, out: Factor, y: Jet, factor: Factor, low: int, high: int
                 adj.gp[i, j, m] = a[0, m] * gp + rate[1, m] * gg
 
 
-@compiled
+@jit
 def add_velocity(adj: Jet, x: Samples, t: Index, z: Samples, u: Index, b: int) -> float:
     """Go back through y = y + weight dq_b dq'_b; return the derivative by the weight."""
     s, r, c = adj.s, adj.r, adj.c
@@ -229,7 +229,7 @@ def add_velocity(adj: Jet, x: Samples, t: Index, z: Samples, u: Index, b: int) -
     return total
 
 
-@compiled
+@jit
 def load_factor(
     grad: Array, out: Factor, x: Samples, t: Index, z: Samples, u: Index, b: int
 ) -> None:

@@ -9,10 +9,10 @@ from lip_id_ros.kernels import entries, jets, products
 from lip_id_ros.kernels.entries import Terms
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.jets import Factor, Jet
-from lip_id_ros.kernels.lanes import compiled, Index
 from lip_id_ros.kernels.products import Product
 from lip_id_ros.kernels.program import ADD, EMIT, EXTEND, MULTIPLY, RESET, SQUARE, START
 from lip_id_ros.kernels.recipe import Recipe
+from lip_id_ros.numba_jit import Index, jit
 
 
 class Scratch(NamedTuple):
@@ -38,7 +38,7 @@ class Scratch(NamedTuple):
     terms: Terms
 
 
-@compiled
+@jit
 def new_scratch(n: int) -> Scratch:
     """Allocate working memory for n joints."""
     return Scratch(
@@ -46,7 +46,7 @@ def new_scratch(n: int) -> Scratch:
     )
 
 
-@compiled
+@jit
 def run_square_step(
     work: Scratch, step: IntArray, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
@@ -61,7 +61,7 @@ def run_square_step(
         jets.add_velocity(work.y, how.velocities[k, b], x, t, z, u, b)
 
 
-@compiled
+@jit
 def run_entry_step(
     work: Scratch, step: IntArray, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
@@ -77,7 +77,7 @@ def run_entry_step(
         entries.prepare(work.terms, work.p, how.velocities[k], x, t, z, u, low, middle, high)
 
 
-@compiled
+@jit
 def run_potential_step(
     work: Scratch, b: int, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
@@ -86,7 +86,7 @@ def run_potential_step(
     products.extend(work.p, work.factor, b, 0, b)
 
 
-@compiled
+@jit
 def torque_block(
     block: Array, work: Scratch, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
@@ -110,7 +110,7 @@ def torque_block(
             products.emit(block, work.p, how.potential_scales[b], b + 1)
 
 
-@compiled
+@jit
 def kinetic_rows(
     row: Array, work: Scratch, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
@@ -128,7 +128,7 @@ def kinetic_rows(
             entries.emit_energy(row, work.terms, work.p, scale, step[3], step[5])
 
 
-@compiled
+@jit
 def potential_rows(
     row: Array, work: Scratch, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:

@@ -18,11 +18,11 @@ from lip_id_ros.kernels import (
 from lip_id_ros.kernels.entries import Terms
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.jets import Factor, Jet
-from lip_id_ros.kernels.lanes import compiled, Index, LANES
 from lip_id_ros.kernels.pairs import run_entry_step, run_potential_step, run_square_step, Scratch
 from lip_id_ros.kernels.products import Product
 from lip_id_ros.kernels.program import ADD, EMIT, EXTEND, MULTIPLY, SQUARE
 from lip_id_ros.kernels.recipe import Recipe
+from lip_id_ros.numba_jit import Index, jit, LANES
 
 
 class Tapes(NamedTuple):
@@ -52,7 +52,7 @@ class Tapes(NamedTuple):
     sums: Array
 
 
-@compiled
+@jit
 def new_tapes(n_squares: int, n_entries: int, n: int) -> Tapes:
     """Allocate working memory for runs of so many steps, and n joints."""
     return Tapes(
@@ -66,7 +66,7 @@ def new_tapes(n_squares: int, n_entries: int, n: int) -> Tapes:
     )
 
 
-@compiled
+@jit
 def go_back_squares(
     grad: Recipe,
     block: Array,
@@ -103,7 +103,7 @@ def go_back_squares(
             grad.velocities[group, b] += jets_adjoint.add_velocity(adj, x, t, x, u, b)
 
 
-@compiled
+@jit
 def go_back_entries(
     grad: Recipe,
     block: Array,
@@ -141,7 +141,7 @@ def go_back_entries(
             )  # fmt: skip
 
 
-@compiled
+@jit
 def _extension(
     grad: Array,
     work: Scratch,
@@ -165,7 +165,7 @@ def _extension(
     jets_adjoint.load_factor(grad, out, x, t, x, u, b)
 
 
-@compiled
+@jit
 def go_back_potential(
     grad: Recipe,
     block: Array,

@@ -14,7 +14,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.jets import Factor
-from lip_id_ros.kernels.lanes import compiled, LANES
+from lip_id_ros.numba_jit import jit, LANES
 
 
 class Product(NamedTuple):
@@ -37,7 +37,7 @@ class Product(NamedTuple):
     h: Array
 
 
-@compiled
+@jit
 def new_product(n: int) -> Product:
     """Allocate a product for n joints."""
     return Product(
@@ -45,7 +45,7 @@ def new_product(n: int) -> Product:
     )
 
 
-@compiled
+@jit
 def start(x: Product, high: int) -> None:
     """Set p = 1 for a p that will depend on joints 0..high-1 only; the rest is never read."""
     x.p[:] = 1.0
@@ -54,7 +54,7 @@ def start(x: Product, high: int) -> None:
     x.h[:high, :high] = 0.0
 
 
-@compiled
+@jit
 def square(factor: Factor) -> None:
     """Set a(q_b, q'_b) to its square, without the rates."""
     a = factor.a
@@ -66,7 +66,7 @@ def square(factor: Factor) -> None:
         a[3, m] = 2.0 * (a1 * a2 + a0 * a3)
 
 
-@compiled
+@jit
 def extend(x: Product, factor: Factor, b: int, low: int, high: int) -> None:
     """Set p = a(q_b, q'_b) p; before, p depends on joints low..high-1, afterwards on b too."""
     p, r, c, h = x
@@ -88,7 +88,7 @@ def extend(x: Product, factor: Factor, b: int, low: int, high: int) -> None:
         p[0, m] *= a[0, m]
 
 
-@compiled
+@jit
 def emit(block: Array, x: Product, scale: float, high: int) -> None:
     """Add scale d2p/dq_i dq'_j, the covariance of the gravity torques, to block[i, j]."""
     for i in range(high):
@@ -97,7 +97,7 @@ def emit(block: Array, x: Product, scale: float, high: int) -> None:
                 block[i, j, m] += scale * x.h[i, j, m]
 
 
-@compiled
+@jit
 def emit_energy(row: Array, x: Product, scale: float, high: int) -> None:
     """Add scale dp/dq'_j, the covariance of the potential energy with torque j, to row[j]."""
     for j in range(high):

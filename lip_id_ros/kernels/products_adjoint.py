@@ -6,11 +6,11 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.jets import Factor
-from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.products import Product
+from lip_id_ros.numba_jit import jit, LANES
 
 
-@compiled
+@jit
 def new_tape(length: int, n: int) -> Product:
     """Allocate `length` products for n joints, stacked along a new first index."""
     return Product(
@@ -21,13 +21,13 @@ def new_tape(length: int, n: int) -> Product:
     )
 
 
-@compiled
+@jit
 def tape_entry(tape: Product, k: int) -> Product:
     """View product k of a tape."""
     return Product(tape.p[k], tape.r[k], tape.c[k], tape.h[k])
 
 
-@compiled
+@jit
 def copy_product(out: Product, x: Product, high: int) -> None:
     """Copy the part of a product that belongs to joints 0..high-1."""
     out.p[:] = x.p
@@ -36,7 +36,7 @@ def copy_product(out: Product, x: Product, high: int) -> None:
     out.h[:high, :high] = x.h[:high, :high]
 
 
-@compiled
+@jit
 def clear(x: Product, high: int) -> None:
     """Set the part of an adjoint that belongs to joints 0..high-1 to zero."""
     x.p[:] = 0.0
@@ -45,7 +45,7 @@ def clear(x: Product, high: int) -> None:
     x.h[:high, :high] = 0.0
 
 
-@compiled
+@jit
 def emit(adj: Product, w: Array, x: Product, scale: float, high: int) -> float:
     """Go back through the emission contracted with w[i, j]; return the derivative by the scale."""
     total = 0.0
@@ -57,7 +57,7 @@ def emit(adj: Product, w: Array, x: Product, scale: float, high: int) -> float:
     return total
 
 
-@compiled
+@jit
 def extend(
     adj: Product, out: Factor, x: Product, factor: Factor, b: int, low: int, high: int
 ) -> None:
@@ -90,7 +90,7 @@ def extend(
         )
 
 
-@compiled
+@jit
 def square(out: Factor, factor: Factor) -> None:
     """Go back through a = a^2; `factor` is that before it."""
     a, grad = factor.a, out.a

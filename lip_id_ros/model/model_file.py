@@ -8,7 +8,6 @@ from typing import Any, TYPE_CHECKING
 
 from lip_id_ros.errors import LipIdError, ShapeError
 from lip_id_ros.kernels import (
-    Chain,
     EnergyKernel,
     Friction,
     Hyperparameters,
@@ -21,7 +20,6 @@ from lip_id_ros.kernels import (
     Weights,
 )
 from lip_id_ros.kernels.program import ENERGIES, with_potential_after
-from lip_id_ros.kernels.rigid_links import PARAMETERS
 from lip_id_ros.model.checked_file import (
     Arrays,
     contradiction,
@@ -29,6 +27,7 @@ from lip_id_ros.model.checked_file import (
     read_checked,
     write_checked,
 )
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 
 if TYPE_CHECKING:
     from lip_id_ros.model.trained_model import TrainedModel
@@ -130,7 +129,7 @@ def _links(basis: JointBasis, arrays: Arrays) -> RigidLinks:
         'links_rotations': (n, 3, 3),
         'links_translations': (n, 3),
         'links_gravity': (3,),
-        'links_deviations': (n, PARAMETERS),
+        'links_deviations': (n, LINK_PARAMETERS),
     }
     for name, shape in shapes.items():
         if arrays[name].shape != shape:

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.recipe import Recipe
-from lip_id_ros.serving.rigid_links import TRIPLES
+from lip_id_ros.numba_jit import jit, LANES
+from lip_id_ros.rigid_body.rnea import WORK_VECTORS
 
 
 class TrainingSide(NamedTuple):
@@ -56,7 +56,7 @@ class Scratch(NamedTuple):
         Of every factor: a, D'a, d'_alpha a, and their derivatives by the query's q_b.
     sums, dsums : arrays, shape (2, 3, LANES)
         Velocity sums of entries, near and far, with D' and d'_alpha, and their time derivatives.
-    links : array, shape (n, TRIPLES, 3)
+    links : array, shape (n, WORK_VECTORS, 3)
         What rigid links carry outward for the way back.
 
     """
@@ -73,7 +73,7 @@ class Scratch(NamedTuple):
     links: Array
 
 
-@compiled
+@jit
 def new_scratch(how: Recipe) -> Scratch:
     """Allocate working memory for a recipe."""
     n_steps = max(how.squares.shape[0], how.entries.shape[0], how.potential_scales.shape[0])
@@ -87,11 +87,11 @@ def new_scratch(how: Recipe) -> Scratch:
         np.zeros((n_steps, 6, LANES)),
         np.zeros((2, 3, LANES)),
         np.zeros((2, 3, LANES)),
-        np.zeros((how.potential_scales.shape[0], TRIPLES, 3)),
+        np.zeros((how.potential_scales.shape[0], WORK_VECTORS, 3)),
     )
 
 
-@compiled
+@jit
 def load_factor(
     a: Array, w: Array, f: Array, g: Array, side: TrainingSide, u: int, b: int
 ) -> None:

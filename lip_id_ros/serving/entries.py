@@ -13,14 +13,19 @@ with w_alpha the derivative of w by the velocities of training sample t, summed 
 
 from __future__ import annotations
 
-from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.kernels.lanes import compiled, LANES
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.program import EMIT, EXTEND, START
 from lip_id_ros.kernels.recipe import Recipe
+from lip_id_ros.numba_jit import jit, LANES
 from lip_id_ros.serving.contraction import load_factor, Scratch, TrainingSide
 
+Integers = NDArray[np.int64]
 
-@compiled
+
+@jit
 def energy_of_entries(
     tau: Array,
     how: Recipe,
@@ -41,11 +46,11 @@ def energy_of_entries(
     return total
 
 
-@compiled
+@jit
 def _forward(
     tau: Array,
     how: Recipe,
-    steps: IntArray,
+    steps: Integers,
     work: Scratch,
     side: TrainingSide,
     f: Array,
@@ -75,7 +80,7 @@ def _forward(
     return total
 
 
-@compiled
+@jit
 def _square(a: Array) -> None:
     for m in range(LANES):
         a0, a1, a2, a3, a4, a5 = a[0, m], a[1, m], a[2, m], a[3, m], a[4, m], a[5, m]
@@ -87,7 +92,7 @@ def _square(a: Array) -> None:
         a[5, m] = 2.0 * (a3 * a2 + a0 * a5)
 
 
-@compiled
+@jit
 def _extend(x: Array, dx: Array, a: Array, dq: float) -> None:
     for m in range(LANES):
         a0, a1, a2 = a[0, m], a[1, m], a[2, m]
@@ -102,7 +107,7 @@ def _extend(x: Array, dx: Array, a: Array, dq: float) -> None:
         dx[2, m] = a0 * da + b0 * pa + a2 * d + b2 * p
 
 
-@compiled
+@jit
 def _sum_velocities(
     work: Scratch,
     s: Array,
@@ -131,7 +136,7 @@ def _sum_velocities(
             dout[2, m] += far * alpha[m]
 
 
-@compiled
+@jit
 def _emit(by_x: Array, x: Array, sums: Array, scale: float) -> float:
     # Sets by_x to the derivatives of the emitted energy by x, and returns the energy.
     v, t = sums[0], sums[1]
@@ -144,7 +149,7 @@ def _emit(by_x: Array, x: Array, sums: Array, scale: float) -> float:
     return total
 
 
-@compiled
+@jit
 def _rates_of_slopes(sums: Array, dsums: Array, x: Array, dx: Array) -> None:
     # From the rates of v and t to those of the energy's slopes by them, in place. The slopes by v
     # have v + t where those by t have v.
@@ -163,7 +168,7 @@ def _rates_of_slopes(sums: Array, dsums: Array, x: Array, dx: Array) -> None:
             dsums[part, 2, m] = 2.0 * (e1 * p + h1 * d + e * p1 + h * d1)
 
 
-@compiled
+@jit
 def _add_momenta(
     tau: Array,
     rates: Array,
@@ -186,8 +191,8 @@ def _add_momenta(
         tau[j] += scale * s[j] * total
 
 
-@compiled
-def _backward(tau: Array, steps: IntArray, work: Scratch) -> None:
+@jit
+def _backward(tau: Array, steps: Integers, work: Scratch) -> None:
     # Adds -dT/dq.
     adj = work.adj
     adj[:] = 0.0
@@ -201,7 +206,7 @@ def _backward(tau: Array, steps: IntArray, work: Scratch) -> None:
             tau[b] -= _extend_back(adj, work.tape[k], work.a[k])
 
 
-@compiled
+@jit
 def _extend_back(adj: Array, x: Array, a: Array) -> float:
     # Returns the derivative of T by q_b; x are the numbers before the step.
     total = 0.0

@@ -8,13 +8,13 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.kernels.jointwise import Friction, Residual
-from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.recipe import Recipe, recipe
 from lip_id_ros.model import TrainedModel
+from lip_id_ros.numba_jit import jit, LANES
+from lip_id_ros.rigid_body.rnea import NO_LINKS, pack_links, rnea
 from lip_id_ros.serving.contraction import Scratch, TrainingSide
 from lip_id_ros.serving.entries import energy_of_entries
 from lip_id_ros.serving.potential import potential_energy
-from lip_id_ros.serving.rigid_links import energies_of_links, links_mean
 from lip_id_ros.serving.squares import energy_of_squares
 
 INERTIAL_AND_CORIOLIS, GRAVITY, FRICTION = 0, 1, 2
@@ -82,7 +82,7 @@ def contract(model: TrainedModel) -> Contracted:
         arm=Arm(basis.prismatic, basis.centre, basis.half_range),
         how=recipe(model.prior.kernel.energy, model.prior.hyperparameters.weights),
         side=_training_side(model),
-        links=links_mean(model),
+        links=_links(model),
         terms=_joint_terms(model),
     )
 
@@ -98,6 +98,12 @@ def _training_side(model: TrainedModel) -> TrainingSide:
     alpha[:, :n_samples] = model.alpha[:n_samples].T
     parts = (f, g * dq, g * alpha, dq, ddq, alpha)
     return TrainingSide(*(np.ascontiguousarray(part) for part in parts))
+
+
+def _links(model: TrainedModel) -> Array:
+    for links, features in zip(model.prior.kernel.links, model.states.links, strict=True):
+        return pack_links(links.chain, links.parameters(features, model.alpha))
+    return NO_LINKS
 
 
 def _joint_terms(model: TrainedModel) -> JointTerms:
@@ -132,7 +138,7 @@ def _joint_terms(model: TrainedModel) -> JointTerms:
     return terms
 
 
-@compiled
+@jit
 def _features(f: Array, g: Array, arm: Arm, q: Array) -> None:
     for b in range(len(q)):
         if arm.prismatic[b]:
@@ -147,14 +153,14 @@ def _features(f: Array, g: Array, arm: Arm, q: Array) -> None:
             g[1, b] = f[0, b]
 
 
-@compiled
+@jit
 def _friction(tau: Array, terms: JointTerms, dq: Array) -> None:
     c = terms.coefficients
     for i in range(len(dq)):
         tau[i] += c[i, 0] * dq[i] + c[i, 1] * np.tanh(dq[i] / terms.sign_width[i]) + c[i, 2]
 
 
-@compiled
+@jit
 def _residual(
     tau: Array, terms: JointTerms, side: TrainingSide, f: Array, dq: Array, ddq: Array
 ) -> None:
@@ -174,7 +180,7 @@ def _residual(
             tau[i] += terms.weights[i, t] * np.exp(-exponent)
 
 
-@compiled
+@jit
 def evaluate_one(
     parts: Array,
     energies: Array,
@@ -212,16 +218,14 @@ def evaluate_one(
     energies[0] = energy_of_squares(parts[0], how, work, side, f, g, dq, ddq)
     energies[0] += energy_of_entries(parts[0], how, work, side, f, g, dq, ddq)
     energies[1] = potential_energy(parts[1], how, work, side, f, g)
-    kinetic, potential = energies_of_links(
-        parts[0], parts[1], links, arm.prismatic, work.links, q, dq, ddq
-    )
+    kinetic, potential = rnea(parts[0], parts[1], links, arm.prismatic, work.links, q, dq, ddq)
     energies[0] += kinetic
     energies[1] += potential
     _friction(parts[2], terms, dq)
     _residual(parts[2], terms, side, f, dq, ddq)
 
 
-@compiled
+@jit
 def evaluate_many(
     parts: Array,
     energies: Array,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels.lanes import compiled, LANES
 from lip_id_ros.kernels.recipe import Recipe
+from lip_id_ros.numba_jit import jit, LANES
 from lip_id_ros.serving.contraction import load_factor, Scratch, TrainingSide
 
 
-@compiled
+@jit
 def potential_energy(
     tau: Array, how: Recipe, work: Scratch, side: TrainingSide, f: Array, g: Array
 ) -> float:
@@ -22,7 +22,7 @@ def potential_energy(
     return total
 
 
-@compiled
+@jit
 def _potential_forward(
     how: Recipe, work: Scratch, side: TrainingSide, f: Array, g: Array, u: int
 ) -> float:
@@ -42,7 +42,7 @@ def _potential_forward(
     return total
 
 
-@compiled
+@jit
 def _potential_backward(tau: Array, how: Recipe, work: Scratch) -> None:
     adj = work.adj
     adj[0] = 0.0

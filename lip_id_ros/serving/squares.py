@@ -15,14 +15,19 @@ back (reverse differentiation of T by dq and q).
 
 from __future__ import annotations
 
-from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.kernels.lanes import compiled, LANES
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.program import ADD, MULTIPLY, RESET, SQUARE
 from lip_id_ros.kernels.recipe import Recipe
+from lip_id_ros.numba_jit import jit, LANES
 from lip_id_ros.serving.contraction import load_factor, Scratch, TrainingSide
 
+Integers = NDArray[np.int64]
 
-@compiled
+
+@jit
 def _multiply(x: Array, dx: Array, a: Array, dq: float) -> None:
     for m in range(LANES):
         a0, a1, a2 = a[0, m], a[1, m], a[2, m]
@@ -39,7 +44,7 @@ def _multiply(x: Array, dx: Array, a: Array, dq: float) -> None:
         dx[3, m] = a0 * dg + a1 * da - a2 * d + b0 * yg + b1 * ya - b2 * y
 
 
-@compiled
+@jit
 def _multiply_back(adj: Array, dadj: Array, x: Array, a: Array, dq: float) -> float:
     # Returns the derivative of T by q_b; x is the state before the step.
     total = 0.0
@@ -63,7 +68,7 @@ def _multiply_back(adj: Array, dadj: Array, x: Array, a: Array, dq: float) -> fl
     return total
 
 
-@compiled
+@jit
 def _add(
     x: Array,
     dx: Array,
@@ -86,7 +91,7 @@ def _add(
         dx[2, m] += dv * alpha[m]
 
 
-@compiled
+@jit
 def _add_back(dadj: Array, weight: float, side: TrainingSide, u: int, b: int) -> float:
     # Returns the time derivative of the momentum, d/dt dT/d(dq_b).
     dz, ddz = side.dq[b, u : u + LANES], side.ddq[b, u : u + LANES]
@@ -97,7 +102,7 @@ def _add_back(dadj: Array, weight: float, side: TrainingSide, u: int, b: int) ->
     return weight * total
 
 
-@compiled
+@jit
 def _square(x: Array, scale: float) -> float:
     total = 0.0
     for m in range(LANES):
@@ -105,7 +110,7 @@ def _square(x: Array, scale: float) -> float:
     return 2.0 * scale * total
 
 
-@compiled
+@jit
 def _square_back(adj: Array, dadj: Array, x: Array, dx: Array, scale: float) -> None:
     k = 2.0 * scale
     for m in range(LANES):
@@ -119,7 +124,7 @@ def _square_back(adj: Array, dadj: Array, x: Array, dx: Array, scale: float) -> 
         dadj[3, m] += k * dx[0, m]
 
 
-@compiled
+@jit
 def energy_of_squares(
     tau: Array,
     how: Recipe,
@@ -140,10 +145,10 @@ def energy_of_squares(
     return total
 
 
-@compiled
+@jit
 def _forward(
     how: Recipe,
-    steps: IntArray,
+    steps: Integers,
     work: Scratch,
     side: TrainingSide,
     f: Array,
@@ -172,11 +177,11 @@ def _forward(
     return total
 
 
-@compiled
+@jit
 def _backward(
     tau: Array,
     how: Recipe,
-    steps: IntArray,
+    steps: Integers,
     work: Scratch,
     side: TrainingSide,
     dq: Array,

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels import Chain, RigidLinks
-from lip_id_ros.kernels.rigid_links import PARAMETERS
+from lip_id_ros.kernels import RigidLinks
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 
 R, P = 'revolute', 'prismatic'
 UPPER = np.triu_indices(3)
@@ -76,5 +76,5 @@ def random_body(rng: np.random.Generator) -> Array:
     second = points @ points.T + mass * np.outer(centre, centre)
     inertia = np.trace(second) * np.eye(3) - second
     body = np.array([mass, *(mass * centre), *inertia[UPPER], 0.1 * rng.random()])
-    assert body.shape == (PARAMETERS,)
+    assert body.shape == (LINK_PARAMETERS,)
     return body

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels import Chain, EnergyKernel, FAMILY, JointBasis, RigidLinks, Weights
-from lip_id_ros.kernels.rigid_links import PARAMETERS
+from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, RigidLinks, Weights
 from lip_id_ros.kernels.weights import shapes
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 
 R, P = 'revolute', 'prismatic'
 ARMS = ((R,), (P,), (R, R), (P, R), (R, P, R), (R, R, P, R))
@@ -41,4 +41,4 @@ def random_links(types: tuple[str, ...], rng: np.random.Generator) -> RigidLinks
         prismatic=np.array([kind == P for kind in types]),
         gravity=rng.normal(size=3),
     )
-    return RigidLinks(chain, np.exp(0.4 * rng.normal(size=(n, PARAMETERS)) - 0.7))
+    return RigidLinks(chain, np.exp(0.4 * rng.normal(size=(n, LINK_PARAMETERS)) - 0.7))

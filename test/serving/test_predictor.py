@@ -15,8 +15,8 @@ from serving.models import (
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.kernels import ARTICULATED
-from lip_id_ros.kernels.lanes import LANES
 from lip_id_ros.model import TrainedModel
+from lip_id_ros.numba_jit import LANES
 from lip_id_ros.serving import Predictor
 from lip_id_ros.serving.evaluator import evaluate_many, evaluate_one
 

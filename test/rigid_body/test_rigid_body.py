@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lip_id_ros.kernels import Chain, RigidLinks
-from lip_id_ros.kernels.rigid_links import PARAMETERS
-from lip_id_ros.kernels.rigid_links.sensitivity import torque_sensitivity
-from lip_id_ros.model.axes import angles_between, distances_between
+from lip_id_ros.kernels import RigidLinks
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.axes import angles_between, distances_between
+from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
 
 pinocchio = pytest.importorskip('pinocchio')
 
@@ -40,12 +40,12 @@ def columns(regressor: np.ndarray, n: int) -> np.ndarray:
 def test_torques_and_energies_are_those_of_pinocchio(arm: str) -> None:
     rng = np.random.default_rng(len(arm))
     chain = random_chain(arm, rng)
-    links = RigidLinks(chain, np.ones((len(arm), PARAMETERS)))
+    links = RigidLinks(chain, np.ones((len(arm), LINK_PARAMETERS)))
     model, data = oracle(chain)
     q, dq, ddq = rng.standard_normal((3, 5, len(arm)))
-    torque = links.torque(q, dq, ddq).reshape(5, len(arm), len(arm), PARAMETERS)
-    kinetic = links.kinetic(q, dq).reshape(5, len(arm), PARAMETERS)
-    potential = links.potential(q).reshape(5, len(arm), PARAMETERS)
+    torque = links.torque(q, dq, ddq).reshape(5, len(arm), len(arm), LINK_PARAMETERS)
+    kinetic = links.kinetic(q, dq).reshape(5, len(arm), LINK_PARAMETERS)
+    potential = links.potential(q).reshape(5, len(arm), LINK_PARAMETERS)
     for t in range(5):
         expected = pinocchio.computeJointTorqueRegressor(model, data, q[t], dq[t], ddq[t])
         np.testing.assert_allclose(
@@ -69,9 +69,9 @@ def test_sensitivity_of_torques_to_placements(arm: str) -> None:
     rng = np.random.default_rng(10 + len(arm))
     n = len(arm)
     chain = random_chain(arm, rng)
-    parameters = rng.standard_normal((n, PARAMETERS))
+    parameters = rng.standard_normal((n, LINK_PARAMETERS))
     state = rng.standard_normal((3, 4, n))
-    found = torque_sensitivity(chain, parameters, *state)
+    found = placement_derivatives(chain, parameters, *state)
     step = 1e-6
 
     def torques(i: int, direction: int, by: float) -> np.ndarray:

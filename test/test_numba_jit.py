@@ -9,21 +9,21 @@ import sys
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 
 INNER = """
-from lip_id_ros.kernels.lanes import compiled
+from lip_id_ros.numba_jit import jit
 
-@compiled
+@jit
 def inner(x: float) -> float:
     return {factor} * x
 """
 
 OUTER = """
 from inner import inner
-from lip_id_ros.kernels.lanes import compiled
+from lip_id_ros.numba_jit import jit
 
-@compiled
+@jit
 def outer(x: float) -> float:
     return inner(x)
 

@@ -1,11 +1,11 @@
-"""What the placements of joints say that can be looked up: how neighbouring axes lie."""
+"""Angles and distances between neighbouring joint axes, as a data sheet gives them."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels import Chain
+from lip_id_ros.rigid_body.chain import Chain
 
 PARALLEL = np.sin(np.radians(3.0))
 """

@@ -1,7 +1,7 @@
 """
-How the fused loops are compiled, and how wide they are.
+Compilation by numba: options, cache on disk, and the number of SIMD lanes.
 
-Every loop works on `LANES` pairs of samples at once: the innermost index of each scratch array is
+Kernel loops work on `LANES` pairs of samples at once: the innermost index of each scratch array is
 the pair, so that the compiler turns each line of a formula into vector instructions whatever the
 number of joints.
 
@@ -30,13 +30,13 @@ FAST_MATH = {'contract', 'reassoc', 'arcp', 'nsz'}
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 
-def compiled(function: Function) -> Function:
+def jit(function: Function) -> Function:
     """Compile a function of scalars and arrays to be called from other compiled functions."""
     wrap = numba.njit(fastmath=FAST_MATH, error_model='numpy', nogil=True)
     return _cached(function, wrap(function))
 
 
-def compiled_parallel(function: Function) -> Function:
+def jit_parallel(function: Function) -> Function:
     """Compile a function whose `numba.prange` loops run on all threads."""
     wrap = numba.njit(fastmath=FAST_MATH, error_model='numpy', nogil=True, parallel=True)
     return _cached(function, wrap(function))
@@ -44,10 +44,10 @@ def compiled_parallel(function: Function) -> Function:
 
 class _Cache(FunctionCache):
     """
-    Machine code on disk that is made anew when any source that it may contain has changed.
+    Machine code on disk that is discarded when any source that it may contain has changed.
 
-    What `numba.njit(cache=True)` keeps follows the outermost function's own file only, so that a
-    formula changed in another module would go on being computed as before (numba issue 1833).
+    The cache of `numba.njit(cache=True)` depends on the file of the outermost function only, so
+    that a change in another module would have no effect (numba issue 1833).
 
     """
 
@@ -59,9 +59,12 @@ class _Cache(FunctionCache):
 
 @cache
 def _digest(folder: Path) -> str:
+    """Return a digest of all modules below a folder that compile functions."""
     digest = hashlib.sha256()
-    for source in sorted(folder.rglob('*.py')):
-        digest.update(source.read_bytes())
+    for path in sorted(folder.rglob('*.py')):
+        source = path.read_bytes()
+        if b'numba_jit' in source:
+            digest.update(source)
     return digest.hexdigest()
 
 

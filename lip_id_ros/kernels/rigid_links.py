@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels.rigid_links.chain import Chain, PARAMETERS
-from lip_id_ros.kernels.rigid_links.regressor import (
+from lip_id_ros.rigid_body.chain import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
     potential_regressor,
     torque_regressor,
@@ -71,4 +71,4 @@ class RigidLinks:
 
         """
         weights = alpha.ravel() @ features
-        return self.deviations * weights.reshape(-1, PARAMETERS)
+        return self.deviations * weights.reshape(-1, LINK_PARAMETERS)

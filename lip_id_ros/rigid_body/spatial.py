@@ -1,0 +1,181 @@
+"""
+Spatial algebra: transforms, motions, inertias and wrenches of links.
+
+Everything is expressed in the frame of a link; `propagate_motion` and `transform_wrench` take it
+to the next link towards the tip and towards the base (docs/maths.md, section 10; Featherstone,
+Rigid Body Dynamics Algorithms, 2008).
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.numba_jit import jit
+from lip_id_ros.rigid_body.vec3 import (
+    add,
+    cross,
+    dot,
+    load,
+    Mat3,
+    scale,
+    store,
+    to_child,
+    to_parent,
+    Vec3,
+)
+
+
+class Transform(NamedTuple):
+    """
+    Pose of a link's frame in the frame of its parent.
+
+    Attributes
+    ----------
+    rotation : three vectors
+        The columns of R: the link's axes, expressed in the parent.
+    translation : vector
+        The link's origin, expressed in the parent [m].
+
+    """
+
+    rotation: Mat3
+    translation: Vec3
+
+
+class SpatialMotion(NamedTuple):
+    """
+    Motion of a link in its own frame, or a derivative of that.
+
+    Attributes
+    ----------
+    angular_velocity, angular_acceleration : vectors
+    linear_acceleration : vector
+        Classical acceleration of the frame's origin, minus gravity.
+
+    """
+
+    angular_velocity: Vec3
+    angular_acceleration: Vec3
+    linear_acceleration: Vec3
+
+
+class Wrench(NamedTuple):
+    """
+    A torque about the origin of a link's frame and a force, or a derivative of them.
+
+    Attributes
+    ----------
+    torque, force : vectors
+
+    """
+
+    torque: Vec3
+    force: Vec3
+
+
+class SpatialInertia(NamedTuple):
+    """
+    Inertia of a rigid body in the frame of its link.
+
+    Attributes
+    ----------
+    mass : float
+    first_moment : vector
+        Mass times centre of mass.
+    inertia : three vectors
+        Inertia tensor about the origin of the frame.
+
+    """
+
+    mass: float
+    first_moment: Vec3
+    inertia: Mat3
+
+
+@jit
+def store_transform(array: Array, i: int, x: Transform) -> None:
+    """Store a transform in the first four vectors of row i of an array (n, m, 3)."""
+    store(array, i, 0, x.rotation[0])
+    store(array, i, 1, x.rotation[1])
+    store(array, i, 2, x.rotation[2])
+    store(array, i, 3, x.translation)
+
+
+@jit
+def load_transform(array: Array, i: int) -> Transform:
+    """Return the transform that `store_transform` stored."""
+    rotation = load(array, i, 0), load(array, i, 1), load(array, i, 2)
+    return Transform(rotation, load(array, i, 3))
+
+
+@jit
+def propagate_motion(motion: SpatialMotion, x: Transform) -> SpatialMotion:
+    """Return the motion of a frame fixed to a link at a transform from it, in that frame."""
+    w, a, d = motion
+    centripetal = cross(w, cross(w, x.translation))
+    return SpatialMotion(
+        to_child(x.rotation, w),
+        to_child(x.rotation, a),
+        to_child(x.rotation, add(add(d, cross(a, x.translation)), centripetal)),
+    )
+
+
+@jit
+def propagate_velocity(v: Vec3, w: Vec3, x: Transform) -> Vec3:
+    """Return the linear velocity of a frame fixed to a link with velocity v that turns with w."""
+    return to_child(x.rotation, add(v, cross(w, x.translation)))
+
+
+@jit
+def inertia_times(body: SpatialInertia, a: Vec3) -> Vec3:
+    """Return the product of the inertia tensor with a vector."""
+    return dot(body.inertia[0], a), dot(body.inertia[1], a), dot(body.inertia[2], a)
+
+
+@jit
+def newton_euler(body: SpatialInertia, motion: SpatialMotion) -> Wrench:
+    """
+    Return the wrench that gives a body its motion (equations of Newton and Euler).
+
+    With angular velocity w, its rate a, linear acceleration d, first moment h and inertia I: force
+    m d + a x h + w x (w x h), torque I a + w x I w + h x d.
+
+    """
+    w, a, d = motion
+    h = body.first_moment
+    gyroscopic = cross(w, inertia_times(body, w))
+    return Wrench(
+        add(add(inertia_times(body, a), gyroscopic), cross(h, d)),
+        add(add(scale(body.mass, d), cross(a, h)), cross(w, cross(w, h))),
+    )
+
+
+@jit
+def newton_euler_derivative(
+    body: SpatialInertia, motion: SpatialMotion, change: SpatialMotion
+) -> Wrench:
+    """Return the derivative of `newton_euler` along a change of the motion."""
+    w, (dw, da, dd) = motion.angular_velocity, change
+    h = body.first_moment
+    gyroscopic = add(cross(dw, inertia_times(body, w)), cross(w, inertia_times(body, dw)))
+    centripetal = add(cross(dw, cross(w, h)), cross(w, cross(dw, h)))
+    return Wrench(
+        add(add(inertia_times(body, da), gyroscopic), cross(h, dd)),
+        add(add(scale(body.mass, dd), cross(da, h)), centripetal),
+    )
+
+
+@jit
+def add_wrenches(a: Wrench, b: Wrench) -> Wrench:
+    """Return the sum of two wrenches about one point."""
+    return Wrench(add(a.torque, b.torque), add(a.force, b.force))
+
+
+@jit
+def transform_wrench(wrench: Wrench, x: Transform) -> Wrench:
+    """Return a link's wrench in the frame of its parent, in which the link is at x."""
+    force = to_parent(x.rotation, wrench.force)
+    torque = add(to_parent(x.rotation, wrench.torque), cross(x.translation, force))
+    return Wrench(torque, force)
