@@ -29,6 +29,8 @@ PARTS = {
     'preprocessing': {'settings', 'dataset', 'recording'},
     'health': {'settings', 'dataset', 'recording', 'preprocessing'},
     'rigid_body': set(),
+    'friction': set(),
+    'identification': {'dataset', 'friction', 'linear_algebra', 'rigid_body', 'settings'},
     'kernels': {'rigid_body'},
     'model': {'kernels', 'rigid_body'},
     'gp': {'settings', 'dataset', 'kernels', 'linear_algebra', 'model', 'rigid_body'},

@@ -1,0 +1,1 @@
+"""Identification of chain, link and friction parameters from recordings."""

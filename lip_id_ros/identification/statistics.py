@@ -1,0 +1,356 @@
+"""
+Square-root statistics of torques that are linear in parameters (docs/maths.md, section 11).
+
+The torque of joint i is f_i(x)^T theta plus noise. All that least squares needs of any number of
+samples is, per joint, the triangular factor R_i of their rows [f_i, tau_i]. Factors are updated by
+orthogonal transformations (Golub and Van Loan, Matrix Computations, 4th ed., 5.3 and 6.5.2), never
+by normal equations, which would square the condition number. One factor per joint keeps the noise
+of every joint, and the choice of columns, open until the parameters are solved for.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import lapack, solve_triangular
+
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.errors import ShapeError
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueStatistics:
+    """
+    Triangular factors of the rows [features, torque] of every joint.
+
+    Attributes
+    ----------
+    columns : tuple of n int arrays, shapes (p_i,)
+        Parameter of each column of joint i; joints may share parameters.
+    factors : tuple of n arrays, shapes (p_i + 1, p_i + 1)
+        Upper triangular R_i with R_i^T R_i = [F_i, tau_i]^T W_i [F_i, tau_i]; the diagonal is not
+        negative.
+    weights : array, shape (n,)
+        Sum of the weights of the samples: their number, where none has another weight than 1.
+
+    """
+
+    columns: tuple[IndexArray, ...]
+    factors: tuple[Array, ...]
+    weights: Array
+
+    @classmethod
+    def empty(cls, columns: Sequence[IndexArray]) -> TorqueStatistics:
+        """Return the statistics of no samples."""
+        columns = tuple(np.asarray(column, dtype=np.intp) for column in columns)
+        factors = tuple(np.zeros((c.size + 1, c.size + 1)) for c in columns)
+        return cls(columns, factors, np.zeros(len(columns)))
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of parameters that the columns refer to."""
+        return 1 + max((int(column.max()) for column in self.columns if column.size), default=-1)
+
+    def update(
+        self, features: Sequence[Array], tau: Array, weights: Array | None = None
+    ) -> TorqueStatistics:
+        """
+        Return the statistics with further samples; costs memory for these samples only.
+
+        Parameters
+        ----------
+        features : sequence of n arrays, shapes (N, p_i)
+            Rows f_i of every joint.
+        tau : array, shape (N, n)
+            [N m or N].
+        weights : array, shape (N, n), optional
+            Not negative; 1 where not given.
+
+        Raises
+        ------
+        ShapeError
+            If the shapes do not fit the columns.
+
+        """
+        shapes = [each.shape for each in features]
+        expected = [(len(tau), column.size) for column in self.columns]
+        if shapes != expected or tau.shape != (len(tau), len(self.columns)):
+            raise ShapeError(
+                f'features of shapes {expected} and as many torques were expected, but '
+                f'{shapes} and {tau.shape} came; give one array per joint.'
+            )
+        if weights is None:
+            weights = np.ones_like(tau)
+        factors = []
+        for i, factor in enumerate(self.factors):
+            rows = np.column_stack([features[i], tau[:, i]])
+            factors.append(triangular(factor, rows * np.sqrt(weights[:, i : i + 1])))
+        return TorqueStatistics(self.columns, tuple(factors), self.weights + weights.sum(axis=0))
+
+    def merge(self, *others: TorqueStatistics) -> TorqueStatistics:
+        """
+        Return the statistics of all samples together; the order does not matter.
+
+        Raises
+        ------
+        ShapeError
+            If the columns differ.
+
+        """
+        every = (self, *others)
+        for other in others:
+            if len(other.columns) != len(self.columns) or not all(
+                np.array_equal(a, b) for a, b in zip(self.columns, other.columns, strict=True)
+            ):
+                raise ShapeError(
+                    'statistics of the same parameters were expected, but the columns differ; '
+                    'gather both with the same chain and friction terms.'
+                )
+        factors = tuple(
+            triangular(*(each.factors[i] for each in every)) for i in range(len(self.columns))
+        )
+        return TorqueStatistics(
+            self.columns, factors, np.sum([each.weights for each in every], axis=0)
+        )
+
+    def squared_residuals(self, parameters: Array) -> Array:
+        """
+        Weighted sums of squared residuals per joint.
+
+        Parameters
+        ----------
+        parameters : array, shape (..., P)
+
+        Returns
+        -------
+        array, shape (..., n)
+            [(N m)^2 or N^2].
+
+        """
+        sums = []
+        for column, factor in zip(self.columns, self.factors, strict=True):
+            residual = parameters[..., column] @ factor[:, :-1].T - factor[:, -1]
+            sums.append(np.sum(residual**2, axis=-1))
+        return np.stack(sums, axis=-1)
+
+    def system(self, noise_std: Array, selected: IndexArray | None = None) -> Array:
+        """
+        Triangular factor of all joints' rows in units of the noise.
+
+        Parameters
+        ----------
+        noise_std : array, shape (n,)
+            Standard deviation of every joint's noise [N m or N].
+        selected : int array, shape (s,), optional
+            Parameters, in the order of the factor's columns; all where not given.
+
+        Returns
+        -------
+        array, shape (s + 1, s + 1)
+            Upper triangular; the last column belongs to the torques.
+
+        """
+        if selected is None:
+            selected = np.arange(self.n_parameters)
+        place = np.full(self.n_parameters, -1)
+        place[selected] = np.arange(selected.size)
+        blocks = []
+        for column, factor, std in zip(self.columns, self.factors, noise_std, strict=True):
+            kept = np.flatnonzero(place[column] >= 0)
+            block = np.zeros((len(factor), selected.size + 1))
+            block[:, place[column[kept]]] = factor[:, kept] / std
+            block[:, -1] = factor[:, -1] / std
+            blocks.append(block)
+        return triangular(*blocks)
+
+    def to_arrays(self) -> dict[str, Array | IndexArray]:
+        """Return named arrays, to be saved; `from_arrays` reads them."""
+        arrays: dict[str, Array | IndexArray] = {'weights': self.weights}
+        for i, (column, factor) in enumerate(zip(self.columns, self.factors, strict=True)):
+            arrays[f'columns_{i}'], arrays[f'factor_{i}'] = column, factor
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Array | IndexArray]) -> TorqueStatistics:
+        """
+        Return the statistics that `to_arrays` gave.
+
+        Raises
+        ------
+        ShapeError
+            If an array is missing or the shapes contradict each other.
+
+        """
+        try:
+            weights = np.asarray(arrays['weights'], dtype=np.float64)
+            joints = range(weights.size)
+            columns = tuple(np.asarray(arrays[f'columns_{i}'], dtype=np.intp) for i in joints)
+            factors = tuple(np.asarray(arrays[f'factor_{i}'], dtype=np.float64) for i in joints)
+        except KeyError as error:
+            raise ShapeError(
+                f'statistics with an array {error} were expected, but it is missing; '
+                'gather them again.'
+            ) from error
+        if any(
+            factor.shape != (column.size + 1,) * 2
+            for column, factor in zip(columns, factors, strict=True)
+        ):
+            raise ShapeError(
+                'a square factor per joint with one row more than columns was expected, but the '
+                'shapes differ; gather the statistics again.'
+            )
+        return cls(columns, factors, weights)
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianPosterior:
+    """
+    Posterior of the parameters of a linear model with Gaussian prior and noise.
+
+    Attributes
+    ----------
+    mean : array, shape (P,)
+    information_root : array, shape (P, P)
+        Upper triangular; its transpose times itself is the information matrix.
+
+    """
+
+    mean: Array
+    information_root: Array
+
+    def variance(self, features: Array) -> Array:
+        """Return variances of linear functions of the parameters, features (N, P), shape (N,)."""
+        half = solve_triangular(self.information_root, features.T, trans='T', check_finite=False)
+        return np.asarray(np.sum(half**2, axis=0))
+
+
+def posterior(
+    statistics: TorqueStatistics,
+    noise_std: Array,
+    prior_std: Array,
+    selected: IndexArray | None = None,
+) -> GaussianPosterior:
+    """
+    Solve for the parameters.
+
+    Parameters
+    ----------
+    statistics : TorqueStatistics
+    noise_std : array, shape (n,)
+        Standard deviations of the noise [N m or N].
+    prior_std : array, shape (P,)
+        Standard deviations of the parameters around zero.
+    selected : int array, shape (s,), optional
+        Parameters of the model; all others are zero. `prior_std` then has shape (s,).
+
+    """
+    system = statistics.system(noise_std, selected)
+    prior = np.column_stack([np.diag(1.0 / prior_std), np.zeros(prior_std.size)])
+    root = triangular(system, prior)
+    mean = solve_triangular(root[:-1, :-1], root[:-1, -1], check_finite=False)
+    return GaussianPosterior(mean, root[:-1, :-1])
+
+
+def triangular(*blocks: Array) -> Array:
+    """
+    Triangular factor R of stacked rows A, R^T R = A^T A.
+
+    Parameters
+    ----------
+    *blocks : arrays, shapes (m_k, p)
+
+    Returns
+    -------
+    array, shape (p, p)
+        Upper triangular with a diagonal that is not negative.
+
+    """
+    rows = np.concatenate(blocks)
+    size = rows.shape[1]
+    if len(rows) < size:
+        rows = np.concatenate([rows, np.zeros((size - len(rows), size))])
+    packed, *_ = lapack.dgeqrf(np.asfortranarray(rows), overwrite_a=1)
+    factor = np.triu(packed[:size])
+    return np.ascontiguousarray(factor * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)[:, None])
+
+
+def leave_one_out(blocks: Sequence[TorqueStatistics]) -> list[TorqueStatistics]:
+    """
+    For each block, the statistics of all others.
+
+    Parameters
+    ----------
+    blocks : sequence of K statistics, K at least 2
+        Of parts of the samples, as of contiguous stretches of time.
+
+    Returns
+    -------
+    list of K statistics
+
+    """
+    others: list[TorqueStatistics] = []
+    for k in range(len(blocks)):
+        first, *rest = [*blocks[:k], *blocks[k + 1 :]]
+        others.append(first.merge(*rest))
+    return others
+
+
+def contiguous_blocks(n_samples: int, count: int) -> IndexArray:
+    """Return the block of every sample, (N,): `count` stretches of time of nearly equal size."""
+    return np.arange(n_samples) * min(count, n_samples) // max(n_samples, 1)
+
+
+def huber_weights(residuals: Array, noise_std: Array, threshold: float = 2.5) -> Array:
+    """
+    Weights of an iteratively reweighted fit (Huber 1964).
+
+    Parameters
+    ----------
+    residuals : array, shape (N, n)
+        [N m or N].
+    noise_std : array, shape (n,)
+        A robust scale of each column, as 1.4826 times the median of absolute values.
+    threshold : float
+        Residuals up to so many standard deviations have weight 1.
+
+    Returns
+    -------
+    array, shape (N, n)
+        Between 0 and 1.
+
+    """
+    ratio = np.abs(residuals) / noise_std
+    return np.asarray(threshold / np.maximum(ratio, threshold))
+
+
+def leverage_weights(features: Sequence[Array], threshold: float = 20.0) -> Array:
+    """
+    Weights that all but leave out samples with absurd features (Mallows 1975).
+
+    Residuals do not show such samples, which pull the fit towards themselves: beyond the
+    threshold the influence of a row decays with the square of its size.
+
+    Parameters
+    ----------
+    features : sequence of n arrays, shapes (N, p_i)
+    threshold : float
+        In medians of the largest of the features, each in units of its own median size.
+
+    Returns
+    -------
+    array, shape (N, n)
+        Between 0 and 1.
+
+    """
+    weights = []
+    for rows in features:
+        size = np.abs(rows)
+        median = np.median(size, axis=0)
+        used = median > 0.0
+        largest = np.max(size[:, used] / median[used], axis=1, initial=0.0)
+        bound = threshold * max(float(np.median(largest)), 1e-300)
+        weights.append((bound / np.maximum(largest, bound)) ** 4)
+    return np.column_stack(weights)

@@ -1,0 +1,202 @@
+"""Statistics in square-root form, against least squares on all samples at once."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from random import Random
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ShapeError
+from lip_id_ros.identification.statistics import (
+    contiguous_blocks,
+    huber_weights,
+    leave_one_out,
+    leverage_weights,
+    posterior,
+    TorqueStatistics,
+)
+
+COLUMNS = (np.arange(6), np.array([2, 3, 4, 5, 6]), np.array([4, 5, 6, 7, 8]))
+"""Of three joints, which share some of nine parameters."""
+
+PRIOR = np.linspace(0.5, 3.0, 9)
+NOISE = np.array([0.1, 0.5, 2.0])
+
+
+def samples(n_samples: int, seed: int = 0) -> tuple[list[Array], Array]:
+    rng = np.random.default_rng(seed)
+    features = [rng.standard_normal((n_samples, column.size)) for column in COLUMNS]
+    theta = rng.standard_normal(9)
+    clean = [rows @ theta[column] for rows, column in zip(features, COLUMNS, strict=True)]
+    return features, np.column_stack(clean) + NOISE * rng.standard_normal((n_samples, 3))
+
+
+def part(features: list[Array], tau: Array, rows: slice) -> TorqueStatistics:
+    empty = TorqueStatistics.empty(COLUMNS)
+    return empty.update([each[rows] for each in features], tau[rows])
+
+
+def dense(features: list[Array], tau: Array, weights: Array) -> Array:
+    """Solve the regularised least squares on all samples by an SVD."""
+    rows, right = [np.diag(1.0 / PRIOR)], [np.zeros(9)]
+    for i, column in enumerate(COLUMNS):
+        block = np.zeros((len(tau), 9))
+        block[:, column] = features[i]
+        root = np.sqrt(weights[:, i]) / NOISE[i]
+        rows.append(block * root[:, None])
+        right.append(tau[:, i] * root)
+    return np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
+
+
+def test_parameters_are_those_of_all_samples_at_once() -> None:
+    features, tau = samples(400)
+    weights = np.random.default_rng(1).uniform(0.1, 1.0, tau.shape)
+    statistics = TorqueStatistics.empty(COLUMNS).update(features, tau, weights)
+    got = posterior(statistics, NOISE, PRIOR)
+    np.testing.assert_allclose(got.mean, dense(features, tau, weights), rtol=1e-11)
+    np.testing.assert_allclose(statistics.weights, weights.sum(axis=0))
+
+
+@given(
+    cuts=st.lists(st.integers(0, 300), max_size=6),
+    order=st.randoms(use_true_random=False),
+    seed=st.integers(0, 100),
+)
+def test_split_and_order_of_samples_do_not_matter(
+    cuts: list[int], order: Random, seed: int
+) -> None:
+    features, tau = samples(300, seed)
+    edges = [0, *sorted(cuts), 300]
+    parts = [part(features, tau, slice(a, b)) for a, b in pairwise(edges)]
+    order.shuffle(parts)
+    whole = part(features, tau, slice(None))
+    joined = parts[0].merge(*parts[1:])
+    one, other = (posterior(each, NOISE, PRIOR).mean for each in (whole, joined))
+    np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9)
+    for i in range(len(COLUMNS)):
+        np.testing.assert_allclose(joined.factors[i], whole.factors[i], atol=1e-9)
+
+
+def test_better_than_normal_equations() -> None:
+    """Features of condition 1e9: the square of that is beyond float64, the factor is not."""
+    rng = np.random.default_rng(0)
+    base = rng.standard_normal((500, 2))
+    rows = np.column_stack([base[:, 0], base[:, 0] + 1e-9 * base[:, 1]])
+    theta = np.array([2.0, -1.0])
+    statistics = TorqueStatistics.empty([np.arange(2)]).update([rows], (rows @ theta)[:, None])
+    weak = np.full(2, 1e13)
+    got = posterior(statistics, np.array([1.0]), weak).mean
+    np.testing.assert_allclose(got, theta, rtol=1e-5)
+
+
+def test_squared_residuals() -> None:
+    features, tau = samples(50)
+    theta = np.random.default_rng(2).standard_normal((3, 9))
+    got = part(features, tau, slice(None)).squared_residuals(theta)
+    for k, each in enumerate(theta):
+        for i, column in enumerate(COLUMNS):
+            expected = np.sum((tau[:, i] - features[i] @ each[column]) ** 2)
+            assert got[k, i] == pytest.approx(expected, rel=1e-10)
+
+
+def test_chosen_parameters_alone() -> None:
+    """As if the other columns had never been gathered, in the order that is asked for."""
+    features, tau = samples(200)
+    chosen = np.array([7, 0, 2, 5])
+    got = posterior(part(features, tau, slice(None)), NOISE, PRIOR[chosen], chosen).mean
+    kept = [np.isin(column, chosen) for column in COLUMNS]
+    few = [rows[:, keep] for rows, keep in zip(features, kept, strict=True)]
+    columns = [column[keep] for column, keep in zip(COLUMNS, kept, strict=True)]
+    statistics = TorqueStatistics.empty(columns).update(few, tau)
+    assert statistics.n_parameters == 8
+    prior = np.full(8, 1e-9)
+    prior[chosen] = PRIOR[chosen]
+    expected = posterior(statistics, NOISE, prior).mean[chosen]
+    np.testing.assert_allclose(got, expected, rtol=1e-9)
+
+
+def test_leaving_a_block_out() -> None:
+    features, tau = samples(120)
+    block = contiguous_blocks(120, 4)
+    blocks = [
+        TorqueStatistics.empty(COLUMNS).update([f[block == k] for f in features], tau[block == k])
+        for k in range(4)
+    ]
+    for k, others in enumerate(leave_one_out(blocks)):
+        rest = block != k
+        expected = dense([f[rest] for f in features], tau[rest], np.ones((90, 3)))
+        np.testing.assert_allclose(posterior(others, NOISE, PRIOR).mean, expected, rtol=1e-9)
+
+
+def test_variance_of_a_prediction() -> None:
+    features, tau = samples(30)
+    got = posterior(part(features, tau, slice(None)), NOISE, PRIOR)
+    covariance = np.linalg.inv(got.information_root.T @ got.information_root)
+    rows = np.random.default_rng(3).standard_normal((5, 9))
+    np.testing.assert_allclose(got.variance(rows), np.diagonal(rows @ covariance @ rows.T))
+
+
+def test_saved_and_gone_on_with() -> None:
+    features, tau = samples(60)
+    first = part(features, tau, slice(0, 40))
+    again = TorqueStatistics.from_arrays(first.to_arrays())
+    both = again.update([f[40:] for f in features], tau[40:])
+    expected = posterior(part(features, tau, slice(None)), NOISE, PRIOR).mean
+    np.testing.assert_allclose(posterior(both, NOISE, PRIOR).mean, expected, rtol=1e-10)
+
+
+def test_blocks_are_contiguous_and_alike_in_size() -> None:
+    block = contiguous_blocks(103, 6)
+    assert np.all(np.diff(block) >= 0)
+    assert np.ptp(np.bincount(block, minlength=6)) <= 1
+    assert contiguous_blocks(3, 6).tolist() == [0, 1, 2]
+    assert contiguous_blocks(0, 6).size == 0
+
+
+def test_torques_with_spikes_hardly_matter() -> None:
+    features, tau = samples(1000)
+    rng = np.random.default_rng(5)
+    spoilt = np.where(rng.random(tau.shape) < 0.02, tau + 100.0, tau)
+    parameters = [posterior(part(features, tau, slice(None)), NOISE, PRIOR).mean]
+    weights = np.ones_like(tau)
+    for _ in range(5):
+        fit = TorqueStatistics.empty(COLUMNS).update(features, spoilt, weights)
+        mean = posterior(fit, NOISE, PRIOR).mean
+        parameters.append(mean)
+        residuals = spoilt - np.column_stack(
+            [f @ mean[column] for f, column in zip(features, COLUMNS, strict=True)]
+        )
+        weights = huber_weights(residuals, 1.4826 * np.median(np.abs(residuals), axis=0))
+    clean, plain, robust = parameters[0], parameters[1], parameters[-1]
+    assert np.abs(robust - clean).max() < 0.1 * np.abs(plain - clean).max()
+
+
+def test_absurd_features_have_little_leverage() -> None:
+    features, tau = samples(400)
+    bad = np.arange(0, 400, 200)
+    for rows in features:
+        rows[bad] *= 1e5
+    weights = leverage_weights(features)
+    others = np.delete(np.arange(400), bad)
+    np.testing.assert_array_equal(weights[others], 1.0)
+    clean = dense([f[others] for f in features], tau[others], np.ones((398, 3)))
+    statistics = TorqueStatistics.empty(COLUMNS).update(features, tau, weights)
+    assert np.abs(posterior(statistics, NOISE, PRIOR).mean - clean).max() < 0.05
+
+
+def test_shapes_that_do_not_fit() -> None:
+    features, tau = samples(5)
+    with pytest.raises(ShapeError, match='one array per joint'):
+        TorqueStatistics.empty(COLUMNS).update(features[:2], tau)
+    with pytest.raises(ShapeError, match='the columns differ'):
+        TorqueStatistics.empty(COLUMNS).merge(TorqueStatistics.empty(COLUMNS[:2]))
+    arrays = TorqueStatistics.empty(COLUMNS).to_arrays()
+    with pytest.raises(ShapeError, match='factor_1'):
+        TorqueStatistics.from_arrays({k: v for k, v in arrays.items() if k != 'factor_1'})
+    with pytest.raises(ShapeError, match='square factor'):
+        TorqueStatistics.from_arrays({**arrays, 'factor_1': np.zeros((2, 2))})
