@@ -20,7 +20,8 @@ from rich.table import Table
 from benchmarks._panda import run_pair
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.gp import fit
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
 
 Call = Callable[[Array, Array, Array], object]
 STATES = 1000

@@ -38,8 +38,8 @@ PARTS = {
     'evaluation': {'dataset', 'health', 'model', 'serving'},
     'baselines': {'settings', 'dataset', 'gp', 'kernels', 'linear_algebra', 'model', 'serving'},
     'comparison': {'baselines', 'settings', 'dataset', 'evaluation'},
-    'control': {'serving'},
-    'monitoring': {'serving'},
+    'control': {'model', 'serving'},
+    'monitoring': {'model', 'serving'},
     'simulation': {'control', 'dataset', 'evaluation'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.

@@ -24,7 +24,8 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli import output, show
     from lip_id_ros.cli.progress_display import progress_display
     from lip_id_ros.evaluation.speed import measure
-    from lip_id_ros.serving import Predictor, TrainedModel
+    from lip_id_ros.model import TrainedModel
+    from lip_id_ros.serving import Predictor
 
     output.require_folder(args.json)
     model = TrainedModel.load(args.model)

@@ -20,9 +20,10 @@ from lip_id_ros.evaluation.prediction_file import estimates, Values
 from lip_id_ros.evaluation.report import band, write_report
 from lip_id_ros.evaluation.training_data import same_recording, warnings
 from lip_id_ros.gp import fit
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.model.checked_file import COMPARED, schema_of
 from lip_id_ros.progress import Progress
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import FitSettings
 
 

@@ -15,8 +15,8 @@ from lip_id_ros.evaluation.report import Labels
 from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.evaluation.tables import error_table, notes, Table, TORQUE_UNITS
 from lip_id_ros.evaluation.terminal import show
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.rigid_body.axes import angles_between, distances_between
-from lip_id_ros.serving import TrainedModel
 
 HONEST = (
     'How good the model is shows on data that it has not seen: fit with --holdout, or evaluate it '

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.serving import Query
+from lip_id_ros.model import Query
 
 
 class Feedforward(Protocol):

@@ -27,9 +27,10 @@ from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.evaluation.tables import error_table, notes
 from lip_id_ros.evaluation.terminal import show
 from lip_id_ros.gp import fit
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.preprocessing import for_training, load_dataset
 from lip_id_ros.progress import Progress
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import Config, FitSettings
 from lip_id_ros.simulation import (
     Arm,

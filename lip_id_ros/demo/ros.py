@@ -26,9 +26,10 @@ from lip_id_ros.demo.processes import launched
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import Evaluation, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording.raw_bag import RawBag
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.serving import Predictor
 from lip_id_ros.simulation import panda
 
 MODEL = 'model.npz'

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from lip_id_ros.evaluation.metrics import not_positive_definite_percent
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
 
 
 def with_inertia_check(model: TrainedModel) -> TrainedModel:

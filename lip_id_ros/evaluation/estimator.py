@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.serving import Deviation, Prediction, Query
+from lip_id_ros.model import Prediction, Query, StandardDeviation
 
 
 class Estimator(Protocol):
@@ -21,7 +21,7 @@ class Estimator(Protocol):
 class Uncertain(Protocol):
     """Knows how sure it is."""
 
-    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> Deviation:
+    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> StandardDeviation:
         """Return standard deviations of torques and energies at N samples."""
 
 

@@ -12,8 +12,8 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.estimator import Described, Estimator, Uncertain
+from lip_id_ros.model import Prediction, StandardDeviation
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.serving import Deviation, Prediction
 
 BLOCK = 500
 UNCERTAIN_BLOCK = 50  # standard deviations need far more memory per sample
@@ -98,7 +98,9 @@ def run(estimator: Estimator, dataset: Dataset, progress: Progress = silent) -> 
     return Outcome(dataset, _joined(predictions), np.concatenate(eigenvalues))
 
 
-def deviation(estimator: Uncertain, dataset: Dataset, progress: Progress = silent) -> Deviation:
+def deviation(
+    estimator: Uncertain, dataset: Dataset, progress: Progress = silent
+) -> StandardDeviation:
     """
     Compute the standard deviations of torques and energies at every sample.
 
@@ -113,7 +115,7 @@ def deviation(estimator: Uncertain, dataset: Dataset, progress: Progress = silen
 
     Returns
     -------
-    Deviation
+    StandardDeviation
 
     """
     blocks = []
@@ -124,7 +126,7 @@ def deviation(estimator: Uncertain, dataset: Dataset, progress: Progress = silen
         )
         done = min(begin + UNCERTAIN_BLOCK, dataset.n_samples)
         progress('standard deviation', done, dataset.n_samples)
-    return Deviation(**_columns(blocks, ('tau', 'kinetic', 'potential')))
+    return StandardDeviation(**_columns(blocks, ('tau', 'kinetic', 'potential')))
 
 
 def _joined(blocks: list[Prediction]) -> Prediction:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.serving import TrainedModel
+from lip_id_ros.model import TrainedModel
 
 SAME_RECORDING = ('topic', 'start_s', 'samples')
 

@@ -19,8 +19,8 @@ from typing import Protocol
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.model import Prediction
 from lip_id_ros.monitoring.observer import Observer
-from lip_id_ros.serving import Prediction
 
 GAIN = 50.0
 """Of an observer [1/s]: 63 % of a sudden contact after 20 ms."""

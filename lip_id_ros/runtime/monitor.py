@@ -10,6 +10,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.monitoring import (
     ContactMonitor,
     EnergyBalance,
@@ -24,7 +25,7 @@ from lip_id_ros.runtime.references import Reason, RefusedError
 from lip_id_ros.runtime.serve.calibration import calibration
 from lip_id_ros.runtime.serve.loading import require_joints
 from lip_id_ros.runtime.serve.rules import by_joint
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.serving import Predictor
 
 LONGEST_GAP_S = 0.2
 NEARLY = 0.95

@@ -1,7 +1,5 @@
 """From a trained model to torques, energies and their uncertainty."""
 
-from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving.predictor import Prediction, Predictor, Query
-from lip_id_ros.serving.uncertainty import Deviation
+from lip_id_ros.serving.predictor import Predictor
 
-__all__ = ['Deviation', 'Prediction', 'Predictor', 'Query', 'TrainedModel']
+__all__ = ['Predictor']

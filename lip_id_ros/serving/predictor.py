@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import Prediction, Query, StandardDeviation, TrainedModel
 from lip_id_ros.serving.contraction import new_scratch
 from lip_id_ros.serving.evaluator import (
     contract,
@@ -20,56 +19,7 @@ from lip_id_ros.serving.evaluator import (
     GRAVITY,
     INERTIAL_AND_CORIOLIS,
 )
-from lip_id_ros.serving.uncertainty import Deviation, Uncertainty
-
-
-@dataclass(frozen=True)
-class Query:
-    """
-    Posterior mean at one joint state.
-
-    Attributes
-    ----------
-    tau : array, shape (n,)
-        [N m or N].
-    kinetic : float
-        [J].
-    potential : float
-        Relative to the reference positions [J]; not a number where it cannot be told.
-    gravity : array, shape (n,)
-        The part of tau that is gravity [N m or N].
-
-    """
-
-    tau: Array
-    kinetic: float
-    potential: float
-    gravity: Array
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """
-    Posterior mean at N joint states; tau = inertial + coriolis + gravity + friction.
-
-    Attributes
-    ----------
-    tau, inertial, coriolis, gravity, friction : arrays, shape (N, n)
-        [N m or N]. Friction holds everything that is not Lagrangian, the residual included.
-    kinetic : array, shape (N,)
-        [J].
-    potential : array, shape (N,), or None
-        Relative to the reference positions [J]; None where it cannot be told.
-
-    """
-
-    tau: Array
-    inertial: Array
-    coriolis: Array
-    gravity: Array
-    friction: Array
-    kinetic: Array
-    potential: Array | None
+from lip_id_ros.serving.uncertainty import Uncertainty
 
 
 class Predictor:
@@ -98,9 +48,29 @@ class Predictor:
         self._potential_offset = self._reference_potential()
 
     @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints from base to tip."""
+        return self.model.joint_names
+
+    @property
+    def joint_types(self) -> tuple[str, ...]:
+        """'revolute' or 'prismatic', per joint."""
+        return self.model.joint_types
+
+    @property
     def n_joints(self) -> int:
         """Number of joints n."""
         return self.model.n_joints
+
+    @property
+    def has_potential(self) -> bool:
+        """Whether the model predicts potential energy."""
+        return self.model.has_potential
+
+    @property
+    def noise_std(self) -> Array:
+        """Standard deviation of the measured torques' noise, shape (n,) [N m or N]."""
+        return self.model.noise_std
 
     @cached_property
     def training_range(self) -> tuple[Array, Array]:
@@ -130,13 +100,17 @@ class Predictor:
             parts[GRAVITY].copy(),
         )
 
-    def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Prediction:
+    def predict(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, return_std: bool = False
+    ) -> Prediction:
         """
         Evaluate N joint states.
 
         Parameters
         ----------
         q, dq, ddq : array-likes, shape (N, n)
+        return_std : bool
+            Whether to compute standard deviations; the first time factorises the Gram matrix.
 
         Raises
         ------
@@ -156,6 +130,7 @@ class Predictor:
             friction=parts[:, FRICTION],
             kinetic=energies[:, 0],
             potential=potential if self.model.has_potential else None,
+            std=self._uncertainty.standard_deviation(*x) if return_std else None,
         )
 
     def inertia_matrix(self, q: ArrayLike) -> Array:
@@ -184,7 +159,7 @@ class Predictor:
         matrix = np.stack(columns, axis=-1)
         return 0.5 * (matrix + matrix.transpose(0, 2, 1))
 
-    def standard_deviation(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Deviation:
+    def standard_deviation(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> StandardDeviation:
         """
         Posterior standard deviations at N joint states; the first call factorises the Gram matrix.
 

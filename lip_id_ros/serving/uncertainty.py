@@ -2,39 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import JointStates
 from lip_id_ros.linear_algebra import CholeskyFactor
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import StandardDeviation, TrainedModel
 
 BLOCK = 64
 """Queries per block: bounds the memory of the covariances with the training samples."""
-
-
-@dataclass(frozen=True)
-class Deviation:
-    """
-    Posterior standard deviations of noiseless torques and of the energies.
-
-    Attributes
-    ----------
-    tau : array, shape (N, n)
-        [N m or N].
-    kinetic : array, shape (N,)
-        [J].
-    potential : array, shape (N,), or None
-        Of the potential energy relative to the reference positions [J]; None where it cannot be
-        told.
-
-    """
-
-    tau: Array
-    kinetic: Array
-    potential: Array | None
 
 
 class Uncertainty:
@@ -53,7 +29,7 @@ class Uncertainty:
         if model.has_potential:
             self._reference = model.potential_reference[None]
 
-    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> Deviation:
+    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> StandardDeviation:
         """
         Evaluate at joint states, each of shape (N, n).
 
@@ -69,7 +45,7 @@ class Uncertainty:
             x = self._prior.kernel.states(q[rows], dq[rows], ddq[rows])
             tau[rows], kinetic[rows], potential[rows] = self._variances(x)
         has_potential = self._model.has_potential
-        return Deviation(
+        return StandardDeviation(
             np.sqrt(tau), np.sqrt(kinetic), np.sqrt(potential) if has_potential else None
         )
 

@@ -10,10 +10,11 @@ import numpy as np
 from lip_id_ros.control import ComputedTorque, Feedforward, GrowingCosine, LearnedFeedforward
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import FrictionalArm, NominalFeedforward, placed, track, Tracking
 from lip_id_ros.tracking.setup import Setup

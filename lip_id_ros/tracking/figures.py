@@ -12,7 +12,8 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.metrics import nmse_percent, nmse_percent_without_offset
 from lip_id_ros.evaluation.tables import Table
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
 from lip_id_ros.simulation import Tracking
 from lip_id_ros.tracking.experiment import INFORMED, LEARNED, NOMINAL, Trial
 

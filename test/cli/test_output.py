@@ -16,7 +16,7 @@ from lip_id_ros.cli.main import one_line
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation.cautions import of_fit
 from lip_id_ros.evaluation.health_text import notable
-from lip_id_ros.serving import TrainedModel
+from lip_id_ros.model import TrainedModel
 
 Capture = pytest.CaptureFixture[str]
 

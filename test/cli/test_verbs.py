@@ -19,7 +19,8 @@ from lip_id_ros.baselines import MODELS
 from lip_id_ros.cli import arguments, main
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.files import read_npz
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
 from lip_id_ros.simulation import write_bag
 
 Capture = pytest.CaptureFixture[str]

@@ -13,7 +13,7 @@ from lip_id_ros.control import (
     LearnedFeedforward,
     NoFeedforward,
 )
-from lip_id_ros.serving import Query
+from lip_id_ros.model import Query
 
 GAINS = Gains(np.array([100.0, 50.0]), np.array([10.0, 5.0]))
 CENTRE = np.array([0.3, -1.0])

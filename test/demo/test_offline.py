@@ -10,7 +10,7 @@ import pytest
 from lip_id_ros.demo import offline
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import Evaluation
-from lip_id_ros.serving import TrainedModel
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.settings import Config, FitSettings, PreprocessingSettings
 
 Capture = pytest.CaptureFixture[str]

@@ -25,9 +25,9 @@ from lip_id_ros.demo.plan import make_plan, N_POINTS, require_efforts
 from lip_id_ros.demo.robot import joint_state, motion, reference, RobotSettings
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import score
+from lip_id_ros.model import Prediction
 from lip_id_ros.nodes import messages
 from lip_id_ros.recording.raw_bag import RawBag
-from lip_id_ros.serving import Prediction
 
 pytestmark = pytest.mark.ros
 pytest.importorskip('pinocchio', reason='the simulated Panda needs pinocchio')
@@ -44,7 +44,7 @@ class Silent:
 
     def predict(self, q: Any, dq: Any, ddq: Any) -> Prediction:
         zero, still = np.zeros_like(q), np.zeros(len(q))
-        return Prediction(zero, zero, zero, zero, zero, still, still)
+        return Prediction(zero, still, still, zero, zero, zero, zero)
 
     def inertia_matrix(self, q: Any) -> Any:
         return np.tile(np.eye(q.shape[1]), (len(q), 1, 1))

@@ -6,7 +6,7 @@ import numpy as np
 from simulation.pendulums import INERTIA, Pendulums, WEIGHT
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.serving import Deviation, Prediction
+from lip_id_ros.model import Prediction, StandardDeviation
 
 
 class Knowing:
@@ -49,10 +49,10 @@ class Knowing:
     def inertia_matrix(self, q: Array) -> Array:
         return np.tile(np.diag(self.inertia), (len(q), 1, 1))
 
-    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> Deviation:
+    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> StandardDeviation:
         self.calls.append(len(q))
         energy = 0.1 * np.ones(len(q))
-        return Deviation(
+        return StandardDeviation(
             tau=0.3 * np.ones_like(q),
             kinetic=energy,
             potential=None if self.offset is None else energy,

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from lip_id_ros.evaluation import evaluate, with_inertia_check
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

@@ -10,7 +10,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation import speed
-from lip_id_ros.serving import Deviation, Prediction, Query
+from lip_id_ros.model import Prediction, Query, StandardDeviation
 
 
 class Sleeper(Knowing):
@@ -32,7 +32,7 @@ class Sleeper(Knowing):
         time.sleep(0.02)
         return super().predict(q, dq, ddq)
 
-    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> Deviation:
+    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> StandardDeviation:
         self.factorised, wait = True, 0.005 if self.factorised else 0.105
         time.sleep(wait)
         return super().standard_deviation(q, dq, ddq)

@@ -17,9 +17,10 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording import read_bag, read_sources
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import RecordingSettings
 
 if TYPE_CHECKING:

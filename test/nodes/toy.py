@@ -7,7 +7,8 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import FitSettings
 
 JOINTS = ('shoulder', 'elbow')

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.model import Prediction, Query
 from lip_id_ros.runtime.serve.calibration import Calibration
 from lip_id_ros.runtime.serve.checks import TrainingRange
 from lip_id_ros.runtime.serve.feedforward import Feedforward
 from lip_id_ros.runtime.serve.loading import Arm
-from lip_id_ros.serving import Prediction, Query
 
 NAMES = ('a', 'b')
 
@@ -33,7 +33,7 @@ class Sum:
     def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
         gravity, coriolis, inertial = self.factor * np.stack([q, 10 * dq, 100 * ddq])
         tau = gravity + coriolis + inertial
-        return Prediction(tau, inertial, coriolis, gravity, 0 * tau, (dq * dq).sum(axis=1), None)
+        return Prediction(tau, (dq * dq).sum(axis=1), None, inertial, coriolis, gravity, 0 * tau)
 
 
 def arm(factor: float = 1.0, names: Sequence[str] = NAMES, reach: float = 1e6) -> Arm:

@@ -9,9 +9,9 @@ from serving.models import KERNELS, random_model, with_noise
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.plain import kinetic_covariance, potential_covariance
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import StandardDeviation, TrainedModel
 from lip_id_ros.serving import Predictor
-from lip_id_ros.serving.uncertainty import BLOCK, Deviation
+from lip_id_ros.serving.uncertainty import BLOCK
 
 States = tuple[Array, Array, Array]
 
@@ -49,7 +49,7 @@ def prior_energies(model: TrainedModel, x: States) -> tuple[Array, Array]:
     return variances
 
 
-def textbook(model: TrainedModel, x: States) -> Deviation:
+def textbook(model: TrainedModel, x: States) -> StandardDeviation:
     """Return the prior variance less what the data explain, under a square root."""
     prior = model.prior
     states = prior.kernel.states(*x)
@@ -60,7 +60,7 @@ def textbook(model: TrainedModel, x: States) -> Deviation:
     _, reference = prior.energy_covariance(rest, model.states)
     tau = np.diagonal(prior.cross_gram(states, states)) - explained(model, cross)
     prior_kinetic, prior_potential = prior_energies(model, x)
-    return Deviation(
+    return StandardDeviation(
         np.sqrt(tau).reshape(x[0].shape),
         np.sqrt(prior_kinetic - explained(model, kinetic)),
         np.sqrt(prior_potential - explained(model, potential - reference)),

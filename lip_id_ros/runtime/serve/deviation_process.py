@@ -14,7 +14,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
 
 
 def main(path: str, queries: BinaryIO, answers: BinaryIO) -> int:

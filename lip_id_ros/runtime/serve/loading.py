@@ -9,13 +9,14 @@ import os
 import numpy as np
 
 from lip_id_ros.errors import ModelError
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.runtime.serve.calibration import Calibration, calibration
 from lip_id_ros.runtime.serve.checks import TrainingRange
 from lip_id_ros.runtime.serve.deviations import Deviations
 from lip_id_ros.runtime.serve.feedforward import Feedforward
 from lip_id_ros.runtime.serve.rules import make_rules, require_consistent
 from lip_id_ros.runtime.settings import ServeSettings
-from lip_id_ros.serving import Predictor, TrainedModel
+from lip_id_ros.serving import Predictor
 
 
 @dataclass(frozen=True, eq=False)

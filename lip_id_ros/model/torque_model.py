@@ -1,0 +1,145 @@
+"""What every model of inverse dynamics answers: ours, and those that it is compared with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from lip_id_ros.arrays import Array
+
+
+@dataclass(frozen=True)
+class StandardDeviation:
+    """
+    Posterior standard deviations of noiseless torques and of the energies.
+
+    Attributes
+    ----------
+    tau : array, shape (N, n)
+        [N m or N].
+    kinetic : array, shape (N,)
+        [J].
+    potential : array, shape (N,), or None
+        Of the potential energy relative to the reference positions [J]; None where the model has
+        no potential energy.
+
+    """
+
+    tau: Array
+    kinetic: Array
+    potential: Array | None
+
+
+@dataclass(frozen=True)
+class TorquePrediction:
+    """
+    Torques at N joint states, and energies where the model has them.
+
+    Attributes
+    ----------
+    tau : array, shape (N, n)
+        [N m or N].
+    kinetic, potential : array, shape (N,), or None
+        [J], the potential energy up to a constant; None where the model has none.
+
+    """
+
+    tau: Array
+    kinetic: Array | None
+    potential: Array | None
+
+
+@dataclass(frozen=True)
+class Prediction(TorquePrediction):
+    """
+    Posterior mean at N joint states; tau = inertial + coriolis + gravity + friction.
+
+    Attributes
+    ----------
+    inertial, coriolis, gravity, friction : arrays, shape (N, n)
+        [N m or N]. Friction holds everything that is not Lagrangian, the residual included.
+    kinetic : array, shape (N,)
+        [J].
+    potential : array, shape (N,), or None
+        Relative to the reference positions [J]; None where the model has none.
+    std : StandardDeviation or None
+        Only where it was asked for.
+
+    """
+
+    kinetic: Array
+    potential: Array | None
+    inertial: Array
+    coriolis: Array
+    gravity: Array
+    friction: Array
+    std: StandardDeviation | None = None
+
+
+@dataclass(frozen=True)
+class Query:
+    """
+    Posterior mean at one joint state.
+
+    Attributes
+    ----------
+    tau : array, shape (n,)
+        [N m or N].
+    kinetic : float
+        [J].
+    potential : float
+        Relative to the reference positions [J]; nan where the model has no potential energy.
+    gravity : array, shape (n,)
+        The gravity torques, a part of tau [N m or N].
+
+    """
+
+    tau: Array
+    kinetic: float
+    potential: float
+    gravity: Array
+
+
+class TorqueModel(Protocol):
+    """Predicts the torques of an arm; q, dq and ddq have shape (N, n)."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints from base to tip."""
+
+    @property
+    def joint_types(self) -> tuple[str, ...]:
+        """'revolute' or 'prismatic', per joint."""
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints n."""
+
+    @property
+    def has_potential(self) -> bool:
+        """Whether the model predicts potential energy."""
+
+    def predict(self, q: Array, dq: Array, ddq: Array) -> TorquePrediction:
+        """Torques [N m or N], and energies [J] where the model has them, at N joint states."""
+
+
+@runtime_checkable
+class DynamicsModel(TorqueModel, Protocol):
+    """A torque model that also predicts the parts of the torque, M(q) and its own uncertainty."""
+
+    @property
+    def noise_std(self) -> Array:
+        """Standard deviation of the measured torques' noise, shape (n,) [N m or N]."""
+
+    @property
+    def training_range(self) -> tuple[Array, Array]:
+        """Lowest and highest q, dq and ddq of the training data, each of shape (3, n)."""
+
+    def predict(self, q: Array, dq: Array, ddq: Array, *, return_std: bool = False) -> Prediction:
+        """Torques with their parts, energies, and standard deviations where asked for."""
+
+    def query(self, q: Array, dq: Array, ddq: Array) -> Query:
+        """Torques and energies at one joint state, arrays of shape (n,), without checks."""
+
+    def inertia_matrix(self, q: Array) -> Array:
+        """Inertia matrices, shape (N, n, n) [kg m^2, kg m or kg]."""
