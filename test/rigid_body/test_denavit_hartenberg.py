@@ -1,0 +1,79 @@
+"""Frames by the convention of Denavit and Hartenberg: another description of the same arm."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rigid_body.arms import ARMS, links_of, random_chain, torques_and_energies, UP
+from scipy.spatial.transform import Rotation
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.denavit_hartenberg import table, with_standard_frames
+from lip_id_ros.simulation.panda import panda_urdf
+
+
+@pytest.mark.parametrize('arm', ARMS)
+@pytest.mark.parametrize('seed', range(8))
+@pytest.mark.parametrize('gravity', [UP, np.array([1.0, -2.0, 3.0]), np.zeros(3)])
+def test_frames_change_no_torque(arm: str, seed: int, gravity: Array) -> None:
+    rng = np.random.default_rng(seed)
+    chain = random_chain(arm, rng, gravity)
+    parameters = rng.standard_normal((len(arm), LINK_PARAMETERS))
+    state = rng.standard_normal((3, 20, len(arm)))
+    moved, of_links = with_standard_frames(chain, parameters)
+    before = torques_and_energies(chain, parameters, state)
+    after = torques_and_energies(moved, of_links, state)
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_allclose(other, one, rtol=0, atol=1e-11 * max(1.0, np.abs(one).max()))
+    identity = np.broadcast_to(np.eye(3), moved.rotations.shape)
+    gram = moved.rotations.transpose(0, 2, 1) @ moved.rotations
+    np.testing.assert_allclose(gram, identity, atol=1e-12)
+    assert moved.gravity[2] <= 0.0
+    np.testing.assert_allclose(moved.gravity[:2], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize('arm', ARMS)
+@pytest.mark.parametrize('seed', range(8))
+def test_the_table_says_where_the_joints_are(arm: str, seed: int) -> None:
+    """Rot_x Trans_x Rot_z Trans_z of the table is the chain, in which every zero is written."""
+    rng = np.random.default_rng(seed)
+    chain, _ = with_standard_frames(random_chain(arm, rng), np.zeros((len(arm), LINK_PARAMETERS)))
+    found = table(chain)
+    turns = Rotation.from_rotvec(np.outer(found.twist, [1.0, 0.0, 0.0]))
+    rotations = turns * Rotation.from_rotvec(np.outer(found.angle, [0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(rotations.as_matrix(), chain.rotations, atol=1e-12)
+    shifts = np.outer(found.length, [1.0, 0.0, 0.0])
+    shifts += found.offset[:, None] * chain.rotations[:, :, 2]
+    np.testing.assert_allclose(shifts, chain.translations, atol=1e-12)
+    np.testing.assert_allclose(found.tilt, 0.0, atol=1e-12)
+    assert found.angle[-1] == pytest.approx(0.0, abs=1e-12)
+    assert (np.abs(found.angle) <= np.pi / 2 + 1e-12).all()
+    assert found.offset[0] == found.length[0] == 0.0
+
+
+def test_nearly_parallel_axes_get_no_offset() -> None:
+    """Their common normal may be anywhere: a tilt of the frame stands for it."""
+    tilted = Rotation.from_rotvec([0.01, 0.02, 0.0]).as_matrix()
+    chain = Chain(
+        np.stack([Rotation.from_euler('x', 90, degrees=True).as_matrix(), tilted, np.eye(3)]),
+        np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.3, 0.1, 0.0]]),
+        np.zeros(3, bool),
+        UP,
+    )
+    found = table(with_standard_frames(chain, np.zeros((3, LINK_PARAMETERS)))[0])
+    assert np.abs(found.offset).max() < 0.02
+    assert np.abs(found.tilt[1]) == pytest.approx(0.02, abs=1e-3)
+
+
+def test_the_panda_has_the_table_of_its_maker() -> None:
+    """Franka Robotics, "Denavit-Hartenberg parameters" (FCI documentation), but for the base."""
+    pinocchio = pytest.importorskip('pinocchio')
+    model = pinocchio.buildModelFromXML(panda_urdf().read_text(encoding='utf-8'))
+    arm = pinocchio.buildReducedModel(model, [8, 9], pinocchio.neutral(model))
+    chain, parameters = links_of(arm)
+    found = table(with_standard_frames(chain, parameters)[0])
+    np.testing.assert_allclose(np.degrees(found.twist), [0, -90, 90, 90, -90, 90, 90], atol=1e-3)
+    np.testing.assert_allclose(found.length, [0, 0, 0, 0.0825, -0.0825, 0, 0.088], atol=1e-9)
+    np.testing.assert_allclose(found.offset, [0, 0, 0.316, 0, 0.384, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(found.angle, 0.0, atol=1e-9)
