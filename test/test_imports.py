@@ -15,12 +15,13 @@ SOURCES = Path(__file__).resolve().parents[1] / PACKAGE
 
 # The parts in the order in which the data goes through them, and what each may import besides
 # itself and BASE.
-BASE = {'arrays', 'errors', 'files', 'numba_jit', 'progress'}
+BASE = {'arrays', 'errors', 'files', 'numba_jit', 'processes', 'progress'}
 PARTS = {
     'arrays': set(),
     'errors': set(),
     'files': set(),
     'numba_jit': set(),
+    'processes': set(),
     'progress': set(),
     'linear_algebra': set(),
     'settings': set(),
@@ -38,18 +39,21 @@ PARTS = {
     'evaluation': {'dataset', 'health', 'model', 'serving'},
     'baselines': {'settings', 'dataset', 'gp', 'kernels', 'linear_algebra', 'model', 'serving'},
     'comparison': {'baselines', 'settings', 'dataset', 'evaluation'},
-    'control': {'model', 'serving'},
-    'monitoring': {'model', 'serving'},
+    'signals': {'recording'},
+    'control': {'model', 'recording', 'serving', 'settings', 'signals'},
+    'monitoring': {'model', 'recording', 'serving', 'settings', 'signals'},
+    'feedforward': {'model', 'recording', 'serving', 'settings', 'signals'},
     'simulation': {'control', 'dataset', 'evaluation'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.
 INNER = set(PARTS)
 PARTS |= {
-    'runtime': INNER - {'simulation'},  # what the nodes do, without ROS
-    'nodes': INNER - {'simulation'} | {'runtime'},
+    'acquisition': INNER - {'control', 'feedforward', 'monitoring', 'simulation'},
+    'nodes': INNER - {'simulation'} | {'acquisition'},
     'tracking': INNER,  # the paper's tracking experiment
     'cli': INNER | {'tracking'},
-    'demo': INNER | {'cli', 'nodes', 'runtime', 'tracking'},
+    'demo': INNER | {'cli', 'nodes', 'tracking'},
+    'parameter_page': {'acquisition', 'control', 'demo', 'feedforward', 'monitoring', 'settings'},
 }
 
 ROS = ('nodes', 'demo')

@@ -15,12 +15,12 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.demo.settings import ArmSettings
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.nodes import messages, parameters, qos, running
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.node_settings import ArmSettings
-from lip_id_ros.runtime.references import JointOrder, Reason, RefusedError
-from lip_id_ros.runtime.settings import parameters_of
+from lip_id_ros.settings.nodes import parameters_of
+from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
 from lip_id_ros.simulation import TorqueControlledArm
 from lip_id_ros.tracking.setup import panda_setup
 
@@ -114,10 +114,10 @@ class ArmNode(Node):
         command = from_joint_state(message)
         columns = self._order.columns(command.names)
         if len(command.effort) != len(command.names):
-            raise RefusedError(Reason.WRONG_LENGTH)
+            raise RefusedError(Refusal.WRONG_LENGTH)
         effort = np.asarray(command.effort, dtype=np.float64)[columns]
         if not np.isfinite(effort).all():
-            raise RefusedError(Reason.NOT_FINITE)
+            raise RefusedError(Refusal.NOT_FINITE)
         return effort
 
 

@@ -14,9 +14,9 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.control import GrowingCosine
+from lip_id_ros.demo.settings import ReferenceSettings
 from lip_id_ros.nodes import messages, parameters, qos, running
-from lip_id_ros.runtime.node_settings import ReferenceSettings
-from lip_id_ros.runtime.settings import parameters_of
+from lip_id_ros.settings.nodes import parameters_of
 from lip_id_ros.tracking.setup import panda_setup
 
 POINTS_HZ = 100.0

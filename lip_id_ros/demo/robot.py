@@ -15,8 +15,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.nodes import messages, parameters, qos, running
-from lip_id_ros.runtime.settings import EXECUTORS, parameters_of
 from lip_id_ros.settings import setting, Settings
+from lip_id_ros.settings.nodes import EXECUTORS, parameters_of
 from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory, with_encoder_noise
 from lip_id_ros.simulation.panda import MOTION
 

@@ -1,1 +1,1 @@
-"""ROS 2 nodes: convert, call, convert, publish. What they do is in `lip_id_ros.runtime`."""
+"""ROS 2 nodes: convert, call, convert, publish; what they do is in rooms that need no ROS."""

@@ -9,13 +9,13 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
+from lip_id_ros.control.plan_controller import PlanController
+from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.nodes import messages, parameters, qos, running
 from lip_id_ros.nodes.status import OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.computed_torque import PlanController
-from lip_id_ros.runtime.node_settings import ControlSettings
-from lip_id_ros.runtime.references import RefusedError
-from lip_id_ros.runtime.settings import parameters_of
+from lip_id_ros.settings.nodes import parameters_of
+from lip_id_ros.signals.joints import RefusedError
 
 STATUS_PERIOD_S = 0.5
 

@@ -11,13 +11,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 from std_srvs.srv import Trigger
 
+from lip_id_ros.monitoring.monitor import Monitor
+from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.nodes import messages, parameters, qos, running
 from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.monitor import Monitor
-from lip_id_ros.runtime.node_settings import MonitorSettings
-from lip_id_ros.runtime.references import RefusedError
-from lip_id_ros.runtime.settings import parameters_of
+from lip_id_ros.settings.nodes import parameters_of
+from lip_id_ros.signals.joints import RefusedError
 
 STATUS_PERIOD_S = 0.5
 

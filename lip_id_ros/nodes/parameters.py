@@ -15,8 +15,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.runtime.settings import AT_START
 from lip_id_ros.settings import Row
+from lip_id_ros.settings.nodes import AT_START
 from lip_id_ros.settings.settings import unknown_name
 
 _LARGEST_INTEGER = 2**63 - 1

@@ -16,16 +16,16 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.errors import LipIdError
+from lip_id_ros.feedforward.diagnostics import Observer
+from lip_id_ros.feedforward.loading import Arm, load_arm, load_successor, require_rules
+from lip_id_ros.feedforward.server import Server
+from lip_id_ros.feedforward.settings import require_changeable, serve_parameters, ServeSettings
 from lip_id_ros.nodes import parameters, running
 from lip_id_ros.nodes.background import outcome
 from lip_id_ros.nodes.serve_answers import Answers
 from lip_id_ros.nodes.serve_inputs import Inputs
 from lip_id_ros.nodes.serve_outputs import Outputs
 from lip_id_ros.nodes.status import Status, StatusPublisher
-from lip_id_ros.runtime.serve.health import Observer
-from lip_id_ros.runtime.serve.loading import Arm, load_arm, load_successor, require_rules
-from lip_id_ros.runtime.serve.server import Server
-from lip_id_ros.runtime.settings import require_changeable, serve_parameters, ServeSettings
 
 STATUS_PERIOD_S = 0.5
 WATCH_PERIOD_S = 0.02

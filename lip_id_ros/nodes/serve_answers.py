@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.feedforward.server import Server
 from lip_id_ros.nodes import messages
 from lip_id_ros.nodes.serve_outputs import (
     ENERGY_TOPICS,
@@ -22,8 +23,7 @@ from lip_id_ros.nodes.serve_outputs import (
     STD_TOPIC,
 )
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.references import ON_PURPOSE, RefusedError
-from lip_id_ros.runtime.serve.server import Server
+from lip_id_ros.signals.joints import ON_PURPOSE, RefusedError
 
 WARNING_PERIOD_S = 5.0
 

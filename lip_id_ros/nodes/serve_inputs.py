@@ -10,9 +10,9 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import qos
 from lip_id_ros.nodes.serve_answers import Answers
-from lip_id_ros.runtime.settings import ServeSettings
 
 
 class Inputs:

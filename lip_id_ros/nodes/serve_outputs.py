@@ -14,9 +14,9 @@ from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.feedforward.feedforward import Answer, Parts
+from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.runtime.serve.feedforward import Answer, Parts
-from lip_id_ros.runtime.settings import ServeSettings
 
 PARTS = ('inertial', 'coriolis', 'gravity', 'friction')
 PART_TOPICS = tuple(f'torque/{part}' for part in PARTS)

@@ -16,22 +16,22 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
+from lip_id_ros.acquisition.job import in_words, JobState, Task
+from lip_id_ros.acquisition.jobs import Jobs
+from lip_id_ros.acquisition.recorder import Recorder
+from lip_id_ros.acquisition.settings import (
+    check_together,
+    fit_values,
+    own_values,
+    train_parameters,
+    TrainSettings,
+)
 from lip_id_ros.errors import ConfigError, DataError, LipIdError
 from lip_id_ros.nodes import parameters, qos, running
 from lip_id_ros.nodes.background import outcome
 from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.runtime.settings import (
-    fit_values,
-    own_values,
-    train_parameters,
-    TrainSettings,
-    WHILE_EMPTY,
-)
-from lip_id_ros.runtime.train.checks import check_together
-from lip_id_ros.runtime.train.job import in_words, JobState, Task
-from lip_id_ros.runtime.train.jobs import Jobs
-from lip_id_ros.runtime.train.recorder import Recorder
+from lip_id_ros.settings.nodes import WHILE_EMPTY
 
 STATUS_PERIOD_S = 0.5
 

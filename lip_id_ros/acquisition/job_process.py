@@ -1,0 +1,113 @@
+"""
+The process beside the node `train` that turns a recording into a data set and a model.
+
+Started by `Job`; its one argument is a JSON request, what it prints are JSON lines.
+
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from typing import Any, TextIO
+
+from lip_id_ros.acquisition.findings import Findings
+from lip_id_ros.acquisition.recording_file import take_over
+from lip_id_ros.acquisition.training_set import training_set
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import LipIdError
+from lip_id_ros.evaluation import evaluate, with_inertia_check
+from lip_id_ros.evaluation.cautions import of_fit
+from lip_id_ros.gp import fit
+from lip_id_ros.preprocessing import for_training
+from lip_id_ros.progress import Progress
+from lip_id_ros.serving import Predictor
+from lip_id_ros.settings import Config, override
+
+SHOWN = ('source', 'samples', 'dropped')
+"""What of a source's provenance is worth a look in ~/status."""
+
+
+def main(arguments: list[str], output: TextIO) -> int:
+    """
+    Do what the request asks.
+
+    Parameters
+    ----------
+    arguments : list of str
+        The request of `lip_id_ros.acquisition.job.Job` as one JSON text.
+    output : text stream
+        Gets one JSON object per line: `progress` (stage, done, total), then `result` or `error`.
+
+    Returns
+    -------
+    int
+        Exit status.
+
+    """
+    request = json.loads(arguments[0])
+    os.nice(request['niceness'])
+    try:
+        result = _work(request, _reporter(output))
+    except (LipIdError, OSError) as error:
+        _emit(output, {'error': str(error)})
+        return 1
+    _emit(output, {'result': result})
+    return 0
+
+
+def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
+    config = override(Config(), request['settings'], 'the parameters')
+    sections = take_over(request['recording'])
+    findings = Findings(config.recording)
+    prepared = training_set(sections, request['bags'], config, progress, findings)
+    result: dict[str, Any] = {
+        'path': request['path'],
+        'n_samples': prepared.dataset.n_samples,
+        'sources': _sources(prepared.dataset),
+        'left_out': list(prepared.left_out),
+        'findings': findings.sentences,
+    }
+    if request['kind'] == 'dataset':
+        prepared.dataset.save(request['path'])
+        return result
+    return {**result, **_fit(prepared.dataset, request, config, progress)}
+
+
+def _fit(
+    data: Dataset, request: dict[str, Any], config: Config, progress: Progress
+) -> dict[str, Any]:
+    """Fit and save; judge by what is held out, where that is asked for."""
+    training, held_out = data, None
+    if request['holdout'] > 0.0:
+        training, held_out = data.split(1.0 - request['holdout'])
+    training = for_training(training, config.preprocessing)
+    model = with_inertia_check(fit(training, config.fit, progress))
+    judged = None
+    if held_out is not None:
+        judged = evaluate(Predictor(model), held_out, progress).to_json()
+    model.save(request['path'])
+    return {'summary': model.summary, 'cautions': of_fit(model.summary), 'holdout': judged}
+
+
+def _sources(data: Dataset) -> list[dict[str, Any]]:
+    """Return what was used of each source, and what was dropped for which reason."""
+    sources = data.provenance.get('sources', [data.provenance])
+    return [{key: each[key] for key in SHOWN if key in each} for each in sources]
+
+
+def _reporter(output: TextIO) -> Progress:
+    def report(stage: str, done: int, total: int) -> None:
+        _emit(output, {'progress': [stage, done, total]})
+
+    return report
+
+
+def _emit(output: TextIO, content: dict[str, Any]) -> None:
+    output.write(json.dumps(content) + '\n')
+    output.flush()
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:], sys.stdout))

@@ -1,0 +1,125 @@
+"""Parameters of the node `train`: its own, those of a fit, and what they must satisfy together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.settings import Config, flat_rows, Row, setting, Settings
+from lip_id_ros.settings.nodes import (
+    AT_ONCE,
+    AT_START,
+    EXECUTOR_HELP,
+    EXECUTORS,
+    NEXT_JOB,
+    parameters_of,
+    WHILE_EMPTY,
+)
+
+LISTS = ('recording.joint_types', 'recording.effort_scale', 'recording.effort_offset')
+
+
+@dataclass(frozen=True)
+class TrainSettings(Settings):
+    """The node `train`, beside the settings of a fit."""
+
+    model_path: str = setting('model.npz', 'Where a fit saves the model.', applies=NEXT_JOB)
+    dataset_path: str = setting(
+        'dataset.npz', 'Where save_dataset saves the data set.', applies=NEXT_JOB
+    )
+    unsaved_path: str = setting(
+        'unsaved.mcap',
+        'Where the samples go that no data set was saved of when the node ends; a number is added '
+        'to the name where there is such a file.',
+        applies=AT_ONCE,
+    )
+    bags: tuple[str, ...] = setting(
+        (),
+        'Recordings (rosbag2 folders, .mcap, .db3, ROS 1 .bag) and data sets (.npz) that every '
+        'fit and data set uses beside what the node records itself.',
+        applies=NEXT_JOB,
+    )
+    holdout: float = setting(
+        0.0,
+        'Share of the samples, the last ones, that is kept out of a fit; the errors on them are '
+        'in the status.',
+        minimum=0.0,
+        maximum=0.9,
+        applies=NEXT_JOB,
+    )
+    record_on_start: bool = setting(
+        False, 'Record from the start, without a call of record.', applies=AT_START
+    )
+    max_rows: int = setting(
+        1_000_000,
+        'Most samples kept in memory, about 25 bytes for each joint of each and twice that while '
+        'a fit begins; later ones are rejected and counted.',
+        minimum=1,
+        applies=WHILE_EMPTY,
+    )
+    fit_niceness: int = setting(
+        5,
+        'How much a fit gives way to other processes of the machine.',
+        minimum=0,
+        maximum=19,
+        applies=NEXT_JOB,
+    )
+    executor: str = setting('events', EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)
+
+
+def train_parameters() -> dict[str, Row]:
+    """Return all parameters of `train` by name."""
+    times = {'recording.joints': WHILE_EMPTY}
+    fit = {
+        name: replace(row, applies=times.get(name, NEXT_JOB)) for name, row in flat_rows(Config())
+    }
+    return {**parameters_of(TrainSettings), **fit}
+
+
+def fit_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those parameters of `train` that are settings of a fit."""
+    return {name: value for name, value in values.items() if '.' in name}
+
+
+def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those parameters of `train` that are its own."""
+    return {name: value for name, value in values.items() if '.' not in name}
+
+
+def check_together(values: Mapping[str, Any]) -> None:
+    """
+    Check what no parameter can tell alone.
+
+    Parameters
+    ----------
+    values : mapping
+        Every parameter of `train` by name.
+
+    Raises
+    ------
+    ConfigError
+        If a joint is named twice, a list has not one value for each joint, or a bag is absent.
+
+    """
+    joints = values['recording.joints']
+    for name in joints:
+        if joints.count(name) > 1:
+            raise ConfigError(
+                f'recording.joints must name each joint once, but {name!r} comes twice.'
+            )
+    for name in LISTS:
+        count = len(values[name])
+        if joints and count not in (0, len(joints)):
+            raise ConfigError(
+                f'{name} must have one value for each of the {len(joints)} recording.joints, not '
+                f'{count}; complete it, or leave it empty.'
+            )
+    for path in values['bags']:
+        if not Path(path).exists():
+            raise ConfigError(
+                f'bags must be recordings or data sets, but {path} does not exist; correct the '
+                'path, which is relative to the folder in which the node was started.'
+            )

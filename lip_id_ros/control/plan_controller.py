@@ -1,0 +1,158 @@
+"""What the node `computed_torque` does: follow a plan with its efforts, and PD feedback."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.control import Gains
+from lip_id_ros.control.settings import ControlSettings
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
+from lip_id_ros.signals.trajectories import PlannedPoint, stack, times
+
+
+class EffortPoint(PlannedPoint, Protocol):
+    """A point of a plan with feedforward."""
+
+    @property
+    def effort(self) -> Sequence[float]:
+        """Feedforward [N m or N]; empty for none."""
+
+
+class PlanController:
+    """
+    Follow plans; without one there is no torque.
+
+    Parameters
+    ----------
+    settings : ControlSettings
+
+    Raises
+    ------
+    ConfigError
+        If there is no joint, or a list has another length than there are joints.
+
+    """
+
+    def __init__(self, settings: ControlSettings) -> None:
+        n = len(settings.joints)
+        if n == 0:
+            raise ConfigError('joints must name the joints to control, but is empty.')
+        for name in ('stiffness', 'damping'):
+            _require_length(name, getattr(settings, name), n)
+        if settings.torque_limits:
+            _require_length('torque_limits', settings.torque_limits, n)
+        self._gains = Gains(np.array(settings.stiffness), np.array(settings.damping))
+        self._limits = np.array(settings.torque_limits or [np.inf] * n)
+        self._planned = JointOrder(settings.joints)
+        self._measured = JointOrder(settings.joints)
+        self._plan: _Plan | None = None
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints, in the order of torques."""
+        return self._planned.joint_names
+
+    def take(self, names: Sequence[str], points: Sequence[EffortPoint]) -> None:
+        """
+        Follow a plan from the next measurement on.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Its joints.
+        points : sequence of EffortPoint
+            Efforts at all of them, or at none.
+
+        Raises
+        ------
+        RefusedError
+            If it cannot be followed; the plan before goes on.
+
+        """
+        columns = self._planned.columns(names)
+        motion = stack(points, len(names))[:, :, columns]
+        efforts = {len(point.effort) for point in points}
+        if efforts not in ({0}, {len(names)}):
+            raise RefusedError(Refusal.WRONG_LENGTH)
+        effort = np.zeros(motion.shape[1:])
+        if efforts != {0}:
+            effort = np.array([point.effort for point in points], dtype=np.float64)[:, columns]
+        t = times(points)
+        if len(t) < 2 or not np.all(np.diff(t) > 0):
+            raise RefusedError(Refusal.NOT_INCREASING)
+        if not np.isfinite(effort).all():
+            raise RefusedError(Refusal.NOT_FINITE_TORQUE)
+        self._plan = _Plan(t, motion[0], motion[1], effort)
+
+    def torques(self, message: JointMessage) -> Array | None:
+        """
+        Answer a measurement.
+
+        Parameters
+        ----------
+        message : JointMessage
+            With positions and velocities of all joints; its stamp is the clock of the plan.
+
+        Returns
+        -------
+        ndarray, shape (n,), or None
+            Effort of the plan plus feedback, within the limits [N m or N], in the order of
+            `joint_names`; None without a plan.
+
+        Raises
+        ------
+        RefusedError
+            If a joint is missing, or a number is missing or not finite.
+
+        """
+        if self._plan is None:
+            return None
+        columns = self._measured.columns(message.names)
+        if not len(message.names) == len(message.position) == len(message.velocity):
+            raise RefusedError(Refusal.WRONG_LENGTH)
+        q, dq = (
+            np.asarray(x, dtype=np.float64)[columns] for x in (message.position, message.velocity)
+        )
+        if not (np.isfinite(q).all() and np.isfinite(dq).all()):
+            raise RefusedError(Refusal.NOT_FINITE)
+        q_wanted, dq_wanted, effort = self._plan.at(message.stamp_ns)
+        feedback = self._gains.feedback(q_wanted - q, dq_wanted - dq)
+        command: Array = np.clip(effort + feedback, -self._limits, self._limits)
+        if not np.isfinite(command).all():
+            raise RefusedError(Refusal.NOT_FINITE_TORQUE)
+        return command
+
+
+class _Plan:
+    """Cubic positions and linear efforts between points; the last point is held."""
+
+    def __init__(self, t: Array, q: Array, dq: Array, effort: Array) -> None:
+        self._t, self._effort = t, effort
+        self._q = CubicHermiteSpline(t, q, dq)
+        self._dq = self._q.derivative()
+        self._begin_ns: int | None = None
+
+    def at(self, stamp_ns: int) -> tuple[Array, Array, Array]:
+        if self._begin_ns is None:
+            self._begin_ns = stamp_ns
+        time = 1e-9 * (stamp_ns - self._begin_ns)
+        within = min(max(time, self._t[0]), self._t[-1])
+        row = min(int(np.searchsorted(self._t, within, side='right')), len(self._t) - 1)
+        share = (within - self._t[row - 1]) / (self._t[row] - self._t[row - 1])
+        effort = (1 - share) * self._effort[row - 1] + share * self._effort[row]
+        dq = self._dq(within) if time == within else np.zeros(self._effort.shape[1])
+        return np.asarray(self._q(within)), np.asarray(dq), effort
+
+
+def _require_length(name: str, values: Sequence[float], n: int) -> None:
+    if len(values) != n:
+        raise ConfigError(
+            f'{name} must have one number for each of {n} joints, but has {len(values)}.'
+        )

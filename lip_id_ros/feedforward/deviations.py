@@ -1,0 +1,133 @@
+"""Standard deviations beside a stream: of the newest reference, as often as asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import subprocess
+import sys
+import threading
+from typing import Any, cast, IO
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ModelError
+from lip_id_ros.processes import end
+
+LONGEST_VALID_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Deviated:
+    """
+    Standard deviations of one reference.
+
+    Attributes
+    ----------
+    std : ndarray, shape (n,)
+        Of the torques [N m or N].
+    tag : Any
+        What the reference was handed over with.
+    asked_at : float
+        When [s].
+
+    """
+
+    std: Array
+    tag: Any
+    asked_at: float
+
+
+class Deviations:
+    """
+    The parent's end of `deviation_process`; construction waits until the model is ready.
+
+    Parameters
+    ----------
+    path : str
+        The model's file.
+    n_joints : int
+
+    Raises
+    ------
+    ModelError
+        If the process ends before.
+
+    """
+
+    def __init__(self, path: str, n_joints: int) -> None:
+        self._n_joints = n_joints
+        self._asked: tuple[Any, float] | None = None
+        self._asked_at = -np.inf
+        self._done: Deviated | None = None
+        self.latest: Deviated | None = None
+        self._process = subprocess.Popen(
+            [sys.executable, '-m', 'lip_id_ros.feedforward.deviation_process', path],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
+        self._queries = cast('IO[bytes]', self._process.stdin)
+        self._answers = cast('IO[bytes]', self._process.stdout)
+        if self._read() is None:
+            raise ModelError(
+                f'{path} must have standard deviations, but the process that computes them ended '
+                'with an error; see the lines above, or leave std_policy and publish_std off.'
+            )
+        threading.Thread(target=self._collect, name='deviations', daemon=True).start()
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process still runs."""
+        return self._process.poll() is None
+
+    def offer(self, state: Array, tag: Any, now: float, period_s: float) -> None:
+        """
+        Hand over a reference; it is left out while another is in work, and before it is time.
+
+        Parameters
+        ----------
+        state : ndarray, shape (3, n)
+            Positions, velocities, accelerations.
+        tag : Any
+            Comes back with the result.
+        now : float
+            [s].
+        period_s : float
+            Shortest time between two [s].
+
+        """
+        if self._asked is not None or now - self._asked_at < period_s or not self.alive:
+            return
+        self._asked, self._asked_at = (tag, now), now
+        try:
+            self._queries.write(state.tobytes())
+            self._queries.flush()
+        except OSError:  # it ended in between; `alive` tells
+            self._asked = None
+
+    def take(self) -> Deviated | None:
+        """Return a result that was not taken yet."""
+        done, self._done = self._done, None
+        return done
+
+    def std(self, now: float, period_s: float) -> Array:
+        """Return the newest standard deviations, infinite where none is recent."""
+        longest = max(LONGEST_VALID_S, 3.0 * period_s)
+        if self.latest is None or now - self.latest.asked_at > longest:
+            return np.full(self._n_joints, np.inf)
+        return self.latest.std
+
+    def stop(self) -> None:
+        """End the process."""
+        end(self._process)
+
+    def _collect(self) -> None:
+        while (std := self._read()) is not None:
+            if self._asked is not None:
+                self.latest = self._done = Deviated(std, *self._asked)
+            self._asked = None
+
+    def _read(self) -> Array | None:
+        raw = self._answers.read(8 * self._n_joints)
+        return np.frombuffer(raw) if len(raw) == 8 * self._n_joints else None

@@ -1,0 +1,74 @@
+"""How well `serve` is: the level and the sentence of its diagnostics."""
+
+from __future__ import annotations
+
+from collections import Counter
+from enum import IntEnum
+from typing import NamedTuple
+
+from lip_id_ros.feedforward.server import Server
+from lip_id_ros.signals.joints import Refusal
+
+
+class Level(IntEnum):
+    """As in diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+class Health(NamedTuple):
+    """A level and one sentence."""
+
+    level: Level
+    summary: str
+
+
+class Observer:
+    """
+    Judge a server again and again: what was counted since the last time matters.
+
+    Parameters
+    ----------
+    server : Server
+
+    """
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._before: Counter[str] = Counter()
+
+    def health(self, failure: str, now: float) -> Health:
+        """
+        Judge.
+
+        Parameters
+        ----------
+        failure : str
+            Why the last configuration or reload failed, empty where it did not.
+        now : float
+            [s].
+
+        """
+        alarms = self._server.alarms()
+        new = alarms - self._before
+        self._before = alarms
+        if not self._server.active:
+            return Health(Level.ERROR, failure) if failure else Health(Level.OK, 'inactive')
+        if not self._server.deviations_alive:
+            return Health(Level.ERROR, 'the process of the standard deviations has ended')
+        if new[Refusal.NOT_FINITE_TORQUE]:
+            return Health(Level.ERROR, _what_happened(new))
+        if self._server.stale:
+            silence = self._server.silence(now)
+            return Health(Level.WARN, f'no reference for {silence:.1f} s: safe torque published')
+        if new:
+            return Health(Level.WARN, _what_happened(new))
+        if failure:
+            return Health(Level.WARN, f'serves the model before: {failure}')
+        return Health(Level.OK, 'answering' if self._server.enabled else 'disabled')
+
+
+def _what_happened(new: Counter[str]) -> str:
+    return 'references with trouble: ' + ', '.join(f'{key} {n}' for key, n in sorted(new.items()))

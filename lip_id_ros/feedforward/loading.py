@@ -1,0 +1,124 @@
+"""From a model file to an arm that can be served, or a sentence that says why not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lip_id_ros.errors import ModelError
+from lip_id_ros.feedforward.checks import TrainingRange
+from lip_id_ros.feedforward.deviations import Deviations
+from lip_id_ros.feedforward.feedforward import Feedforward
+from lip_id_ros.feedforward.rules import make_rules, require_consistent
+from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
+from lip_id_ros.signals.joint_states import effort_calibration, EffortCalibration
+from lip_id_ros.signals.joints import require_joints
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """
+    A model, ready to be served.
+
+    Attributes
+    ----------
+    feedforward : Feedforward
+    training_range : TrainingRange
+    calibration : EffortCalibration
+        Of the effort that it was fitted to.
+    deviations : Deviations, or None
+        Where standard deviations are asked for.
+
+    """
+
+    feedforward: Feedforward
+    training_range: TrainingRange
+    calibration: EffortCalibration
+    deviations: Deviations | None = None
+
+    def stop(self) -> None:
+        """End what runs beside."""
+        if self.deviations is not None:
+            self.deviations.stop()
+
+
+def load_arm(settings: ServeSettings, joints: Sequence[str]) -> Arm:
+    """
+    Load a model and let it answer, so that what is compiled on first use is compiled now.
+
+    Parameters
+    ----------
+    settings : ServeSettings
+        Name the file, and say whether standard deviations are needed.
+    joints : sequence of str
+        Joints that it must have, in any order; empty for any.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
+    ModelError
+        If it is not a model, or its joints are not those expected.
+
+    """
+    path = settings.model_path
+    model = TrainedModel.load(path)
+    require_joints(model.joint_names, joints, path)
+    predictor = Predictor(model)
+    rest = np.zeros((1, model.n_joints))
+    predictor.query(rest[0], rest[0], rest[0])
+    predictor.predict(rest, rest, rest)
+    return Arm(
+        Feedforward(predictor, model.joint_names),
+        TrainingRange(*predictor.training_range),
+        effort_calibration(model.provenance, model.joint_names),
+        Deviations(path, model.n_joints) if settings.needs_deviations else None,
+    )
+
+
+def load_successor(settings: ServeSettings, before: Arm) -> Arm:
+    """
+    Load a model that takes the place of another.
+
+    Its joints must stand in the same order, so that lists of parameters and torques without names
+    keep their meaning.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
+    ModelError
+        If it is not a model, or its joints are not those of the other.
+
+    """
+    expected = before.feedforward.joint_names
+    arm = load_arm(settings, expected)
+    found = arm.feedforward.joint_names
+    if found == expected:
+        return arm
+    arm.stop()
+    raise ModelError(
+        f'{settings.model_path} must have its joints in the order {", ".join(expected)}, but has '
+        f'{", ".join(found)}; clean the node up and configure it anew to change the order.'
+    )
+
+
+def require_rules(settings: ServeSettings, arm: Arm | None) -> None:
+    """
+    Refuse settings that do not fit the arm, or where there is none yet, its named joints.
+
+    Raises
+    ------
+    ConfigError
+        With the sentence.
+
+    """
+    joints = arm.feedforward.joint_names if arm else settings.joints
+    if joints:
+        make_rules(settings, joints)
+    else:
+        require_consistent(settings)

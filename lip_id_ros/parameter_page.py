@@ -1,0 +1,104 @@
+"""
+The page on the nodes' parameters, written from the tables that declare them.
+
+``python -m lip_id_ros.parameter_page > docs/parameters.md`` writes it; a test holds it.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import json
+import sys
+
+from lip_id_ros.acquisition.settings import train_parameters
+from lip_id_ros.control.settings import ControlSettings
+from lip_id_ros.demo.settings import ArmSettings, ReferenceSettings
+from lip_id_ros.feedforward.settings import serve_parameters
+from lip_id_ros.monitoring.settings import MonitorSettings
+from lip_id_ros.settings import Row
+from lip_id_ros.settings.nodes import AT_ONCE, parameters_of
+
+COMMAND = 'python -m lip_id_ros.parameter_page > docs/parameters.md'
+
+INTRODUCTION = f"""\
+# Parameters of the nodes
+
+The nodes declare and check their parameters by the tables in the modules `settings.py` of
+`lip_id_ros/acquisition`, `feedforward`, `monitoring`, `control` and `demo`, and those of a fit.
+`{COMMAND}` writes this page from them.
+
+- [config/train.yaml](../config/train.yaml) and [config/serve.yaml](../config/serve.yaml) are for
+  any arm, [config/panda.yaml](../config/panda.yaml) has both nodes in one file:
+  `ros2 run lip_id_ros train --ros-args --params-file panda.yaml`.
+- A value of a wrong type or out of its range is refused with a sentence, when it is set as well as
+  at the start, where the node then ends with exit status 1. So is a parameter that there is not: a
+  misspelt limit would be none.
+- A whole number is taken where a number with a point is expected. An empty list is `[]`, in a file
+  as on the command line.
+- *Taken over* says when a running node uses a new value. One that is read at the start only cannot
+  be set later.
+- `use_sim_time` works as in every node: messages bring their stamps, and what has none is stamped
+  with the time of `/clock`. The status goes on where that stands still.
+"""
+
+TYPES = {
+    'bool': 'bool',
+    'int': 'integer',
+    'float': 'double',
+    'str': 'string',
+    'list of str': 'string array',
+    'list of float': 'double array',
+}
+
+HEADER = """\
+| Parameter | Type | Default | Allowed | Unit | Taken over | What it is |
+|---|---|---|---|---|---|---|"""
+
+
+def page() -> str:
+    """Return the page as Markdown."""
+    nodes = node_parameters()
+    return '\n'.join([INTRODUCTION, *(_node(name, table) for name, table in nodes.items())])
+
+
+def node_parameters() -> dict[str, dict[str, Row]]:
+    """Return the parameters of every node by its name."""
+    others = {
+        'monitor': MonitorSettings,
+        'computed_torque': ControlSettings,
+        'simulated_arm': ArmSettings,
+        'reference': ReferenceSettings,
+    }
+    return {
+        'train': train_parameters(),
+        'serve': serve_parameters(),
+        **{name: parameters_of(table) for name, table in others.items()},
+    }
+
+
+def _node(name: str, table: Mapping[str, Row]) -> str:
+    lines = [_line(parameter, row) for parameter, row in table.items()]
+    return '\n'.join([f'## `{name}`', '', HEADER, *lines, ''])
+
+
+def _line(name: str, row: Row) -> str:
+    cells = (
+        f'`{name}`',
+        TYPES[row.kind],
+        f'`{json.dumps(row.default)}`',
+        row.range,
+        row.unit,
+        row.applies or AT_ONCE,
+        row.description,
+    )
+    return f'| {" | ".join(cells)} |'
+
+
+def main() -> None:
+    """Print the page."""
+    sys.stdout.write(page())
+
+
+if __name__ == '__main__':
+    main()

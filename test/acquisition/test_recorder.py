@@ -1,0 +1,159 @@
+"""What `train` keeps, without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lip_id_ros.acquisition.recorder import Recorder
+from lip_id_ros.acquisition.recording_file import hand_over, take_over
+from lip_id_ros.recording import JointSamples, read_sources
+from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.settings import RecordingSettings
+
+NAMES = ['a', 'b']
+
+
+def message(
+    stamp_s: float,
+    position: Sequence[float],
+    velocity: Sequence[float] = (),
+    effort: Sequence[float] = (),
+) -> JointMessage:
+    return JointMessage(round(stamp_s * 1e9), NAMES, position, velocity, effort)
+
+
+def filled(n_rows: int) -> Recorder:
+    recorder = Recorder((), max_rows=1000)
+    recorder.recording = True
+    for row in range(n_rows):
+        recorder.add(message(100.0 + 0.5 * row, [row, -row], [1.0, 2.0], [3.0, 4.0]))
+    return recorder
+
+
+def assert_same(first: JointSamples, second: JointSamples) -> None:
+    assert first.joint_names == second.joint_names
+    np.testing.assert_allclose(first.start_s + first.t, second.start_s + second.t, atol=1e-9)
+    np.testing.assert_array_equal(first.position, second.position)
+    np.testing.assert_array_equal(first.velocity, second.velocity)
+    np.testing.assert_array_equal(first.effort, second.effort)
+
+
+def test_nothing_is_kept_while_not_recording() -> None:
+    recorder = filled(2)
+    recorder.recording = False
+    recorder.add(message(200.0, [0.0, 0.0]))
+    recorder.add(message(200.0, []))
+    assert recorder.status() == {
+        'recording': False,
+        'rows': 2,
+        'rows_saved': 0,
+        'full': False,
+        'joint_names': NAMES,
+        'other_joints': [],
+        'rejected': {},
+    }
+
+
+def test_memory_is_bounded_and_what_is_left_out_is_counted() -> None:
+    recorder = Recorder((), max_rows=2)
+    recorder.recording = True
+    for row in range(5):
+        recorder.add(message(1.0 + row, [0.0, 0.0]))
+    assert len(recorder) == 2
+    assert recorder.n_rejected == 3
+    assert recorder.is_full
+    assert recorder.summary == (
+        'recording, 2 samples kept, no more fit under max_rows: call save_dataset, then clear, '
+        '3 messages rejected, mostly for: buffer full'
+    )
+
+
+def test_a_recording_of_other_joints_names_them() -> None:
+    recorder = Recorder(['x', 'y'], max_rows=2)
+    assert recorder.why_empty('/states') == (
+        'no samples of /states are kept; call record and move the arm, or name recordings with '
+        'bags.'
+    )
+    recorder.recording = True
+    recorder.add(message(1.0, [0.0, 0.0]))
+    assert recorder.status()['other_joints'] == NAMES
+    assert recorder.why_empty('/states') == (
+        'no samples of /states are kept, 1 messages rejected, mostly for: only foreign joints; '
+        'choose recording.joints among a, b.'
+    )
+
+
+def test_unsaved_samples_are_kept_in_a_bag_that_reads_back(tmp_path: Path) -> None:
+    recorder = filled(20)
+    path = tmp_path / 'unsaved.mcap'
+    kept = recorder.keep_unsaved(str(path), '/arm/joint_states')
+    assert kept == [path]
+    (read,) = read_sources([path], RecordingSettings())
+    assert_same(read, recorder.samples('')[0])
+    assert read.topic == '/arm/joint_states'
+
+
+def test_an_earlier_bag_is_never_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / 'unsaved.mcap'
+    path.write_text('precious')
+    assert filled(3).keep_unsaved(str(path), 't') == [tmp_path / 'unsaved_1.mcap']
+    assert path.read_text() == 'precious'
+
+
+def test_samples_go_elsewhere_where_the_folder_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
+    kept = filled(3).keep_unsaved(str(tmp_path / 'gone' / 'unsaved.mcap'), 't')
+    assert kept == [tmp_path / 'unsaved.mcap']
+    assert kept[0].exists()
+
+
+def test_each_section_is_kept_in_a_bag_of_its_own(tmp_path: Path) -> None:
+    recorder = filled(5)
+    for row in range(4):
+        recorder.add(message(10.0 + row, [row, row]))
+    path = tmp_path / 'unsaved.mcap'
+    kept = recorder.keep_unsaved(str(path), 't')
+    assert kept == [path, tmp_path / 'unsaved_1.mcap']
+    for read, expected in zip(
+        read_sources(kept, RecordingSettings()), recorder.samples('t'), strict=True
+    ):
+        assert_same(read, expected)
+
+
+def test_saved_samples_are_not_kept_again(tmp_path: Path) -> None:
+    recorder = filled(3)
+    recorder.saving()()
+    assert recorder.status()['rows_saved'] == 3
+    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') == []
+    recorder.clear()
+    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_samples_recorded_after_a_clear_are_not_taken_for_saved(tmp_path: Path) -> None:
+    recorder = filled(3)
+    saved = recorder.saving()
+    recorder.clear()
+    recorder.add(message(1.0, [0.0, 0.0]))
+    saved()
+    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') != []
+
+
+def test_samples_handed_over_arrive_unchanged(tmp_path: Path) -> None:
+    recorder = filled(4)
+    recorder.add(message(1.0, []))
+    for row in range(3):
+        recorder.add(message(1.0 + row, [0.0, 0.0]))
+    sections = recorder.samples('/joint_states')
+    hand_over(tmp_path, sections)
+    arrived = take_over(tmp_path)
+    for one, other in zip(sections, arrived, strict=True):
+        assert_same(one, other)
+    assert (arrived[0].source, arrived[0].topic) == ('recording', '/joint_states')
+    assert [section.counts for section in arrived] == [{'position empty': 1}, {}]

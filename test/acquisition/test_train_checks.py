@@ -1,0 +1,50 @@
+"""Parameters of `train` that do not go together are refused with a sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lip_id_ros.acquisition.settings import check_together, train_parameters
+from lip_id_ros.errors import ConfigError
+
+DEFAULTS = {name: row.default for name, row in train_parameters().items()}
+
+
+@pytest.mark.parametrize(
+    ('values', 'sentence'),
+    [
+        (
+            {'recording.joints': ('a', 'b', 'a')},
+            "recording.joints must name each joint once, but 'a' comes twice.",
+        ),
+        (
+            {'recording.joints': ('a', 'b'), 'recording.effort_scale': (1.0,)},
+            'recording.effort_scale must have one value for each of the 2 recording.joints, not '
+            '1; complete it, or leave it empty.',
+        ),
+        (
+            {'recording.joints': ('a', 'b'), 'recording.joint_types': ('revolute',) * 3},
+            'recording.joint_types must have one value for each of the 2 recording.joints, not '
+            '3; complete it, or leave it empty.',
+        ),
+        (
+            {'bags': ('/absent/bag',)},
+            'bags must be recordings or data sets, but /absent/bag does not exist; correct the '
+            'path, which is relative to the folder in which the node was started.',
+        ),
+    ],
+)
+def test_contradictions_are_refused(values: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        check_together({**DEFAULTS, **values})
+    assert str(refused.value) == sentence
+
+
+def test_what_goes_together_is_taken(tmp_path: Path) -> None:
+    check_together(DEFAULTS)
+    lists = {'recording.effort_scale': (1.0, -2.0), 'recording.effort_offset': (0.0, 1.0)}
+    check_together({**DEFAULTS, **lists})  # as many joints as the first message has
+    check_together({**DEFAULTS, **lists, 'recording.joints': ('a', 'b'), 'bags': (str(tmp_path),)})

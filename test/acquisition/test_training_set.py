@@ -1,0 +1,100 @@
+"""What was recorded live and what lies in bags make one data set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lip_id_ros.acquisition.findings import Findings
+from lip_id_ros.acquisition.recording_file import keep
+from lip_id_ros.acquisition.training_set import training_set
+from lip_id_ros.errors import DataError
+from lip_id_ros.progress import silent
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
+
+RECORDING = RecordingSettings(
+    effort_scale=(2.0, -1.0), effort_offset=(0.5, 0.0), gravity_compensated=True
+)
+CONFIG = Config(recording=RECORDING)
+
+
+def samples(n_samples: int, start_s: float = 1000.0) -> JointSamples:
+    t = 0.01 * np.arange(n_samples, dtype=np.float64)
+    q = np.sin(np.outer(t, [1.0, 2.0]))
+    return JointSamples(t, q, np.cos(q), 3.0 * q, ('a', 'b'), start_s)
+
+
+def test_live_recording_and_bags_are_joined_by_name(tmp_path: Path) -> None:
+    live = samples(500)
+    arrays = (live.position, live.velocity, live.effort)
+    position, velocity, effort = (each[:, ::-1] for each in arrays)
+    turned = JointSamples(live.t, position, velocity, effort, ('b', 'a'), 2000.0)
+    bag = keep(tmp_path / 'b.mcap', turned, '/states')
+    alone = training_set([live], [], CONFIG, silent).dataset
+    both = training_set([live], [str(bag)], CONFIG, silent).dataset
+    assert both.joint_names == ('a', 'b')
+    assert both.n_samples == 2 * alone.n_samples
+    np.testing.assert_allclose(both.q[alone.n_samples :], alone.q, atol=1e-9)
+    np.testing.assert_allclose(both.tau[alone.n_samples :], alone.tau, atol=1e-9)
+    assert len(set(both.segment)) == 2
+    assert [source['source'] for source in both.provenance['sources']] == [
+        'the recording',
+        str(bag),
+    ]
+
+
+def test_a_bag_alone_is_enough(tmp_path: Path) -> None:
+    bag = keep(tmp_path / 'b.mcap', samples(500), '/states')
+    assert training_set([], [str(bag)], CONFIG, silent).dataset.n_samples > 50
+
+
+def test_what_effort_means_is_applied_and_noted() -> None:
+    data = training_set([samples(500)], [], CONFIG, silent).dataset
+    np.testing.assert_allclose(data.tau, [0.5, 0.0] + [2.0, -1.0] * (3.0 * data.q), atol=1e-3)
+    assert data.gravity_compensated
+    noted = data.provenance['sources'][0]['recording']
+    assert noted['effort_scale'] == (2.0, -1.0)
+    assert noted['effort_offset'] == (0.5, 0.0)
+    assert noted['gravity_compensated'] is True
+
+
+def test_sections_that_are_too_short_are_left_out_and_told() -> None:
+    made = training_set([samples(1), samples(500), samples(20)], [], CONFIG, silent)
+    assert (
+        made.dataset.n_samples
+        == training_set([samples(500)], [], CONFIG, silent).dataset.n_samples
+    )
+    assert [text[:34] for text in made.left_out] == [
+        'the recording must hold at least t',
+        'the recording must hold a motion o',
+    ]
+
+
+def test_what_is_used_is_shown_raw_and_judged(tmp_path: Path) -> None:
+    stuck = samples(500)
+    stuck.effort[:, 1] = 0.0
+    bag = keep(tmp_path / 'b.mcap', samples(500, 2000.0), '/states')
+    findings = Findings(RECORDING)
+    training_set([samples(1), stuck], [str(bag)], CONFIG, silent, findings)
+    assert any(
+        text.startswith('error effort_constant: the effort of b') for text in findings.sentences
+    )
+    assert not any(
+        text.startswith('error effort_constant: the effort of a') for text in findings.sentences
+    )
+
+
+def test_nothing_but_sections_that_are_too_short_is_refused() -> None:
+    with pytest.raises(DataError, match=r'^the recording must hold at least two different'):
+        training_set([samples(1), samples(20)], [], CONFIG, silent)
+
+
+def test_the_bound_holds_for_all_sources_together(tmp_path: Path) -> None:
+    bag = keep(tmp_path / 'b.mcap', samples(500, 2000.0), '/states')
+    config = Config(recording=RECORDING, preprocessing=PreprocessingSettings(max_samples=40))
+    data = training_set([samples(500)], [str(bag)], config, silent).dataset
+    assert data.n_samples == 40
+    assert len(set(data.segment)) == 2

@@ -1,0 +1,96 @@
+"""Standard deviations in a process of their own: the same numbers, and no harm when it ends."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import time
+
+from feedforward.arms import point
+import numpy as np
+import pytest
+from serving.models import random_model
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ModelError
+from lip_id_ros.feedforward.deviations import Deviated, Deviations
+from lip_id_ros.feedforward.diagnostics import Level, Observer
+from lip_id_ros.feedforward.loading import load_arm
+from lip_id_ros.feedforward.server import Server
+from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.serving import Predictor
+
+TIMEOUT_S = 60.0
+
+
+def wait_for(deviations: Deviations) -> Deviated:
+    deadline = time.monotonic() + TIMEOUT_S
+    while (done := deviations.take()) is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    return done
+
+
+def offer(deviations: Deviations, state: Array, tag: str, now: float) -> None:
+    deviations.offer(state, tag, now, 0.1)
+
+
+def test_the_newest_reference_gets_its_standard_deviations(tmp_path: Path) -> None:
+    model = random_model('recursive')
+    path = str(tmp_path / 'model.npz')
+    model.save(path)
+    n = model.n_joints
+    state = np.random.default_rng(2).normal(size=(3, n))
+    deviations = Deviations(path, n)
+    try:
+        assert np.isinf(deviations.std(0.0, 0.1)).all()
+        offer(deviations, state, 'first', 10.0)
+        offer(deviations, state + 1, 'too soon', 10.01)
+        done = wait_for(deviations)
+        assert done.tag == 'first'
+        expected = Predictor(model).standard_deviation(*state[:, np.newaxis]).tau[0]
+        np.testing.assert_allclose(done.std, expected, rtol=1e-9)
+        np.testing.assert_array_equal(deviations.std(10.5, 0.1), done.std)
+        assert np.isinf(deviations.std(12.0, 0.1)).all()  # of a reference long ago
+        assert deviations.take() is None
+        offer(deviations, state, 'second', 10.2)
+        assert wait_for(deviations).tag == 'second'
+    finally:
+        deviations.stop()
+    assert not deviations.alive
+    offer(deviations, state, 'nobody', 20.0)
+    assert deviations.take() is None
+
+
+def test_what_cannot_be_told_is_beyond_the_limit(tmp_path: Path) -> None:
+    model = random_model('recursive')
+    path = str(tmp_path / 'model.npz')
+    model.save(path)
+    settings = ServeSettings(
+        model_path=path, std_policy='zero', std_limits=(1e9,), ramp_s=0.0, range_policy='off'
+    )
+    arm = load_arm(settings, ())
+    assert arm.deviations is not None
+    server = Server()
+    server.use(arm, settings, 0.0)
+    server.enable(0.0)
+    rest = [0.1] * model.n_joints
+    points = [point(rest, rest, rest)]
+    try:
+        assert not server.sample(model.joint_names, points, 0.0).tau.any()  # not computed yet
+        wait_for(arm.deviations)
+        assert server.sample(model.joint_names, points, 0.1).tau.all()
+        assert Observer(server).health('', 0.1).level == Level.WARN
+    finally:
+        arm.stop()
+    assert not server.sample(model.joint_names, points, 9.0).tau.any()
+    assert server.status()['uncertain'] == 2
+    assert Observer(server).health('', 9.0) == (
+        Level.ERROR,
+        'the process of the standard deviations has ended',
+    )
+
+
+def test_a_process_that_cannot_begin_says_so(tmp_path: Path) -> None:
+    path = str(tmp_path / 'absent.npz')
+    with pytest.raises(ModelError, match=r'process that computes them ended with an error; see'):
+        Deviations(path, 2)

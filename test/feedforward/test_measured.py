@@ -1,0 +1,97 @@
+"""Measured joint states: energies and torque residual, whatever the order and the stamps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from feedforward.arms import NAMES, Sum
+import numpy as np
+import pytest
+
+from lip_id_ros.feedforward.feedforward import Feedforward
+from lip_id_ros.feedforward.measured import Measured
+from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.signals.filters import LowPass
+from lip_id_ros.signals.joint_states import effort_calibration, EffortCalibration
+from lip_id_ros.signals.joints import Refusal, RefusedError
+
+STEP_S = 0.002
+SCALE, OFFSET = np.array([2.0, -1.0]), np.array([0.5, 0.0])
+UNEXPLAINED = np.array([3.0, -4.0])
+
+
+def measured(cutoff_hz: float = 20.0) -> Measured:
+    return Measured(Feedforward(Sum(), NAMES), EffortCalibration(SCALE, OFFSET), cutoff_hz)
+
+
+def message(number: int, names: tuple[str, ...] = ('b', 'tool', 'a')) -> JointMessage:
+    """Joints that swing, with an effort that the model explains but for a constant."""
+    t = number * STEP_S
+    q = {'a': np.sin(t), 'b': np.cos(2 * t), 'tool': 9.0}
+    dq = {'a': np.cos(t), 'b': -2 * np.sin(2 * t), 'tool': 9.0}
+    ddq = np.array([-np.sin(t), -4 * np.cos(2 * t)])
+    both = np.array([[q[name], dq[name]] for name in NAMES])
+    tau = both[:, 0] + 10 * both[:, 1] + 100 * ddq + UNEXPLAINED
+    effort = dict(zip(NAMES, (tau - OFFSET) / SCALE, strict=True)) | {'tool': 9.0}
+    rows = ([values[name] for name in names] for values in (q, dq, effort))
+    return JointMessage(round(1e9 * (5.0 + t)), names, *rows)
+
+
+def residuals(numbers: range, follower: Measured) -> list[Any]:
+    return [follower.residual(follower.motion(message(number))) for number in numbers]
+
+
+def test_the_residual_is_what_the_model_does_not_explain() -> None:
+    found = residuals(range(1000), measured())
+    settled = [each for each in found if each is not None]
+    assert found[0] is None
+    assert len(settled) > 900
+    # discretisation of the filter: below a hundredth of torques of up to 400
+    np.testing.assert_allclose(settled, np.tile(UNEXPLAINED, (len(settled), 1)), atol=1.0)
+
+
+@pytest.mark.parametrize('numbers', [range(500, 501), range(100, 101), range(200, 201)])
+def test_gaps_and_stamps_that_do_not_rise_begin_anew(numbers: range) -> None:
+    follower = measured()
+    assert residuals(range(201), follower)[-1] is not None
+    assert residuals(numbers, follower) == [None]
+
+
+def test_energies_come_from_positions_and_velocities() -> None:
+    follower = measured()
+    motion = follower.motion(message(0)._replace(effort=[]))
+    assert motion.tau is None
+    assert follower.residual(motion) is None
+    assert follower.energies(motion).kinetic == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ('changed', 'reason'),
+    [
+        ({'names': ('a', 'tool', 'gripper')}, Refusal.MISSING_JOINT),
+        ({'names': ('a', 'b', 'b')}, Refusal.REPEATED_NAME),
+        ({'velocity': []}, Refusal.WRONG_LENGTH),
+        ({'effort': [1.0]}, Refusal.WRONG_LENGTH),
+        ({'position': [0.0, 0.0, np.nan]}, Refusal.NOT_FINITE),
+    ],
+)
+def test_what_cannot_be_used_has_a_reason(changed: dict[str, Any], reason: Refusal) -> None:
+    with pytest.raises(RefusedError) as refused:
+        measured().motion(message(0)._replace(**changed))
+    assert refused.value.reason is reason
+
+
+def test_the_filter_has_the_derivative_of_what_it_gives() -> None:
+    low_pass = LowPass(5.0)
+    given = [low_pass.add(0.001 * k, np.array([2.0 + 3.0 * 0.001 * k])) for k in range(1000)]
+    (value, slope) = given[-1] or (np.nan, np.nan)
+    assert slope == pytest.approx(3.0, rel=1e-6)
+    # late by two time constants
+    assert value == pytest.approx(2.0 + 3.0 * (0.999 - 2 / (2 * np.pi * 5.0)), abs=3e-3)
+
+
+def test_the_calibration_is_that_of_the_fit() -> None:
+    recording = {'joints': ['b', 'a'], 'effort_scale': [2.0, 3.0], 'effort_offset': []}
+    found = effort_calibration({'sources': [{}, {'recording': recording}]}, NAMES)
+    np.testing.assert_array_equal(found.torque(np.array([1.0, 1.0])), [3.0, 2.0])
+    np.testing.assert_array_equal(effort_calibration({}, NAMES).torque(np.ones(2)), [1.0, 1.0])

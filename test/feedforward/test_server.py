@@ -1,0 +1,202 @@
+"""What `serve` does with a message, without ROS."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from feedforward.arms import arm, NAMES, point
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from lip_id_ros.feedforward.diagnostics import Level, Observer
+from lip_id_ros.feedforward.server import Server
+from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.signals.joints import Refusal, RefusedError
+
+POINT = point([1, 2], [3, 4], [5, 6])
+TAU = np.array([531.0, 642.0])  # of POINT
+PLAIN: dict[str, Any] = {'ramp_s': 0.0}
+
+
+def serving(**settings: Any) -> Server:
+    server = Server()
+    server.use(arm(), ServeSettings(**{**PLAIN, **settings}), 0.0)
+    server.enable(0.0)
+    return server
+
+
+def counted(server: Server) -> dict[str, int]:
+    keys = ('limited', 'rate_limited', 'out_of_range', 'uncertain', 'stale')
+    return {key: server.status()[key] for key in keys if server.status()[key]}
+
+
+def test_sample_is_answered_in_the_order_of_the_model() -> None:
+    server = serving(torque_limits=[1000.0, 600.0])
+    answer = server.sample(['b', 'tool', 'a'], [point([2, 9, 1], [4, 9, 3], [6, 9, 5])], 0.0)
+    np.testing.assert_array_equal(answer.tau, [531.0, 600.0])
+    assert answer.kinetic == 25.0
+    assert server.status()['answered'] == {'samples': 1, 'plans': 0, 'measured': 0}
+    assert counted(server) == {'limited': 1}
+
+
+def test_plan_is_answered_in_the_order_of_its_message() -> None:
+    server = serving(torque_limits=[1000.0, 600.0])
+    tau = server.plan(['b', 'a'], [point([2, 1], [4, 3], [6, 5]), point([0, 1], [0, 0], [0, 0])])
+    np.testing.assert_array_equal(tau, [[600.0, 531.0], [0.0, 1.0]])
+    assert server.status()['answered'] == {'samples': 0, 'plans': 1, 'measured': 0}
+
+
+def test_the_rate_of_a_plan_follows_its_times() -> None:
+    server = serving(rate_limits=[10.0])
+    still = ([0, 0], [0, 0])
+    plan = [point([t * 100, 0], *still, t) for t in (0.0, 0.5, 2.5)]
+    np.testing.assert_array_equal(server.plan(NAMES, plan)[:, 0], [0.0, 5.0, 25.0])
+    assert counted(server) == {'rate_limited': 2}
+
+
+def test_gravity_is_left_out_where_the_robot_adds_its_own() -> None:
+    server = serving(gravity=False)
+    np.testing.assert_array_equal(server.sample(NAMES, [POINT], 0.0).tau, TAU - [1, 2])
+    np.testing.assert_array_equal(server.plan(NAMES, [POINT]), [TAU - [1, 2]])
+
+
+def test_plan_with_a_foreign_joint_is_refused_and_counted() -> None:
+    server = serving()
+    with pytest.raises(RefusedError, match='one is not in the model'):
+        server.plan(['a', 'b', 'tool'], [point([1] * 3, [1] * 3, [1] * 3)] * 2)
+    assert server.status()['refused'] == {Refusal.FOREIGN_JOINT: 1}
+
+
+def test_torque_that_is_not_finite_never_leaves() -> None:
+    server = serving()
+    server.use(arm(np.nan), ServeSettings(**PLAIN), 0.0)
+    observer = Observer(server)
+    with pytest.raises(RefusedError, match='not finite'):
+        server.sample(NAMES, [POINT], 0.0)
+    with pytest.raises(RefusedError, match='not finite'):
+        server.plan(NAMES, [POINT])
+    assert server.status()['refused'] == {Refusal.NOT_FINITE_TORQUE: 2}
+    assert server.status()['answered'] == {'samples': 0, 'plans': 0, 'measured': 0}
+    assert observer.health('', 0.0) == (
+        Level.ERROR,
+        'references with trouble: torque not finite 2',
+    )
+    assert observer.health('', 0.0) == (Level.OK, 'answering')
+
+
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=6, max_size=6))
+def test_whatever_comes_what_leaves_is_finite_and_within_limits(values: list[float]) -> None:
+    server = serving(torque_limits=[5.0, 7.0], rate_limits=[50.0], range_policy='scale')
+    for now in (0.1, 0.2, 0.9):
+        try:
+            tau = server.sample(NAMES, [point(values[:2], values[2:4], values[4:])], now).tau
+        except RefusedError:
+            continue
+        assert tau.shape == (2,)
+        assert (np.abs(tau) <= [5.0, 7.0]).all()
+
+
+def test_nothing_is_answered_while_disabled_or_inactive() -> None:
+    server = serving()
+    observer = Observer(server)
+    server.disable()
+    with pytest.raises(RefusedError, match='call its service enable'):
+        server.sample(NAMES, [POINT], 0.0)
+    assert observer.health('', 0.0) == (Level.OK, 'disabled')
+    server.release()
+    assert not server.active
+    with pytest.raises(RefusedError, match='activate it through its lifecycle'):
+        server.sample(NAMES, [POINT], 0.0)
+    assert server.status()['refused'] == {Refusal.DISABLED: 1, Refusal.INACTIVE: 1}
+    assert observer.health('', 0.0) == (Level.OK, 'inactive')
+    assert observer.health('not configured: why', 0.0) == (Level.ERROR, 'not configured: why')
+
+
+def test_another_model_is_ramped_in_and_counts_go_on() -> None:
+    server = serving(output_scale=0.5)
+    server.sample(NAMES, [POINT], 1.0)
+    server.use(arm(2.0), ServeSettings(ramp_s=1.0), 2.0)
+    np.testing.assert_allclose(server.sample(NAMES, [POINT], 2.0).tau, 0.5 * TAU)
+    np.testing.assert_allclose(server.sample(NAMES, [POINT], 3.0).tau, 2 * TAU)
+    assert server.status()['answered'] == {'samples': 3, 'plans': 0, 'measured': 0}
+
+
+def test_enable_begins_at_zero() -> None:
+    server = serving(ramp_s=1.0)
+    server.sample(NAMES, [POINT], 5.0)
+    server.disable()
+    server.enable(6.0)
+    np.testing.assert_allclose(server.sample(NAMES, [POINT], 6.0).tau, 0.0)
+    np.testing.assert_allclose(server.sample(NAMES, [POINT], 6.5).tau, 0.5 * TAU)
+
+
+def test_a_silent_stream_gets_a_safe_torque_and_comes_back_by_a_ramp() -> None:
+    server = serving(stale_timeout_s=0.5, ramp_s=1.0)
+    observer = Observer(server)
+    assert server.safe_torque(99.0) is None  # nobody holds anything yet
+    server.sample(NAMES, [POINT], 100.0)
+    assert server.safe_torque(100.5) is None
+    for now in (100.6, 101.0):
+        safe = server.safe_torque(now)
+        np.testing.assert_array_equal(safe, [0.0, 0.0])
+    assert counted(server) == {'stale': 1}
+    sentence = 'no reference for 2.0 s: safe torque published'
+    assert observer.health('', 102.0) == (Level.WARN, sentence)
+    with pytest.raises(RefusedError):  # what cannot be answered does not count as a reference
+        server.sample(NAMES, [point([1], [1], [1])], 102.0)
+    assert server.safe_torque(102.0) is not None
+    np.testing.assert_allclose(server.sample(NAMES, [POINT], 103.0).tau, 0.0)
+    assert server.safe_torque(103.1) is None
+    np.testing.assert_allclose(server.sample(NAMES, [POINT], 103.5).tau, 0.5 * TAU)
+    server.disable()
+    assert server.safe_torque(200.0) is None
+
+
+def test_the_safe_torque_of_gravity_is_that_of_where_the_arm_is() -> None:
+    server = serving(stale_timeout_s=0.5, stale_policy='gravity', torque_limits=[50.0])
+    server.sample(NAMES, [POINT], 1.0)
+    np.testing.assert_array_equal(server.safe_torque(2.0), [1.0, 2.0])
+    assert server.measure(JointMessage(0, ('b', 'a'), [70.0, 3.0], [0.0, 0.0], []), 2.1)
+    np.testing.assert_array_equal(server.safe_torque(2.2), [3.0, 50.0])
+    np.testing.assert_array_equal(server.safe_torque(2.7), [1.0, 2.0])
+    server.adjust(ServeSettings(stale_timeout_s=0.5, stale_policy='gravity', gravity=False))
+    np.testing.assert_array_equal(server.safe_torque(2.8), [0.0, 0.0])
+
+
+def test_the_safe_torque_keeps_to_the_rate() -> None:
+    server = serving(stale_timeout_s=0.5, rate_limits=[100.0])
+    for now in np.arange(0.0, 1.0, 0.05):
+        server.sample(NAMES, [POINT], float(now))
+    first = server.safe_torque(2.0)
+    second = server.safe_torque(2.01)
+    assert first is not None
+    assert second is not None
+    np.testing.assert_allclose(first - second, 1.0)
+
+
+@pytest.mark.parametrize(
+    ('policy', 'expected', 'count'),
+    [('off', 1.0, 0), ('warn', 1.0, 2), ('scale', 0.5, 2), ('zero', 0.0, 2)],
+)
+def test_references_outside_the_training_range(policy: str, expected: float, count: int) -> None:
+    server = Server()
+    server.use(
+        arm(reach=4.0), ServeSettings(range_policy=policy, range_margin=(0.0,), **PLAIN), 0.0
+    )
+    server.enable(0.0)
+    observer = Observer(server)
+    np.testing.assert_array_equal(server.sample(NAMES, [POINT], 0.0).tau, expected * TAU)
+    np.testing.assert_array_equal(server.plan(NAMES, [POINT]), [expected * TAU])
+    assert server.status()['out_of_range'] == count
+    level, _ = observer.health('', 0.0)
+    assert level == (Level.WARN if count else Level.OK)
+
+
+def test_measured_states_that_cannot_be_used_are_counted() -> None:
+    server = serving()
+    assert server.measure(JointMessage(0, ('gripper',), [0.0], [0.0], []), 0.0) is None
+    assert server.status()['unmeasured'] == {Refusal.MISSING_JOINT: 1}
+    assert server.status()['refused'] == {}

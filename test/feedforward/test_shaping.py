@@ -1,0 +1,124 @@
+"""Shaping: whatever the model says, what leaves is finite, within limits, and no jump."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.feedforward.rules import make_rules
+from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.feedforward.shaping import LONGEST_STEP_S, Sent, Shaper
+from lip_id_ros.signals.joints import by_joint, RefusedError
+
+NAMES = ('a', 'b', 'c')
+LIMITS = (87.0, 12.0, 0.0)
+RATES = (100.0, 1.0, 5.0)
+ANY = st.floats(allow_nan=False, allow_infinity=False)
+ROWS = arrays(np.float64, (6, 3), elements=ANY)
+STEPS = st.lists(st.floats(0.0, 2.0), min_size=6, max_size=6)
+
+
+def shaper(counts: Counter[str] | None = None, **settings: Any) -> Shaper:
+    chosen = ServeSettings(**{'ramp_s': 0.0, **settings})
+    rules = make_rules(chosen, NAMES)
+    return Shaper(rules, Sent(np.zeros(3)), Counter() if counts is None else counts)
+
+
+@given(ROWS, STEPS, st.floats(0.0, 1.0), st.floats(0.0, 3.0))
+def test_a_stream_stays_within_limits_and_rates(
+    tau: Array, steps: list[float], scale: float, ramp_s: float
+) -> None:
+    stream = shaper(torque_limits=LIMITS, rate_limits=RATES, output_scale=scale, ramp_s=ramp_s)
+    now, before = 0.0, np.zeros(3)
+    stream.sent = Sent(before, now)
+    stream.begin(now)
+    for row, step in zip(tau, steps, strict=True):
+        now += step
+        safe = stream.sample(row, now)
+        assert np.isfinite(safe).all()
+        assert (np.abs(safe) <= LIMITS).all()
+        allowed = np.array(RATES) * min(max(step, 1e-6), LONGEST_STEP_S)
+        assert (np.abs(safe - before) <= allowed * (1 + 1e-9) + 1e-9).all()
+        before = safe
+
+
+@given(ROWS, st.floats(0.0, 1.0))
+def test_a_plan_stays_within_limits_and_rates(tau: Array, scale: float) -> None:
+    t = 0.25 * np.arange(6, dtype=np.float64)
+    safe = shaper(torque_limits=LIMITS, rate_limits=RATES, output_scale=scale).plan(tau, t)
+    assert (np.abs(safe) <= LIMITS).all()
+    assert (np.abs(np.diff(safe, axis=0)) <= 0.25 * np.array(RATES) * (1 + 1e-9) + 1e-9).all()
+
+
+@given(ROWS, st.floats(0.0, 1.0))
+def test_what_is_within_limits_is_only_scaled_and_the_rest_counted(
+    tau: Array, scale: float
+) -> None:
+    counts: Counter[str] = Counter()
+    safe = shaper(counts, torque_limits=LIMITS, output_scale=scale).plan(tau, np.arange(6.0))
+    within = (np.abs(scale * tau) <= LIMITS).all(axis=1)
+    np.testing.assert_array_equal(safe[within], scale * tau[within])
+    assert counts['limited'] == np.count_nonzero(~within)
+
+
+def test_a_ramp_leads_from_what_was_sent_to_what_is_asked() -> None:
+    stream = shaper(ramp_s=2.0)
+    stream.begin(10.0)
+    asked = np.array([4.0, -8.0, 1.0])
+    np.testing.assert_allclose(stream.sample(asked, 10.0), 0.0)
+    np.testing.assert_allclose(stream.sample(asked, 10.5), 0.25 * asked)
+    np.testing.assert_allclose(stream.sample(asked, 12.0), asked)
+    stream.begin(20.0)
+    np.testing.assert_allclose(stream.sample(-asked, 20.0), asked)
+    np.testing.assert_allclose(stream.sample(-asked, 21.0), 0.0)
+    np.testing.assert_allclose(stream.sample(-asked, 99.0), -asked)
+
+
+def test_narrower_limits_hold_at_once_though_the_rate_is_low() -> None:
+    stream = shaper(rate_limits=(1.0,), torque_limits=(50.0,))
+    stream.sent = Sent(np.array([40.0, 40.0, 40.0]), 0.0)
+    stream.rules = make_rules(ServeSettings(torque_limits=(5.0,), rate_limits=(1.0,)), NAMES)
+    np.testing.assert_array_equal(stream.sample(np.full(3, 40.0), 0.01), 5.0)
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
+def test_torque_that_is_not_finite_is_refused(value: float) -> None:
+    tau = np.array([1.0, value, 0.0])
+    with pytest.raises(RefusedError, match=r'gave a torque that is not finite'):
+        shaper(torque_limits=LIMITS).sample(tau, 0.0)
+    with pytest.raises(RefusedError, match=r'gave a torque that is not finite'):
+        shaper(torque_limits=LIMITS).plan(tau[None], np.zeros(1))
+
+
+def test_no_limits_leave_torques_as_they_are() -> None:
+    np.testing.assert_array_equal(shaper().sample(np.array([1e9, -3, 0]), 0.0), [1e9, -3, 0])
+
+
+def test_values_follow_their_joints() -> None:
+    def values(given: tuple[float, ...], named: tuple[str, ...]) -> list[float]:
+        return list(by_joint('torque_limits', given, named, ('a', 'b'), 7.0))
+
+    assert values((1.0, 2.0), ('b', 'a')) == [2.0, 1.0]
+    assert values((1.0, 2.0), ()) == [1.0, 2.0]
+    assert values((3.0,), ()) == [3.0, 3.0]
+    assert values((), ()) == [7.0, 7.0]
+
+
+@pytest.mark.parametrize('name', ['torque_limits', 'rate_limits', 'range_margin', 'std_limits'])
+def test_wrong_number_of_values_gives_one_sentence(name: str) -> None:
+    sentence = rf'^{name} must hold one value per joint \(3\).*holds 2: .* of a, b, c\.$'
+    with pytest.raises(ConfigError, match=sentence):
+        shaper(None, **{name: (1.0, 2.0)})
+
+
+def test_a_check_of_standard_deviations_needs_limits() -> None:
+    with pytest.raises(ConfigError, match=r'std_policy is zero, but it is empty; give one per'):
+        make_rules(ServeSettings(std_policy='zero'), NAMES)

@@ -1,0 +1,145 @@
+"""What the node `monitor` tells of joint states, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from nodes import toy
+import numpy as np
+import pytest
+
+from lip_id_ros.errors import ConfigError, ModelError
+from lip_id_ros.monitoring.monitor import Monitor, Watched
+from lip_id_ros.monitoring.settings import MonitorSettings
+from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.signals.joints import RefusedError
+
+START_NS = 1_700_000_000_000_000_000
+T, Q, DQ, DDQ = toy.motion(1500, seed=3)
+TAU = toy.torque(Q, DDQ)
+CONTACT = np.array([0.0, 2.0])
+
+
+@pytest.fixture(scope='module')
+def path(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp('model') / 'toy.npz'
+    toy.model().save(path)
+    return str(path)
+
+
+def monitor(path: str, **values: object) -> Monitor:
+    settings = {'smallest_contact': (2.0,), 'calibration_s': 5.0, **values}
+    return Monitor(MonitorSettings(model_path=path, **settings))  # type: ignore[arg-type]
+
+
+def message(row: int, contact: float = 0.0, shift_s: float = 0.0) -> JointMessage:
+    """Return a sample of the motion, joints in the other order; a contact does a part."""
+    stamp = START_NS + round(1e9 * (T[row] + shift_s))
+    rows = (values[row, ::-1].tolist() for values in (Q, DQ, TAU - contact * CONTACT))
+    return JointMessage(stamp, toy.JOINTS[::-1], *rows)
+
+
+def take(watching: Monitor, rows: range, contact: float = 0.0) -> list[Watched]:
+    found = [watching.take(message(row, contact)) for row in rows]
+    return [each for each in found if each is not None]
+
+
+def test_a_contact_is_told_in_time_after_calibration(path: str) -> None:
+    watching = monitor(path)
+    assert all(each.contact is None for each in take(watching, range(200)))
+    assert watching.status()['state'] == 'without thresholds'
+    assert watching.calibrate() == 'watching 5 s of motion; let nothing touch the arm'
+    take(watching, range(200, 701))
+    assert watching.status()['state'] == 'watching'
+    assert all(0.0 < each < 2.0 for each in watching.status()['thresholds'])
+
+    assert not any(each.contact for each in take(watching, range(701, 1200)))
+    pushed = take(watching, range(1200, 1230), contact=1.0)
+    told = [bool(each.contact) for each in pushed]
+    assert told.index(True) < 10  # 100 ms
+    assert told == sorted(told)  # held
+    np.testing.assert_allclose(pushed[-1].touch.torque, CONTACT, atol=0.3)
+    assert watching.status()['contacts'] == 1
+    # let go of: a step too, then told no more
+    assert not take(watching, range(1230, 1400))[-1].contact
+
+
+def test_thresholds_can_be_given(path: str) -> None:
+    watching = monitor(path, thresholds=(0.5, 0.7), joints=toy.JOINTS[::-1])
+    assert watching.status()['thresholds'] == [0.7, 0.5]
+    assert not any(each.contact for each in take(watching, range(300)))
+    assert any(each.contact for each in take(watching, range(300, 310), contact=1.0))
+
+
+def test_energy_and_its_balance(path: str) -> None:
+    watching = monitor(path)
+    free = take(watching, range(400))
+    kinetic = np.array([toy.kinetic(dq) for dq in DQ[1:400]])
+    potential = -toy.WEIGHT @ np.cos(Q[1:400]).T
+    total = np.array([each.energy.total for each in free])
+    np.testing.assert_allclose(total - total[0], (kinetic + potential) - (kinetic + potential)[0],
+                               atol=0.1)  # fmt: skip
+    assert np.abs([each.energy.unexplained for each in free]).max() < 0.5
+    pushed = take(watching, range(400, 450), contact=1.0)
+    expected = DQ[449] @ CONTACT
+    assert pushed[-1].energy.unexplained == pytest.approx(expected, abs=0.5)
+
+
+def test_what_comes_too_often_is_left_aside(path: str) -> None:
+    watching = monitor(path, rate_hz=10.0)
+    assert len(take(watching, range(501))) == 50
+
+
+@pytest.mark.parametrize('shift_s', [-3600.0, 10.0])
+def test_a_gap_and_a_clock_set_back_begin_anew(path: str, shift_s: float) -> None:
+    watching = monitor(path, thresholds=(0.7,))
+    take(watching, range(100))
+    assert take(watching, range(100, 120), contact=1.0)[-1].contact
+    after = [watching.take(message(row, 0.0, shift_s)) for row in range(120, 200)]
+    assert after[0] is None
+    known = [each for each in after[1:] if each is not None]
+    assert len(known) == 79
+    assert not any(each.contact for each in known)
+    assert np.abs([each.touch.torque for each in known]).max() < 0.3
+
+
+@pytest.mark.parametrize(
+    ('changed', 'reason'),
+    [
+        ({'effort': []}, 'wrong length'),
+        ({'velocity': []}, 'wrong length'),
+        ({'names': ('elbow', 'wrist')}, 'joint missing'),
+        ({'position': [np.nan, 0.0]}, 'value not finite'),
+        ({'velocity': [1e200, 0.0]}, 'torque not finite'),
+    ],
+)
+def test_what_cannot_be_used_is_counted_and_spoils_nothing(
+    path: str, changed: dict[str, Any], reason: str
+) -> None:
+    watching = monitor(path)
+    take(watching, range(100))
+    with np.errstate(all='ignore'), pytest.raises(RefusedError):
+        watching.take(message(100)._replace(**changed))
+    assert watching.status()['refused'] == {reason: 1}
+    after = take(watching, range(101, 200))
+    assert len(after) >= 98
+    assert np.abs([each.touch.torque for each in after]).max() < 0.3
+
+
+def test_a_calibration_that_failed_says_why_and_keeps_the_thresholds(path: str) -> None:
+    watching = monitor(path, smallest_contact=(1e-4,), thresholds=(0.5,))
+    watching.calibrate()
+    take(watching, range(600))
+    assert watching.status()['failure'].startswith('not calibrated: a contact of 0.0001 N m at ')
+    assert watching.status()['thresholds'] == [0.5, 0.5]
+    assert watching.status()['state'] == 'watching'
+
+
+def test_a_model_or_a_list_that_does_not_fit_is_refused(path: str) -> None:
+    with pytest.raises(ModelError, match='must be a model of the joints a, b, but has shoulder'):
+        monitor(path, joints=('a', 'b'))
+    with pytest.raises(ConfigError, match=r'^thresholds must hold one value per joint \(2\)'):
+        monitor(path, thresholds=(1.0, 1.0, 1.0))
+    with pytest.raises(FileNotFoundError):
+        monitor(str(Path(path).with_name('none.npz')))
