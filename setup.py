@@ -39,7 +39,13 @@ setup(
     extras_require={
         'sim': ['pin>=3.0', 'example-robot-data>=4.1'],
         'torch': ['torch>=2.1'],
-        'test': ['hypothesis>=6.98', 'mcap>=1.1', 'mcap-ros2-support>=0.5', 'pytest>=7.4,<9'],
+        'test': [
+            'hypothesis>=6.98',
+            'mcap>=1.1',
+            'mcap-ros2-support>=0.5',
+            'psutil>=5.9',
+            'pytest>=7.4,<9',
+        ],
     },
     zip_safe=True,
     entry_points={

@@ -19,9 +19,12 @@ PLAN = 'plan_with_effort'
 def generate_launch_description() -> LaunchDescription:
     share = get_package_share_path('lip_id_ros')
     params_file = LaunchConfiguration('params_file')
-    n_joints = {'n_joints': number('n_joints', int)}
-    motion = {name: number(name, float) for name in ('amplitude', 'horizon')}
-    model = {'model_path': LaunchConfiguration('model_path'), 'autostart': True}
+    n_joints = {'n_joints': typed('n_joints', int)}
+    motion = {name: typed(name, float) for name in ('amplitude', 'horizon')}
+    model = {
+        'model_path': LaunchConfiguration('model_path'),
+        'autostart': typed('autostart', bool),
+    }
     return LaunchDescription(
         [
             DeclareLaunchArgument('model_path', description='Model of the Panda.'),
@@ -29,6 +32,11 @@ def generate_launch_description() -> LaunchDescription:
                 'params_file',
                 default_value=str(share / 'config' / 'track.yaml'),
                 description='Parameters of the nodes serve and computed_torque.',
+            ),
+            DeclareLaunchArgument(
+                'autostart',
+                default_value='true',
+                description='Whether serve configures and activates itself.',
             ),
             DeclareLaunchArgument('n_joints', default_value='7', description='From the base.'),
             DeclareLaunchArgument('amplitude', default_value='0.6', description='[rad].'),
@@ -45,7 +53,7 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def number(name: str, kind: type) -> ParameterValue:
+def typed(name: str, kind: type) -> ParameterValue:
     return ParameterValue(LaunchConfiguration(name), value_type=kind)
 
 

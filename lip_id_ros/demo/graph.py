@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import json
+import math
 import threading
 import time
 from typing import Any
 
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
 from rclpy.client import Client
 from rclpy.node import Node
@@ -27,6 +28,7 @@ from lip_id_ros.nodes.running import make_executor
 
 ANSWER_SECONDS = 60.0
 POLL_SECONDS = 0.1
+ASK_AGAIN_SECONDS = 1.0
 
 
 class Graph:
@@ -118,6 +120,41 @@ class Graph:
 
     def _on_status(self, message: String) -> None:
         self.train_status = json.loads(message.data)
+
+
+def await_discovery(
+    node: Node, remote: str, wait: Callable[[Callable[[], bool], str], None]
+) -> None:
+    """
+    Wait until a remote node has discovered every endpoint that a node has created so far.
+
+    A message or a response to an endpoint that its sender has not discovered is lost. What a node
+    can see is only that it has discovered the other. But discovery announces endpoints in the
+    order of their creation, so a remote node that answers a new client knows all older endpoints.
+
+    Parameters
+    ----------
+    node : Node
+        Spun by another thread.
+    remote : str
+        Full name of the remote node; it must have parameter services.
+    wait : callable
+        Waits for a condition with a description.
+
+    """
+    client = node.create_client(GetParameters, f'{remote}/get_parameters')
+    wait(client.service_is_ready, client.srv_name)
+    answers: list[Any] = []
+    asked = -math.inf
+
+    def answered() -> bool:
+        nonlocal asked
+        if time.monotonic() > asked + ASK_AGAIN_SECONDS:
+            answers.append(client.call_async(GetParameters.Request()))
+            asked = time.monotonic()
+        return any(answer.done() for answer in answers)
+
+    wait(answered, f'an answer of {client.srv_name}')
 
 
 @contextmanager

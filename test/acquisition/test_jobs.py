@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-import time
 
 import numpy as np
 import pytest
@@ -85,9 +84,7 @@ def test_a_failure_is_one_sentence_and_leaves_no_file(jobs: Jobs, tmp_path: Path
 def test_a_job_ends_with_its_owner(jobs: Jobs, tmp_path: Path) -> None:
     settings = flatten(Config()) | {'fit.iterations': 10**6, 'fit.subset': 400}
     work = jobs.start(Task('fit', settings, str(tmp_path / 'model.npz')), [samples(500)])
-    begun = time.monotonic()
     jobs.stop()
-    assert time.monotonic() - begun < 10
     with pytest.raises(LipIdError, match=r'^the process of the fit ended with status -15\.$'):
         work.result()
     assert list(tmp_path.iterdir()) == []

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-import time
 
 from feedforward.arms import point
 import numpy as np
 import pytest
 from serving.models import random_model
+from waiting import wait_until
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
@@ -19,15 +19,16 @@ from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.serving import Predictor
 
-TIMEOUT_S = 60.0
-
 
 def wait_for(deviations: Deviations) -> Deviated:
-    deadline = time.monotonic() + TIMEOUT_S
-    while (done := deviations.take()) is None:
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
-    return done
+    done: list[Deviated] = []
+
+    def taken() -> bool:
+        done.extend(each for each in [deviations.take()] if each is not None)
+        return bool(done)
+
+    wait_until(taken, 'a standard deviation')
+    return done[0]
 
 
 def offer(deviations: Deviations, state: Array, tag: str, now: float) -> None:

@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -24,12 +23,13 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+from waiting import wait_until
 
+from lip_id_ros.demo.graph import await_discovery
 from lip_id_ros.nodes import qos
 
 ROOT = Path(__file__).resolve().parents[2]
-FOUND_S = 0.2
-TIMEOUT_S = 120.0  # a loaded machine compiles for long
+UNKNOWN = '_NODE_NAME_UNKNOWN_'
 _numbers = itertools.count()
 
 
@@ -73,10 +73,11 @@ class Process:
     def wait(self) -> int:
         """Return the exit status."""
         try:
-            return self._popen.wait(TIMEOUT_S)
-        except subprocess.TimeoutExpired:
+            wait_until(lambda: not self.alive, f'the end of {self.log_path.stem}')
+        except AssertionError:
             self._popen.kill()
             raise
+        return self._popen.wait()
 
 
 class Client:
@@ -85,20 +86,19 @@ class Client:
     def __init__(self, context: Context) -> None:
         self.node = rclpy.create_node('client', context=context)
         self.received: dict[str, list[Any]] = {}
+        self._clients: dict[str, Any] = {}
+        self._subscriptions: dict[str, Any] = {}
 
     def wait_until(self, condition: Callable[[], Any], what: str) -> None:
-        deadline = time.monotonic() + TIMEOUT_S
-        while not condition():
-            assert time.monotonic() < deadline, f'{what} did not happen in {TIMEOUT_S} s'
-            time.sleep(0.02)
+        wait_until(condition, what)
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
-        client = self.node.create_client(kind, name)
-        self.wait_until(client.service_is_ready, f'service {name}')
-        # Fast DDS drops an answer when the server has not found the client yet
-        time.sleep(FOUND_S)
-        answer = client.call_async(request)
-        self.wait_until(answer.done, f'answer of {name}')
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(kind, name)
+            wait_until(self._clients[name].service_is_ready, f'service {name}')
+            await_discovery(self.node, name.rpartition('/')[0], wait_until)
+        answer = self._clients[name].call_async(request)
+        wait_until(answer.done, f'answer of {name}')
         return answer.result()
 
     def trigger(self, name: str) -> Any:
@@ -122,27 +122,42 @@ class Client:
         return str(self.call(GetState, '/serve/get_state', GetState.Request()).current_state.label)
 
     def listen(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> list[Any]:
-        """Collect the messages of a topic once its publisher is there."""
+        """Collect the messages of a topic; its publishers know this subscription."""
         messages = self.await_topic(kind, topic, profile)
-        self.wait_until(lambda: self.node.count_publishers(topic), f'publisher of {topic}')
+        subscription = self._subscriptions[topic]
+        wait_until(lambda: subscription.get_publisher_count() > 0, f'publisher of {topic}')
+        self._await_discovery(lambda: self.node.get_publishers_info_by_topic(topic))
         return messages
 
     def await_topic(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> list[Any]:
         """Collect the messages of a topic whose publisher may come later."""
         messages = self.received.setdefault(topic, [])
-        self.node.create_subscription(kind, topic, messages.append, profile)
+        self._subscriptions[topic] = self.node.create_subscription(
+            kind, topic, messages.append, profile
+        )
         return messages
 
     def speak(
         self, kind: Any, topic: str, profile: QoSProfile = qos.REFERENCE, listeners: int = 1
     ) -> Any:
-        """Return a publisher that is heard by so many."""
+        """Return a publisher that so many subscribers know."""
         publisher = self.node.create_publisher(kind, topic, profile)
-        self.wait_until(
+        wait_until(
             lambda: publisher.get_subscription_count() >= listeners, f'subscriber of {topic}'
         )
-        time.sleep(FOUND_S)  # the subscriber finds the publisher a little later
+        self._await_discovery(lambda: self.node.get_subscriptions_info_by_topic(topic))
         return publisher
+
+    def _await_discovery(self, endpoints: Callable[[], list[Any]]) -> None:
+        """Wait until the nodes of endpoints, others than this one, know what this one has."""
+        wait_until(
+            lambda: endpoints() and all(each.node_name != UNKNOWN for each in endpoints()),
+            'the names of nodes',
+        )
+        for each in endpoints():
+            if each.node_name != self.node.get_name():
+                name = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+                await_discovery(self.node, name, wait_until)
 
     def status(self, node: str, condition: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
         """Wait for a status of a node that fulfils a condition."""
@@ -156,7 +171,7 @@ class Client:
                 found[:] = [json.loads(message.data)]
             return bool(found and condition(found[0]))
 
-        self.wait_until(fulfilled, f'status of {node}')
+        wait_until(fulfilled, f'status of {node}')
         return found[0]
 
 

@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 import pytest
+from waiting import run_to_end
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
@@ -38,9 +39,7 @@ UR10_JOINTS = (
 
 def replay(graph: Graph, bag: Path, *arguments: str) -> None:
     command = [sys.executable, '-m', 'lip_id_ros.nodes.replay', str(bag), *arguments]
-    subprocess.run(
-        command, env=graph.environment, check=True, timeout=120, capture_output=True, text=True
-    )
+    run_to_end(command, graph.folder, env=graph.environment).check_returncode()
 
 
 def test_a_folder_without_a_bag_gives_one_line(ros: tuple[Graph, Client], tmp_path: Path) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-import subprocess
 import sys
 
 import pytest
+from waiting import run_to_end
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
@@ -37,13 +37,10 @@ running.run(Faulty)
 
 @pytest.mark.parametrize('executor', ['events', 'single_threaded'])
 def test_an_error_in_a_callback_ends_in_good_order_too(executor: str, tmp_path: Path) -> None:
-    ended = subprocess.run(
+    ended = run_to_end(
         [sys.executable, '-c', PROGRAM.format(executor=executor)],
+        tmp_path,
         env={**os.environ, 'ROS_LOG_DIR': str(tmp_path)},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
     )
     assert ended.returncode == 1
     assert 'kept the data' in ended.stdout

@@ -37,11 +37,11 @@ def test_a_silent_stream_gets_zeros_until_it_comes_back_by_a_ramp(
 ) -> None:
     graph, client = ros
     # a clock of simulation that stands still must not keep the safe torque back
-    graph.start('serve', model_path=model_path, stale_timeout_s=0.3, ramp_s=0.5, use_sim_time=True)
+    graph.start('serve', model_path=model_path, stale_timeout_s=1.0, ramp_s=0.5, use_sim_time=True)
     torques = client.listen(JointState, TORQUE)
     publisher = client.speak(JointTrajectory, REFERENCE)
     client.status('serve', lambda status: status['state'] == 'active')
-    time.sleep(0.5)
+    time.sleep(1.2)
     assert not torques  # nobody holds a torque yet
     publisher.publish(GOOD)
     client.wait_until(lambda: len(torques) > 5, 'safe torque, again and again')
@@ -50,13 +50,19 @@ def test_a_silent_stream_gets_zeros_until_it_comes_back_by_a_ramp(
     status = client.status('serve', lambda status: status['stale'] == 1)
     assert status['summary'].startswith('no reference for ')
 
-    began = time.monotonic()
     seen: list[float] = []
-    while not seen or seen[-1] < 0.99 * EXPECTED[0]:
-        assert time.monotonic() < began + 30.0
+
+    def risen() -> bool:
         publisher.publish(GOOD)
-        time.sleep(0.01)
-        seen = [each.effort[0] for each in torques if each.header.stamp == GOOD.header.stamp][1:]
+        seen[:] = [each.effort[0] for each in torques if each.header.stamp == GOOD.header.stamp]
+        return bool(seen[-1] > 0.99 * EXPECTED[0])
+
+    torques.clear()
+    publisher.publish(GOOD)
+    client.wait_until(
+        lambda: torques[-1:] and torques[-1].header.stamp == GOOD.header.stamp, 'an answer'
+    )
+    client.wait_until(risen, 'the end of the ramp')
     assert seen[0] < 0.5 * EXPECTED[0]
     assert seen == sorted(seen)
 
@@ -77,11 +83,13 @@ def test_limits_of_rate_and_range_hold_and_are_told(
     diagnostics = client.listen(DiagnosticArray, '/diagnostics')
     publisher = client.speak(JointTrajectory, REFERENCE)
     client.status('serve', lambda status: status['state'] == 'active')
-    for _ in range(20):
+    # an answer may rise by 0.5 N m, the rate limit times the longest step: seven at least
+    while not torques or torques[-1].effort[0] < 0.8 * EXPECTED[0]:
+        count = len(torques) + 1
         publisher.publish(GOOD)
-        time.sleep(0.01)
-    client.wait_until(lambda: len(torques) == len(commands) == 20, 'answers')
+        client.wait_until(lambda: len(torques) == len(commands) == count, 'answer')  # noqa: B023
     sent = np.array(efforts(torques))
+    assert len(sent) >= 7
     assert np.abs(np.diff(sent, axis=0)).max() <= 10.0 * 0.05 + 1e-9
     np.testing.assert_array_equal(sent, [list(command.data) for command in commands])
     assert (np.diff(sent[:, 0]) > 0.0).all()
@@ -89,7 +97,7 @@ def test_limits_of_rate_and_range_hold_and_are_told(
     before = len(torques)
     publisher.publish(FAR)
     status = client.status('serve', lambda status: status['out_of_range'] == 1)
-    assert status['rate_limited'] >= 20
+    assert status['rate_limited'] >= len(sent)
     client.wait_until(lambda: len(torques) > before, 'answer')
     assert torques[-1].effort[0] < torques[before - 1].effort[0]
 

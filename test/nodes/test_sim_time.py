@@ -15,8 +15,8 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nodes.test_serve import GOOD
-from nodes.test_train import joint_state
-from nodes.test_train_stream import counted, start_counting
+from nodes.test_train import joint_publisher, joint_state
+from nodes.test_train_stream import counted
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -44,7 +44,7 @@ def clock(graph: Graph, start_s: float) -> Iterator[None]:
 def test_train_records_a_simulation_that_is_started_twice(ros: tuple[Graph, Client]) -> None:
     graph, client = ros
     graph.start('train', use_sim_time=True, record_on_start=True)
-    publisher = start_counting(client)  # no clock yet: the status comes all the same
+    publisher = joint_publisher(client)  # no clock yet: the status comes all the same
     diagnostics = client.listen(DiagnosticArray, '/diagnostics')
 
     def publish(first_s: float) -> None:

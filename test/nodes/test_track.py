@@ -11,6 +11,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
 
 from ament_index_python.packages import get_package_share_path, PackageNotFoundError
+from lifecycle_msgs.msg import Transition
 import numpy as np
 from rclpy.qos import HistoryPolicy, QoSProfile
 from sensor_msgs.msg import JointState
@@ -61,13 +62,16 @@ def test_the_arm_follows_the_reference_through_serve_and_controller(
         node['ros__parameters'] = {k: v[:2] for k, v in node['ros__parameters'].items()}
     (tmp_path / 'two.yaml').write_text(yaml.safe_dump(config))
 
-    # before the arm is there, so as not to miss its first state: the motion begins with its stamp
-    states = client.await_topic(JointState, '/joint_states', ALL)
-    commands = client.await_topic(JointState, '/computed_torque/command', ALL)
     with launched(
-        graph, 'track.launch.py', f'model_path:={panda_model}', 'n_joints:=2',
+        graph, 'track.launch.py', f'model_path:={panda_model}', 'n_joints:=2', 'autostart:=false',
         f'horizon:={HORIZON}', f'params_file:={tmp_path / "two.yaml"}',
     ):  # fmt: skip
+        states = client.listen(JointState, '/joint_states', ALL)
+        commands = client.listen(JointState, '/computed_torque/command', ALL)
+        # the arm stands until `serve` is active, and the motion begins with the stamp it stands at
+        client.wait_until(lambda: states, 'the first joint state')
+        assert client.transition(Transition.TRANSITION_CONFIGURE)
+        assert client.transition(Transition.TRANSITION_ACTIVATE)
         client.wait_until(lambda: seconds(states)[-1] > HORIZON, 'the end of the motion')
 
     t = seconds(states)

@@ -17,6 +17,7 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 from simulation.pendulums import swing
+from waiting import run_to_end
 
 from lip_id_ros.comparison import Case, compare, Store, thinned
 from lip_id_ros.comparison.report import write_comparison
@@ -46,14 +47,8 @@ def browser() -> None:
 
 
 def seen(page: Path) -> dict[str, Any] | None:
-    looked = subprocess.run(
-        [sys.executable, BROWSER, page],
-        capture_output=True,
-        text=True,
-        env={**os.environ, **WITHOUT_A_WINDOW},
-        timeout=120,
-        check=False,
-    )
+    command = [sys.executable, str(BROWSER), str(page)]
+    looked = run_to_end(command, page.parent, env={**os.environ, **WITHOUT_A_WINDOW})
     assert looked.returncode == 0, looked.stderr
     found: dict[str, Any] | None = json.loads(looked.stdout)
     return found

@@ -200,7 +200,7 @@ def test_takes_more_than_30000_messages_a_second() -> None:
     names = [f'joint_{number}' for number in range(7)]
     values = np.arange(7.0)
     buffer = SampleBuffer()
-    begin = time.perf_counter()
+    begin = time.process_time()
     for stamp in range(30_000):
         buffer.add(stamp, names, values, values, values)
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
