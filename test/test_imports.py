@@ -62,7 +62,7 @@ FOREIGN = {
     'scipy': ('',),
     'numba': ('numba_jit', 'kernels'),  # prange in loops over all threads
     'torch': ('kernels/plain', 'gp/device', 'baselines'),  # imported where asked for
-    'threadpoolctl': ('gp/placement_search',),
+    'threadpoolctl': ('gp/placement_search', 'identification'),
     'rosbags': ('recording', 'evaluation/mcap_writer'),
     'lz4': ('recording/storage/compression',),
     # zstd: the standard library has it from 3.14 as compression

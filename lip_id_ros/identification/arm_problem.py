@@ -1,0 +1,202 @@
+"""
+Placements, links and friction of an arm fitted together (docs/maths.md, section 11).
+
+Links are log-Cholesky numbers, so that each can exist, and friction coefficients that physics
+wants positive are exponentials. M(q) is then positive definite at every q, by construction.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.errors import FitError
+from lip_id_ros.identification.kinematic_calibration import NOT_FINITE, REACH, Samples
+from lip_id_ros.identification.levenberg_marquardt import minimise
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.log_cholesky import (
+    link_parameter_jacobian,
+    link_parameters,
+    log_cholesky,
+)
+from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
+
+LINK_PRIOR = 0.3
+"""Precision (inverse standard deviation) of the prior on log-Cholesky numbers."""
+
+LOG_PRIOR = 0.3
+"""Precision of the prior on logarithms of friction coefficients."""
+
+SMALLEST = 1e-3
+"""Friction coefficients that must be positive start at this share of their prior, or above."""
+
+TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class ArmState:
+    """
+    Parameters of an arm.
+
+    Attributes
+    ----------
+    chain : Chain
+    numbers : array, shape (n, 11)
+        Log-Cholesky numbers of the links.
+    friction : array, shape (k,)
+        Coefficients in units of their prior standard deviations, the positive ones as logarithms.
+    cost : float
+    residual : array, shape (N, n)
+        Of the torques in units of the noise.
+
+    """
+
+    chain: Chain
+    numbers: Array
+    friction: Array
+    cost: float = np.inf
+    residual: Array | None = None
+
+
+class ArmProblem:
+    """
+    Least squares over all parameters of an arm, for `levenberg_marquardt.minimise`.
+
+    A step holds the placements as in `PlacementProblem`, log-Cholesky numbers and friction.
+
+    Parameters
+    ----------
+    samples : Samples
+    noise_std : array, shape (n,)
+        Standard deviations of the residuals [N m or N].
+    positive : bool array, shape (k,)
+        Which friction coefficients must be positive.
+    link_scale : array, shape (4,)
+        See `lip_id_ros.rigid_body.log_cholesky.scale_of`.
+    free : bool array, shape (6 n,), optional
+        Which directions of placements may change; all where not given.
+
+    """
+
+    def __init__(
+        self,
+        samples: Samples,
+        noise_std: Array,
+        positive: BoolArray,
+        link_scale: Array,
+        free: BoolArray | None = None,
+    ) -> None:
+        self._samples, self._positive, self._link_scale = samples, positive, link_scale
+        self._scale = np.sqrt(samples.weights) / noise_std
+        n = samples.tau.shape[1]
+        self._free = np.ones(DIRECTIONS * n, dtype=bool) if free is None else free
+
+    def start(self, chain: Chain, links: Array, friction: Array) -> ArmState:
+        """
+        Return the state nearest to parameters of a linear fit.
+
+        Parameters
+        ----------
+        chain : Chain
+        links : array, shape (n, 11)
+        friction : array, shape (k,)
+            In units of prior standard deviations.
+
+        Raises
+        ------
+        FitError
+            If the parameters are not finite.
+
+        """
+        if not (np.isfinite(links).all() and np.isfinite(friction).all()):
+            raise FitError(NOT_FINITE)
+        logarithms = np.log(np.maximum(friction, SMALLEST))
+        coefficients = np.where(self._positive, logarithms, friction)
+        numbers = log_cholesky(links, self._link_scale)
+        return self.evaluated(ArmState(chain, numbers, coefficients))
+
+    def minimised(self, start: ArmState, evaluations: int) -> ArmState:
+        """Descend from a state."""
+        return minimise(self, self.evaluated(start), evaluations, TOLERANCE)
+
+    def evaluated(self, state: ArmState) -> ArmState:
+        """Return a state with its cost and residuals."""
+        with np.errstate(over='ignore', invalid='ignore'):
+            residual = (self._samples.tau - self.torque(state)) * self._scale
+            prior = self._prior_residual(state)
+            cost = 0.5 * float(np.sum(residual**2) + prior @ prior)
+        return replace(state, cost=cost if np.isfinite(cost) else np.inf, residual=residual)
+
+    def links(self, state: ArmState) -> Array:
+        """Return the parameters of the links, shape (n, 11)."""
+        return link_parameters(state.numbers, self._link_scale)
+
+    def coefficients(self, state: ArmState) -> Array:
+        """Return the coefficients of friction in units of prior standard deviations, (k,)."""
+        exponents = np.where(self._positive, state.friction, 0.0)
+        return np.where(self._positive, np.exp(exponents), state.friction)
+
+    def torque(self, state: ArmState) -> Array:
+        """Return the torques of all samples, shape (N, n) [N m or N]."""
+        regressor = torque_regressor(state.chain, *self._samples.state)
+        friction = self._samples.friction @ self.coefficients(state)
+        return np.asarray(regressor @ self.links(state).ravel() + friction)
+
+    def jacobian(self, state: ArmState) -> Array:
+        """Differentiate the torques of all samples by a step, shape (N, n, m) [N m or N]."""
+        samples, n = self._samples, len(state.numbers)
+        placements = placement_derivatives(state.chain, self.links(state), *samples.state)
+        placements = placements.reshape(*samples.tau.shape, -1) * self._free
+        regressor = torque_regressor(state.chain, *samples.state)
+        regressor = regressor.reshape(*samples.tau.shape, n, LINK_PARAMETERS)
+        by_numbers = link_parameter_jacobian(state.numbers, self._link_scale)
+        links = np.empty_like(regressor)
+        for j, each in enumerate(by_numbers):
+            links[:, :, j] = regressor[:, :, j] @ each
+        slopes = np.where(self._positive, self.coefficients(state), 1.0)
+        friction = samples.friction * slopes
+        return np.concatenate(
+            [placements, links.reshape(*samples.tau.shape, -1), friction], axis=2
+        )
+
+    def normal_equations(self, state: ArmState) -> tuple[Array, Array]:
+        """Return J^T J and J^T r of steps at a state."""
+        assert state.residual is not None
+        jacobian = self.jacobian(state)
+        jacobian *= self._scale[..., None]
+        rows = jacobian.reshape(-1, jacobian.shape[2])
+        precision = self._prior_precision()
+        hessian = rows.T @ rows
+        hessian[np.diag_indices_from(hessian)] += precision**2
+        gradient = precision * self._prior_residual(state) - rows.T @ state.residual.ravel()
+        gradient[: self._free.size] *= self._free
+        return hessian, gradient
+
+    def stepped(self, state: ArmState, step: Array) -> ArmState:
+        """Return the state that a step leads to."""
+        chain, count = state.chain, self._free.size
+        turn, shift = step[:count].reshape(-1, 2, 3).transpose(1, 0, 2)
+        links = step[count : count + state.numbers.size].reshape(state.numbers.shape)
+        moved = chain._replace(
+            rotations=chain.rotations @ Rotation.from_rotvec(turn).as_matrix(),
+            translations=chain.translations + shift,
+        )
+        friction = state.friction + step[count + state.numbers.size :]
+        return self.evaluated(ArmState(moved, state.numbers + links, friction))
+
+    def _prior_precision(self) -> Array:
+        n = len(self._samples.prior_std)
+        placements = np.tile([0.0, 0.0, 0.0, *[1.0 / REACH] * 3], n)
+        links = np.full(n * LINK_PARAMETERS, LINK_PRIOR)
+        return np.concatenate([placements, links, np.where(self._positive, LOG_PRIOR, 1.0)])
+
+    def _prior_residual(self, state: ArmState) -> Array:
+        placements = np.zeros((len(state.numbers), DIRECTIONS))
+        placements[:, 3:] = state.chain.translations
+        vector = np.concatenate([placements.ravel(), state.numbers.ravel(), state.friction])
+        return np.asarray(self._prior_precision() * vector)

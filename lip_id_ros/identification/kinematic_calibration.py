@@ -1,0 +1,206 @@
+"""
+Kinematic calibration: the placements of the joints of an arm, from torques (docs/maths.md, 10).
+
+Torques are linear in the parameters of links and friction once the placements of the joints are
+known. So least squares over the placements is left, by variable projection (Golub and Pereyra
+1973): the linear parameters are solved for at every step.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import blas, lapack
+from scipy.spatial.transform import Rotation
+
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
+from lip_id_ros.errors import FitError
+from lip_id_ros.identification.levenberg_marquardt import minimise
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
+
+REACH = 3.0
+"""Standard deviation of the prior on distances between joints [m]."""
+
+TOLERANCE = 1e-4
+"""A descent ends where a step gains less than this share of its cost."""
+
+NOT_FINITE = (
+    'the torques of the samples were expected to be finite in units of the noise but are not: '
+    'check the data for values beyond what the robot can do.'
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """
+    Joint states and torques that links and friction have to explain.
+
+    Attributes
+    ----------
+    q, dq, ddq, tau : arrays, shape (N, n)
+    prismatic : bool array, shape (n,)
+    gravity : array, shape (3,)
+        In the base [m/s^2].
+    friction : array, shape (N, n, k)
+        Features of friction in units of the prior standard deviations of their coefficients.
+    prior_std : array, shape (n, 11)
+        Prior standard deviations of the parameters of the links.
+    weights : array, shape (N, n)
+        Of the squared residuals, see `lip_id_ros.identification.statistics.huber_weights`.
+
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    prismatic: BoolArray
+    gravity: Array
+    friction: Array
+    prior_std: Array
+    weights: Array
+
+    @property
+    def state(self) -> tuple[Array, Array, Array]:
+        """Positions, velocities, accelerations."""
+        return self.q, self.dq, self.ddq
+
+    def select(self, rows: IndexArray) -> Samples:
+        """Return some of the samples."""
+        names = ('q', 'dq', 'ddq', 'tau', 'friction', 'weights')
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """
+    Placements of the joints with the linear parameters that fit best.
+
+    Attributes
+    ----------
+    chain : Chain
+    parameters : array, shape (11 n + k,)
+        Of links, then of friction, in units of their prior standard deviations.
+    cost : float
+    features : array, shape (N n, 11 n + k)
+        In units of the noise.
+    factor : array
+        Lower Cholesky factor of the normal equations.
+    residual : array, shape (N n,)
+        In units of the noise.
+
+    """
+
+    chain: Chain
+    parameters: Array
+    cost: float
+    features: Array
+    factor: Array
+    residual: Array
+
+    def link_parameters(self, samples: Samples) -> Array:
+        """Return the parameters of the links, shape (n, 11)."""
+        count = samples.prior_std.size
+        return self.parameters[:count].reshape(-1, LINK_PARAMETERS) * samples.prior_std
+
+
+class PlacementProblem:
+    """
+    Least squares over the placements, for `levenberg_marquardt.minimise`.
+
+    A step holds, joint by joint, a small rotation about the axes of the joint's own frame and a
+    translation in that of its parent.
+
+    Parameters
+    ----------
+    samples : Samples
+    noise_std : array, shape (n,)
+        Standard deviation of each joint's residuals [N m or N].
+
+    """
+
+    def __init__(self, samples: Samples, noise_std: Array) -> None:
+        self.n_joints = samples.tau.shape[1]
+        self._samples = samples
+        self._scale = np.sqrt(samples.weights) / noise_std
+        self._tau = (samples.tau * self._scale).ravel()
+        count = samples.prior_std.size
+        self._features = np.empty((*samples.tau.shape, count + samples.friction.shape[2]))
+        self._features[..., count:] = samples.friction * self._scale[..., None]
+        self._link_scale = self._scale[..., None] * samples.prior_std.ravel()
+
+    def at(self, rotations: Array, translations: Array) -> Placements:
+        """
+        Solve for the linear parameters at given placements, shapes (n, 3, 3) and (n, 3).
+
+        Raises
+        ------
+        FitError
+            If the data are not finite in units of the noise.
+
+        """
+        samples = self._samples
+        chain = Chain(
+            np.ascontiguousarray(rotations),
+            np.ascontiguousarray(translations),
+            samples.prismatic,
+            samples.gravity,
+        )
+        features = self._features.copy()
+        links = torque_regressor(chain, *samples.state)
+        np.multiply(links, self._link_scale, out=features[..., : links.shape[2]])
+        features = features.reshape(self._tau.size, -1)
+        normal = blas.dsyrk(1.0, features.T, lower=1)
+        normal[np.diag_indices_from(normal)] += 1.0
+        factor, info = lapack.dpotrf(normal, lower=1, overwrite_a=1)
+        if info != 0 or not np.isfinite(factor[-1, -1]):
+            raise FitError(NOT_FINITE)
+        parameters, _ = lapack.dpotrs(factor, features.T @ self._tau, lower=1)
+        residual = self._tau - features @ parameters
+        squares = residual @ residual + parameters @ parameters
+        cost = 0.5 * float(squares + np.sum((translations / REACH) ** 2))
+        return Placements(chain, np.asarray(parameters), cost, features, factor, residual)
+
+    def normal_equations(self, point: Placements) -> tuple[Array, Array]:
+        """Return J^T J and J^T r with the approximation of Kaufman (1975); J^T r is exact."""
+        samples, n = self._samples, len(point.chain.prismatic)
+        links = point.link_parameters(samples)
+        slopes = placement_derivatives(point.chain, links, *samples.state)
+        slopes *= self._scale[..., None, None]
+        along = slopes.reshape(len(point.features), -1)
+        taken, _ = lapack.dpotrs(point.factor, point.features.T @ along, lower=1)
+        jacobian = point.features @ taken - along
+        hessian = jacobian.T @ jacobian + taken.T @ taken
+        gradient = jacobian.T @ point.residual - taken.T @ point.parameters
+        distances = np.tile([0.0, 0.0, 0.0, 1.0, 1.0, 1.0], n) / REACH**2
+        hessian[np.diag_indices_from(hessian)] += distances
+        gradient.reshape(n, DIRECTIONS)[:, 3:] += point.chain.translations / REACH**2
+        return hessian, gradient
+
+    def stepped(self, point: Placements, step: Array) -> Placements:
+        """Return the placements that a step leads to."""
+        turn, shift = step.reshape(-1, 2, 3).transpose(1, 0, 2)
+        rotations = point.chain.rotations @ Rotation.from_rotvec(turn).as_matrix()
+        return self.at(rotations, point.chain.translations + shift)
+
+    def descend(self, rotations: Array, translations: Array, evaluations: int) -> Placements:
+        """Descend from given placements."""
+        return minimise(self, self.at(rotations, translations), evaluations, TOLERANCE)
+
+    def residual_rms(self, point: Placements) -> Array:
+        """Return the root mean square residual of each joint, shape (n,) [N m or N]."""
+        samples = self._samples
+        count = samples.prior_std.size
+        torque = np.einsum(
+            'tik,k->ti',
+            torque_regressor(point.chain, *samples.state),
+            point.link_parameters(samples).ravel(),
+        )
+        torque += samples.friction @ point.parameters[count:]
+        weighted = samples.weights * (samples.tau - torque) ** 2
+        sums: Array = weighted.sum(axis=0) / samples.weights.sum(axis=0)
+        return np.sqrt(sums)

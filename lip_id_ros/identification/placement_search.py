@@ -1,0 +1,229 @@
+"""
+The search for the lowest place: iterated local searches from axes at quarter turns.
+
+The cost of placements has many minima. Descents start from axes that are parallel or at right
+angles, as those of most arms are; then joints of the best minima are drawn anew and descended from
+again (iterated local search: Lourenco, Martin and Stuetzle 2003). Two such searches that know
+nothing of each other go on until they agree.
+
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.identification.kinematic_calibration import (
+    PlacementProblem,
+    Placements,
+    Samples,
+)
+from lip_id_ros.progress import Progress
+
+LENGTH = 1.0 / 3.0
+"""About how long links are [m]: for starts and priors, which need no more than that."""
+
+COARSE = 0.05
+"""Standard deviation of the residuals in the search, as a share of each torque's."""
+
+FINEST = 1e-4
+"""Smallest standard deviation of the residuals, likewise."""
+
+SEARCHES = 2
+STARTS, ROUNDS, MOST_BATCHES = 16, 8, 10
+PATIENCE = 16
+"""A search is at its end after so many descents that led to nothing lower."""
+
+KEPT = 6
+DISTINCT, SAME = 0.005, 0.01
+"""Relative difference of costs of two minima, and of what counts as agreement of two searches."""
+
+CANDIDATES, REFINEMENTS = 3, 2
+EVALUATIONS, MORE_EVALUATIONS = 40, 30
+ALIGNMENT_NOISE = 0.02
+STAGE = 'kinematic calibration'
+
+_CUBE = Rotation.create_group('O').as_matrix()
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """
+    Outcome of the search.
+
+    Attributes
+    ----------
+    placements : Placements
+        Lowest minimum, refined on all samples.
+    noise_std : array, shape (n,)
+        Root mean squares of the residuals [N m or N]; at least `FINEST` of each torque.
+    agreed : bool
+        Whether both searches ended in the same minimum.
+    descents : int
+
+    """
+
+    placements: Placements
+    noise_std: Array
+    agreed: bool
+    descents: int
+
+
+def calibrate(samples: Samples, few: int, seed: int, progress: Progress) -> Calibration:
+    """
+    Find the placements of the joints of an arm.
+
+    Parameters
+    ----------
+    samples : Samples
+    few : int
+        Samples of the search, evenly chosen.
+    seed : int
+        Of the starts.
+    progress : callable
+
+    Raises
+    ------
+    FitError
+        If the data are not finite in units of the noise.
+
+    """
+    torque = samples.tau.std(axis=0)
+    torque = np.where(torque > 0.0, torque, 1.0)
+    rows = np.unique(np.linspace(0, len(samples.tau) - 1, few).astype(np.intp))
+    some = samples.select(rows)
+    # Products this small gain nothing from more threads of their own.
+    with threadpool_limits(1), ThreadPoolExecutor(SEARCHES) as pool:
+        problem = PlacementProblem(some, COARSE * torque)
+        searches = [_Search(problem, rng) for rng in np.random.default_rng(seed).spawn(SEARCHES)]
+        agreed = _searched(searches, pool, progress)
+        minima = _distinct([each for search in searches for each in search.minima])
+        noise_std = COARSE * torque
+        for part, count in ((some, CANDIDATES), (samples, 1)):
+            minima, noise_std = _refined(part, minima[:count], noise_std, FINEST * torque, pool)
+    progress(STAGE, 1, 1)
+    descents = sum(search.descents for search in searches)
+    return Calibration(minima[0], noise_std, agreed, descents)
+
+
+def quarter_turn_placements(n_joints: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """
+    Draw axes that are parallel or at right angles, some way apart.
+
+    Returns
+    -------
+    rotations, translations : arrays, shapes (n, 3, 3) and (n, 3)
+        A little noise keeps off saddle points.
+
+    """
+    twists = rng.choice([0.5 * np.pi, -0.5 * np.pi, 0.0], n_joints, p=[0.4, 0.4, 0.2])
+    turns = 0.5 * np.pi * rng.integers(4, size=n_joints)
+    angles = np.column_stack([turns, twists])
+    rotations = Rotation.from_euler('ZX', angles).as_matrix()
+    rotations[0] = _CUBE[rng.integers(len(_CUBE))]
+    noise = Rotation.from_rotvec(ALIGNMENT_NOISE * rng.standard_normal((n_joints, 3)))
+    translations = LENGTH / np.sqrt(3.0) * rng.standard_normal((n_joints, 3))
+    translations[0] = 0.0
+    return rotations @ noise.as_matrix(), translations
+
+
+@dataclass(eq=False)
+class _Search:
+    """One iterated local search; its minima are distinct, lowest first."""
+
+    problem: PlacementProblem
+    rng: np.random.Generator
+    minima: list[Placements] = field(default_factory=list)
+    descents: int = 0
+    idle: int = 0
+
+    def run(self, rounds: int) -> None:
+        for _ in range(rounds):
+            self._descend(*self._start())
+
+    @property
+    def lowest(self) -> float:
+        return self.minima[0].cost
+
+    @property
+    def is_idle(self) -> bool:
+        return self.idle >= PATIENCE
+
+    def _start(self) -> tuple[Array, Array]:
+        n = self.problem.n_joints
+        fresh = quarter_turn_placements(n, self.rng)
+        if self.descents < STARTS:
+            return fresh
+        rank = min(int(self.rng.exponential(1.5)), len(self.minima) - 1)
+        chain = self.minima[rank].chain
+        first, count = self.rng.integers(n), self.rng.integers(1, 3)
+        some = slice(first, first + count)
+        rotations, translations = chain.rotations.copy(), chain.translations.copy()
+        rotations[some], translations[some] = fresh[0][some], fresh[1][some]
+        return rotations, translations
+
+    def _descend(self, rotations: Array, translations: Array) -> None:
+        found = self.problem.descend(rotations, translations, EVALUATIONS)
+        lower = not self.minima or found.cost < (1.0 - DISTINCT) * self.lowest
+        self.idle = 0 if lower else self.idle + 1
+        self.minima = _distinct([*self.minima, found])[:KEPT]
+        self.descents += 1
+
+
+def _searched(searches: list[_Search], pool: ThreadPoolExecutor, progress: Progress) -> bool:
+    """Go on until the searches agree; return whether they do."""
+
+    def run(rounds: int) -> None:
+        list(pool.map(lambda search: search.run(rounds), searches))
+
+    progress(STAGE, 0, MOST_BATCHES)
+    run(STARTS)
+    for batch in range(MOST_BATCHES):
+        run(ROUNDS)
+        progress(STAGE, batch + 1, MOST_BATCHES)
+        lowest = [search.lowest for search in searches]
+        agree = max(lowest) <= (1.0 + SAME) * min(lowest)
+        if agree and all(search.is_idle for search in searches):
+            return True
+    return agree
+
+
+def _distinct(found: list[Placements]) -> list[Placements]:
+    """Return the lowest of each group of alike costs, lowest first."""
+    chosen: list[Placements] = []
+    for each in sorted(found, key=lambda placements: placements.cost):
+        if not chosen or each.cost > (1.0 + DISTINCT) * chosen[-1].cost:
+            chosen.append(each)
+    return chosen
+
+
+def _refined(
+    samples: Samples,
+    minima: list[Placements],
+    noise_std: Array,
+    floor: Array,
+    pool: ThreadPoolExecutor,
+) -> tuple[list[Placements], Array]:
+    """Descend again, with residuals in units of those of the best, best first."""
+    for _ in range(REFINEMENTS):
+        problem = PlacementProblem(samples, noise_std)
+        chain = minima[0].chain
+        residual = problem.residual_rms(problem.at(chain.rotations, chain.translations))
+        noise_std = np.maximum(residual, floor)
+        minima = _descended(PlacementProblem(samples, noise_std), minima, pool)
+    return minima, noise_std
+
+
+def _descended(
+    problem: PlacementProblem, minima: list[Placements], pool: ThreadPoolExecutor
+) -> list[Placements]:
+    def descend(each: Placements) -> Placements:
+        chain = each.chain
+        return problem.descend(chain.rotations, chain.translations, MORE_EVALUATIONS)
+
+    return sorted(pool.map(descend, minima), key=lambda each: each.cost)

@@ -1,0 +1,132 @@
+"""
+Link parameters that a rigid body can have: log-Cholesky factors of the pseudo-inertia.
+
+J = S L L^T S, with a scale S and a lower triangular L whose diagonal is written as exponentials,
+is positive definite whatever the ten numbers of L are, and every positive definite J has such
+numbers (Rucker and Wensing, "Smooth Parameterization of Rigid-Body Inertia", 2022).
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
+
+LOG_CHOLESKY = 11
+"""Numbers of a link: the lower triangle of L, row by row, and half the logarithm of its rotor."""
+
+_ROWS, _COLUMNS = np.tril_indices(4)
+_DIAGONAL = np.flatnonzero(_ROWS == _COLUMNS)
+_ROTOR = LOG_CHOLESKY - 1
+
+
+def _parameter_map() -> Array:
+    """Return W, (10, 4, 4), with parameter k = sum(W[k] * J), each W[k] symmetric."""
+    out = np.zeros((10, 4, 4))
+    out[0, 3, 3] = 1.0
+    for axis in range(3):
+        out[1 + axis, axis, 3] = out[1 + axis, 3, axis] = 0.5
+    for k, (a, b) in enumerate(zip(*np.triu_indices(3), strict=True)):
+        if a == b:
+            out[4 + k, :3, :3] = np.eye(3)
+        out[4 + k, a, b] -= 0.5
+        out[4 + k, b, a] -= 0.5
+    return out
+
+
+_PARAMETER_MAP = _parameter_map()
+
+
+def scale_of(mass: float, length: float) -> Array:
+    """
+    Return the diagonal of S for links of about this mass and size, shape (4,).
+
+    Parameters
+    ----------
+    mass : float
+        [kg]
+    length : float
+        [m]
+
+    """
+    scale: Array = np.sqrt(mass) * np.array([length, length, length, 1.0])
+    return scale
+
+
+def link_parameters(numbers: Array, scale: Array) -> Array:
+    """
+    Return the parameters of links from their log-Cholesky numbers.
+
+    Parameters
+    ----------
+    numbers : array, shape (n, 11)
+    scale : array, shape (4,)
+        Diagonal of S, see `scale_of`.
+
+    Returns
+    -------
+    array, shape (n, 11)
+        As in `lip_id_ros.rigid_body.chain.PARAMETERS`; the rotor's inertia is positive.
+
+    """
+    factor = scale[:, None] * _triangle(numbers)
+    inertia = np.einsum('nab,ncb->nac', factor, factor)
+    bodies = np.einsum('kab,nab->nk', _PARAMETER_MAP, inertia)
+    return np.column_stack([bodies, scale[0] ** 2 * np.exp(2.0 * numbers[:, _ROTOR])])
+
+
+def link_parameter_jacobian(numbers: Array, scale: Array) -> Array:
+    """
+    Differentiate `link_parameters` by the log-Cholesky numbers.
+
+    Returns
+    -------
+    array, shape (n, 11, 11)
+        Of parameter k of a link by its number l.
+
+    """
+    triangle = _triangle(numbers)
+    factor = scale[:, None] * triangle
+    by_triangle = 2.0 * np.einsum('kac,ncb,a->nkab', _PARAMETER_MAP, factor, scale)
+    out = np.zeros((len(numbers), LOG_CHOLESKY, LOG_CHOLESKY))
+    out[:, :_ROTOR, :_ROTOR] = by_triangle[..., _ROWS, _COLUMNS]
+    out[:, :_ROTOR, _DIAGONAL] *= np.diagonal(triangle, axis1=1, axis2=2)[:, None, :]
+    out[:, _ROTOR, _ROTOR] = 2.0 * scale[0] ** 2 * np.exp(2.0 * numbers[:, _ROTOR])
+    return out
+
+
+def log_cholesky(parameters: Array, scale: Array, least: float = 1e-3) -> Array:
+    """
+    Return the log-Cholesky numbers of the nearest links that can exist.
+
+    Parameters
+    ----------
+    parameters : array, shape (n, 11)
+        Any, such as those of a linear least-squares problem.
+    scale : array, shape (4,)
+    least : float
+        Smaller eigenvalues of the scaled pseudo-inertia, and smaller rotors, are raised to this.
+
+    Returns
+    -------
+    array, shape (n, 11)
+
+    """
+    scaled = pseudo_inertia(parameters[:, :10]) / np.multiply.outer(scale, scale)
+    values, vectors = np.linalg.eigh(scaled)
+    raised = np.maximum(values, least)
+    factor = np.linalg.cholesky(np.einsum('nab,nb,ncb->nac', vectors, raised, vectors))
+    numbers = factor[:, _ROWS, _COLUMNS]
+    numbers[:, _DIAGONAL] = np.log(numbers[:, _DIAGONAL])
+    rotor = 0.5 * np.log(np.maximum(parameters[:, _ROTOR] / scale[0] ** 2, least))
+    return np.column_stack([numbers, rotor])
+
+
+def _triangle(numbers: Array) -> Array:
+    out = np.zeros((len(numbers), 4, 4))
+    out[:, _ROWS, _COLUMNS] = numbers[:, :_ROTOR]
+    diagonal = np.arange(4)
+    out[:, diagonal, diagonal] = np.exp(out[:, diagonal, diagonal])
+    return out

@@ -1,0 +1,34 @@
+"""Samples of simulated arms for kinematic calibration."""
+
+from __future__ import annotations
+
+from gp.arms import noise_of
+from gp.chains import ChainArm, random_arm
+import numpy as np
+
+from lip_id_ros.identification.kinematic_calibration import Samples
+
+
+def samples_of(
+    joint_types: tuple[str, ...],
+    count: int = 120,
+    noise: float = 1e-3,
+    seed: int = 5,
+    gravity: float = 9.81,
+) -> tuple[ChainArm, Samples]:
+    """Return an arm and samples of its torques with noise, a share of their deviations."""
+    arm = random_arm(joint_types, seed, gravity)
+    q, dq, ddq = arm.motion(count, seed=0)
+    tau = arm.torque(q, dq, ddq)
+    size = np.sqrt(np.mean(tau**2))
+    prior_std = size * np.tile([1.0, *[0.3] * 3, *[0.1] * 7], (len(joint_types), 1))
+    samples = Samples(
+        q, dq, ddq,
+        tau + noise_of(tau, noise),
+        arm.links.chain.prismatic,
+        np.array([0.0, 0.0, -gravity]),
+        np.zeros((*tau.shape, 0)),
+        prior_std,
+        np.ones_like(tau),
+    )  # fmt: skip
+    return arm, samples

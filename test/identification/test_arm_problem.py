@@ -1,0 +1,106 @@
+"""Placements, links and friction fitted together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gp.chains import P, R
+from identification.arms import samples_of
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import FitError
+from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
+from lip_id_ros.rigid_body.log_cholesky import scale_of
+
+SCALE = scale_of(2.0, 0.2)
+ARMS = [(R,), (P, R), (R, P, R), (R, R, R, R)]
+POSITIVE = np.array([True, False])
+
+
+def problem_of(
+    joint_types: tuple[str, ...], count: int = 12
+) -> tuple[ArmProblem, ArmState, Array]:
+    arm, samples = samples_of(joint_types, count=count, noise=0.1)
+    rng = np.random.default_rng(3)
+    friction = rng.standard_normal((*samples.tau.shape, 2))
+    weights = rng.uniform(0.2, 1.0, samples.tau.shape)
+    samples = replace(samples, friction=friction, weights=weights)
+    noise_std = 0.05 * samples.tau.std(axis=0)
+    problem = ArmProblem(samples, noise_std, POSITIVE, SCALE)
+    links = arm.links.deviations
+    return problem, problem.start(arm.links.chain, links, np.array([0.7, -0.4])), links
+
+
+@pytest.mark.parametrize('joint_types', ARMS)
+def test_the_jacobian_by_differences(joint_types: tuple[str, ...]) -> None:
+    problem, state, _ = problem_of(joint_types)
+    found = problem.jacobian(state)
+    step = 1e-6
+    for k, way in enumerate(step * np.eye(found.shape[2])):
+        up, down = (problem.torque(problem.stepped(state, w)) for w in (way, -way))
+        expected = (up - down) / (2.0 * step)
+        scale = max(np.abs(expected).max(), 1.0)
+        np.testing.assert_allclose(found[:, :, k], expected, rtol=1e-5, atol=1e-5 * scale)
+
+
+@pytest.mark.parametrize('joint_types', ARMS)
+def test_the_gradient_by_differences(joint_types: tuple[str, ...]) -> None:
+    problem, state, _ = problem_of(joint_types)
+    _, found = problem.normal_equations(state)
+    step = 1e-6
+    expected = [
+        (problem.stepped(state, way).cost - problem.stepped(state, -way).cost) / (2.0 * step)
+        for way in step * np.eye(len(found))
+    ]
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())
+
+
+def test_a_state_holds_the_parameters_that_it_was_made_of() -> None:
+    problem, state, links = problem_of((R, R, R))
+    np.testing.assert_allclose(problem.links(state), links, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(problem.coefficients(state), [0.7, -0.4])
+
+
+def test_true_links_are_found_from_wrong_ones() -> None:
+    arm, samples = samples_of((R, R, R), noise=1e-4)
+    noise_std = 1e-4 * samples.tau.std(axis=0)
+    problem = ArmProblem(samples, noise_std, np.zeros(0, dtype=bool), SCALE)
+    wrong = arm.links.deviations * np.array([1.5, *[0.5] * 3, *[1.3] * 7])
+    start = problem.start(arm.links.chain, wrong, np.zeros(0))
+    end = problem.minimised(start, 60)
+    unseen = arm.motion(50, seed=1)
+    torque = problem.torque(end)
+    assert np.sqrt(np.mean((torque - samples.tau) ** 2, axis=0)) == pytest.approx(
+        noise_std, rel=0.2
+    )
+    tau = arm.torque(*unseen)
+    other = replace(samples, q=unseen[0], dq=unseen[1], ddq=unseen[2], tau=tau,
+                    friction=np.zeros((*tau.shape, 0)), weights=np.ones_like(tau))  # fmt: skip
+    found = ArmProblem(other, noise_std, np.zeros(0, dtype=bool), SCALE).torque(end)
+    np.testing.assert_allclose(found, tau, atol=1e-3 * np.abs(tau).max())
+
+
+def test_positive_coefficients_stay_positive() -> None:
+    problem, state, _ = problem_of((R, R))
+    for step in (-50.0, 5.0):
+        moved = problem.stepped(state, np.full(len(problem.normal_equations(state)[1]), step))
+        assert problem.coefficients(moved)[0] >= 0.0
+
+
+def test_placements_that_are_not_free_stay() -> None:
+    arm, samples = samples_of((R, R))
+    free = np.ones(12, dtype=bool)
+    free[:7] = False
+    problem = ArmProblem(samples, samples.tau.std(axis=0), np.zeros(0, dtype=bool), SCALE, free)
+    start = problem.start(arm.links.chain, 1.3 * arm.links.deviations, np.zeros(0))
+    end = problem.minimised(start, 10)
+    np.testing.assert_allclose(end.chain.rotations[0], start.chain.rotations[0], atol=1e-14)
+    assert not np.allclose(end.chain.translations[1], start.chain.translations[1], atol=1e-14)
+
+
+def test_links_that_are_not_finite_are_refused() -> None:
+    problem, state, links = problem_of((R, R))
+    with pytest.raises(FitError, match='check the data for values beyond'):
+        problem.start(state.chain, np.full_like(links, np.nan), np.zeros(2))

@@ -1,0 +1,63 @@
+"""Links that can exist, by log-Cholesky factors."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.rigid_body.log_cholesky import (
+    link_parameter_jacobian,
+    link_parameters,
+    log_cholesky,
+    scale_of,
+)
+from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
+
+SCALE = scale_of(3.0, 0.3)
+NUMBERS = arrays(np.float64, (2, 11), elements=st.floats(-3.0, 2.0))
+
+
+@given(NUMBERS)
+def test_every_vector_is_a_link_that_can_exist(numbers: Array) -> None:
+    parameters = link_parameters(numbers, SCALE)
+    assert (np.linalg.eigvalsh(pseudo_inertia(parameters[:, :10])) > 0.0).all()
+    assert (parameters[:, 10] > 0.0).all()
+
+
+@given(NUMBERS)
+def test_numbers_come_back(numbers: Array) -> None:
+    back = log_cholesky(link_parameters(numbers, SCALE), SCALE, least=1e-300)
+    assert link_parameters(back, SCALE) == pytest.approx(
+        link_parameters(numbers, SCALE), rel=1e-6, abs=1e-9
+    )
+
+
+@given(NUMBERS)
+def test_jacobian_by_differences(numbers: Array) -> None:
+    step = 1e-6
+    found = link_parameter_jacobian(numbers, SCALE)
+    for k in range(11):
+        away = np.zeros((2, 11))
+        away[:, k] = step
+        up, down = (link_parameters(numbers + sign * away, SCALE) for sign in (1.0, -1.0))
+        expected = (up - down) / (2.0 * step)
+        assert found[:, :, k] == pytest.approx(expected, rel=1e-5, abs=1e-6)
+
+
+def test_a_point_mass_and_its_parameters() -> None:
+    """A kilogram at (0.1, 0.2, 0.3) has the inertia that the parallel axis theorem gives."""
+    r = np.array([0.1, 0.2, 0.3])
+    inertia = (r @ r) * np.eye(3) - np.outer(r, r)
+    parameters = np.array([1.0, *r, *inertia[np.triu_indices(3)]])
+    assert pseudo_inertia(parameters) == pytest.approx(np.outer([*r, 1.0], [*r, 1.0]))
+
+
+def test_links_that_cannot_exist_are_moved_to_ones_that_can() -> None:
+    negative = np.array([[-1.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.1, 0.0, 0.1, -0.5]])
+    parameters = link_parameters(log_cholesky(negative, SCALE), SCALE)
+    assert (np.linalg.eigvalsh(pseudo_inertia(parameters[:, :10])) > 0.0).all()
+    assert parameters[0, 10] == pytest.approx(1e-3 * SCALE[0] ** 2)
