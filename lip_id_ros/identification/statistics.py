@@ -247,11 +247,29 @@ def posterior(
         Parameters of the model; all others are zero. `prior_std` then has shape (s,).
 
     """
-    system = statistics.system(noise_std, selected)
-    prior = np.column_stack([np.diag(1.0 / prior_std), np.zeros(prior_std.size)])
-    root = triangular(system, prior)
+    root = posterior_root(statistics.system(noise_std, selected), prior_std)
     mean = solve_triangular(root[:-1, :-1], root[:-1, -1], check_finite=False)
     return GaussianPosterior(mean, root[:-1, :-1])
+
+
+def posterior_root(system: Array, prior_std: Array) -> Array:
+    """
+    Add independent Gaussian priors around zero to a triangular system.
+
+    Parameters
+    ----------
+    system : array, shape (p + 1, p + 1)
+        Of `TorqueStatistics.system`.
+    prior_std : array, shape (p,)
+
+    Returns
+    -------
+    array, shape (p + 1, p + 1)
+        Upper triangular; the last column belongs to the torques.
+
+    """
+    prior = np.column_stack([np.diag(1.0 / prior_std), np.zeros(prior_std.size)])
+    return triangular(system, prior)
 
 
 def triangular(*blocks: Array) -> Array:

@@ -1,0 +1,264 @@
+"""Friction of an arm: terms of its drives with their coefficients (docs/maths.md, section 12)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.errors import ModelError, ShapeError
+from lip_id_ros.friction.terms import (
+    Coulomb,
+    DriveState,
+    FrictionTerm,
+    Offset,
+    term_from_json,
+    term_to_json,
+    Viscous,
+)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """
+    A motor that turns with one joint, or with several that are coupled.
+
+    Its speed is the sum of `ratios` times the joints' velocities; by virtual work its torque acts
+    on each joint times that joint's ratio.
+
+    Attributes
+    ----------
+    joints : tuple of int
+        From 0; the first is the joint whose load the drive bears.
+    ratios : tuple of float
+
+    """
+
+    joints: tuple[int, ...]
+    ratios: tuple[float, ...]
+
+    @classmethod
+    def of_joint(cls, joint: int) -> Drive:
+        """Return the drive of one joint alone."""
+        return cls((joint,), (1.0,))
+
+    def state(self, q: Array, dq: Array, load: Array) -> DriveState:
+        """Return the state of the drive at joint states and loads of shape (N, n)."""
+        joints, ratios = list(self.joints), np.array(self.ratios)
+        return DriveState(q[:, joints] @ ratios, dq[:, joints] @ ratios, load[:, joints[0]])
+
+
+@dataclass(frozen=True)
+class DriveTerm:
+    """
+    One term of one drive.
+
+    Attributes
+    ----------
+    drive : Drive
+    term : FrictionTerm
+
+    """
+
+    drive: Drive
+    term: FrictionTerm
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.term.lower)
+
+
+@dataclass(frozen=True)
+class FrictionBasis:
+    """
+    The terms of all drives, without coefficients.
+
+    Attributes
+    ----------
+    n_joints : int
+    terms : tuple of DriveTerm
+
+    """
+
+    n_joints: int
+    terms: tuple[DriveTerm, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return sum(each.size for each in self.terms)
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """The coefficients of every term."""
+        ends = np.cumsum([0, *(each.size for each in self.terms)])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    @property
+    def lower(self) -> Array:
+        """Lower bounds of the coefficients, shape (K,)."""
+        return np.array([bound for each in self.terms for bound in each.term.lower])
+
+    def columns(self) -> tuple[IndexArray, ...]:
+        """Return, for every joint, the coefficients that its torque depends on."""
+        own: list[list[int]] = [[] for _ in range(self.n_joints)]
+        for part, place in zip(self.terms, self.slices, strict=True):
+            for joint in part.drive.joints:
+                own[joint].extend(range(place.start, place.stop))
+        return tuple(np.array(each, dtype=np.intp) for each in own)
+
+    def features(self, q: Array, dq: Array, load: Array) -> tuple[Array, ...]:
+        """
+        Return the features of every joint's torque, in the order of `columns`.
+
+        Parameters
+        ----------
+        q, dq : arrays, shape (N, n)
+        load : array, shape (N, n)
+            Torques or forces that the drives transmit to the links [N m or N].
+
+        Returns
+        -------
+        tuple of n arrays, shapes (N, k_i)
+
+        """
+        own: list[list[Array]] = [[np.zeros((len(q), 0))] for _ in range(self.n_joints)]
+        for part in self.terms:
+            features = part.term.features(part.drive.state(q, dq, load))
+            for joint, ratio in zip(part.drive.joints, part.drive.ratios, strict=True):
+                own[joint].append(ratio * features)
+        return tuple(np.hstack(each) for each in own)
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionModel:
+    """
+    Friction that has been learned.
+
+    Attributes
+    ----------
+    basis : FrictionBasis
+    coefficients : array, shape (K,)
+        In the units of the terms.
+
+    Raises
+    ------
+    ShapeError
+        If there is not one coefficient per feature.
+    ModelError
+        If a coefficient is below its bound: the term would drive the joint.
+
+    """
+
+    basis: FrictionBasis
+    coefficients: Array
+
+    def __post_init__(self) -> None:
+        """Check the coefficients."""
+        if self.coefficients.shape != (self.basis.size,):
+            raise ShapeError(
+                f'{self.basis.size} friction coefficients were expected, but '
+                f'{self.coefficients.shape} came; give one per feature.'
+            )
+        if not np.all(self.coefficients >= self.basis.lower):
+            raise ModelError(
+                'friction coefficients that never drive a joint were expected, but some are '
+                'negative; fit them with their bounds.'
+            )
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return self.basis.n_joints
+
+    def torque(self, q: Array, dq: Array, load: Array) -> Array:
+        """
+        Friction torques.
+
+        Parameters
+        ----------
+        q, dq : arrays, shape (N, n)
+        load : array, shape (N, n)
+            Torques or forces of the links on the joints [N m or N].
+
+        Returns
+        -------
+        array, shape (N, n)
+            [N m or N].
+
+        """
+        out = np.zeros_like(dq)
+        features = self.basis.features(q, dq, load)
+        for joint, (rows, column) in enumerate(zip(features, self.basis.columns(), strict=True)):
+            out[:, joint] = rows @ self.coefficients[column]
+        return out
+
+    def names(self) -> tuple[tuple[str, ...], ...]:
+        """Return the names of the terms of every joint, in the words of the literature."""
+        own: list[list[str]] = [[] for _ in range(self.n_joints)]
+        for part in self.basis.terms:
+            for joint in part.drive.joints:
+                others = [f'{k + 1}' for k in part.drive.joints if k != joint]
+                coupled = f' coupled with joint {" and ".join(others)}' if others else ''
+                own[joint].append(part.term.name + coupled)
+        return tuple(tuple(each) for each in own)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the friction for a model file."""
+        terms = [
+            {
+                'joints': list(part.drive.joints),
+                'ratios': list(part.drive.ratios),
+                **term_to_json(part.term),
+            }
+            for part in self.basis.terms
+        ]
+        values = self.coefficients.tolist()
+        return {'n_joints': self.n_joints, 'terms': terms, 'coefficients': values}
+
+    @classmethod
+    def from_json(cls, entry: Mapping[str, Any]) -> FrictionModel:
+        """
+        Return the friction that `to_json` gave.
+
+        Raises
+        ------
+        ModelError
+            If the entry is damaged.
+
+        """
+        try:
+            n_joints = int(entry['n_joints'])
+            terms = tuple(_part(each, n_joints) for each in entry['terms'])
+            coefficients = np.array(entry['coefficients'], dtype=np.float64)
+            return cls(FrictionBasis(n_joints, terms), coefficients)
+        except (KeyError, TypeError, ValueError, ShapeError) as error:
+            raise ModelError(
+                f'friction terms with coefficients were expected, but the file is damaged '
+                f'({error}); fit the model again.'
+            ) from error
+
+
+def _part(entry: Mapping[str, Any], n_joints: int) -> DriveTerm:
+    joints = tuple(int(joint) for joint in entry['joints'])
+    ratios = tuple(float(ratio) for ratio in entry['ratios'])
+    if not joints or len(joints) != len(ratios) or not set(joints) <= set(range(n_joints)):
+        raise ValueError('joints and ratios of a drive do not fit')
+    rest = {name: value for name, value in entry.items() if name not in ('joints', 'ratios')}
+    return DriveTerm(Drive(joints, ratios), term_from_json(rest))
+
+
+def plain_friction(n_joints: int, widths: Array) -> FrictionBasis:
+    """Return viscous and Coulomb friction and an offset for every joint, given sign widths."""
+    terms = tuple(
+        DriveTerm(Drive.of_joint(joint), term)
+        for joint in range(n_joints)
+        for term in (Viscous(), Coulomb(float(widths[joint])), Offset())
+    )
+    return FrictionBasis(n_joints, terms)

@@ -1,0 +1,449 @@
+"""
+Terms of joint friction, and of torques that are elected like friction (docs/maths.md, section 12).
+
+Every term is linear in its coefficients. A dissipative term has features f with f(v) v >= 0 and
+coefficients that are not negative: whatever is learned, it never drives a joint.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import ClassVar, NamedTuple, Protocol
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ModelError
+
+FREE, NOT_NEGATIVE = -np.inf, 0.0
+"""Lower bounds of coefficients."""
+
+PHASES = 0.5 * np.pi * np.arange(4)
+"""Angles at which the friction that depends on position may be largest [rad]."""
+
+WIDENINGS = (3.0, 10.0, 30.0)
+"""Widths of the smooth signs of Stribeck and saturating friction, in widths of the joint's own."""
+
+
+class DriveState(NamedTuple):
+    """
+    State of one drive at N samples.
+
+    Attributes
+    ----------
+    q, dq : arrays, shape (N,)
+        Position [rad or m] and velocity of the drive, on the joint's side of the gear.
+    load : array, shape (N,)
+        Torque or force that the drive transmits to the links [N m or N].
+
+    """
+
+    q: Array
+    dq: Array
+    load: Array
+
+
+class Primitive(NamedTuple):
+    """
+    Product of a shape in velocity, a harmonic in position, and the load where it is asked for.
+
+    Attributes
+    ----------
+    shape : int
+        One of `ONE`, `VELOCITY`, `SIGN`, `SQUARE`.
+    width : float
+        Of the smooth sign [rad/s or m/s].
+    side : int
+        1 or -1: zero where the velocity has the other sign; 0 for both.
+    loaded : bool
+        Times |load|.
+    position : int
+        One of `ANYWHERE`, `POSITION`, `COSINE`, `SINE`.
+    harmonic : float
+        Number of periods a turn.
+
+    """
+
+    shape: int
+    width: float = 1.0
+    side: int = 0
+    loaded: bool = False
+    position: int = 0
+    harmonic: float = 1.0
+
+
+ONE, VELOCITY, SIGN, SQUARE = range(4)
+ANYWHERE, POSITION, COSINE, SINE = range(4)
+
+Column = tuple[tuple[float, Primitive], ...]
+"""A feature as a sum of primitives with factors, for compiled evaluation."""
+
+
+class FrictionTerm(Protocol):
+    """
+    A torque that is linear in k coefficients.
+
+    Attributes
+    ----------
+    name : str
+        What the literature calls it.
+    lower : tuple of k floats
+        Lower bounds of the coefficients, `FREE` or `NOT_NEGATIVE`.
+
+    """
+
+    @property
+    def name(self) -> str:
+        """Return what the literature calls the term."""
+
+    @property
+    def lower(self) -> tuple[float, ...]:
+        """Return the lower bounds of the coefficients."""
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, k)."""
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+
+
+@dataclass(frozen=True)
+class Viscous:
+    """Friction in proportion to velocity (Reynolds 1886)."""
+
+    name: ClassVar[str] = 'viscous'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        return state.dq[:, None]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return (((1.0, Primitive(VELOCITY)),),)
+
+
+@dataclass(frozen=True)
+class Coulomb:
+    """
+    Dry friction (Coulomb 1785) with a smooth sign, tanh(dq / width).
+
+    Parameters
+    ----------
+    width : float
+        [rad/s or m/s]
+
+    """
+
+    width: float
+    name: ClassVar[str] = 'Coulomb'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        return np.tanh(state.dq / self.width)[:, None]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return (((1.0, Primitive(SIGN, self.width)),),)
+
+
+@dataclass(frozen=True)
+class Offset:
+    """A constant torque: offset of a current or torque sensor, preload of a spring."""
+
+    name: ClassVar[str] = 'offset'
+    lower: ClassVar[tuple[float, ...]] = (FREE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        return np.ones((len(state.dq), 1))
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return (((1.0, Primitive(ONE)),),)
+
+
+@dataclass(frozen=True)
+class Stribeck:
+    """
+    Additional friction near rest, which decays with speed (Stribeck 1902).
+
+    As differences of two smooth signs (Makkar, Dixon, Sawyer and Hu, AIM 2005, eq. 3), of
+    `WIDENINGS`.
+
+    Parameters
+    ----------
+    width : float
+        Of the narrow sign [rad/s or m/s].
+
+    """
+
+    width: float
+    name: ClassVar[str] = 'Stribeck'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,) * len(WIDENINGS)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 3)."""
+        narrow = np.tanh(state.dq / self.width)
+        wide = [np.tanh(state.dq / (times * self.width)) for times in WIDENINGS]
+        return np.column_stack([narrow - each for each in wide])
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        narrow = (1.0, Primitive(SIGN, self.width))
+        return tuple((narrow, (-1.0, Primitive(SIGN, times * self.width))) for times in WIDENINGS)
+
+
+@dataclass(frozen=True)
+class SaturatingViscous:
+    """
+    Viscous friction that grows less and less with speed, as of greased gears.
+
+    Wide smooth signs (sigmoids in Gaz, Cognetti, Oliva, Robuffo Giordano and De Luca, RA-L 2019,
+    section IV; Makkar and others, AIM 2005), of `WIDENINGS`.
+
+    Parameters
+    ----------
+    width : float
+        Of the joint's smooth sign [rad/s or m/s].
+
+    """
+
+    width: float
+    name: ClassVar[str] = 'saturating viscous'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,) * len(WIDENINGS)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 3)."""
+        return np.column_stack([np.tanh(state.dq / (k * self.width)) for k in WIDENINGS])
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return tuple(((1.0, Primitive(SIGN, k * self.width)),) for k in WIDENINGS)
+
+
+@dataclass(frozen=True)
+class QuadraticViscous:
+    """Drag that grows with the square of velocity, as of fluid that is churned."""
+
+    name: ClassVar[str] = 'quadratic viscous'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        return (state.dq * np.abs(state.dq))[:, None]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return (((1.0, Primitive(SQUARE)),),)
+
+
+@dataclass(frozen=True)
+class LoadCoulomb:
+    """
+    Dry friction of a gear that grows with the torque it transmits.
+
+    Hamon, Gautier and Garrec, IROS 2010; Bittencourt and Gunnarsson, J. Dyn. Sys. 2012.
+
+    Parameters
+    ----------
+    width : float
+        Of the smooth sign [rad/s or m/s].
+
+    """
+
+    width: float
+    name: ClassVar[str] = 'load-dependent Coulomb'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        return (np.abs(state.load) * np.tanh(state.dq / self.width))[:, None]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return (((1.0, Primitive(SIGN, self.width, loaded=True)),),)
+
+
+@dataclass(frozen=True)
+class LoadViscous:
+    """Viscous friction of a gear that grows with the torque it transmits (as `LoadCoulomb`)."""
+
+    name: ClassVar[str] = 'load-dependent viscous'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        return (np.abs(state.load) * state.dq)[:, None]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return (((1.0, Primitive(VELOCITY, loaded=True)),),)
+
+
+@dataclass(frozen=True)
+class Asymmetric:
+    """
+    Viscous and Coulomb friction of one direction only.
+
+    Armstrong-Helouvry, Control of Machines with Friction, 1991, section 4.
+
+    Parameters
+    ----------
+    width : float
+        Of the smooth sign [rad/s or m/s].
+
+    """
+
+    width: float
+    name: ClassVar[str] = 'asymmetric'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,) * 4
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 4): forwards, then backwards."""
+        both = np.column_stack([state.dq, np.tanh(state.dq / self.width)])
+        return np.hstack([np.maximum(both, 0.0), np.minimum(both, 0.0)])
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return tuple(
+            ((1.0, Primitive(shape, self.width, side)),)
+            for side in (1, -1)
+            for shape in (VELOCITY, SIGN)
+        )
+
+
+@dataclass(frozen=True)
+class PositionCoulomb:
+    """
+    Dry friction that varies once a turn, as of an eccentric gear or bearing.
+
+    Armstrong-Helouvry, Control of Machines with Friction, 1991, section 5.
+
+    Parameters
+    ----------
+    width : float
+        Of the smooth sign [rad/s or m/s].
+
+    """
+
+    width: float
+    name: ClassVar[str] = 'position-dependent Coulomb'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,) * PHASES.size
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 4)."""
+        share = 1.0 + np.cos(state.q[:, None] - PHASES)
+        return np.tanh(state.dq / self.width)[:, None] * share
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        sign = Primitive(SIGN, self.width)
+        return tuple(
+            (
+                (1.0, sign),
+                (float(np.cos(phase)), sign._replace(position=COSINE)),
+                (float(np.sin(phase)), sign._replace(position=SINE)),
+            )
+            for phase in PHASES
+        )
+
+
+@dataclass(frozen=True)
+class Ripple:
+    """
+    Torque that is periodic in the position, as the cogging of a motor or a counterweight.
+
+    Holtz and Springob, IEEE Trans. Industrial Electronics 1996. It is conservative, not friction.
+
+    Parameters
+    ----------
+    harmonic : int
+        Number of periods a turn.
+
+    """
+
+    harmonic: int
+    lower: ClassVar[tuple[float, ...]] = (FREE, FREE)
+
+    @property
+    def name(self) -> str:
+        """Return what the literature calls it."""
+        return {1: 'periodic once a turn', 2: 'periodic twice a turn'}.get(
+            self.harmonic, f'periodic {self.harmonic} times a turn'
+        )
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 2)."""
+        angle = self.harmonic * state.q
+        return np.column_stack([np.cos(angle), np.sin(angle)])
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return tuple(
+            ((1.0, Primitive(ONE, position=each, harmonic=float(self.harmonic))),)
+            for each in (COSINE, SINE)
+        )
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A linear spring of the joint, as a counterbalance has; its rest position is in `Offset`."""
+
+    name: ClassVar[str] = 'joint spring'
+    lower: ClassVar[tuple[float, ...]] = (FREE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        return state.q[:, None]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return (((1.0, Primitive(ONE, position=POSITION)),),)
+
+
+TERMS: dict[str, type[FrictionTerm]] = {
+    each.__name__: each
+    for each in (
+        Viscous,
+        Coulomb,
+        Offset,
+        Stribeck,
+        SaturatingViscous,
+        QuadraticViscous,
+        LoadCoulomb,
+        LoadViscous,
+        Asymmetric,
+        PositionCoulomb,
+        Ripple,
+        Spring,
+    )
+}
+"""All terms by the name of their class, as model files have it."""
+
+
+def term_to_json(term: FrictionTerm) -> dict[str, float | str]:
+    """Return the term for a model file."""
+    return {'term': type(term).__name__, **vars(term)}
+
+
+def term_from_json(entry: dict[str, float | str]) -> FrictionTerm:
+    """
+    Return the term that `term_to_json` gave.
+
+    Raises
+    ------
+    ModelError
+        If the term is unknown or its parameters are not those of the term.
+
+    """
+    parameters = {name: value for name, value in entry.items() if name != 'term'}
+    kind = TERMS.get(str(entry.get('term')))
+    if kind is None or set(parameters) != {each.name for each in fields(kind)}:  # type: ignore[arg-type]
+        raise ModelError(
+            f'a friction term of this version was expected, but the file has {entry}; '
+            'fit the model again.'
+        )
+    return kind(**parameters)

@@ -1,0 +1,184 @@
+"""Friction terms: their two forms agree, they never drive a joint, and files keep them."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ModelError, ShapeError
+from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
+from lip_id_ros.friction.terms import (
+    ANYWHERE,
+    Asymmetric,
+    COSINE,
+    Coulomb,
+    DriveState,
+    FREE,
+    FrictionTerm,
+    LoadCoulomb,
+    LoadViscous,
+    Offset,
+    POSITION,
+    PositionCoulomb,
+    Primitive,
+    QuadraticViscous,
+    Ripple,
+    SaturatingViscous,
+    SIGN,
+    Spring,
+    SQUARE,
+    Stribeck,
+    TERMS,
+    VELOCITY,
+    Viscous,
+)
+
+EVERY: list[FrictionTerm] = [
+    Viscous(),
+    Coulomb(0.1),
+    Offset(),
+    Stribeck(0.05),
+    SaturatingViscous(0.05),
+    QuadraticViscous(),
+    LoadCoulomb(0.1),
+    LoadViscous(),
+    Asymmetric(0.1),
+    PositionCoulomb(0.1),
+    Ripple(1),
+    Ripple(2),
+    Spring(),
+]
+DISSIPATIVE = [term for term in EVERY if FREE not in term.lower]
+finite = st.floats(-20.0, 20.0)
+
+
+def name(term: FrictionTerm) -> str:
+    return term.name
+
+
+def states(n_samples: int = 200) -> DriveState:
+    rng = np.random.default_rng(0)
+    q, dq, load = rng.standard_normal((3, n_samples)) * np.array([[2.0], [1.0], [30.0]])
+    dq[:5] = 0.0
+    return DriveState(q, dq, load)
+
+
+def primitive_value(primitive: Primitive, state: DriveState) -> Array:
+    shapes = {
+        VELOCITY: state.dq,
+        SIGN: np.tanh(state.dq / primitive.width),
+        SQUARE: state.dq * np.abs(state.dq),
+    }
+    shape = shapes.get(primitive.shape, np.ones_like(state.dq))
+    if primitive.side:
+        shape = np.where(np.sign(shape) == primitive.side, shape, 0.0)
+    if primitive.loaded:
+        shape = shape * np.abs(state.load)
+    if primitive.position == ANYWHERE:
+        return shape
+    if primitive.position == POSITION:
+        return shape * state.q
+    wave = np.cos if primitive.position == COSINE else np.sin
+    return np.asarray(shape * wave(primitive.harmonic * state.q))
+
+
+def test_every_term_is_tested() -> None:
+    assert {type(term).__name__ for term in EVERY} == set(TERMS)
+
+
+@pytest.mark.parametrize('term', EVERY, ids=name)
+def test_primitives_add_up_to_the_features(term: FrictionTerm) -> None:
+    state = states()
+    sums = [
+        sum(factor * primitive_value(primitive, state) for factor, primitive in column)
+        for column in term.columns()
+    ]
+    np.testing.assert_allclose(np.column_stack(sums), term.features(state), atol=1e-13)
+    assert len(term.lower) == len(sums)
+
+
+@pytest.mark.parametrize('term', DISSIPATIVE, ids=name)
+@given(q=finite, dq=finite, load=finite)
+def test_no_feature_drives_a_joint(term: FrictionTerm, q: float, dq: float, load: float) -> None:
+    features = term.features(DriveState(np.array([q]), np.array([dq]), np.array([load])))
+    assert np.all(features * dq >= 0.0)
+
+
+def test_stribeck_friction_decays() -> None:
+    dq = np.array([0.1, 0.3, 1.0, 3.0, 10.0])
+    features = Stribeck(0.02).features(DriveState(dq, dq, dq))
+    assert np.all(np.diff(features, axis=0) <= 0.0)
+    np.testing.assert_allclose(features[-1], 0.0, atol=1e-9)
+
+
+def coupled() -> FrictionModel:
+    drives = [
+        DriveTerm(Drive.of_joint(0), Viscous()),
+        DriveTerm(Drive((2, 1), (1.0, -1.0)), Coulomb(0.1)),
+        DriveTerm(Drive.of_joint(1), LoadCoulomb(0.2)),
+        DriveTerm(Drive.of_joint(1), Offset()),
+    ]
+    return FrictionModel(FrictionBasis(3, tuple(drives)), np.array([0.5, 2.0, 0.1, -0.3]))
+
+
+def test_friction_of_coupled_motors() -> None:
+    """The motor's torque acts on each joint times the ratio of speeds: by virtual work."""
+    rng = np.random.default_rng(1)
+    q, dq, load = rng.standard_normal((3, 50, 3))
+    got = coupled().torque(q, dq, load)
+    motor = 2.0 * np.tanh((dq[:, 2] - dq[:, 1]) / 0.1)
+    np.testing.assert_allclose(got[:, 0], 0.5 * dq[:, 0])
+    np.testing.assert_allclose(got[:, 2], motor)
+    own = 0.1 * np.abs(load[:, 1]) * np.tanh(dq[:, 1] / 0.2) - 0.3
+    np.testing.assert_allclose(got[:, 1], own - motor)
+    power = np.sum((got - np.array([0.0, -0.3, 0.0])) * dq, axis=1)
+    assert np.all(power >= 0.0)
+
+
+def test_names_in_the_words_of_the_field() -> None:
+    assert coupled().names() == (
+        ('viscous',),
+        ('Coulomb coupled with joint 3', 'load-dependent Coulomb', 'offset'),
+        ('Coulomb coupled with joint 2',),
+    )
+
+
+@pytest.mark.parametrize('term', EVERY, ids=name)
+def test_a_file_keeps_the_term(term: FrictionTerm) -> None:
+    basis = FrictionBasis(2, (DriveTerm(Drive((1, 0), (1.0, 0.5)), term),))
+    model = FrictionModel(basis, np.arange(1.0, basis.size + 1))
+    again = FrictionModel.from_json(model.to_json())
+    assert again.basis == model.basis
+    np.testing.assert_array_equal(again.coefficients, model.coefficients)
+
+
+def damaged(**changes: object) -> dict[str, object]:
+    return {**coupled().to_json(), **changes}
+
+
+@pytest.mark.parametrize(
+    'entry',
+    [
+        {},
+        damaged(coefficients=[1.0]),
+        damaged(coefficients=['x'] * 4),
+        damaged(coefficients=[0.5, -2.0, 0.1, 0.0]),
+        damaged(coefficients=[0.5, float('nan'), 0.1, 0.0]),
+        damaged(terms=[{'term': 'Magic', 'joints': [0], 'ratios': [1.0]}]),
+        damaged(terms=[{'term': 'Viscous', 'joints': [7], 'ratios': [1.0]}]),
+        damaged(terms=[{'term': 'Coulomb', 'joints': [0], 'ratios': [1.0]}]),
+        damaged(terms=[{'term': 'Viscous', 'joints': [0], 'ratios': []}]),
+        damaged(terms=None),
+    ],
+)
+def test_damaged_files_are_refused_in_a_sentence(entry: dict[str, object]) -> None:
+    with pytest.raises(ModelError, match='expected'):
+        FrictionModel.from_json(entry)
+
+
+def test_one_coefficient_per_feature() -> None:
+    with pytest.raises(ShapeError, match='one per feature'):
+        FrictionModel(coupled().basis, np.zeros(2))
