@@ -27,7 +27,8 @@ import numpy as np
 
 from benchmarks._small_bags import seeds
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.recording import describe, read_bag
+from lip_id_ros.preprocessing import describe
+from lip_id_ros.recording import read_bag
 
 MEMORY_BYTES = 2 * 2**30
 CASE_S = 10

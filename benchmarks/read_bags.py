@@ -18,7 +18,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_typestore, Stores
 
 from lip_id_ros.recording import read_bag
-from lip_id_ros.recording.raw_bag import RawBag
+from lip_id_ros.recording.bag_writer import RawBag
 
 JOINT_STATE, IMAGE = 'sensor_msgs/msg/JointState', 'sensor_msgs/msg/CompressedImage'
 JOINTS, CAMERA = '/joint_states', '/camera'

@@ -7,6 +7,7 @@ from contextlib import suppress
 import json
 import os
 from pathlib import Path
+import stat
 from typing import Any, BinaryIO
 import uuid
 import zipfile
@@ -14,6 +15,8 @@ import zlib
 
 import numpy as np
 from numpy.typing import NDArray
+
+from lip_id_ros.errors import SourceError
 
 HEADER = 'header_json'
 
@@ -148,3 +151,24 @@ def read_npz(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dic
     if not isinstance(header, dict):
         raise ValueError('the header is not a JSON object')
     return arrays, header
+
+
+def require_regular_file(path: str | os.PathLike[str]) -> None:
+    """
+    Raise an error unless a path is a regular file, links followed.
+
+    A device, a pipe or a socket may block for ever or never end.
+
+    Raises
+    ------
+    OSError
+        If there is no such file.
+    SourceError
+        If it is something else than a file.
+
+    """
+    name = os.fspath(path)
+    if '\0' in name:
+        raise SourceError(f'a path must not contain NUL, but {name!r} does; correct the name.')
+    if not stat.S_ISREG(os.stat(path).st_mode):
+        raise SourceError(f'{name!r} must be a regular file, but is none; give a recorded file.')

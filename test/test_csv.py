@@ -10,12 +10,9 @@ import numpy as np
 from preprocessing.motions import recording, uniform
 import pytest
 
-from lip_id_ros.dataset import Dataset
-from lip_id_ros.dataset.csv_file import read_csv, write_csv
-from lip_id_ros.dataset.writing import writer_for
+from lip_id_ros.dataset import check_suffix, Dataset
 from lip_id_ros.errors import ConfigError, DataError, LipIdError, SourceError
-from lip_id_ros.preprocessing import load_dataset, preprocess
-from lip_id_ros.recording import describe
+from lip_id_ros.preprocessing import describe, load_dataset, preprocess
 from lip_id_ros.recording.csv_log import read_log
 from lip_id_ros.settings import Config, RecordingSettings
 
@@ -55,8 +52,8 @@ def test_every_number_reads_back_exactly(
         kinetic=values[:, 0],
     )
     path = tmp_path_factory.mktemp('csv') / 'data.csv'
-    write_csv(path, data)
-    again = read_csv(path)
+    data.save(path)
+    again = Dataset.load(path)
     for name in ('t', 'segment', 'q', 'dq', 'ddq', 'tau', 'tau_noiseless', 'kinetic'):
         np.testing.assert_array_equal(getattr(again, name), getattr(data, name), err_msg=name)
     assert again.joint_names == data.joint_names
@@ -65,7 +62,7 @@ def test_every_number_reads_back_exactly(
 
 def test_a_data_set_is_a_source(tmp_path: Path) -> None:
     path = tmp_path / 'data.csv'
-    writer_for(path)(path, DATA)
+    DATA.save(path)
     data = load_dataset(path)
     np.testing.assert_array_equal(data.ddq, DATA.ddq)
     settings = RecordingSettings(
@@ -169,7 +166,7 @@ def test_sentence_for_a_file_that_is_no_text(tmp_path: Path) -> None:
 
 def test_sentence_for_an_unknown_ending() -> None:
     with pytest.raises(ConfigError, match=r'^data.txt must end in .npz or .csv, which chooses'):
-        writer_for('data.txt')
+        check_suffix('data.txt')
 
 
 def test_real_log(shared_data: Path, tmp_path: Path) -> None:

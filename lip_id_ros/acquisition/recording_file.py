@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.evaluation.mcap_writer import JointStateTrack, write_mcap
 from lip_id_ros.files import HEADER, read_npz
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.bag_writer import JointStateTrack, write_mcap
 
 _ARRAYS = ('t', 'position', 'velocity', 'effort')
 

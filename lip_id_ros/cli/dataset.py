@@ -30,15 +30,15 @@ def run(args: argparse.Namespace) -> None:
     """Prepare and save."""
     from lip_id_ros.cli import output, settings, show
     from lip_id_ros.cli.progress_display import progress_display
-    from lip_id_ros.dataset import writer_for
+    from lip_id_ros.dataset import check_suffix
     from lip_id_ros.preprocessing import load_dataset
 
     output.require_folder(args.output)
-    write = writer_for(args.output)
+    check_suffix(args.output)
     config = settings.for_data(args)
     with progress_display() as progress:
         dataset = load_dataset(args.sources, config, progress)
-        write(args.output, dataset)
+        dataset.save(args.output)
     console = output.console()
     show.prepared(dataset, console)
     show.sentences([f'Written: {args.output}'], console)

@@ -1,14 +1,15 @@
-"""What `lip_id inspect` says of a file: of a model here, of anything else in recording/."""
+"""What `lip_id inspect` says of a file: of a model here, of anything else in preprocessing/."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+from lip_id_ros.dataset import DATASET_SUFFIX
 from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
+from lip_id_ros.preprocessing import describe
+from lip_id_ros.preprocessing.description import Assess
 from lip_id_ros.progress import Progress
-from lip_id_ros.recording import DATASET_SUFFIX, describe
-from lip_id_ros.recording.description import Assess
 
 
 def describe_file(path: str, progress: Progress, assess: Assess) -> dict[str, Any]:

@@ -25,7 +25,7 @@ def described(description: Mapping[str, Any], console: Console, indent: str = ''
     Parameters
     ----------
     description : mapping
-        As `lip_id_ros.recording.describe` returns it: JSON-able, nested.
+        As `lip_id_ros.preprocessing.describe` returns it: JSON-able, nested.
     console : rich.console.Console
     indent : str
         Put before every line.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, TYPE_CHECKING
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +12,12 @@ from numpy.typing import NDArray
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.errors import DataError, ShapeError
 
-if TYPE_CHECKING:
-    from lip_id_ros.dataset.dataset import Dataset
-
 JOINT_TYPES = ('revolute', 'prismatic')
 PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless')
 PER_SAMPLE = ('t', 'kinetic', 'potential')
+INDICES = ('segment', 'recording')
+
+Arrays = Mapping[str, NDArray[Any]]
 
 
 def floats(name: str, value: Any) -> Array:
@@ -29,7 +31,7 @@ def integers(name: str, value: Any) -> IntArray:
     """Return a read-only int64 copy; DataError where there are other things than whole numbers."""
     numbers = _numbers(name, value)
     if not np.isfinite(numbers).all() or (numbers != np.round(numbers)).any():
-        raise DataError(f'{name} must hold whole numbers; number segments 0, 1, 2 and so on.')
+        raise DataError(f'{name} must hold whole numbers; number {name}s 0, 1, 2 and so on.')
     array = numbers.astype(np.int64)
     array.setflags(write=False)
     return array
@@ -45,54 +47,48 @@ def _numbers(name: str, value: Any) -> NDArray[Any]:
     return array
 
 
-def check_shapes(data: Dataset) -> None:
+def check_shapes(arrays: Arrays, **per_joint: tuple[str, ...]) -> None:
     """Raise ShapeError unless every array and tuple agrees with the shape of q."""
-    if data.q.ndim != 2 or 0 in data.q.shape:
+    shape = arrays['q'].shape
+    if len(shape) != 2 or 0 in shape:
         raise ShapeError(
-            f'q must have shape (samples, joints) with at least one of each, not {data.q.shape}.'
+            f'q must have shape (samples, joints) with at least one of each, not {shape}.'
         )
-    n_samples, n_joints = data.q.shape
-    for names, expected in (
-        (PER_JOINT, (n_samples, n_joints)),
-        ((*PER_SAMPLE, 'segment'), (n_samples,)),
-    ):
-        for name in names:
-            value = getattr(data, name)
-            if value is not None and value.shape != expected:
-                raise ShapeError(f'{name} must have shape {expected} like q, not {value.shape}.')
-    for name in ('joint_names', 'joint_types'):
-        count = len(getattr(data, name))
-        if count != n_joints:
-            raise ShapeError(f'{name} must name the {n_joints} joints of q, not {count}.')
+    for name, value in arrays.items():
+        expected = shape if name in PER_JOINT else shape[:1]
+        if value.shape != expected:
+            raise ShapeError(f'{name} must have shape {expected} like q, not {value.shape}.')
+    for name, values in per_joint.items():
+        if len(values) != shape[1]:
+            raise ShapeError(f'{name} must name the {shape[1]} joints of q, not {len(values)}.')
 
 
 def check_joints(names: tuple[str, ...], types: tuple[str, ...]) -> None:
     """Raise DataError unless names are unique and types known."""
-    for name in names:
+    for name, count in Counter(names).items():
         if not name:
             raise DataError('every joint needs a name, but one of joint_names is empty.')
-        if names.count(name) > 1:
+        if count > 1:
             raise DataError(f'joint_names must be unique, but {name!r} comes twice.')
     for kind in types:
         if kind not in JOINT_TYPES:
             raise DataError(f'a joint type must be revolute or prismatic, not {kind!r}.')
 
 
-def check_finite(data: Dataset) -> None:
+def check_finite(arrays: Arrays, joint_names: tuple[str, ...]) -> None:
     """Raise DataError at the first number that is not finite."""
-    for name in (*PER_SAMPLE, *PER_JOINT):
-        value = getattr(data, name)
-        if value is None or np.isfinite(value).all():
+    for name, value in arrays.items():
+        if np.isfinite(value).all():
             continue
         at = tuple(int(index) for index in np.argwhere(~np.isfinite(value))[0])
-        joint = f' of {data.joint_names[at[1]]}' if len(at) == 2 else ''
+        joint = f' of {joint_names[at[1]]}' if len(at) == 2 else ''
         raise DataError(
             f'{name} must be finite, but sample {at[0]}{joint} is {value[at]}; '
             'remove such samples.'
         )
 
 
-def check_time(t: Array, segment: IntArray) -> None:
+def check_time(t: Array, segment: IntArray, recording: IntArray) -> None:
     """Raise DataError where a segment is torn apart or time goes back within it."""
     begins = np.flatnonzero(np.diff(segment)) + 1
     runs = segment[np.concatenate([[0], begins])]
@@ -101,6 +97,12 @@ def check_time(t: Array, segment: IntArray) -> None:
         raise DataError(
             f'samples of one segment must lie together, but segment {numbers[counts > 1][0]} '
             'comes back after another; give it a new number.'
+        )
+    mixed = np.setdiff1d(np.flatnonzero(np.diff(recording)) + 1, begins)
+    if mixed.size:
+        raise DataError(
+            f'a segment must be of one recording, but segment {segment[mixed[0]]} is of '
+            f'{recording[mixed[0] - 1]} and {recording[mixed[0]]}; begin a new segment.'
         )
     steps = np.diff(t)
     steps[begins - 1] = 0.0

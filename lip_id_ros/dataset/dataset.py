@@ -5,25 +5,54 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 import dataclasses
 from dataclasses import dataclass, field
+from itertools import pairwise
 import os
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.dataset import npz_file
+from lip_id_ros.arrays import Array, IndexArray, IntArray
+from lip_id_ros.csv_table import CSV_SUFFIX
+from lip_id_ros.dataset import formats
 from lip_id_ros.dataset.checks import (
     check_finite,
     check_joints,
     check_shapes,
     check_time,
     floats,
+    INDICES,
     integers,
     PER_JOINT,
     PER_SAMPLE,
 )
+from lip_id_ros.dataset.subsets import away_from, contiguous_cuts
 from lip_id_ros.errors import DataError
+
+GUARD = 8
+"""
+Samples between training data and a left-out block.
+
+Two periods of the low-pass where every sample that preprocessing keeps is a quarter of one.
+"""
+
+_NO_NUMBERS: IntArray = np.empty(0, np.int64)
+
+
+class LeftOutBlock(NamedTuple):
+    """
+    One part of a cross-validation.
+
+    Attributes
+    ----------
+    training, held_out : ndarray of int
+        Increasing row numbers; between them lie `GUARD` samples of a segment that are in neither.
+
+    """
+
+    training: IndexArray
+    held_out: IndexArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +74,9 @@ class Dataset:
         'revolute' or 'prismatic' for each joint.
     segment : ndarray of int64, shape (N,)
         Samples of one uninterrupted motion share a number and lie together.
+    recording : ndarray of int64, shape (N,), optional
+        Number of the recording that a sample is from, the same throughout a segment; all 0 where
+        not given.
     tau_noiseless : ndarray, shape (N, n), optional
         True torques, known in simulation.
     kinetic, potential : ndarray, shape (N,), optional
@@ -71,6 +103,7 @@ class Dataset:
     joint_names: tuple[str, ...]
     joint_types: tuple[str, ...]
     segment: IntArray
+    recording: IntArray = field(default_factory=_NO_NUMBERS.copy)
     tau_noiseless: Array | None = None
     kinetic: Array | None = None
     potential: Array | None = None
@@ -82,16 +115,71 @@ class Dataset:
         for name in (*PER_SAMPLE, *PER_JOINT):
             if getattr(self, name) is not None:
                 self._set(name, floats(name, getattr(self, name)))
-        self._set('segment', integers('segment', self.segment))
+        if np.size(self.recording) == 0:
+            self._set('recording', np.zeros(self.q.shape[:1], np.int64))
+        for name in INDICES:
+            self._set(name, integers(name, getattr(self, name)))
         self._set('joint_names', tuple(str(name) for name in self.joint_names))
         self._set('joint_types', tuple(str(kind) for kind in self.joint_types))
-        check_shapes(self)
+        arrays = self._arrays()
+        check_shapes(arrays, joint_names=self.joint_names, joint_types=self.joint_types)
         check_joints(self.joint_names, self.joint_types)
-        check_finite(self)
-        check_time(self.t, self.segment)
+        check_finite(arrays, self.joint_names)
+        check_time(self.t, self.segment, self.recording)
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
+
+    def _arrays(self) -> dict[str, Any]:
+        values = {name: getattr(self, name) for name in (*PER_SAMPLE, *PER_JOINT, *INDICES)}
+        return {name: value for name, value in values.items() if value is not None}
+
+    @classmethod
+    def from_arrays(
+        cls,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        tau: ArrayLike,
+        joint_names: Sequence[str] | None = None,
+        joint_types: Sequence[str] | None = None,
+        t: ArrayLike | None = None,
+    ) -> Self:
+        """
+        Make a data set of one uninterrupted motion.
+
+        Parameters
+        ----------
+        q, dq, ddq, tau : array, shape (N, n), or (N,) for one joint
+            Positions [rad or m], velocities, accelerations, torques or forces [N m or N].
+        joint_names : sequence of str, optional
+            From base to tip; joint_1, joint_2, ... where not given.
+        joint_types : sequence of str, optional
+            'revolute' or 'prismatic'; all revolute where not given.
+        t : array, shape (N,), optional
+            Time [s]; steps of 1 s where not given.
+
+        Raises
+        ------
+        ShapeError
+            If an array does not have its shape, or a sequence its length.
+        DataError
+            If a number is not finite, names are not unique, a type is unknown, or time goes back.
+
+        """
+        arrays = {'q': q, 'dq': dq, 'ddq': ddq, 'tau': tau}
+        given: dict[str, Any] = {
+            name: formats.as_columns(floats(name, array)) for name, array in arrays.items()
+        }
+        optional = {'t': t, 'joint_names': joint_names, 'joint_types': joint_types}
+        given |= {name: value for name, value in optional.items() if value is not None}
+        defaults = {
+            name: value
+            for name, value in formats.defaults(given['q']).items()
+            if name not in given
+        }
+        source = {'source': 'arrays', 'defaults': list(defaults)}
+        return cls(**given, **defaults, provenance={'sources': [source]})
 
     @property
     def n_samples(self) -> int:
@@ -121,9 +209,7 @@ class Dataset:
         rows = np.unique(np.arange(self.n_samples)[np.asarray(indices)])
         if rows.size == 0:
             raise DataError(f'at least one of {self.n_samples} samples must be selected, not 0.')
-        per_row = (*PER_SAMPLE, *PER_JOINT, 'segment')
-        values = {name: getattr(self, name) for name in per_row}
-        some = {name: value[rows] for name, value in values.items() if value is not None}
+        some = {name: array[rows] for name, array in self._arrays().items()}
         return dataclasses.replace(self, **some)
 
     def split(self, fraction: float) -> tuple[Dataset, Dataset]:
@@ -149,6 +235,44 @@ class Dataset:
                 'empty; choose one between 0 and 1 or use more samples.'
             )
         return self.select(rows[:cut]), self.select(rows[cut:])
+
+    def blocks(self, count: int, guard: int = GUARD) -> tuple[LeftOutBlock, ...]:
+        """
+        Cut into contiguous blocks for cross-validation, each left out once.
+
+        Samples close in time are correlated, so that `guard` samples on both sides of a block are
+        neither held out nor trained on, unless a segment ends there. Where the end of a segment
+        is near, a block ends with it.
+
+        Parameters
+        ----------
+        count : int
+            Number of blocks.
+        guard : int
+            Samples left between a block and the training data.
+
+        Raises
+        ------
+        DataError
+            If a block or its training data would be empty.
+
+        """
+        if not 2 <= count <= self.n_samples:
+            raise DataError(
+                f'{self.n_samples} samples cannot be cut into {count} blocks; choose 2 or more, '
+                'and no more than there are samples.'
+            )
+        cuts = contiguous_cuts(self.segment, count)
+        blocks = tuple(
+            LeftOutBlock(away_from(self.segment, start, stop, guard), np.arange(start, stop))
+            for start, stop in pairwise(cuts.tolist())
+        )
+        if any(not block.training.size or not block.held_out.size for block in blocks):
+            raise DataError(
+                f'{self.n_samples} samples are too few for {count} blocks that lie {guard} '
+                'samples apart; choose fewer blocks or use more samples.'
+            )
+        return blocks
 
     def with_joints(self, joint_names: Sequence[str]) -> Dataset:
         """
@@ -178,7 +302,9 @@ class Dataset:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """
-        Write the data set as npz, whole or not at all.
+        Write the data set, whole or not at all: as CSV where the path ends in .csv, else as npz.
+
+        Joint types and provenance have no place in a CSV file.
 
         Raises
         ------
@@ -186,29 +312,35 @@ class Dataset:
             If the file cannot be written.
 
         """
-        names = (*PER_SAMPLE, *PER_JOINT, 'segment', 'joint_names', 'joint_types')
-        values = {name: getattr(self, name) for name in names}
-        npz_file.write(path, values, self.gravity_compensated, self.provenance)
+        if Path(path).suffix == CSV_SUFFIX:
+            formats.write_csv(path, self._arrays(), self.joint_names)
+            return
+        names = {'joint_names': self.joint_names, 'joint_types': self.joint_types}
+        arrays = {**self._arrays(), **names}
+        formats.write_npz(path, arrays, self.gravity_compensated, self.provenance)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Dataset:
+    def load(cls, path: str | os.PathLike[str]) -> Self:
         """
-        Read a data set, ours or a bare file of q, dq, ddq and tau.
+        Read a data set: a CSV file, ours or a bare npz file of q, dq, ddq and tau.
 
         What a bare file leaves out gets a default: `t` uniform steps of its scalar `dt`, of 1 s
         without one; `joint_names` joint_1, joint_2, ...; `joint_types` all revolute; `segment` a
         single one. One joint may be given as arrays of shape (N,). The provenance names what was
-        filled in. Other arrays are left aside.
+        filled in. Other arrays are ignored.
 
         Raises
         ------
         OSError
             If the file cannot be opened.
+        SourceError
+            If it is not a regular file.
         DataError
             If it is no data set, or contradicts itself; names the file.
 
         """
-        fields = npz_file.read(path)
+        read = formats.read_csv if Path(path).suffix == CSV_SUFFIX else formats.read_npz
+        fields = read(path)
         try:
             return cls(**fields)
         except DataError as error:

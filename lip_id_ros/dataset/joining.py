@@ -15,7 +15,7 @@ from lip_id_ros.errors import DataError
 
 def concatenate(datasets: Sequence[Dataset]) -> Dataset:
     """
-    Join data sets of the same joints; each keeps its own segments, under new numbers.
+    Join data sets of the same joints; segments and recordings of each get new numbers.
 
     Joints are matched by name, in the order of the first data set. True torques and energies are
     kept only where every data set has them.
@@ -44,6 +44,7 @@ def concatenate(datasets: Sequence[Dataset]) -> Dataset:
         joint_names=first.joint_names,
         joint_types=first.joint_types,
         segment=_renumbered([data.segment for data in ordered]),
+        recording=_renumbered([data.recording for data in ordered]),
         gravity_compensated=first.gravity_compensated,
         provenance={'sources': [source for data in ordered for source in _sources(data)]},
     )
@@ -53,10 +54,10 @@ def _sources(dataset: Dataset) -> list[Any]:
     return list(dataset.provenance.get('sources', [dict(dataset.provenance)]))
 
 
-def _renumbered(segments: Sequence[IntArray]) -> IntArray:
+def _renumbered(indices: Sequence[IntArray]) -> IntArray:
     renumbered, used = [], 0
-    for segment in segments:
-        numbers, inverse = np.unique(segment, return_inverse=True)
+    for index in indices:
+        numbers, inverse = np.unique(index, return_inverse=True)
         renumbered.append(used + inverse.astype(np.int64))
         used += numbers.size
     return np.concatenate(renumbered)

@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from lip_id_ros.demo.topics import TYPES
 from lip_id_ros.nodes import qos
-from lip_id_ros.recording.raw_bag import RawBag
+from lip_id_ros.recording.bag_writer import RawBag
 
 
 class BagRecorder:

@@ -28,7 +28,7 @@ from lip_id_ros.evaluation import Evaluation, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.progress import Progress
-from lip_id_ros.recording.raw_bag import RawBag
+from lip_id_ros.recording.bag_writer import RawBag
 from lip_id_ros.serving import Predictor
 from lip_id_ros.simulation import panda
 

@@ -12,10 +12,10 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation.estimator import Uncertain
-from lip_id_ros.evaluation.mcap_writer import JointStateTrack, NumberTrack, Track, write_mcap
 from lip_id_ros.evaluation.outcome import deviation, Outcome
 from lip_id_ros.files import write_npz
 from lip_id_ros.progress import Progress, silent
+from lip_id_ros.recording.bag_writer import JointStateTrack, NumberTrack, Track, write_mcap
 
 FORMAT = 'lip_id_ros prediction'
 VERSION = 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
-from lip_id_ros.dataset.coverage import farthest_points
+from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.kernels import JointBasis
 
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.health.agreement import Agreement, velocity_agreement
-from lip_id_ros.health.explanation import effort_explanation, Explanation
-from lip_id_ros.health.motion import Motion, motion_of
-from lip_id_ros.health.resolution import quantum
-from lip_id_ros.preprocessing.cleaning import stale
+from lip_id_ros.health.effort_regression import effort_regression, EffortRegression
+from lip_id_ros.health.motion import Agreement, motion_of, SmoothMotion, velocity_agreement
+from lip_id_ros.preprocessing.cleaning import quantum, stale
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.spill import release
 
 STILL = 1e-3
 """Joints whose velocity stays below this root mean square [rad/s or m/s] do not move."""
@@ -47,7 +47,7 @@ class Evidence:
         return float(stale(self.samples).mean()) if self.samples.n_samples else 0.0
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> SmoothMotion:
         """The smooth motion, in stretches without gaps."""
         return motion_of(self.samples)
 
@@ -72,8 +72,7 @@ class Evidence:
         """Range of each position [rad or m]."""
         if self.samples.n_samples == 0:
             return np.zeros(self.samples.n_joints)
-        extent: Array = np.ptp(self.samples.position, axis=0)
-        return extent
+        return np.array([float(np.ptp(values)) for _, _, values in self.columns('position')])
 
     @cached_property
     def agreement(self) -> Agreement | None:
@@ -83,20 +82,32 @@ class Evidence:
         return velocity_agreement(self.motion)
 
     @cached_property
-    def explanation(self) -> Explanation | None:
+    def explanation(self) -> EffortRegression | None:
         """Efforts against the motion, where they can be compared."""
         if not self.samples.has_effort or not self.motion.stretches:
             return None
-        return effort_explanation(self.motion)
+        return effort_regression(self.motion)
 
     @cached_property
     def quanta(self) -> dict[str, list[float]]:
         """Step of each joint's position, velocity and effort, 0 where not quantised."""
-        return {
-            signal: [quantum(column) for column in getattr(self.samples, signal).T]
-            for signal in ('position', 'velocity', 'effort')
-            if not np.isnan(getattr(self.samples, signal)).any()
+        signals = {
+            'position': True,
+            'velocity': self.samples.has_velocity,
+            'effort': self.samples.has_effort,
         }
+        return {
+            signal: [quantum(values) for _, _, values in self.columns(signal)]
+            for signal, is_recorded in signals.items()
+            if is_recorded
+        }
+
+    def columns(self, signal: str) -> Iterator[tuple[int, str, Array]]:
+        """Yield number, name and values of each joint, which may lie in a file."""
+        for joint, name in enumerate(self.names):
+            values = getattr(self.samples, signal)[:, joint]
+            yield joint, name, values
+            release(values)
 
     def moves(self, joint: int) -> bool:
         """Whether a joint moves at all."""

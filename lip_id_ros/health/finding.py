@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from enum import StrEnum
-from typing import NamedTuple
 
 from lip_id_ros.health.evidence import Evidence
 
@@ -45,11 +44,10 @@ class Finding:
         return asdict(self)
 
 
-class Found(NamedTuple):
-    """What a check found: a joint, or '' for the whole recording, and what is wrong with it."""
+JointText = tuple[str, str]
+"""Name of a joint, empty for the whole recording, and what is wrong with it."""
 
-    joint: str
-    what: str
+Search = Callable[[Evidence], Iterable[JointText]]
 
 
 @dataclass(frozen=True)
@@ -75,11 +73,20 @@ class Check:
     severity: Severity
     meaning: str
     remedy: str
-    search: Callable[[Evidence], Iterable[Found]]
+    search: Search
 
     def findings(self, evidence: Evidence) -> list[Finding]:
         """Return one finding for everything that the search finds."""
         return [
-            Finding(self.code, self.severity.value, found.joint, f'{found.what}; {self.remedy}.')
-            for found in self.search(evidence)
+            Finding(self.code, self.severity.value, joint, f'{what}; {self.remedy}.')
+            for joint, what in self.search(evidence)
         ]
+
+
+def check(code: str, severity: Severity, meaning: str, remedy: str) -> Callable[[Search], Check]:
+    """Make a check of the search that follows; see `Check` for the parameters."""
+
+    def of(search: Search) -> Check:
+        return Check(code, severity, meaning, remedy, search)
+
+    return of

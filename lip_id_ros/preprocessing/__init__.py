@@ -1,7 +1,8 @@
 """From raw joint samples to data sets: filter, differentiate, cut into segments, select."""
 
+from lip_id_ros.preprocessing.description import describe
 from lip_id_ros.preprocessing.loading import load_dataset
 from lip_id_ros.preprocessing.pipeline import preprocess
 from lip_id_ros.preprocessing.selection import for_training
 
-__all__ = ['for_training', 'load_dataset', 'preprocess']
+__all__ = ['describe', 'for_training', 'load_dataset', 'preprocess']

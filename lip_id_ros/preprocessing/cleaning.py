@@ -1,18 +1,22 @@
-"""Samples that say nothing new, and the meaning of recorded efforts."""
+"""Repeated and quantised samples, and the meaning of recorded efforts."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ConfigError, SourceError
-from lip_id_ros.recording.joint_samples import JointSamples
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.spill import column_array, release, row_blocks
 from lip_id_ros.settings import RecordingSettings
 
 Value = TypeVar('Value')
+
+LEAST_REPETITION = 4
+ON_GRID = 0.9
+MOST_VALUES = 50_000
 
 
 def stale(samples: JointSamples) -> BoolArray:
@@ -27,28 +31,49 @@ def stale(samples: JointSamples) -> BoolArray:
     ndarray of bool, shape (N,)
 
     """
-    if samples.has_velocity:
-        moving = (samples.velocity[1:] != 0.0).any(axis=1)
-        repeated = _repeated(samples.position) & _repeated(samples.velocity) & moving
-    else:
-        repeated = _repeated(samples.position) & _repeated(samples.effort)
-    return np.concatenate([np.zeros(min(1, samples.n_samples), bool), repeated])
+    same = repeated(samples.position)
+    if not samples.has_velocity:
+        return same & repeated(samples.effort)
+    return same & repeated(samples.velocity) & _moving(samples.velocity)
 
 
-def chosen(samples: JointSamples, keep: BoolArray) -> JointSamples:
-    """Return some of the samples."""
-    return replace(
-        samples,
-        t=samples.t[keep],
-        position=samples.position[keep],
-        velocity=samples.velocity[keep],
-        effort=samples.effort[keep],
-    )
-
-
-def _repeated(values: Array) -> BoolArray:
-    same: BoolArray = (values[1:] == values[:-1]).all(axis=1)
+def repeated(values: Array) -> BoolArray:
+    """Mark rows that are equal to the one before."""
+    same = np.zeros(len(values), bool)
+    for block in row_blocks(len(values)):
+        first = max(0, block.start - 1)
+        some = values[first : block.stop]
+        same[first + 1 : block.stop] = (some[1:] == some[:-1]).all(axis=1)
+        release(values)
     return same
+
+
+def _moving(velocity: Array) -> BoolArray:
+    moving = np.zeros(len(velocity), bool)
+    for block in row_blocks(len(velocity)):
+        moving[block] = (velocity[block] != 0.0).any(axis=1)
+        release(velocity)
+    return moving
+
+
+def quantum(values: Array) -> float:
+    """
+    Return the step of a quantised signal, 0 where there is none to be seen.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+
+    """
+    values = values[:: max(1, values.size // MOST_VALUES)]
+    levels = np.unique(values)
+    if levels.size < 2 or LEAST_REPETITION * levels.size > values.size:
+        return 0.0
+    steps = np.diff(levels)
+    step = float(np.median(steps[steps <= 1.5 * np.percentile(steps, 20)]))
+    multiples = steps / step
+    on_grid = np.abs(multiples - np.round(multiples)) < 0.1
+    return step if on_grid.mean() > ON_GRID else 0.0
 
 
 def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
@@ -73,9 +98,14 @@ def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
             f'{samples.topic or "joint states"} in {samples.source} must have effort, but every '
             'message leaves it empty; record it with a driver that measures torque or current.'
         )
-    scale = per_joint(samples, 'effort_scale', recording.effort_scale, 1.0)
-    offset = per_joint(samples, 'effort_offset', recording.effort_offset, 0.0)
-    scaled: Array = samples.effort * np.array(scale) + np.array(offset)
+    scale = np.array(per_joint(samples, 'effort_scale', recording.effort_scale, 1.0))
+    offset = np.array(per_joint(samples, 'effort_offset', recording.effort_offset, 0.0))
+    if (scale == 1.0).all() and (offset == 0.0).all():
+        return samples.effort
+    scaled = column_array(samples.n_samples, samples.n_joints)
+    for block in row_blocks(samples.n_samples):
+        scaled[block] = samples.effort[block] * scale + offset
+        release(scaled, samples.effort)
     return scaled
 
 

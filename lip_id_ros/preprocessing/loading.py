@@ -8,13 +8,13 @@ from itertools import groupby
 import os
 from pathlib import Path
 
-from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.dataset.csv_file import CSV_SUFFIX, has_accelerations, read_csv
+from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
+from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.errors import SourceError
 from lip_id_ros.preprocessing.pipeline import preprocess
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.recording import DATASET_SUFFIX, JointSamples, read_sources
+from lip_id_ros.recording import JointSamples, read_sources
 from lip_id_ros.recording.csv_log import read_log
 from lip_id_ros.settings import Config
 
@@ -24,7 +24,7 @@ Watch = Callable[[JointSamples], object]
 
 def load_dataset(
     sources: PathLike | Sequence[PathLike],
-    config: Config | None = None,
+    settings: Config | None = None,
     progress: Progress = silent,
     watch: Watch = lambda samples: None,
 ) -> Dataset:
@@ -34,9 +34,9 @@ def load_dataset(
     Parameters
     ----------
     sources : path or sequence of paths
-        Bags and CSV logs are preprocessed as `config` says; data sets (.npz, or .csv with
+        Bags and CSV logs are preprocessed as the settings say; data sets (.npz, or .csv with
         accelerations) are taken as they are, but for the choice of joints and `max_samples`.
-    config : Config
+    settings : Config
         Sections `recording` and `preprocessing` are used.
     progress : callable
         Told how many messages are read.
@@ -55,50 +55,52 @@ def load_dataset(
         If a source does not exist or cannot be opened.
 
     """
-    config = config or Config()
+    settings = settings or Config()
     paths = [sources] if isinstance(sources, (str, os.PathLike)) else list(sources)
     if not paths:
         raise SourceError('at least one recording or data set is needed, but none was named.')
-    data = concatenate(list(_loaded(paths, config, progress, watch)))
-    return at_most(data, config.preprocessing)
+    data = concatenate(list(_loaded(paths, settings, progress, watch)))
+    return at_most(data, settings.preprocessing)
 
 
 def _loaded(
-    paths: Sequence[PathLike], config: Config, progress: Progress, watch: Watch
+    paths: Sequence[PathLike], settings: Config, progress: Progress, watch: Watch
 ) -> Iterator[Dataset]:
     """Yield data sets in the order of the sources; bags side by side may give one together."""
     for is_bag, some in groupby(paths, _is_bag):
         if not is_bag:
-            yield from (_of_file(path, config, progress, watch) for path in some)
+            yield from (_of_file(path, settings, progress, watch) for path in some)
             continue
-        for samples in read_sources(list(some), config.recording, progress):
-            yield _prepared(samples, config, progress, watch)
+        for samples in read_sources(list(some), settings.recording, progress):
+            yield _prepared(samples, settings, progress, watch)
 
 
 def _is_bag(path: PathLike) -> bool:
     return Path(path).suffix not in (DATASET_SUFFIX, CSV_SUFFIX)
 
 
-def _of_file(path: PathLike, config: Config, progress: Progress, watch: Watch) -> Dataset:
+def _of_file(path: PathLike, settings: Config, progress: Progress, watch: Watch) -> Dataset:
     if Path(path).suffix == DATASET_SUFFIX:
-        return _with_joints(Dataset.load(path), config)
+        return _with_joints(Dataset.load(path), settings)
     if has_accelerations(path):
-        return _with_types(_with_joints(read_csv(path), config), config)
-    return _prepared(read_log(path, config.recording.joints), config, progress, watch)
+        return _with_types(_with_joints(Dataset.load(path), settings), settings)
+    return _prepared(read_log(path, settings.recording.joints), settings, progress, watch)
 
 
-def _prepared(samples: JointSamples, config: Config, progress: Progress, watch: Watch) -> Dataset:
+def _prepared(
+    samples: JointSamples, settings: Config, progress: Progress, watch: Watch
+) -> Dataset:
     watch(samples)
     progress('preprocessing', 0, 0)
-    return preprocess(samples, replace(config.preprocessing, max_samples=0), config.recording)
+    return preprocess(samples, replace(settings.preprocessing, max_samples=0), settings.recording)
 
 
-def _with_joints(data: Dataset, config: Config) -> Dataset:
-    joints = config.recording.joints
+def _with_joints(data: Dataset, settings: Config) -> Dataset:
+    joints = settings.recording.joints
     return data.with_joints(joints) if joints else data
 
 
-def _with_types(data: Dataset, config: Config) -> Dataset:
-    kinds = config.recording.joint_types or data.joint_types
-    compensated = config.recording.gravity_compensated
+def _with_types(data: Dataset, settings: Config) -> Dataset:
+    kinds = settings.recording.joint_types or data.joint_types
+    compensated = settings.recording.gravity_compensated
     return replace(data, joint_types=kinds, gravity_compensated=compensated)

@@ -16,22 +16,26 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.arrays import BoolArray
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.preprocessing.cleaning import chosen, per_joint, stale, torque
-from lip_id_ros.preprocessing.filters import edge_length, is_filtered
-from lip_id_ros.preprocessing.segments import (
-    cut,
-    evenly_timed,
-    is_long_enough,
-    joined,
-    Motion,
-    Piece,
-    smooth,
-)
+from lip_id_ros.preprocessing.cleaning import per_joint, quantum, repeated, stale, torque
 from lip_id_ros.preprocessing.selection import at_most, stride
+from lip_id_ros.preprocessing.smoothing import (
+    cut,
+    DERIVATIVES,
+    edge_length,
+    evenly_timed,
+    grid_size,
+    is_filtered,
+    is_long_enough,
+    low_pass,
+    resample,
+    Window,
+    windows,
+)
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.spill import release
 from lip_id_ros.recording.timing import GAP_STEPS, median_step
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
@@ -39,6 +43,9 @@ STALE = 'sample stale'
 SHORT_SEGMENT = 'segment too short'
 EDGE = 'edge of a segment'
 DECIMATED = 'decimated'
+
+MOST_RATE = 2.0
+"""Samples are brought to a rate of at most so many times their mean rate."""
 
 
 def preprocess(
@@ -84,81 +91,128 @@ def preprocess(
 def _recording(
     samples: JointSamples, settings: PreprocessingSettings, recording: RecordingSettings
 ) -> Dataset:
-    repeated = stale(samples)
-    fresh = chosen(samples, ~repeated)
-    given = _pieces(fresh, settings, recording)
-    pieces = [_retimed(piece, samples, repeated) for piece in given]
-    rate = _rate(pieces)
-    dropped = Counter(samples.counts)
-    dropped[STALE] = int(repeated.sum())
-    motions = _motions(pieces, rate, settings, dropped)
-    if not motions:
-        raise DataError(_too_short(samples.source, pieces, rate, settings))
-    provenance = _provenance(samples, rate, settings, dropped)
-    provenance['segments'] = len(motions)
-    provenance['retimed'] = any(new is not old for new, old in zip(pieces, given, strict=True))
-    provenance['recording'] = dataclasses.asdict(recording)
-    return _dataset(motions, fresh, recording, provenance)
-
-
-def _pieces(
-    fresh: JointSamples, settings: PreprocessingSettings, recording: RecordingSettings
-) -> list[Piece]:
+    is_stale = stale(samples)
+    fresh = samples.select(~is_stale)
     if fresh.n_samples < 2:
         raise DataError(
             f'{fresh.source} must hold at least two different samples, but has '
             f'{fresh.n_samples}; record while the arm moves.'
         )
-    velocity = fresh.velocity if _uses_velocity(fresh, settings) else None
-    whole = Piece(fresh.t, fresh.position, velocity, torque(fresh, recording))
-    return cut(whole, settings.max_gap_s or GAP_STEPS * median_step(fresh.t))
+    fresh = dataclasses.replace(fresh, effort=torque(fresh, recording))
+    given = cut(fresh.t, settings.max_gap_s or GAP_STEPS * median_step(fresh.t))
+    repeats, step = samples.t[is_stale], median_step(samples.t)
+    segments = [_retimed(fresh.rows(rows), repeats, step) for rows in given]
+    rate = _rate(segments)
+    dropped = Counter(samples.counts)
+    dropped[STALE] = int(is_stale.sum())
+    motions = _motions(segments, rate, settings, dropped)
+    if not motions:
+        raise DataError(_too_short(samples.source, segments, rate, settings))
+    provenance = _provenance(samples, rate, settings, dropped)
+    provenance['repeated'] = _repetition(fresh)
+    provenance['segments'] = len(motions)
+    provenance['retimed'] = any(segment.t.base is None for segment in segments)
+    provenance['recording'] = dataclasses.asdict(recording)
+    return Dataset(
+        **{name: np.concatenate([motion[name] for motion in motions]) for name in motions[0]},
+        joint_names=samples.joint_names,
+        joint_types=per_joint(samples, 'joint_types', recording.joint_types, 'revolute'),
+        segment=np.repeat(np.arange(len(motions)), [motion['t'].size for motion in motions]),
+        gravity_compensated=recording.gravity_compensated,
+        provenance={'sources': [provenance]},
+    )
 
 
 def _uses_velocity(samples: JointSamples, settings: PreprocessingSettings) -> bool:
     return samples.has_velocity and settings.velocity == 'recorded'
 
 
-def _retimed(piece: Piece, samples: JointSamples, repeated: BoolArray) -> Piece:
-    times = samples.t[repeated]
-    inside = (times > piece.t[0]) & (times < piece.t[-1])
-    return evenly_timed(piece, median_step(samples.t)) if inside.any() else piece
+def _retimed(segment: JointSamples, repeats: Array, step: float) -> JointSamples:
+    """Mend the stamps of a segment within which samples were repeated."""
+    first = np.searchsorted(repeats, segment.t[0], side='right')
+    if first == np.searchsorted(repeats, segment.t[-1]):
+        return segment
+    return dataclasses.replace(segment, t=evenly_timed(segment.t, step))
 
 
-def _rate(pieces: list[Piece]) -> float:
-    steps = np.concatenate([np.diff(piece.t) for piece in pieces])
-    return 1.0 / float(np.median(steps)) if steps.size else 0.0
+def _rate(segments: Sequence[JointSamples]) -> float:
+    """Return the rate of most steps [Hz]; no more than twice the mean, as messages in bursts."""
+    steps = np.concatenate([np.diff(segment.t) for segment in segments])
+    if not steps.size:
+        return 0.0
+    return min(1.0 / float(np.median(steps)), MOST_RATE / float(steps.mean()))
 
 
 def _motions(
-    pieces: list[Piece], rate: float, settings: PreprocessingSettings, dropped: Counter[str]
-) -> list[Motion]:
+    segments: Sequence[JointSamples],
+    rate: float,
+    settings: PreprocessingSettings,
+    dropped: Counter[str],
+) -> list[dict[str, Array]]:
     edge = edge_length(rate, settings.cutoff_hz, settings.edge_periods)
+    every = stride(rate, settings)
     motions = []
-    for piece in pieces:
-        if not is_long_enough(piece, rate, settings):
-            dropped[SHORT_SEGMENT] += piece.t.size
+    for segment in segments:
+        if not is_long_enough(segment.t, rate, settings):
+            dropped[SHORT_SEGMENT] += segment.n_samples
             continue
-        motion = smooth(piece, rate, settings).rows(slice(edge, -edge))
+        kept = range(edge, grid_size(segment.t, rate) - edge, every)
+        parts = [
+            _smooth(segment, window, rate, settings, kept)
+            for window in windows(segment.t, rate, settings.cutoff_hz)
+        ]
+        motions.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
         dropped[EDGE] += 2 * edge
-        motions.append(motion.rows(slice(None, None, stride(rate, settings))))
-        dropped[DECIMATED] += motion.t.size - motions[-1].t.size
+        dropped[DECIMATED] += kept.stop - kept.start - len(kept)
     return motions
 
 
-def _dataset(
-    motions: list[Motion],
-    samples: JointSamples,
-    recording: RecordingSettings,
-    provenance: dict[str, Any],
-) -> Dataset:
-    return Dataset(
-        **vars(joined(motions)),
-        joint_names=samples.joint_names,
-        joint_types=per_joint(samples, 'joint_types', recording.joint_types, 'revolute'),
-        segment=np.repeat(np.arange(len(motions)), [motion.t.size for motion in motions]),
-        gravity_compensated=recording.gravity_compensated,
-        provenance={'sources': [provenance]},
-    )
+def _smooth(
+    segment: JointSamples,
+    window: Window,
+    rate: float,
+    settings: PreprocessingSettings,
+    kept: range,
+) -> dict[str, Array]:
+    """
+    Bring a window to uniform steps, low-pass all signals alike and differentiate.
+
+    The same low-pass goes over positions, velocities and torques, so that none of them lags or
+    loses content against the others; the acceleration is the derivative of the smooth velocity.
+
+    """
+    samples = segment.rows(window.rows)
+
+    def smoothed(values: Array) -> Array:
+        uniform = resample(samples.t, values, window.times)
+        return low_pass(uniform, rate, settings.cutoff_hz)
+
+    derivative = DERIVATIVES[settings.derivative]
+    q = smoothed(samples.position)
+    dq = smoothed(samples.velocity) if _uses_velocity(segment, settings) else derivative(q, rate)
+    motion = {
+        't': window.times,
+        'q': q,
+        'dq': dq,
+        'ddq': derivative(dq, rate),
+        'tau': smoothed(samples.effort),
+    }
+    release(segment.position, segment.velocity, segment.effort)
+    before = max(0, -((kept.start - window.start) // kept.step))
+    numbers = range(kept.start + before * kept.step, min(kept.stop, window.stop), kept.step)
+    rows = np.array(numbers, np.intp) - window.first
+    return {name: values[rows] for name, values in motion.items()}
+
+
+def _repetition(fresh: JointSamples) -> dict[str, Any]:
+    """Return which positions repeat although other signals do not, and come in steps."""
+    steps = {
+        name: step
+        for name, column in zip(fresh.joint_names, fresh.position.T, strict=True)
+        if (step := quantum(column)) > 0.0
+    }
+    release(fresh.position)
+    return {'positions': int(repeated(fresh.position).sum()), 'position_steps': steps}
 
 
 def _provenance(
@@ -183,15 +237,15 @@ def _provenance(
 
 
 def _too_short(
-    source: str, pieces: list[Piece], rate: float, settings: PreprocessingSettings
+    source: str, segments: Sequence[JointSamples], rate: float, settings: PreprocessingSettings
 ) -> str:
-    longest = max(float(piece.t[-1] - piece.t[0]) for piece in pieces)
+    longest = max(float(segment.t[-1] - segment.t[0]) for segment in segments)
     edges = (
         2 * edge_length(rate, settings.cutoff_hz, settings.edge_periods) / rate if rate else 0.0
     )
     needed = max(settings.min_segment_s, edges)
     return (
         f'{source} must hold a motion of {needed:g} s without a gap, but the longest of '
-        f'{len(pieces)} lasts {longest:.3g} s; record for longer, or raise '
+        f'{len(segments)} lasts {longest:.3g} s; record for longer, or raise '
         'preprocessing.max_gap_s or lower preprocessing.min_segment_s.'
     )

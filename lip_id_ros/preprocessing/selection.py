@@ -9,8 +9,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.dataset.coverage import farthest_points
-from lip_id_ros.preprocessing.filters import is_filtered
+from lip_id_ros.dataset.subsets import farthest_points
+from lip_id_ros.preprocessing.smoothing import is_filtered
 from lip_id_ros.settings import PreprocessingSettings
 
 SAMPLES_PER_PERIOD = 4

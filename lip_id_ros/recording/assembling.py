@@ -9,52 +9,150 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.recording.mapping import Reason
-from lip_id_ros.recording.parts import Part
-from lip_id_ros.recording.timing import arrange, GAP_STEPS, header_stamps_usable
+from lip_id_ros.recording.joint_samples import gathered, JointSamples, Reason, SIGNALS
+from lip_id_ros.recording.sample_collector import Part, SampleCollector
+from lip_id_ros.recording.spill import column_array, release, row_blocks
+from lip_id_ros.recording.timing import (
+    arrange,
+    GAP_STEPS,
+    is_one_clock,
+    jumps_between_clocks,
+    SECOND,
+    seconds,
+    stamps_advance,
+)
 
 HEADER, RECEIVE = 'header', 'receive'
 
+_SHOWN_NAMES = 3
 
-class Motion(NamedTuple):
-    """Samples in the order of time: stamps [ns], and position, velocity, effort by column."""
 
+class _Source(NamedTuple):
+    """What is taken of a part: joints by column, and rows in the order of time."""
+
+    part: Part
+    columns: IndexArray
     stamps_ns: IntArray
-    position: Array
-    velocity: Array
-    effort: Array
+    rows: IndexArray
 
 
-def clock_of(parts: Sequence[Part], wanted: str) -> str:
+def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamples:
+    """
+    Return the samples of all joints that the topics of a recording have together.
+
+    Parameters
+    ----------
+    topics : sequence of SampleCollector
+        Each used up.
+    wanted_clock : str
+        'header', 'receive', or 'auto' for headers where those of all parts tell the time.
+
+    """
+    parts = [part for topic in topics for part in topic.parts()]
+    counts = sum((topic.counts for topic in topics), Counter[str]())
+    notes = {note: None for topic in topics for note in topic.notes}
+    joints = next((topic.joints for topic in topics if topic.joints), ())
+    parts = [of_one_publisher(part, counts, notes) for part in parts]
+    chosen = covering(parts, joints)
+    for part in parts:
+        if not any(part is one for one, _ in chosen):
+            has_all = set(part.joints) >= set(joints)
+            reason = Reason.OTHER_PUBLISHER if has_all else Reason.MISSING_JOINT
+            counts[reason] += part.header_ns.size
+    clock = clock_of([part for part, _ in chosen], wanted_clock, notes)
+    if len(chosen) > 1:
+        notes[f'joints of {len(chosen)} publishers were merged in time'] = None
+    sources = [_source(part, taken, clock, counts, notes) for part, taken in chosen]
+    names = [joint for _, taken in chosen for joint in taken]
+    order = [names.index(joint) for joint in joints] if names else []
+    stamps, values = merged(sources, order, counts)
+    start_ns = int(stamps[0]) if stamps.size else 0
+    return JointSamples(
+        t=seconds(stamps - start_ns),
+        **dict(zip(SIGNALS, values, strict=True)),
+        joint_names=joints,
+        start_s=start_ns / SECOND,
+        counts={str(reason): count for reason, count in counts.items() if count},
+        source=', '.join(dict.fromkeys(topic.source for topic in topics)),
+        topic=', '.join(dict.fromkeys(topic.topic for topic in topics)),
+        seen_joints=tuple(dict.fromkeys(name for topic in topics for name in topic.seen)),
+        clock=clock,
+        notes=tuple(notes),
+    )
+
+
+def of_one_publisher(part: Part, counts: Counter[str], notes: dict[str, None]) -> Part:
+    """
+    Return the messages of one publisher, where several publish the same joints.
+
+    Messages with the same joints that differ in their frame are of one publisher if their header
+    stamps are those of one clock. Of several publishers the one is taken that has effort and
+    velocity, and then the one with the most messages; the others are counted.
+
+    """
+    if len(part.publishers) < 2 or not _are_apart(part):
+        return part
+    sizes = np.bincount(part.publisher, minlength=len(part.publishers))
+    filled = [_filled(part.effort), _filled(part.velocity)]
+
+    def worth(number: int) -> tuple[bool, bool, int]:
+        own = part.publisher == number
+        return *(bool((own & has).any()) for has in filled), int(sizes[number])
+
+    best = max(range(len(part.publishers)), key=worth)
+    counts[Reason.OTHER_PUBLISHER] += int(sizes.sum() - sizes[best])
+    notes[
+        f'{len(sizes)} publishers have the same joints: the one with {sizes[best]} messages'
+        f'{_described(part, best)} was taken'
+    ] = None
+    rows = np.flatnonzero(part.publisher == best)
+    return part._replace(
+        header_ns=part.header_ns[rows],
+        receive_ns=part.receive_ns[rows],
+        publisher=part.publisher[rows],
+        position=gathered(part.position, rows),
+        velocity=gathered(part.velocity, rows),
+        effort=gathered(part.effort, rows),
+    )
+
+
+def _are_apart(part: Part) -> bool:
+    """Whether publishers take turns and cannot be one."""
+    if (np.diff(part.publisher) != 0).sum() < len(part.publishers):
+        return False  # one after the other
+    if len({names for names, _ in part.publishers}) > 1:
+        return True
+    return not is_one_clock(part.header_ns)
+
+
+def _described(part: Part, number: int) -> str:
+    names, frame = part.publishers[number]
+    extra = sorted(names - set(part.joints))
+    if extra:
+        more = ', ...' if len(extra) > _SHOWN_NAMES else ''
+        return f' (it also has {", ".join(extra[:_SHOWN_NAMES])}{more})'
+    if len({frame for _, frame in part.publishers}) > 1:
+        return f' (its frame is {frame!r})'
+    return ' (it has no other joints)'
+
+
+def clock_of(parts: Sequence[Part], wanted: str, notes: dict[str, None]) -> str:
     """Return the clock that is wanted, else headers where those of all parts tell the time."""
     if wanted in (HEADER, RECEIVE):
         return wanted
-    usable = all(header_stamps_usable(part.header_ns) for part in parts)
-    return HEADER if usable else RECEIVE
-
-
-def in_order(part: Part, clock: str, counts: Counter[str], notes: dict[str, None]) -> Motion:
-    """
-    Return the usable messages of a part in the order of time; count the others.
-
-    The arrays of the part are used up: they are put in order where they are, one after the other.
-
-    """
-    keep = _complete(part, counts)
-    whole = keep.all()
-    stamps = part.header_ns if clock == HEADER else part.receive_ns
-    timeline = arrange(stamps if whole else stamps[keep])
-    rows = timeline.rows if whole else np.flatnonzero(keep)[timeline.rows]
-    counts.update(timeline.dropped)
-    if timeline.late:
-        notes[f'{timeline.late} messages came late and were put where they belong'] = None
-    if timeline.restarts:
+    if not all(stamps_advance(part.header_ns) for part in parts):
+        return RECEIVE
+    is_torn = any(jumps_between_clocks(part.header_ns) for part in parts)
+    if is_torn and all(_tells_the_time(part.receive_ns) for part in parts):
         notes[
-            f'the clock went back for good {timeline.restarts} times: what follows was put an '
-            'hour later'
+            'the header stamps are those of several clocks: the times of reception were taken'
         ] = None
-    values = (_picked(array, rows) for array in part[3:])
-    return Motion(timeline.start_ns + timeline.t_ns, *values)
+        return RECEIVE
+    return HEADER
+
+
+def _tells_the_time(stamps_ns: IntArray) -> bool:
+    return stamps_advance(stamps_ns) and not jumps_between_clocks(stamps_ns)
 
 
 def covering(parts: Sequence[Part], joints: Sequence[str]) -> list[tuple[Part, list[str]]]:
@@ -77,73 +175,92 @@ def covering(parts: Sequence[Part], joints: Sequence[str]) -> list[tuple[Part, l
     return chosen
 
 
-def joined(
-    chosen: Sequence[tuple[Part, list[str]]],
-    joints: Sequence[str],
-    clock: str,
-    counts: Counter[str],
-    notes: dict[str, None],
-) -> Motion:
-    """Return the samples of all joints, in their order, of parts that `covering` chose."""
-    if not chosen:
-        nothing = np.empty((0, len(joints)))
-        return Motion(np.empty(0, np.int64), nothing, nothing, nothing)
-    if len(chosen) == 1:  # it has all joints in their order
-        return in_order(chosen[0][0], clock, counts, notes)
-    motions = []
-    for part, taken in chosen:
-        motion = in_order(part, clock, counts, notes)
-        columns = [part.joints.index(joint) for joint in taken]
-        motions.append(Motion(motion.stamps_ns, *(values[:, columns] for values in motion[1:])))
-    names = [joint for _, taken in chosen for joint in taken]
-    order = [names.index(joint) for joint in joints]
-    motion = merged(motions, counts)
-    return Motion(motion.stamps_ns, *(values[:, order] for values in motion[1:]))
-
-
-def merged(motions: Sequence[Motion], counts: Counter[str]) -> Motion:
+def merged(
+    sources: Sequence[_Source], order: Sequence[int], counts: Counter[str]
+) -> tuple[IntArray, list[Array]]:
     """
-    Bring several motions to the stamps of the one with the fewest, and join their columns.
+    Bring several sources to the stamps of the one with the fewest, and join their columns.
 
     Between two samples no further apart than five median steps the others are interpolated
     linearly; at an equal stamp they are taken as they are. Where there are no two such samples,
     the message is dropped and counted.
 
+    Parameters
+    ----------
+    sources : sequence of _Source
+    order : sequence of int
+        Where in the joined columns each joint is.
+    counts : Counter
+
+    Returns
+    -------
+    stamps_ns : ndarray of int, shape (N,)
+    values : list of three ndarray, shape (N, n)
+        Position, velocity, effort.
+
     """
-    slowest = min(motions, key=lambda motion: motion.stamps_ns.size)
-    stamps = slowest.stamps_ns
-    placed = [_placed(motion.stamps_ns, stamps) for motion in motions]
+    if not sources:
+        return np.empty(0, np.int64), [np.empty((0, len(order)))] * 3
+    stamps = min((source.stamps_ns for source in sources), key=len)
+    if len(sources) == 1:
+        return stamps, [_taken(sources[0], name) for name in SIGNALS]
+    placed = [_placed(source.stamps_ns, stamps) for source in sources]
     keep = np.logical_and.reduce([known for _, _, known in placed])
     counts[Reason.OTHER_JOINTS_AWAY] += int((~keep).sum())
-    columns = [
-        np.hstack(
-            [
-                _between(getattr(motion, name), before[keep], weight[keep])
-                for motion, (before, weight, _) in zip(motions, placed, strict=True)
+    results = [column_array(int(keep.sum()), len(order)) for _ in SIGNALS]
+    for name, result in zip(SIGNALS, results, strict=True):
+        for block in row_blocks(len(result)):
+            kept = np.flatnonzero(keep)[block]
+            columns = [
+                _between(source, name, before[kept], weight[kept])
+                for source, (before, weight, _) in zip(sources, placed, strict=True)
             ]
-        )
-        for name in ('position', 'velocity', 'effort')
-    ]
-    return Motion(stamps[keep], *columns)
+            result[block] = np.hstack(columns)[:, order]
+            release(result, *(getattr(source.part, name) for source in sources))
+    return stamps[keep], results
+
+
+def _source(
+    part: Part,
+    taken: Sequence[str],
+    clock: str,
+    counts: Counter[str],
+    notes: dict[str, None],
+) -> _Source:
+    """Put the usable messages of a part in the order of time; count the others."""
+    keep = _complete(part, counts)
+    stamps = part.header_ns if clock == HEADER else part.receive_ns
+    timeline = arrange(stamps if keep.all() else stamps[keep])
+    counts.update(timeline.dropped)
+    notes.update(dict.fromkeys(timeline.notes()))
+    rows = timeline.rows if keep.all() else np.flatnonzero(keep)[timeline.rows]
+    columns = np.array([part.joints.index(joint) for joint in taken])
+    return _Source(part, columns, timeline.start_ns + timeline.t_ns, rows)
+
+
+def _filled(values: Array) -> BoolArray:
+    """Mark rows that are not empty."""
+    filled = np.empty(len(values), bool)
+    for block in row_blocks(len(values)):
+        filled[block] = ~np.isnan(values[block, 0])
+        release(values)
+    return filled
 
 
 def _complete(part: Part, counts: Counter[str]) -> BoolArray:
-    """Mark messages that have velocity and effort, unless none has."""
+    """Mark messages that have velocity and effort, unless none has; count the others once."""
     keep = np.ones(part.header_ns.size, bool)
     absent = ((part.velocity, Reason.NO_VELOCITY), (part.effort, Reason.NO_EFFORT))
     for values, reason in absent:
-        empty = np.isnan(values[:, 0])
-        if not empty.all():
-            counts[reason] += int((keep & empty).sum())
-            keep &= ~empty
+        filled = _filled(values)
+        if filled.any():
+            counts[reason] += int((keep & ~filled).sum())
+            keep &= filled
     return keep
 
 
-def _picked(array: Array, rows: IndexArray) -> Array:
-    """Move rows to the front, in their order, and return them."""
-    if rows.size != len(array) or (np.diff(rows) != 1).any():
-        array[: rows.size] = array[rows]
-    return array[: rows.size]
+def _taken(source: _Source, name: str) -> Array:
+    return gathered(getattr(source.part, name), source.rows, source.columns)
 
 
 def _placed(given: IntArray, wanted: IntArray) -> tuple[IndexArray, Array, BoolArray]:
@@ -163,10 +280,12 @@ def _placed(given: IntArray, wanted: IntArray) -> tuple[IndexArray, Array, BoolA
     return start, np.clip(weight, 0.0, 1.0), exact | (inside & near)
 
 
-def _between(values: Array, before: IndexArray, weight: Array) -> Array:
-    if len(values) < 2:
-        return values[before]
-    first, second = values[before], values[before + 1]
+def _between(source: _Source, name: str, before: IndexArray, weight: Array) -> Array:
+    values, rows = getattr(source.part, name), source.rows
+    first: Array = values[rows[before]][:, source.columns]
+    if rows.size < 2:
+        return first
+    second = values[rows[before + 1]][:, source.columns]
     mixed: Array = first + weight[:, np.newaxis] * (second - first)
     at_second = weight == 1.0
     mixed[at_second] = second[at_second]

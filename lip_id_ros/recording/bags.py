@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from itertools import groupby
-from operator import itemgetter
 import os
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from rosbags.serde import SerdeError
-from rosbags.typesys import get_types_from_msg, get_typestore, Stores
-
 from lip_id_ros.errors import SourceError
-from lip_id_ros.recording.bag_folder import files_of
-from lip_id_ros.recording.definitions import KNOWN_DEFINITIONS
-from lip_id_ros.recording.storage import Channel, DamageError, is_storage, open_storage, SUFFIXES
-from lip_id_ros.recording.storage.compression import plain_message
-from lip_id_ros.recording.storage.contents import Storage
-from lip_id_ros.recording.storage.opening import storage_suffix
+from lip_id_ros.files import require_regular_file
+from lip_id_ros.recording.decoding import Decode, message_decoder
+from lip_id_ros.recording.joint_messages import EXTRACTORS, JOINT_STATE
+from lip_id_ros.recording.storage import (
+    Channel,
+    DamageError,
+    files_of,
+    is_storage,
+    open_storage,
+    Storage,
+    storage_suffix,
+    SUFFIXES,
+)
+from lip_id_ros.recording.storage.contents import plain_message
 
 KINDS = {'.mcap': 'rosbag2 file (mcap)', '.db3': 'rosbag2 file (sqlite3)', '.bag': 'ROS 1 bag'}
 FOLDER = 'rosbag2 folder'
+DEFAULT_TOPIC = '/joint_states'
 
-Decoder = Callable[[bytes], Any]
-
-_MOST_DECODERS = 64
+_MOST_DEFINITIONS = 64
+_MOST_LISTED = 20
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,8 @@ class Bag:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
+        if not os.fspath(path):
+            raise SourceError('the path of a recording is empty; name the file or folder.')
         self.path = Path(path)
         self.kind = kind_of(self.path)
         self.topics: tuple[Topic, ...] = ()
@@ -115,21 +119,29 @@ class Bag:
         Yields
         ------
         channel : Channel
-            Tells type, encoding and definition.
+            Its type, encoding and definition.
         receive_ns : int
             When the message was recorded [ns].
         data : bytes or None
             Serialized; None where it was compressed and is damaged.
 
         """
+        forms: set[tuple[str, ...]] = set()
         for _, storage in self._files:
-            publishers: dict[tuple[str, ...], list[Channel]] = {}
-            for channel in storage.channels:
-                if channel.topic == topic and kind in ('', channel.type):
-                    publishers.setdefault(channel.form, []).append(channel)
-            for channels in publishers.values():
-                for receive_ns, data in storage.messages([channel.id for channel in channels]):
-                    yield channels[0], receive_ns, _plain(channels[0], data)
+            channels = {
+                channel.id: channel
+                for channel in storage.channels
+                if channel.topic == topic and kind in ('', channel.type)
+            }
+            for number, receive_ns, data in storage.messages(channels):
+                channel = channels[number]
+                forms.add(channel.form)
+                if len(forms) > _MOST_DEFINITIONS:
+                    raise SourceError(
+                        f'{topic} in {self.path} must have at most {_MOST_DEFINITIONS} message '
+                        'definitions, but has more; record it again.'
+                    )
+                yield channel, receive_ns, _plain(channel, data)
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """
@@ -153,12 +165,13 @@ class Bag:
             If the bag defines the message type in a way that cannot be read.
 
         """
-        for channel, stored in groupby(self.stored(topic), itemgetter(0)):
-            decode = self.decoder(channel)
-            for _, receive_ns, data in stored:
-                yield receive_ns, None if data is None else decode(data)
+        decoders: dict[tuple[str, ...], Decode] = {}
+        for channel, receive_ns, data in self.stored(topic):
+            if channel.form not in decoders:
+                decoders[channel.form] = self.decoder(channel)
+            yield receive_ns, None if data is None else decoders[channel.form](data)
 
-    def decoder(self, channel: Channel) -> Decoder:
+    def decoder(self, channel: Channel) -> Decode:
         """
         Return the function that decodes a channel's messages, to None where they are broken.
 
@@ -169,20 +182,12 @@ class Bag:
 
         """
         try:
-            decode = _decoder(*channel.form)
+            return message_decoder(*channel.form)
         except Exception as error:  # whatever a definition makes the library raise
             raise SourceError(
                 f'the definition of {channel.type} on {channel.topic} in {self.path} '
                 f'cannot be read ({_one_line(error)}); choose another topic.'
             ) from error
-
-        def decoded(data: bytes) -> Any:
-            try:
-                return decode(data)
-            except Exception:  # whatever a broken message makes it raise: it is counted
-                return None
-
-        return decoded
 
     def _open(self) -> None:
         if self.path.is_dir():
@@ -229,53 +234,15 @@ def kind_of(path: Path) -> str:
         If it does not exist.
 
     """
-    path.stat()
     if path.is_dir():
         return FOLDER
+    require_regular_file(path)
     if not is_storage(path):
         raise SourceError(
             f'{path} must be a rosbag2 folder, a {", ".join(SUFFIXES)} file or a data set .npz; '
             'convert it, or correct the name.'
         )
     return KINDS[storage_suffix(path)]
-
-
-@cache
-def _store(is_ros1: bool) -> Any:
-    return get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
-
-
-@lru_cache(_MOST_DECODERS)
-def _decoder(name: str, encoding: str, definition: str) -> Decoder:
-    """Trust the known definition of a standard type; take the bag's own for any other."""
-    is_ros1 = encoding == 'ros1'
-    if encoding not in ('ros1', 'cdr'):
-        raise ValueError(f'its messages are encoded as {encoding or "nothing known"}')
-    store = _store(is_ros1)
-    if name not in store.fielddefs and not definition and name in KNOWN_DEFINITIONS:
-        return _known_decoder(name)
-    if name not in store.fielddefs:
-        store = get_typestore(Stores.EMPTY)
-        store.register(get_types_from_msg(definition, name))
-    if is_ros1:
-        return lambda data: store.deserialize_ros1(data, name)
-    return lambda data: store.deserialize_cdr(data, name)
-
-
-def _known_decoder(name: str) -> Decoder:
-    stores = []
-    for definition in KNOWN_DEFINITIONS[name]:
-        store = get_typestore(Stores.ROS2_JAZZY)
-        store.register(get_types_from_msg(definition, name))
-        stores.append(store)
-
-    def decode(data: bytes) -> Any:
-        for store in stores:
-            with suppress(SerdeError):
-                return store.deserialize_cdr(data, name)
-        return None
-
-    return decode
 
 
 def _plain(channel: Channel, data: bytes) -> bytes | None:
@@ -289,3 +256,63 @@ def _plain(channel: Channel, data: bytes) -> bytes | None:
 
 def _one_line(error: object) -> str:
     return ' '.join(f'{type(error).__name__}: {error}'.split())
+
+
+def joint_topics(bag: Bag) -> list[Topic]:
+    """Return the topics of a bag that carry joint samples."""
+    return [topic for topic in bag.topics if topic.type in EXTRACTORS]
+
+
+def choose_topics(bag: Bag, wanted: str) -> list[Topic]:
+    """
+    Return the topics to read joint samples from.
+
+    Those named (separated by commas); else the only one with messages, else /joint_states, else
+    the only one of JointState.
+
+    Raises
+    ------
+    SourceError
+        If there is none, or several and no way to choose.
+
+    """
+    candidates = joint_topics(bag)
+    names = [name.strip() for name in wanted.split(',') if name.strip()]
+    if names:
+        return [_named_topic(bag, candidates, name) for name in dict.fromkeys(names)]
+    if not candidates:
+        raise SourceError(
+            f'{bag.path} must have a topic of {" or ".join(EXTRACTORS)}, but has '
+            f'{_listed(bag.topics)}; record joint_states.'
+        )
+    filled = [topic for topic in candidates if topic.count] or candidates
+    for some in (
+        filled,
+        [topic for topic in filled if topic.name == DEFAULT_TOPIC],
+        [topic for topic in filled if topic.type == JOINT_STATE],
+    ):
+        if len(some) == 1:
+            return some
+    raise SourceError(
+        f'{bag.path} has several topics with joint samples: {_listed(candidates)}; choose one, '
+        'or several separated by commas, with recording.topic.'
+    )
+
+
+def _named_topic(bag: Bag, candidates: Sequence[Topic], wanted: str) -> Topic:
+    for topic in candidates:
+        if topic.name.lstrip('/') == wanted.lstrip('/'):
+            return topic
+    raise SourceError(
+        f'recording.topic must be a topic of {bag.path} with joint samples, not {wanted!r}; '
+        f'it has {_listed(bag.topics)}.'
+    )
+
+
+def _listed(topics: Sequence[Topic]) -> str:
+    texts = [
+        f'{topic.name} ({topic.type}, {topic.count} messages)' for topic in topics[:_MOST_LISTED]
+    ]
+    if len(topics) > _MOST_LISTED:
+        texts.append(f'{len(topics) - _MOST_LISTED} more')
+    return ', '.join(texts) or 'no topics'

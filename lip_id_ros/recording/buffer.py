@@ -10,8 +10,14 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
-from lip_id_ros.recording.joint_samples import JointSamples
-from lip_id_ros.recording.mapping import columns_of, LARGEST, length_reason, name_reason, Reason
+from lip_id_ros.recording.joint_samples import (
+    columns_of,
+    JointSamples,
+    LARGEST,
+    length_reason,
+    name_reason,
+    Reason,
+)
 
 _FIRST_ROWS = 1024
 _KNOWN_ORDERS = 64

@@ -15,7 +15,7 @@ CONTROLLER_STATE = 'control_msgs/msg/JointTrajectoryControllerState'
 
 
 class JointMessage(NamedTuple):
-    """What a message says about joints; velocity and effort may be empty."""
+    """The joint samples of one message; velocity and effort may be empty."""
 
     stamp_ns: int
     names: Sequence[str]
@@ -56,3 +56,35 @@ EXTRACTORS: Mapping[str, Callable[[Any], JointMessage]] = {
     JOINT_STATE: from_joint_state,
     CONTROLLER_STATE: from_controller_state,
 }
+
+
+def _fields(kind: str, *names: str) -> list[str]:
+    return [f'{kind} {name}' for name in names]
+
+
+_POINT = 'trajectory_msgs/JointTrajectoryPoint'
+_BEGIN = ['std_msgs/Header header', 'string[] joint_names']
+_OLD = [*_BEGIN, *_fields(_POINT, 'desired', 'actual', 'error')]
+_NEW = [
+    *_BEGIN,
+    *_fields(_POINT, 'reference', 'feedback', 'error', 'output'),
+    'string[] multi_dof_joint_names',
+    *_fields(
+        'trajectory_msgs/MultiDOFJointTrajectoryPoint',
+        'multi_dof_reference',
+        'multi_dof_feedback',
+        'multi_dof_error',
+        'multi_dof_output',
+    ),
+]
+_NEWEST = [*_NEW, 'float64 speed_scaling_factor']
+
+KNOWN_DEFINITIONS: Mapping[str, tuple[str, ...]] = {
+    CONTROLLER_STATE: tuple('\n'.join(lines) for lines in (_NEWEST, _NEW, _OLD)),
+}
+"""
+Of types that bags may leave out and the library does not know.
+
+rosbag2 wrote no definitions into sqlite3 files up to Humble. Newest first; a message fits one of
+them only, since it must be as long as that says.
+"""

@@ -1,19 +1,59 @@
-"""Raw joint samples, as they were recorded."""
+"""Raw joint samples, as they were recorded, and why messages are dropped."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
+from lip_id_ros.recording.spill import column_array, release, row_blocks
+
+LARGEST = 1e9
+"""No joint has a position, velocity or effort beyond this in any unit; it is noise in memory."""
+MOST_JOINTS = 1000
+"""No arm has more joints; what claims to is no joint message."""
+SIGNALS = ('position', 'velocity', 'effort')
+
+
+class Reason(StrEnum):
+    """Why a message was dropped."""
+
+    NO_NAMES = 'no joint names'
+    TOO_MANY_NAMES = f'more than {MOST_JOINTS} joint names'
+    REPEATED_NAME = 'joint name repeated'
+    FOREIGN_JOINTS = 'only foreign joints'
+    MISSING_JOINT = 'joint missing'
+    OTHER_PUBLISHER = 'from another publisher of the same joints'
+    NO_POSITION = 'position empty'
+    POSITION_LENGTH = 'position not as long as names'
+    VELOCITY_LENGTH = 'velocity not as long as names'
+    EFFORT_LENGTH = 'effort not as long as names'
+    NOT_FINITE = 'value not finite'
+    ABSURD = 'value absurdly large'
+    BAD_STAMP = 'stamp negative or not finite'
+    ZERO_STAMP = 'stamp zero'
+    BACKWARD_STAMP = 'stamp went back'
+    FAR_STAMP = 'stamp far ahead'
+    STRAY_STAMP = 'stamp far from its neighbours'
+    REPEATED_STAMP = 'stamp repeated'
+    BUFFER_FULL = 'buffer full'
+    NO_VELOCITY = 'velocity empty where others have it'
+    NO_EFFORT = 'effort empty where others have it'
+    OTHER_JOINTS_AWAY = 'other joints not known at that time'
+    UNREADABLE = 'message unreadable'
+    LOST = 'in a damaged part of the file'
 
 
 @dataclass(frozen=True, eq=False)
 class JointSamples:
     """
     Samples of one recording in the order of time, N samples of n joints, nothing invented.
+
+    Large arrays lie in temporary files (`lip_id_ros.recording.spill`).
 
     Attributes
     ----------
@@ -62,12 +102,75 @@ class JointSamples:
         """Number of joints n."""
         return len(self.joint_names)
 
-    @property
+    @cached_property
     def has_velocity(self) -> bool:
         """Whether velocities were recorded."""
-        return not np.isnan(self.velocity).any()
+        return _is_complete(self.velocity)
 
-    @property
+    @cached_property
     def has_effort(self) -> bool:
         """Whether efforts were recorded."""
-        return not np.isnan(self.effort).any()
+        return _is_complete(self.effort)
+
+    def rows(self, chosen: slice) -> JointSamples:
+        """Return views of some samples."""
+        return replace(
+            self,
+            t=self.t[chosen],
+            position=self.position[chosen],
+            velocity=self.velocity[chosen],
+            effort=self.effort[chosen],
+        )
+
+    def select(self, keep: BoolArray) -> JointSamples:
+        """Return some of the samples; all of them without a copy."""
+        if keep.all():
+            return self
+        numbers = np.flatnonzero(keep)
+        values = {name: gathered(getattr(self, name), numbers) for name in SIGNALS}
+        return replace(self, t=self.t[numbers], **values)
+
+
+def gathered(values: Array, rows: IndexArray, columns: IndexArray | None = None) -> Array:
+    """Return rows of an array that may be large, in any order, and some or all columns."""
+    width = values.shape[1] if columns is None else columns.size
+    result = column_array(rows.size, width)
+    for block in row_blocks(rows.size):
+        some = values[rows[block]]
+        result[block] = some if columns is None else some[:, columns]
+        release(values, result)
+    return result
+
+
+def _is_complete(values: Array) -> bool:
+    for block in row_blocks(len(values)):
+        if np.isnan(values[block]).any():
+            return False
+        release(values)
+    return True
+
+
+def name_reason(names: Sequence[str]) -> Reason | None:
+    """Return what is wrong with the names of a message, whatever joints are wanted."""
+    if not names:
+        return Reason.NO_NAMES
+    if len(names) > MOST_JOINTS:
+        return Reason.TOO_MANY_NAMES
+    return Reason.REPEATED_NAME if len(set(names)) != len(names) else None
+
+
+def length_reason(names: int, position: int, velocity: int, effort: int) -> Reason | None:
+    """Return what is wrong with the lengths of a message's arrays."""
+    if position == names and velocity in (0, names) and effort in (0, names):
+        return None
+    if position == 0:
+        return Reason.NO_POSITION
+    if position != names:
+        return Reason.POSITION_LENGTH
+    return Reason.VELOCITY_LENGTH if velocity not in (0, names) else Reason.EFFORT_LENGTH
+
+
+def columns_of(names: Sequence[str], joints: Sequence[str]) -> IndexArray:
+    """Return where in a message the joints are that it has, in the order of `joints`."""
+    place = {name: column for column, name in enumerate(names)}
+    return np.array([place[joint] for joint in joints if joint in place], np.intp)

@@ -2,47 +2,28 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import groupby
-from operator import itemgetter
 import os
 
 import numpy as np
 
 from lip_id_ros.errors import SourceError
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.recording.assembling import clock_of, covering, joined
-from lip_id_ros.recording.bags import Bag, Topic
-from lip_id_ros.recording.blocks import blocks
-from lip_id_ros.recording.joint_samples import JointSamples
-from lip_id_ros.recording.mapping import Reason
-from lip_id_ros.recording.parts import Collector, Part
+from lip_id_ros.recording.assembling import assembled
+from lip_id_ros.recording.bags import Bag, choose_topics, Topic
+from lip_id_ros.recording.decoding import message_blocks
+from lip_id_ros.recording.joint_samples import JointSamples, Reason
+from lip_id_ros.recording.sample_collector import SampleCollector
 from lip_id_ros.recording.storage import Channel
-from lip_id_ros.recording.timing import LATEST_NS, SECOND, seconds
-from lip_id_ros.recording.topics import choose_topics
+from lip_id_ros.recording.timing import LATEST_NS
 from lip_id_ros.settings import RecordingSettings
 
 _BATCH = 1024
 _BATCH_BYTES = 4 * 2**20
-_MOST_EXPECTED = 1_000_000  # a count that a file claims reserves no more than this
+_SHOWN_JOINTS = 50
 
 PathLike = str | os.PathLike[str]
-Batch = tuple[Channel, list[int], list[bytes]]
-
-
-@dataclass(frozen=True, eq=False)
-class Stream:
-    """What was read of one topic of one bag, not yet in the order of time."""
-
-    parts: list[Part]
-    joints: tuple[str, ...]
-    counts: Counter[str]
-    seen: dict[str, None]
-    notes: dict[str, None]
-    source: str
-    topic: str
+Batch = list[tuple[Channel, int, bytes]]
 
 
 def read_sources(
@@ -55,13 +36,13 @@ def read_sources(
     are merged into one recording, which comes last.
 
     """
-    partial: list[Stream] = []
+    partial: list[SampleCollector] = []
     for path in paths:
-        streams = _streams(path, settings, progress)
-        if _is_partial(streams, settings.joints):
-            partial += streams
+        topics = _topics(path, settings, progress)
+        if _is_partial(topics, settings.joints):
+            partial += topics
         else:
-            yield _checked(streams, settings)
+            yield _checked(topics, settings)
     if partial:
         yield _checked(partial, settings)
 
@@ -73,14 +54,13 @@ def read_bag(
     Read the joint samples of a bag.
 
     The topics are those that the settings name, else as `topics.choose_topics` finds. Times are
-    those of the message headers where these advance (see `timing.header_stamps_usable`), else
-    those of reception, unless the settings say. Messages are put in the order of time (see
+    those of the message headers where these tell the time (see `assembling.clock_of`), else those
+    of reception, unless the settings say. Messages are put in the order of time (see
     `timing.arrange`). Joints that come in messages of their own are merged (see
     `assembling.merged`) where the settings name the joints.
 
-    Memory: 3 n + 2 numbers for each message of n joints, n more while late ones are put in order
-    (half as many again where more than a million came, or than the file announced), and one block
-    of the file; independent of everything else in the bag.
+    Memory: about 40 bytes for each message and one block of the file; the numbers of messages lie
+    in temporary files once they are many (see `spill`).
 
     Parameters
     ----------
@@ -105,7 +85,7 @@ def read_bag(
 
     """
     settings = settings or RecordingSettings()
-    return _checked(_streams(path, settings, progress), settings)
+    return _checked(_topics(path, settings, progress), settings)
 
 
 def read_topic(
@@ -120,99 +100,71 @@ def read_topic(
         If the bag defines the message type in a way that cannot be read.
 
     """
-    return _assembled([_stream(bag, topic, joints, progress)], RecordingSettings().clock)
+    return assembled([_collected(bag, topic, joints, progress)], RecordingSettings().clock)
 
 
-def _streams(path: PathLike, settings: RecordingSettings, progress: Progress) -> list[Stream]:
+def _topics(
+    path: PathLike, settings: RecordingSettings, progress: Progress
+) -> list[SampleCollector]:
     with Bag(path) as bag:
         topics = choose_topics(bag, settings.topic)
-        return [_stream(bag, topic, settings.joints, progress) for topic in topics]
+        return [_collected(bag, topic, settings.joints, progress) for topic in topics]
 
 
-def _stream(bag: Bag, topic: Topic, joints: Sequence[str], progress: Progress) -> Stream:
-    collector = Collector(joints, expected=min(topic.count, _MOST_EXPECTED))
+def _collected(
+    bag: Bag, topic: Topic, joints: Sequence[str], progress: Progress
+) -> SampleCollector:
+    """Read all messages of a topic, not yet in the order of time."""
+    collector = SampleCollector(joints, os.fspath(bag.path), topic.name)
     stage, done = f'reading {bag.path.name}', 0
     progress(stage, 0, topic.count)
-    for channel, times, messages in _batches(bag, topic):
-        receive_ns = np.array(times, np.int64)
-        is_ros1 = channel.encoding == 'ros1'
-        found, unreadable = blocks(messages, channel.type, is_ros1, bag.decoder(channel))
-        for block in found:
-            collector.add(block, receive_ns[block.rows])
-        collector.counts[Reason.UNREADABLE] += unreadable
-        done += len(messages)
+    for batch in _batches(bag, topic):
+        _collect(bag, batch, collector)
+        done += len(batch)
         progress(stage, min(done, topic.count), topic.count)
     progress(stage, topic.count, topic.count)
     collector.counts[Reason.LOST] += bag.lost(topic.name)
-    notes = dict.fromkeys(bag.notes)
-    if collector.denormal:
-        notes[f'{collector.denormal} denormal values (memory never filled in) were read as 0'] = (
-            None
-        )
-    return Stream(
-        parts=collector.parts(),
-        joints=collector.joints,
-        counts=collector.counts,
-        seen=collector.seen,
-        notes=notes,
-        source=os.fspath(bag.path),
-        topic=topic.name,
-    )
+    collector.notes.update(dict.fromkeys(bag.notes))
+    return collector
+
+
+def _collect(bag: Bag, batch: Batch, collector: SampleCollector) -> None:
+    forms: dict[tuple[str, ...], tuple[Channel, list[int]]] = {}
+    for row, (channel, _, _) in enumerate(batch):
+        forms.setdefault(channel.form, (channel, []))[1].append(row)
+    found = []
+    for channel, rows in forms.values():
+        messages = [batch[row][2] for row in rows]
+        is_ros1 = channel.encoding == 'ros1'
+        blocks = message_blocks(messages, channel.type, is_ros1, bag.decoder(channel))
+        numbers = np.array(rows)
+        found += [block._replace(rows=numbers[block.rows]) for block in blocks]
+    collector.add(found, np.array([receive_ns for _, receive_ns, _ in batch], np.int64))
+    collector.counts[Reason.UNREADABLE] += len(batch) - sum(block.rows.size for block in found)
 
 
 def _batches(bag: Bag, topic: Topic) -> Iterator[Batch]:
-    """Yield messages of one form, some at a time; of no more bytes than need be."""
-    for channel, stored in groupby(bag.stored(topic.name, topic.type), itemgetter(0)):
-        times: list[int] = []
-        messages: list[bytes] = []
-        size = 0
-        for _, receive_ns, data in stored:
-            times.append(min(receive_ns, LATEST_NS))
-            messages.append(data or b'')  # what cannot be decompressed is as unreadable as that
-            size += len(messages[-1])
-            if len(messages) == _BATCH or size > _BATCH_BYTES:
-                yield channel, times, messages
-                times, messages, size = [], [], 0
-        if messages:
-            yield channel, times, messages
+    """Yield messages in the order of the files, some at a time; of no more bytes than need be."""
+    batch: Batch = []
+    size = 0
+    for channel, receive_ns, data in bag.stored(topic.name, topic.type):
+        # what cannot be decompressed is as unreadable as an empty message
+        batch.append((channel, max(-1, min(receive_ns, LATEST_NS)), data or b''))
+        size += len(batch[-1][2])
+        if len(batch) == _BATCH or size > _BATCH_BYTES:
+            yield batch
+            batch, size = [], 0
+    if batch:
+        yield batch
 
 
-def _is_partial(streams: Sequence[Stream], joints: Sequence[str]) -> bool:
-    have = {joint for stream in streams for part in stream.parts for joint in part.joints}
+def _is_partial(topics: Sequence[SampleCollector], joints: Sequence[str]) -> bool:
+    have = {joint for topic in topics for joint in topic.collected_joints}
     return bool(have) and not have >= set(joints)
 
 
-def _assembled(streams: Sequence[Stream], wanted_clock: str) -> JointSamples:
-    counts = sum((stream.counts for stream in streams), Counter[str]())
-    notes = {note: None for stream in streams for note in stream.notes}
-    joints = next((stream.joints for stream in streams if stream.joints), ())
-    parts = [part for stream in streams for part in stream.parts]
-    chosen = covering(parts, joints)
-    unused = [part for part in parts if not any(part is one for one, _ in chosen)]
-    counts[Reason.MISSING_JOINT] += sum(part.header_ns.size for part in unused)
-    clock = clock_of([part for part, _ in chosen], wanted_clock)
-    if len(chosen) > 1:
-        notes[f'joints of {len(chosen)} publishers were merged in time'] = None
-    motion = joined(chosen, joints, clock, counts, notes)
-    start_ns = int(motion.stamps_ns[0]) if motion.stamps_ns.size else 0
-    return JointSamples(
-        t=seconds(motion.stamps_ns - start_ns),
-        position=motion.position,
-        velocity=motion.velocity,
-        effort=motion.effort,
-        joint_names=joints,
-        start_s=start_ns / SECOND,
-        counts={str(reason): count for reason, count in counts.items() if count},
-        source=', '.join(dict.fromkeys(stream.source for stream in streams)),
-        topic=', '.join(dict.fromkeys(stream.topic for stream in streams)),
-        seen_joints=tuple(dict.fromkeys(name for stream in streams for name in stream.seen)),
-        clock=clock,
-        notes=tuple(notes),
-    )
-
-
-def _checked(streams: Sequence[Stream], settings: RecordingSettings) -> JointSamples:
-    samples = _assembled(streams, settings.clock)
+def _checked(topics: Sequence[SampleCollector], settings: RecordingSettings) -> JointSamples:
+    samples = assembled(topics, settings.clock)
     _check_any(samples)
     if not settings.joints:
         _check_joints(samples)
@@ -232,7 +184,7 @@ def _check_any(samples: JointSamples) -> None:
     if absent:
         raise SourceError(
             f'recording.joints must be joints of {where}, but {", ".join(absent)} is not among '
-            f'{", ".join(samples.seen_joints) or "none"}; correct the names.'
+            f'{", ".join(samples.seen_joints[:_SHOWN_JOINTS]) or "none"}; correct the names.'
         )
     raise SourceError(
         f'no message of {where} can be used ({_counted(samples)}); record position, velocity and '

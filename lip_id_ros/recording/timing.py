@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.recording.mapping import Reason
+from lip_id_ros.recording.joint_samples import Reason
 
 GAP_STEPS = 5.0
 """A step of more than so many median steps is a gap, unless a setting says otherwise."""
@@ -28,6 +28,12 @@ APART_NS = 3600 * SECOND
 _MIN_FORWARD = 0.25
 _NEIGHBOURS = 11
 _RUN = 20
+_MOSTLY = 0.8
+_LATE_STEPS = 10.0
+_MOST_FAR_BACK = 0.1
+_MOST_RESTARTS = 3
+_CANDIDATES = 50_000
+_END_OF_TIME = 2**63 - 1
 
 
 class Timeline(NamedTuple):
@@ -58,14 +64,23 @@ class Timeline(NamedTuple):
     late: int
     restarts: int
 
+    def notes(self) -> tuple[str, ...]:
+        """Return what was put in order, one phrase each."""
+        late = f'{self.late} messages came late and were put where they belong'
+        restarts = (
+            f'the clock went back for good {self.restarts} times: what follows was put an hour '
+            'later'
+        )
+        phrases = ((self.late, late), (self.restarts, restarts))
+        return tuple(phrase for count, phrase in phrases if count)
 
-def header_stamps_usable(stamps_ns: IntArray) -> bool:
+
+def stamps_advance(stamps_ns: IntArray) -> bool:
     """
-    Whether header stamps tell the time.
+    Whether stamps advance, so that they may tell the time.
 
-    They do if they advance: at least a quarter of the steps go forward, and more of them forward
-    than back. A first stamp of 0 or 1 ns is as good as any; stamps that are constant (never
-    filled in) or random are not usable.
+    At least a quarter of the steps go forward, and more of them forward than back. A first stamp
+    of 0 or 1 ns is as good as any; stamps that are constant (never filled in) or random are not.
 
     Parameters
     ----------
@@ -78,7 +93,32 @@ def header_stamps_usable(stamps_ns: IntArray) -> bool:
     return forward >= _MIN_FORWARD * steps.size and forward >= backward
 
 
-def arrange(stamps_ns: IntArray) -> Timeline:
+def is_one_clock(stamps_ns: IntArray) -> bool:
+    """Whether most steps are alike, as those of one publisher are."""
+    steps = np.diff(stamps_ns)
+    forward = steps[steps > 0]
+    typical = float(np.median(forward)) if forward.size else 0.0
+    return bool((np.abs(steps - typical) <= 0.5 * typical).mean() >= _MOSTLY)
+
+
+def jumps_between_clocks(stamps_ns: IntArray) -> bool:
+    """
+    Whether stamps that advance are those of several clocks, or of one that begins again and again.
+
+    They are if more than a tenth of the steps go back by more than ten steps, or if the clock goes
+    back for good more than three times.
+
+    """
+    steps = np.diff(stamps_ns)
+    back = steps < 0
+    if stamps_ns.size < _RUN or not back.any():
+        return False
+    typical = float(np.median(steps[~back]))
+    far_back = (steps < -_LATE_STEPS * typical).mean() > _MOST_FAR_BACK
+    return bool(far_back) or _restarts(stamps_ns).size > _MOST_RESTARTS
+
+
+def arrange(stamps_ns: IntArray, *, is_epoch: bool = True) -> Timeline:
     """
     Put messages in the order of time.
 
@@ -92,18 +132,22 @@ def arrange(stamps_ns: IntArray) -> Timeline:
     ----------
     stamps_ns : ndarray of int
         In the order of recording, none beyond `LATEST_NS` [ns].
+    is_epoch : bool
+        Whether they count from an epoch, so that negative ones, and zeros within, are wrong.
 
     """
     rows = np.arange(stamps_ns.size)
     dropped = Counter[str]()
-    in_order = not (np.diff(stamps_ns) <= 0).any() and not (stamps_ns[:1] < 0).any()
+    in_order = not (np.diff(stamps_ns) <= 0).any() and not (is_epoch and (stamps_ns[:1] < 0).any())
     if not in_order or _far_end(stamps_ns):
-        rows = _plausible(stamps_ns, rows, dropped)
+        rows = _plausible(stamps_ns, rows, dropped, is_epoch)
     stamps = stamps_ns[rows]
     restarts = _restarts(stamps)
     late = 0
     if restarts.size or (np.diff(stamps) <= 0).any():
         stamps = _in_parts(stamps, restarts)
+        dropped[Reason.STRAY_STAMP] += rows.size - stamps.size
+        rows = rows[: stamps.size]
         late = int((stamps < np.maximum.accumulate(stamps)).sum())
         order = np.argsort(stamps, kind='stable')
         rows, stamps = rows[order], stamps[order]
@@ -114,15 +158,17 @@ def arrange(stamps_ns: IntArray) -> Timeline:
     return Timeline(rows, stamps - start, start, +dropped, late, restarts.size)
 
 
-def _plausible(stamps: IntArray, rows: IndexArray, dropped: Counter[str]) -> IndexArray:
-    negative, zero = stamps < 0, stamps == 0
+def _plausible(
+    stamps: IntArray, rows: IndexArray, dropped: Counter[str], is_epoch: bool
+) -> IndexArray:
+    negative, zero = (stamps < 0) & is_epoch, (stamps == 0) & is_epoch
     zero[:1] = False
     rows = rows[~(negative | zero)]
     far = _far(stamps[rows])
-    zeros = int(zero.sum()) + int((stamps[rows[far]] == 0).sum())
+    far_zeros = int((stamps[rows[far]] == 0).sum()) if is_epoch else 0
     dropped[Reason.BAD_STAMP] += int(negative.sum())
-    dropped[Reason.ZERO_STAMP] += zeros
-    dropped[Reason.STRAY_STAMP] += int((stamps[rows[far]] != 0).sum())
+    dropped[Reason.ZERO_STAMP] += int(zero.sum()) + far_zeros
+    dropped[Reason.STRAY_STAMP] += int(far.sum()) - far_zeros
     return rows[~far]
 
 
@@ -152,19 +198,29 @@ def _restarts(stamps: IntArray) -> IndexArray:
     """Return where the clock goes back for good: twenty messages later than the next twenty."""
     back = np.flatnonzero(np.diff(stamps) < -RESTART_NS) + 1
     back = back[(back >= _RUN) & (back <= stamps.size - _RUN)]
-    runs = np.arange(_RUN)
     found = [
-        place
-        for place in back.tolist()
-        if stamps[place - 1 - runs].min() > stamps[place + runs].max() + RESTART_NS
+        _for_good(stamps, back[k : k + _CANDIDATES]) for k in range(0, back.size, _CANDIDATES)
     ]
-    return np.array(found, np.intp)
+    return np.concatenate(found) if found else back
+
+
+def _for_good(stamps: IntArray, places: IndexArray) -> IndexArray:
+    runs, at = np.arange(_RUN), places[:, np.newaxis]
+    earliest, latest = stamps[at - 1 - runs].min(axis=1), stamps[at + runs].max(axis=1)
+    return places[earliest > latest + RESTART_NS]
 
 
 def _in_parts(stamps: IntArray, restarts: IndexArray) -> IntArray:
+    """Put what follows a restart an hour later; leave out what would be later than any clock."""
     shifted = stamps.copy()
+    latest = int(stamps[: restarts[0]].max()) if restarts.size else 0
     for begin, end in pairwise([*restarts.tolist(), stamps.size]):
-        shifted[begin:end] += shifted[:begin].max() + APART_NS - shifted[begin:end].min()
+        part = stamps[begin:end]
+        shift = latest + APART_NS - int(part.min())
+        latest = int(part.max()) + shift
+        if latest > _END_OF_TIME:
+            return shifted[:begin]
+        shifted[begin:end] += shift
     return shifted
 
 

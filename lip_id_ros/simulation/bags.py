@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation.mcap_writer import JointStateTrack, write_bag_folder
+from lip_id_ros.recording.bag_writer import JointStateTrack, write_bag_folder
 
 
 def write_bag(

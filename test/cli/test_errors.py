@@ -13,8 +13,8 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.cli import main
-from lip_id_ros.evaluation.mcap_writer import JointStateTrack, write_bag_folder
 from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.recording.bag_writer import JointStateTrack, write_bag_folder
 from lip_id_ros.simulation import write_bag
 
 Capture = pytest.CaptureFixture[str]

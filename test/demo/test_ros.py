@@ -27,7 +27,7 @@ from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import score
 from lip_id_ros.model import Prediction
 from lip_id_ros.nodes import messages
-from lip_id_ros.recording.raw_bag import RawBag
+from lip_id_ros.recording.bag_writer import RawBag
 
 pytestmark = pytest.mark.ros
 pytest.importorskip('pinocchio', reason='the simulated Panda needs pinocchio')

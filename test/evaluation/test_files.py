@@ -15,7 +15,6 @@ from simulation.pendulums import swing
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation import mcap_writer, run
-from lip_id_ros.evaluation.mcap_writer import JointStateTrack, write_bag_folder, write_mcap
 from lip_id_ros.evaluation.prediction_file import (
     estimates,
     write_prediction_mcap,
@@ -23,6 +22,7 @@ from lip_id_ros.evaluation.prediction_file import (
     writer_for,
 )
 from lip_id_ros.files import read_npz
+from lip_id_ros.recording.bag_writer import JointStateTrack, write_bag_folder, write_mcap
 
 
 def messages(path: Path) -> list[tuple[str, Any]]:

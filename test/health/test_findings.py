@@ -53,6 +53,12 @@ def repeating(samples: JointSamples) -> JointSamples:
     return replace(rows(samples, source), t=samples.t)
 
 
+def with_outliers(samples: JointSamples) -> JointSamples:
+    effort = samples.effort[:, JOINT].copy()
+    effort[[700, 1500, 2300]] = 40.0 * np.ptp(effort)
+    return column(samples, 'effort', JOINT, effort)
+
+
 def in_degrees(samples: JointSamples) -> JointSamples:
     factor = 180.0 / np.pi
     return moved(
@@ -167,6 +173,7 @@ DEFECTS: dict[str, tuple[Break, set[str]]] = {
     'gaps': (with_gaps, set()),
     'dropped': (lambda samples: replace(samples, counts={'joint missing': 100}), set()),
     'stale': (repeating, set()),
+    'outliers': (with_outliers, set()),
     'position_unit': (in_degrees, set()),
     'velocity_missing': (absent('velocity'), set()),
     'velocity_constant': (constant('velocity'), set()),

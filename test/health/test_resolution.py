@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.health.resolution import clipped_share, longest_plateau, quantum
+from lip_id_ros.health.signal_checks import clipped_share, longest_plateau
+from lip_id_ros.preprocessing.cleaning import quantum
 
 T = np.arange(4000) / 100.0
 

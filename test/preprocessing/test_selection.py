@@ -11,7 +11,7 @@ from preprocessing.motions import recording, uniform
 import pytest
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.dataset.coverage import farthest_points
+from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.preprocessing.selection import at_most, SELECTIONS
 from lip_id_ros.settings import PreprocessingSettings
@@ -89,7 +89,7 @@ def test_repeated_points_are_taken_once() -> None:
 
 
 def test_every_choice_of_the_setting_is_there() -> None:
-    from lip_id_ros.preprocessing.derivatives import DERIVATIVES
+    from lip_id_ros.preprocessing.smoothing import DERIVATIVES
     from lip_id_ros.settings import rows
 
     choices = {row.name: row.choices for row in rows(PreprocessingSettings)}

@@ -14,7 +14,7 @@ from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from lip_id_ros.recording.definitions import KNOWN_DEFINITIONS
+from lip_id_ros.recording.joint_messages import KNOWN_DEFINITIONS
 
 ROS2: Any = get_typestore(Stores.ROS2_JAZZY)
 ROS1: Any = get_typestore(Stores.ROS1_NOETIC)

@@ -263,12 +263,13 @@ def test_file_that_may_not_be_read_passes_through(tmp_path: Path) -> None:
         read_bag(path)
 
 
-def test_folder_in_place_of_metadata_passes_through(tmp_path: Path) -> None:
+def test_folder_in_place_of_metadata_is_noted(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / 'bag', moving(5), '.mcap')
     (folder / 'metadata.yaml').unlink()
     (folder / 'metadata.yaml').mkdir()
-    with pytest.raises(IsADirectoryError, match=r'metadata\.yaml'):
-        read_bag(folder)
+    samples = read_bag(folder)
+    assert samples.n_samples == 5
+    assert 'metadata.yaml is not a file' in samples.notes
 
 
 def test_messages_of_a_bag_are_read_twice_alike(tmp_path: Path) -> None:

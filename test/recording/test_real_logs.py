@@ -11,7 +11,8 @@ import pytest
 from recording.bag_files import State, write_folder, write_mcap, write_ros1
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.recording import describe, JointSamples, read_bag, Reason
+from lip_id_ros.preprocessing import describe
+from lip_id_ros.recording import JointSamples, read_bag, Reason
 from lip_id_ros.settings import RecordingSettings
 
 

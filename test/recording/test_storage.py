@@ -17,8 +17,7 @@ from rosbags import rosbag1, rosbag2
 
 from lip_id_ros.recording import Bag, read_bag
 from lip_id_ros.recording.storage import open_storage
-from lip_id_ros.recording.storage.compression import plain_message, unpacked_chunk
-from lip_id_ros.recording.storage.contents import DamageError
+from lip_id_ros.recording.storage.contents import DamageError, plain_message, unpacked_chunk
 
 STATES = [*moving(40), *moving(30, topic='/others')]
 

@@ -9,7 +9,7 @@ import pytest
 
 from lip_id_ros.arrays import IntArray
 from lip_id_ros.recording import Reason
-from lip_id_ros.recording.timing import APART_NS, arrange, header_stamps_usable
+from lip_id_ros.recording.timing import APART_NS, arrange, stamps_advance
 
 STEP = 10_000_000
 EPOCH = 1_700_000_000 * 10**9
@@ -96,8 +96,8 @@ def test_any_order_at_all_gives_stamps_that_were_there(order: list[int]) -> None
 
 
 def test_headers_are_usable_where_they_advance() -> None:
-    assert header_stamps_usable(CLEAN)
-    assert header_stamps_usable(np.repeat(CLEAN, 3))
-    assert not header_stamps_usable(np.repeat(CLEAN, 5))
-    assert not header_stamps_usable(CLEAN[::-1])
-    assert not header_stamps_usable(np.zeros(10, np.int64))
+    assert stamps_advance(CLEAN)
+    assert stamps_advance(np.repeat(CLEAN, 3))
+    assert not stamps_advance(np.repeat(CLEAN, 5))
+    assert not stamps_advance(CLEAN[::-1])
+    assert not stamps_advance(np.zeros(10, np.int64))

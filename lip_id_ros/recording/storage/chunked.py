@@ -19,8 +19,7 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
-from lip_id_ros.recording.storage.compression import LARGEST_CHUNK
-from lip_id_ros.recording.storage.contents import Channel, DamageError
+from lip_id_ros.recording.storage.contents import Channel, DamageError, LARGEST_CHUNK
 
 
 class Kind(Enum):
@@ -93,8 +92,8 @@ class ChunkedFile(ABC):
         """Close the file."""
         self._stream.close()
 
-    def messages(self, ids: Collection[int]) -> Iterator[tuple[int, bytes]]:
-        """Yield receive time [ns] and bytes of the messages of some channels, as they lie."""
+    def messages(self, ids: Collection[int]) -> Iterator[tuple[int, int, bytes]]:
+        """Yield channel, receive time [ns] and bytes of messages of some channels, as they lie."""
         wanted = frozenset(ids)
         for channel in wanted:
             self.lost.pop(self._declared[channel].topic, None)
@@ -105,7 +104,7 @@ class ChunkedFile(ABC):
             for item in self._inside(record, wanted):
                 if item.time_ns is not None:
                     found[item.channel] += 1
-                    yield item.time_ns, item.data
+                    yield item.channel, item.time_ns, item.data
             for channel, count in counts.items():
                 if channel in wanted and count > found[channel]:
                     self.lost[self._declared[channel].topic] += count - found[channel]

@@ -1,11 +1,33 @@
-"""What every storage file of a bag has to say, whatever its format."""
+"""What storage files of bags share: channels, damage, and decompression that is bounded."""
 
 from __future__ import annotations
 
+import bz2
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+import sys
+from typing import Any, BinaryIO, Protocol
+
+import lz4.frame
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+LARGEST_MESSAGE = 64 * 2**20
+"""A compressed message or chunk never takes more memory than these two, in bytes."""
+LARGEST_CHUNK = 256 * 2**20
+
+_BLOCK = 2**20
+_DECOMPRESSORS: dict[str, Callable[[], Any]] = {
+    'zstd': zstd.ZstdDecompressor,
+    'lz4': lz4.frame.LZ4FrameDecompressor,
+    'bz2': bz2.BZ2Decompressor,
+}
+_MAGIC = {b'\x28\xb5\x2f\xfd': 'zstd', b'\x04\x22\x4d\x18': 'lz4'}
+FILE_SUFFIXES = {'.zstd': 'zstd', '.zst': 'zstd', '.lz4': 'lz4'}
 
 
 class DamageError(Exception):
@@ -50,8 +72,8 @@ class Storage(Protocol):
     def channels(self) -> list[Channel]:
         """What the file holds."""
 
-    def messages(self, ids: Collection[int]) -> Iterator[tuple[int, bytes]]:
-        """Yield receive time [ns] and bytes of the messages of some channels, as they lie."""
+    def messages(self, ids: Collection[int]) -> Iterator[tuple[int, int, bytes]]:
+        """Yield channel, receive time [ns] and bytes of messages of some channels, as they lie."""
 
     def close(self) -> None:
         """Close the file."""
@@ -61,3 +83,87 @@ def full_type(name: str) -> str:
     """Return package/msg/Name for a type that ROS 1 calls package/Name."""
     package, _, rest = name.partition('/')
     return name if '/' in rest or not rest else f'{package}/msg/{rest}'
+
+
+def unpacked_chunk(data: bytes, method: str, size: int, *, is_cut: bool) -> bytes:
+    """
+    Decompress a chunk of known size; of one that is cut short, as much as there is.
+
+    Raises
+    ------
+    DamageError
+        If it is damaged, or claims to be larger than `LARGEST_CHUNK`.
+
+    """
+    if size > LARGEST_CHUNK:
+        raise DamageError(f'a chunk claims {size} bytes')
+    unpacked = data if method in ('', 'none') else _limited(data, method, size)
+    if len(unpacked) != size and not is_cut:
+        raise DamageError(f'a chunk has {len(unpacked)} bytes instead of {size}')
+    return unpacked
+
+
+def plain_message(data: bytes) -> bytes:
+    """
+    Return a serialized ROS 2 message, decompressed where it was compressed by itself.
+
+    Raises
+    ------
+    DamageError
+        If it is damaged, or larger than `LARGEST_MESSAGE`.
+
+    """
+    method = _MAGIC.get(data[:4])  # no serialized message begins like that
+    return data if method is None else _limited(data, method, LARGEST_MESSAGE)
+
+
+def unpack_file(source: BinaryIO, target: BinaryIO, method: str) -> str:
+    """
+    Decompress a file of one or several frames block by block, as far as it goes.
+
+    Returns
+    -------
+    str
+        What stopped it, empty where nothing did.
+
+    """
+    decompressor = _DECOMPRESSORS[method]()
+    is_begun = False
+    try:
+        for block in iter(lambda: source.read(_BLOCK), b''):
+            rest = block
+            while rest:
+                if decompressor.eof:
+                    decompressor, is_begun = _DECOMPRESSORS[method](), False
+                for piece in _pieces(decompressor, rest):
+                    target.write(piece)
+                is_begun = True
+                rest = decompressor.unused_data if decompressor.eof else b''
+    except OSError:
+        raise
+    except Exception as error:
+        return f'its compression is damaged ({error})'
+    return '' if decompressor.eof or not is_begun else 'it was cut short'
+
+
+def _pieces(decompressor: Any, block: bytes) -> Iterator[bytes]:
+    yield decompressor.decompress(block, _BLOCK)
+    while not decompressor.needs_input and not decompressor.eof:
+        yield decompressor.decompress(b'', _BLOCK)
+
+
+def _limited(data: bytes, method: str, limit: int) -> bytes:
+    """Decompress all frames of data, but no more than `limit` bytes."""
+    if method not in _DECOMPRESSORS:
+        raise DamageError(f'compression {method[:20]!r} is unknown')
+    pieces: list[bytes] = []
+    room = limit
+    try:
+        while data and room > 0:
+            decompressor = _DECOMPRESSORS[method]()
+            pieces.append(decompressor.decompress(data, room))
+            room -= len(pieces[-1])
+            data = (decompressor.unused_data or b'') if decompressor.eof else b''
+    except Exception as error:  # each library has its own
+        raise DamageError(f'compressed data are damaged ({error})') from error
+    return pieces[0] if len(pieces) == 1 else b''.join(pieces)

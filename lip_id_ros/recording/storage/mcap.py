@@ -8,8 +8,7 @@ from typing import NamedTuple
 import zlib
 
 from lip_id_ros.recording.storage.chunked import ChunkedFile, Item, Kind, Record
-from lip_id_ros.recording.storage.compression import unpacked_chunk
-from lip_id_ros.recording.storage.contents import Channel, DamageError, full_type
+from lip_id_ros.recording.storage.contents import Channel, DamageError, full_type, unpacked_chunk
 
 MAGIC = b'\x89MCAP0\r\n'
 

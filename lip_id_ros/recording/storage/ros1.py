@@ -6,8 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 import struct
 
 from lip_id_ros.recording.storage.chunked import ChunkedFile, Item, Kind, Record
-from lip_id_ros.recording.storage.compression import unpacked_chunk
-from lip_id_ros.recording.storage.contents import Channel, DamageError, full_type
+from lip_id_ros.recording.storage.contents import Channel, DamageError, full_type, unpacked_chunk
 
 MAGIC = b'#ROSBAG V2.0\n'
 

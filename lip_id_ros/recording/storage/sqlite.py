@@ -73,8 +73,8 @@ class SqliteFile:
         """Close the file."""
         self._database.close()
 
-    def messages(self, ids: Collection[int]) -> Iterator[tuple[int, bytes]]:
-        """Yield receive time [ns] and bytes of the messages of some topics, by row number."""
+    def messages(self, ids: Collection[int]) -> Iterator[tuple[int, int, bytes]]:
+        """Yield topic, receive time [ns] and bytes of messages of some topics, by row number."""
         found: Counter[int] = Counter()
         names = {each.id: each.topic for each in self._topics}
         for topic in set(ids):
@@ -87,7 +87,7 @@ class SqliteFile:
         for _, topic, time_ns, data in self._rows(query, tuple(ids)):
             if isinstance(time_ns, int) and isinstance(data, bytes):
                 found[topic] += 1
-                yield time_ns, data
+                yield topic, time_ns, data
         for topic in set(ids):
             missing = self._counts[topic] - found[topic]
             if missing > 0:

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from lip_id_ros.health.evidence import Evidence
-from lip_id_ros.health.finding import Found
+from lip_id_ros.health.finding import check, JointText, Severity
 
 ALIKE = 0.7
 PROPORTIONAL = 0.95
@@ -25,66 +25,101 @@ LEAST_LAG_S = 0.01
 LEAST_SPEED = 0.01
 
 
-def missing(evidence: Evidence) -> Iterator[Found]:
+@check(
+    'velocity_missing',
+    Severity.NOTE,
+    'No velocities were recorded.',
+    'nothing needs to be done, positions are differentiated; recorded velocities are often '
+    'less noisy',
+)
+def missing(evidence: Evidence) -> Iterator[JointText]:
     """Find recordings without velocities."""
     if evidence.samples.n_samples and not evidence.samples.has_velocity:
-        yield Found('', 'no velocities were recorded')
+        yield ('', 'no velocities were recorded')
 
 
-def constant(evidence: Evidence) -> Iterator[Found]:
+@check(
+    'velocity_constant',
+    Severity.WARNING,
+    'A velocity never changes although the joint moves.',
+    'set preprocessing.velocity to differentiated',
+)
+def constant(evidence: Evidence) -> Iterator[JointText]:
     """Find velocities that never change although the joint moves."""
     if not evidence.samples.has_velocity:
         return
     for joint, name in enumerate(evidence.names):
         values = evidence.samples.velocity[:, joint]
         if evidence.moves(joint) and np.ptp(values) == 0.0:
-            yield Found(
+            yield (
                 name,
                 f'the velocity of {name} is {values[0]:g} throughout, although its position '
                 f'changes by {evidence.reach[joint]:.3g}',
             )
 
 
-def turned(evidence: Evidence) -> Iterator[Found]:
+@check(
+    'velocity_sign',
+    Severity.WARNING,
+    'A velocity has the other sign than the change of position.',
+    'set preprocessing.velocity to differentiated, and ask which of the two signs the effort has',
+)
+def turned(evidence: Evidence) -> Iterator[JointText]:
     """Find velocities with the other sign than the change of position."""
     for name, _, correlation, _ in _compared(evidence):
         if correlation < -ALIKE:
-            yield Found(
+            yield (
                 name,
                 f'the velocity of {name} has the other sign than the change of its position',
             )
 
 
-def scaled(evidence: Evidence) -> Iterator[Found]:
+@check(
+    'velocity_scale',
+    Severity.WARNING,
+    'A velocity is less than 0.8 or more than 1.25 times the change of position.',
+    'correct the unit in the driver, or set preprocessing.velocity to differentiated',
+)
+def scaled(evidence: Evidence) -> Iterator[JointText]:
     """Find velocities that are a multiple of the change of position."""
     for name, scale, correlation, _ in _compared(evidence):
         if abs(correlation) > PROPORTIONAL and not LEAST_SCALE <= abs(scale) <= MOST_SCALE:
-            yield Found(
+            yield (
                 name,
                 f'the velocity of {name} is {abs(scale):.3g} times the change of its '
                 f'position{_unit(abs(scale))}',
             )
 
 
-def unlike(evidence: Evidence) -> Iterator[Found]:
+@check(
+    'velocity_unlike',
+    Severity.WARNING,
+    'A velocity correlates with the change of position by less than 0.7.',
+    'see whether it belongs to another joint, or set preprocessing.velocity to differentiated',
+)
+def unlike(evidence: Evidence) -> Iterator[JointText]:
     """Find velocities that do not follow the change of position."""
     for name, _, correlation, _ in _compared(evidence):
         if abs(correlation) <= ALIKE:
-            yield Found(
+            yield (
                 name,
                 f'the velocity of {name} hardly follows the change of its position (correlation '
                 f'{correlation:.2g})',
             )
 
 
-def late(evidence: Evidence) -> Iterator[Found]:
+@check(
+    'velocity_delay',
+    Severity.WARNING,
+    'A velocity is more than 10 ms behind or ahead of the position.',
+    'set preprocessing.velocity to differentiated',
+)
+def late(evidence: Evidence) -> Iterator[JointText]:
     """Find velocities that come late or early against the positions."""
     for name, _, correlation, lag in _compared(evidence):
         if abs(correlation) > ALIKE and abs(lag) > LEAST_LAG_S:
             side = 'behind' if lag > 0 else 'ahead of'
-            yield Found(
-                name, f'the velocity of {name} is {1e3 * abs(lag):.2g} ms {side} its position'
-            )
+            yield (name, f'the velocity of {name} is {1e3 * abs(lag):.2g} ms {side} its position')
 
 
 def _compared(evidence: Evidence) -> Iterator[tuple[str, float, float, float]]:

@@ -17,7 +17,7 @@ from recording.bag_files import (
 )
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.recording import describe
+from lip_id_ros.preprocessing import describe
 
 
 def test_bag(tmp_path: Path) -> None:

@@ -1,5 +1,5 @@
 """
-What a crude model of the arm can explain of its efforts.
+A linear regression of each effort on the motion.
 
 Each joint's effort is regressed on sines and cosines of all positions, all accelerations, and the
 joint's own velocity and its smoothed sign. That is no dynamics, but enough to see whether effort
@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.health.lags import peak, shifted
-from lip_id_ros.health.motion import Motion, Stretch
+from lip_id_ros.health.motion import peak, shifted, SmoothMotion, Stretch
 
 LONGEST_LAG_S = 0.12
 SAMPLES_PER_SECOND = 8.0
@@ -28,7 +27,7 @@ LEAST_VARIATION = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Explanation:
+class EffortRegression:
     """
     How efforts follow the motion.
 
@@ -55,7 +54,7 @@ class Explanation:
     lag_gain: float
 
 
-def effort_explanation(motion: Motion) -> Explanation | None:
+def effort_regression(motion: SmoothMotion) -> EffortRegression | None:
     """Regress efforts on the motion; None where the recording is too short for it."""
     reach = max(1, round(LONGEST_LAG_S * motion.rate_hz))
     stretches = [piece for piece in motion.stretches if len(piece.effort) > 3 * reach]
@@ -66,7 +65,7 @@ def effort_explanation(motion: Motion) -> Explanation | None:
     known = np.isfinite(unexplained).all(axis=1)
     gain = -np.log(unexplained[known]).mean(axis=0) if known.any() else np.zeros(2 * reach + 1)
     at = int(np.argmax(gain))  # a delay of gravity looks like friction with the wrong sign
-    return Explanation(
+    return EffortRegression(
         explained=1.0 - unexplained[:, at],
         friction_cosine=np.array([each.friction_cosine[at] for each in regressions]),
         friction_weight=np.array([each.friction_weight[at] for each in regressions]),
@@ -75,7 +74,7 @@ def effort_explanation(motion: Motion) -> Explanation | None:
     )
 
 
-def _enough(motion: Motion, stretches: Sequence[Stretch]) -> bool:
+def _enough(motion: SmoothMotion, stretches: Sequence[Stretch]) -> bool:
     seconds = sum(len(stretch.effort) for stretch in stretches) / motion.rate_hz
     terms = 3 * stretches[0].effort.shape[1] + 3
     independent = seconds * min(SAMPLES_PER_SECOND, motion.rate_hz)

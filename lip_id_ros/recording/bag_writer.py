@@ -1,13 +1,14 @@
-"""Joint states and numbers in the MCAP format, for PlotJuggler, Foxglove and rosbag2."""
+"""Bags in the MCAP format, for PlotJuggler, Foxglove and rosbag2: of arrays or of messages."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 import os
 from pathlib import Path
 import shutil
 import tempfile
+from types import TracebackType
 from typing import Any, Literal, Protocol, TYPE_CHECKING
 
 import numpy as np
@@ -187,3 +188,66 @@ def _serialized(store: Typestore, track: Track, stamp: int, row: int) -> memoryv
 
 def _row(values: Array | None, row: int) -> Array:
     return np.empty(0) if values is None else np.ascontiguousarray(values[row], dtype=np.float64)
+
+
+class RawBag:
+    """
+    A rosbag2 folder (MCAP) being written; to be used in a `with` statement.
+
+    For systems without rosbag2.
+
+    Parameters
+    ----------
+    path : path
+        The folder to be made.
+    topics : mapping
+        Message type (as package/msg/Name) by topic.
+
+    """
+
+    def __init__(self, path: str | os.PathLike[str], topics: Mapping[str, str]) -> None:
+        self._writer = Writer(Path(path), version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
+        self._topics = topics
+
+    def __enter__(self) -> RawBag:
+        """
+        Make the folder.
+
+        Raises
+        ------
+        OSError
+            If it exists or cannot be made.
+
+        """
+        store = get_typestore(Stores.ROS2_JAZZY)
+        self._writer.open()
+        self._connections = {
+            topic: self._writer.add_connection(topic, kind, typestore=store)
+            for topic, kind in self._topics.items()
+        }
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the bag."""
+        self._writer.close()
+
+    def write(self, topic: str, receive_ns: int, data: bytes) -> None:
+        """
+        Append a message.
+
+        Parameters
+        ----------
+        topic : str
+            One of the bag's.
+        receive_ns : int
+            When it came [ns].
+        data : bytes
+            Serialized (CDR).
+
+        """
+        self._writer.write(self._connections[topic], receive_ns, data)

@@ -1,5 +1,5 @@
 """
-Serialized joint messages to arrays, many at a time.
+Serialized messages to objects, and joint messages to arrays, many at a time.
 
 Messages of one publisher differ in nothing but stamp and numbers. So the first of a block is
 decoded by the library, and those that agree with it in every other byte are cut into arrays at
@@ -10,18 +10,30 @@ once.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.serde import SerdeError
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 from lip_id_ros.arrays import Array, IndexArray, IntArray
-from lip_id_ros.recording.joint_messages import EXTRACTORS, JOINT_STATE, JointMessage
+from lip_id_ros.recording.joint_messages import (
+    EXTRACTORS,
+    JOINT_STATE,
+    JointMessage,
+    KNOWN_DEFINITIONS,
+)
 
 Decode = Callable[[bytes], Any]
+"""Returns a message with the fields of its type, None where it is broken."""
+
+_MOST_DECODERS = 64
 
 
-class Block(NamedTuple):
+class MessageBlock(NamedTuple):
     """
     Messages of the same joints in the same order.
 
@@ -33,6 +45,7 @@ class Block(NamedTuple):
     stamp_ns : ndarray of int, shape (k,)
     position, velocity, effort : ndarray
         Shape (k, length of the field).
+    frame_id : str
 
     """
 
@@ -42,23 +55,99 @@ class Block(NamedTuple):
     position: Array
     velocity: Array
     effort: Array
+    frame_id: str
+
+    @property
+    def values(self) -> tuple[Array, Array, Array]:
+        """Positions, velocities and efforts."""
+        return self.position, self.velocity, self.effort
 
 
 class _Layout(NamedTuple):
     """Where in a JointState its parts are; `constant` are all bytes but stamp and numbers."""
 
     names: tuple[str, ...]
+    frame_id: str
     order: str
     stamp: int
     numbers: tuple[tuple[int, int], ...]
     constant: IndexArray
 
 
-def blocks(
-    messages: Sequence[bytes], kind: str, is_ros1: bool, decode: Decode
-) -> tuple[list[Block], int]:
+def message_decoder(name: str, encoding: str, definition: str) -> Decode:
     """
-    Sort messages into blocks.
+    Return the function that decodes messages of a type, to None where they are broken.
+
+    Parameters
+    ----------
+    name : str
+        The type, as package/msg/Name.
+    encoding : str
+        'ros1' or 'cdr'.
+    definition : str
+        The one of the file; the known definition of a standard type is trusted more.
+
+    Raises
+    ------
+    Exception
+        Whatever a definition makes the library raise.
+
+    """
+    if name in _store(encoding == 'ros1').fielddefs:
+        definition = ''
+    decode = _decoder(name, encoding, definition)
+
+    def decoded(data: bytes) -> Any:
+        try:
+            return decode(data)
+        except Exception:  # whatever a broken message makes it raise: it is counted
+            return None
+
+    return decoded
+
+
+@cache
+def _store(is_ros1: bool) -> Any:
+    return get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
+
+
+@lru_cache(_MOST_DECODERS)
+def _decoder(name: str, encoding: str, definition: str) -> Decode:
+    is_ros1 = encoding == 'ros1'
+    if encoding not in ('ros1', 'cdr'):
+        raise ValueError(f'its messages are encoded as {encoding or "nothing known"}')
+    store = _store(is_ros1)
+    if name not in store.fielddefs and not definition and name in KNOWN_DEFINITIONS:
+        return _known_decoder(name)
+    if name not in store.fielddefs:
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(definition, name))
+    if is_ros1:
+        return lambda data: store.deserialize_ros1(data, name)
+    return lambda data: store.deserialize_cdr(data, name)
+
+
+def _known_decoder(name: str) -> Decode:
+    stores = []
+    for definition in KNOWN_DEFINITIONS[name]:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        store.register(get_types_from_msg(definition, name))
+        stores.append(store)
+
+    def decode(data: bytes) -> Any:
+        for store in stores:
+            with suppress(SerdeError):
+                return store.deserialize_cdr(data, name)
+        return None
+
+    return decode
+
+
+def message_blocks(
+    messages: Sequence[bytes], kind: str, is_ros1: bool, decode: Decode
+) -> list[MessageBlock]:
+    """
+    Sort joint messages into blocks; broken ones are in none of them.
 
     Parameters
     ----------
@@ -69,32 +158,34 @@ def blocks(
     is_ros1 : bool
         Whether they are serialized as in ROS 1.
     decode : callable
-        Gives a message as an object, None where it is broken.
-
-    Returns
-    -------
-    blocks : list of Block
-    unreadable : int
-        How many messages are in none of them.
 
     """
     if kind != JOINT_STATE:
         extract = EXTRACTORS[kind]
         decoded = [(row, decode(data)) for row, data in enumerate(messages)]
-        read = [(row, extract(message)) for row, message in decoded if message is not None]
-        return _grouped(read), len(messages) - len(read)
-    found: list[Block] = []
+        return _grouped(
+            [
+                (row, message.header.frame_id, extract(message))
+                for row, message in decoded
+                if message is not None
+            ]
+        )
+    found: list[MessageBlock] = []
     by_length: dict[int, list[int]] = {}
     for row, data in enumerate(messages):
         by_length.setdefault(len(data), []).append(row)
     for length, some in by_length.items():
         joined = np.frombuffer(b''.join([messages[row] for row in some]), np.uint8)
         _split(joined.reshape(len(some), length), np.array(some), is_ros1, decode, found)
-    return found, len(messages) - sum(block.rows.size for block in found)
+    return found
 
 
 def _split(
-    matrix: NDArray[np.uint8], rows: IndexArray, is_ros1: bool, decode: Decode, found: list[Block]
+    matrix: NDArray[np.uint8],
+    rows: IndexArray,
+    is_ros1: bool,
+    decode: Decode,
+    found: list[MessageBlock],
 ) -> None:
     """Take the rows that are like the first, until none is left."""
     while rows.size:
@@ -141,10 +232,11 @@ def _layout(data: bytes, message: Any, is_ros1: bool) -> _Layout:
         position += 8 * count
     varying[position:] = True
     names = tuple(message.name)
-    return _Layout(names, order, stamp, tuple(numbers), np.flatnonzero(~varying))
+    frame = str(message.header.frame_id)
+    return _Layout(names, frame, order, stamp, tuple(numbers), np.flatnonzero(~varying))
 
 
-def _block(matrix: NDArray[np.uint8], rows: IndexArray, layout: _Layout) -> Block:
+def _block(matrix: NDArray[np.uint8], rows: IndexArray, layout: _Layout) -> MessageBlock:
     def cut(position: int, count: int, kind: str) -> NDArray[Any]:
         some = np.ascontiguousarray(
             matrix[:, position : position + np.dtype(kind).itemsize * count]
@@ -155,22 +247,25 @@ def _block(matrix: NDArray[np.uint8], rows: IndexArray, layout: _Layout) -> Bloc
     nanoseconds = cut(layout.stamp + 4, 1, 'u4')[:, 0].astype(np.int64)
     stamp_ns = seconds * 1_000_000_000 + nanoseconds
     parts = [cut(*place, 'f8').astype(np.float64, copy=False) for place in layout.numbers]
-    return Block(rows, layout.names, stamp_ns, *parts)
+    return MessageBlock(rows, layout.names, stamp_ns, *parts, layout.frame_id)
 
 
-def _grouped(read: Sequence[tuple[int, JointMessage]]) -> list[Block]:
+def _grouped(read: Sequence[tuple[int, str, JointMessage]]) -> list[MessageBlock]:
     groups: dict[tuple[Any, ...], list[tuple[int, JointMessage]]] = {}
-    for row, message in read:
-        key = (tuple(message.names), *(len(values) for values in message[2:]))
+    for row, frame, message in read:
+        key = (frame, tuple(message.names), *(len(values) for values in message[2:]))
         groups.setdefault(key, []).append((row, message))
-    return [_stacked(names, group) for (names, *_), group in groups.items()]
+    return [_stacked(frame, names, group) for (frame, names, *_), group in groups.items()]
 
 
-def _stacked(names: tuple[str, ...], group: Sequence[tuple[int, JointMessage]]) -> Block:
+def _stacked(
+    frame: str, names: tuple[str, ...], group: Sequence[tuple[int, JointMessage]]
+) -> MessageBlock:
     messages = [message for _, message in group]
     position, velocity, effort = (
         np.array([message[part] for message in messages], np.float64).reshape(len(group), -1)
         for part in (2, 3, 4)
     )
     stamps = np.array([message.stamp_ns for message in messages], np.int64)
-    return Block(np.array([row for row, _ in group]), names, stamps, position, velocity, effort)
+    rows = np.array([row for row, _ in group])
+    return MessageBlock(rows, names, stamps, position, velocity, effort, frame)

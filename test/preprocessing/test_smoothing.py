@@ -9,11 +9,17 @@ from preprocessing.motions import relative_error, Sinusoids, uniform
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.preprocessing.derivatives import CentralDifferences, SavitzkyGolay
-from lip_id_ros.preprocessing.filters import edge_length, is_filtered, low_pass
-from lip_id_ros.preprocessing.resampling import resample, uniform_times
+from lip_id_ros.preprocessing.smoothing import (
+    central_differences,
+    edge_length,
+    is_filtered,
+    low_pass,
+    resample,
+    savitzky_golay,
+    uniform_times,
+)
 
-derivative = SavitzkyGolay()
+derivative = savitzky_golay
 
 
 def sine(frequency: float, rate: float) -> Array:
@@ -84,7 +90,7 @@ def test_derivative_is_better_than_central_differences() -> None:
     motion, rate = Sinusoids(), 30.0
     t = uniform(int(30 * rate), rate)
     velocity, truth = motion.velocity(t), motion.acceleration(t)[4:-4]
-    central = CentralDifferences()(velocity, rate)[4:-4]
+    central = central_differences(velocity, rate)[4:-4]
     ours = derivative(velocity, rate)[4:-4]
     assert relative_error(ours, truth) < 0.05 * relative_error(central, truth)
 

@@ -10,22 +10,22 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.dataset import Dataset
-from lip_id_ros.dataset.csv_file import CSV_SUFFIX, has_accelerations, read_csv
+from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
+from lip_id_ros.dataset import Dataset, DATASET_SUFFIX
 from lip_id_ros.errors import SourceError
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.recording.bags import Bag
+from lip_id_ros.recording import Bag, JointSamples
+from lip_id_ros.recording.bags import joint_topics
 from lip_id_ros.recording.csv_log import read_log
-from lip_id_ros.recording.joint_samples import JointSamples
+from lip_id_ros.recording.joint_samples import SIGNALS
 from lip_id_ros.recording.reading import read_topic
+from lip_id_ros.recording.spill import release, row_blocks
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step
-from lip_id_ros.recording.topics import joint_topics
-
-DATASET_SUFFIX = '.npz'
 
 Assess = Callable[[JointSamples], Mapping[str, Any]]
 
 _MOST_GAPS = 20
+_MOST_TOPICS = 32
 
 
 def describe(
@@ -66,7 +66,7 @@ def describe(
         return _dataset(path, Dataset.load(path))
     if Path(path).suffix == CSV_SUFFIX:
         if has_accelerations(path):
-            return _dataset(path, read_csv(path))
+            return _dataset(path, Dataset.load(path))
         recordings = [_recording(read_log(path), assess)]
         return {'file': os.fspath(path), 'kind': 'CSV log', 'recordings': recordings}
     with Bag(path) as bag:
@@ -86,9 +86,16 @@ def describe(
 def _recordings(
     bag: Bag, progress: Progress, assess: Assess
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """Describe every topic with joint samples; say which cannot be read, else what is wrong."""
+    """Describe the topics with joint samples; say which cannot be read, else what is wrong."""
     recordings, unreadable = [], []
-    for topic in joint_topics(bag):
+    topics = sorted(joint_topics(bag), key=lambda topic: -topic.count)
+    if len(topics) > _MOST_TOPICS:
+        unreadable.append(
+            f'of {len(topics)} topics with joint samples the {_MOST_TOPICS} with most messages '
+            'were read.'
+        )
+        topics = topics[:_MOST_TOPICS]
+    for topic in sorted(topics, key=lambda topic: topic.name):
         try:
             samples = read_topic(bag, topic, progress=progress)
         except SourceError as error:
@@ -99,7 +106,7 @@ def _recordings(
 
 
 def _recording(samples: JointSamples, assess: Assess) -> dict[str, Any]:
-    arrays = {name: getattr(samples, name) for name in ('position', 'velocity', 'effort')}
+    arrays = {name: getattr(samples, name) for name in SIGNALS}
     return {
         'topic': samples.topic,
         'joints': list(samples.joint_names),
@@ -160,13 +167,21 @@ def _timing(t: Array) -> dict[str, Any]:
 def _ranges(
     joint_names: tuple[str, ...], arrays: dict[str, Array]
 ) -> dict[str, dict[str, list[float] | None]]:
+    ranges = {name: _range(values) for name, values in arrays.items()}
     return {
-        joint: {name: _range(values[:, column]) for name, values in arrays.items()}
+        joint: {name: ends[column] for name, ends in ranges.items()}
         for column, joint in enumerate(joint_names)
     }
 
 
-def _range(values: Array) -> list[float] | None:
-    if values.size == 0 or np.isnan(values).any():
-        return None
-    return [float(values.min()), float(values.max())]
+def _range(values: Array) -> list[list[float] | None]:
+    """Return least and largest value of each column, None where one is not known."""
+    least, largest = np.full(values.shape[1], np.inf), np.full(values.shape[1], -np.inf)
+    for block in row_blocks(len(values)):
+        least = np.minimum(least, values[block].min(axis=0))
+        largest = np.maximum(largest, values[block].max(axis=0))
+        release(values)
+    return [
+        [float(low), float(high)] if np.isfinite([low, high]).all() else None
+        for low, high in zip(least, largest, strict=True)
+    ]

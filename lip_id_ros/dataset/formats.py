@@ -1,0 +1,230 @@
+"""Data sets in files: npz, and CSV with t, segment, then q_, dq_, ddq_ and tau_ of every joint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import os
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lip_id_ros import files
+from lip_id_ros.csv_table import check_columns, CSV_SUFFIX, joints_of, quoted, read_table
+from lip_id_ros.dataset.checks import INDICES, PER_JOINT, PER_SAMPLE
+from lip_id_ros.errors import ConfigError, DataError
+
+DATASET_SUFFIX = '.npz'
+FORMAT = 'lip_id_ros data set'
+VERSION = 1
+DEFAULT_DT = 1.0
+UNITS = {
+    't': 's',
+    'q': 'rad or m',
+    'dq': 'rad/s or m/s',
+    'ddq': 'rad/s^2 or m/s^2',
+    'tau': 'N m or N',
+    'tau_noiseless': 'N m or N',
+    'kinetic': 'J',
+    'potential': 'J',
+}
+
+_ENERGIES = ('kinetic', 'potential')
+_NEEDED = ('q', 'dq', 'ddq', 'tau')
+_KNOWN = (*PER_SAMPLE, *PER_JOINT, *INDICES, 'joint_names', 'joint_types')
+
+Arrays = Mapping[str, NDArray[Any]]
+PathLike = str | os.PathLike[str]
+
+
+def check_suffix(path: PathLike) -> None:
+    """
+    Raise an error unless the suffix of a path chooses a format.
+
+    Raises
+    ------
+    ConfigError
+        If it is neither .npz nor .csv.
+
+    """
+    suffixes = (DATASET_SUFFIX, CSV_SUFFIX)
+    if Path(path).suffix not in suffixes:
+        raise ConfigError(
+            f'{os.fspath(path)} must end in {" or ".join(suffixes)}, which chooses the format of '
+            'the data set; give it one of these endings.'
+        )
+
+
+def write_npz(
+    path: PathLike,
+    arrays: Mapping[str, Any],
+    gravity_compensated: bool,
+    provenance: Mapping[str, Any],
+) -> None:
+    """Write the arrays of a data set and the header."""
+    header = {
+        'format': FORMAT,
+        'version': VERSION,
+        'units': UNITS,
+        'gravity_compensated': gravity_compensated,
+        'provenance': dict(provenance),
+    }
+    named = {name: np.asarray(array) for name, array in arrays.items()}
+    files.write_npz(path, named, header)
+
+
+def read_npz(path: PathLike) -> dict[str, Any]:
+    """
+    Read the fields of a data set; what a bare file leaves out gets its default.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
+    SourceError
+        If it is not a regular file.
+    DataError
+        If it is not a data set.
+
+    """
+    files.require_regular_file(path)
+    try:
+        arrays, header = files.read_npz(path)
+    except ValueError as error:
+        raise DataError(
+            f'{os.fspath(path)} is not a data set ({error}); write one with `lip_id dataset`, or '
+            'with numpy.savez from arrays q, dq, ddq and tau.'
+        ) from error
+    _check_format(path, header)
+    _check_complete(path, arrays)
+    given = {name: _plain(name, arrays[name]) for name in _KNOWN if name in arrays}
+    filled = {
+        name: value
+        for name, value in defaults(given['q'], _step(path, arrays)).items()
+        if name not in given
+    }
+    return {
+        **given,
+        **filled,
+        'gravity_compensated': bool(header.get('gravity_compensated', False)),
+        'provenance': _provenance(path, header, list(filled)),
+    }
+
+
+def write_csv(path: PathLike, arrays: Mapping[str, Any], joint_names: Sequence[str]) -> None:
+    """Write the arrays of a data set as columns; every number reads back exactly."""
+    columns = {'t': arrays['t']} | {name: arrays[name] for name in INDICES if name in arrays}
+    for signal in PER_JOINT:
+        if signal in arrays:
+            named = zip(joint_names, arrays[signal].T, strict=True)
+            columns |= {f'{signal}_{joint}': column for joint, column in named}
+    columns |= {name: arrays[name] for name in _ENERGIES if name in arrays}
+
+    def put(file: BinaryIO) -> None:
+        file.write(','.join(quoted(name) for name in columns).encode() + b'\n')
+        for row in zip(*(column.tolist() for column in columns.values()), strict=True):
+            file.write(','.join(map(repr, row)).encode() + b'\n')
+
+    files.write_atomically(path, put)
+
+
+def read_csv(path: PathLike) -> dict[str, Any]:
+    """
+    Read the fields of a data set: t, q_NAME, dq_NAME, ddq_NAME, tau_NAME, segment, recording.
+
+    The last two may be absent. All joints are taken for revolute. Other columns are ignored.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
+    DataError
+        If a column is missing.
+
+    """
+    table = read_table(path)
+    columns = table.columns
+    joints = joints_of(list(columns))
+    check_columns(
+        path, table, ['t', *(f'{signal}_{name}' for signal in _NEEDED for name in joints)]
+    )
+    fields: dict[str, Any] = {signal: table.per_joint(signal, joints) for signal in _NEEDED}
+    if all(f'tau_noiseless_{joint}' in columns for joint in joints):
+        fields['tau_noiseless'] = table.per_joint('tau_noiseless', joints)
+    fields |= {name: columns[name] for name in (*_ENERGIES, *INDICES) if name in columns}
+    return {
+        't': columns['t'],
+        'segment': np.zeros(table.n_rows),
+        'joint_names': joints,
+        'joint_types': ('revolute',) * len(joints),
+        'provenance': {'sources': [{'source': os.fspath(path), 'notes': list(table.notes)}]},
+        **fields,
+    }
+
+
+def as_columns(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array of shape (N, n); one of shape (N,) is that of one joint."""
+    return array[:, np.newaxis] if array.ndim == 1 else array
+
+
+def defaults(q: NDArray[Any], dt: float = DEFAULT_DT) -> dict[str, Any]:
+    """Return what a data set has where nothing but arrays of shape (N, n) are given."""
+    n_samples, n_joints = q.shape if q.ndim == 2 else (len(np.atleast_1d(q)), 0)
+    return {
+        't': dt * np.arange(n_samples),
+        'joint_names': tuple(f'joint_{number + 1}' for number in range(n_joints)),
+        'joint_types': ('revolute',) * n_joints,
+        'segment': np.zeros(n_samples, np.int64),
+    }
+
+
+def _check_format(path: PathLike, header: Mapping[str, Any]) -> None:
+    kind = header.get('format', FORMAT)
+    if kind != FORMAT:
+        raise DataError(
+            f'{os.fspath(path)} must be a data set, but it is a {kind}; give a recording or a '
+            'file that `lip_id dataset` wrote.'
+        )
+    version = header.get('version', VERSION)
+    if version != VERSION:
+        raise DataError(
+            f'{os.fspath(path)} must be a data set of version {VERSION}, not {version}; '
+            'write it again with this version of lip_id.'
+        )
+
+
+def _check_complete(path: PathLike, arrays: Arrays) -> None:
+    missing = [name for name in _NEEDED if name not in arrays]
+    if missing:
+        raise DataError(
+            f'{os.fspath(path)} must hold arrays q, dq, ddq and tau, but {", ".join(missing)} '
+            f'is missing beside {", ".join(sorted(arrays)) or "nothing"}; save them too.'
+        )
+
+
+def _plain(name: str, array: NDArray[Any]) -> NDArray[Any]:
+    if name in ('joint_names', 'joint_types'):
+        return array.astype(str).ravel()
+    return as_columns(array) if name in PER_JOINT else array
+
+
+def _step(path: PathLike, arrays: Arrays) -> float:
+    dt = arrays.get('dt', np.array(DEFAULT_DT))
+    if dt.size != 1 or dt.dtype.kind not in 'fiu' or not 0 < float(dt.item()) < np.inf:
+        raise DataError(
+            f'dt in {os.fspath(path)} must be one positive number of seconds, not {dt.tolist()!r}.'
+        )
+    return float(dt.item())
+
+
+def _provenance(path: PathLike, header: Mapping[str, Any], defaults: list[str]) -> dict[str, Any]:
+    provenance = header.get('provenance')
+    if provenance is not None and not isinstance(provenance, dict):
+        raise DataError(
+            f'the provenance in {os.fspath(path)} must be a mapping, not '
+            f'{str(provenance)[:40]!r}; write the data set again.'
+        )
+    if provenance is not None:
+        return provenance
+    return {'sources': [{'source': os.fspath(path), 'defaults': defaults}]}

@@ -1,0 +1,84 @@
+"""Row numbers of parts of a data set: those that cover the rest, and blocks to leave out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, IndexArray, IntArray
+
+_NEAR = 0.1
+"""A cut moves to the end of a segment that is within this share of a block."""
+
+
+def farthest_points(points: Array, count: int) -> IndexArray:
+    """
+    Choose points by farthest-point selection, each coordinate in standard deviations.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, d)
+    count : int
+        How many; all where there are not more.
+
+    Returns
+    -------
+    ndarray of int, shape (min(count, N),)
+        Increasing row numbers; fewer where the rest only repeats them. Begins from the point
+        nearest the mean; no randomness.
+
+    """
+    if count >= len(points):
+        return np.arange(len(points))
+    deviation = points.std(axis=0)
+    scaled = (points - points.mean(axis=0)) / np.where(deviation > 0.0, deviation, 1.0)
+    chosen = [int(np.argmin((scaled**2).sum(axis=1)))]
+    distance = ((scaled - scaled[chosen[0]]) ** 2).sum(axis=1)
+    for _ in range(count - 1):
+        farthest = int(np.argmax(distance))
+        if distance[farthest] == 0.0:
+            break
+        chosen.append(farthest)
+        np.minimum(distance, ((scaled - scaled[farthest]) ** 2).sum(axis=1), out=distance)
+    return np.sort(np.array(chosen, dtype=np.intp))
+
+
+def contiguous_cuts(segment: IntArray, count: int) -> IndexArray:
+    """
+    Return where to cut N samples into blocks of about the same size, shape (count + 1,).
+
+    A cut moves to the beginning of a segment where one is near.
+
+    Parameters
+    ----------
+    segment : ndarray of int, shape (N,)
+    count : int
+        From 2 to N.
+
+    """
+    size = segment.size
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(segment)) + 1, [size]])
+    even = np.round(np.linspace(0, size, count + 1)).astype(np.intp)
+    nearest = begins[np.argmin(np.abs(begins[:, np.newaxis] - even), axis=0)]
+    cuts: IndexArray = np.where(np.abs(nearest - even) <= _NEAR * size / count, nearest, even)
+    return cuts
+
+
+def away_from(segment: IntArray, start: int, stop: int, guard: int) -> IndexArray:
+    """
+    Return the rows that are not in a block, nor within `guard` samples of it in its segments.
+
+    Parameters
+    ----------
+    segment : ndarray of int, shape (N,)
+    start, stop : int
+        First row of the block and the one after its last.
+    guard : int
+
+    """
+    before = np.arange(max(0, start - guard), start)
+    after = np.arange(stop, min(segment.size, stop + guard))
+    keep = np.ones(segment.size, bool)
+    keep[start:stop] = False
+    keep[before[segment[before] == segment[start]]] = False
+    keep[after[segment[after] == segment[stop - 1]]] = False
+    return np.flatnonzero(keep)

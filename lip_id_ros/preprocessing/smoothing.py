@@ -1,0 +1,234 @@
+"""
+Raw samples brought to uniform steps, low-passed without delay, and differentiated.
+
+Filters and derivatives need uniform steps, recordings have jitter and lost messages. Monotone
+cubic interpolation (PCHIP) was chosen by measurement: where stamps jitter by 30 % of the step or a
+tenth of the messages is lost, the error it adds to accelerations is 3 to 10 times smaller than
+that of linear interpolation at 30 Hz; and it never overshoots, where a cubic spline turns bursts
+of nearly equal stamps into accelerations wrong by 14 % at noise that others take for 2 to 3 %.
+
+Measured on sums of 20 sinusoids up to 1 Hz at 30 Hz, low-passed at 4 Hz: the error of the
+acceleration is 0.007 % with Savitzky-Golay of five points and order four, 0.45 % with central
+differences, and about 2.4 % with both where the velocity has noise of 0.01 rad/s, because then the
+low-pass decides (`test/preprocessing/test_smoothing.py`).
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy import signal
+from scipy.interpolate import PchipInterpolator
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.recording.timing import gap_starts
+from lip_id_ros.settings import PreprocessingSettings
+
+Derivative = Callable[[Array, float], Array]
+"""Differentiates uniform samples, shape (N, ...), at a rate [Hz] along the first axis."""
+
+MIN_SAMPLES = 5
+"""Fewer samples cannot be differentiated by every method."""
+HALF_STENCIL = 2
+"""So many samples at each end have a one-sided derivative at the most."""
+
+_ORDER = 4
+_ROUNDING = 1e-6
+_WINDOW = 50_000
+_SETTLED_PERIODS = 20.0
+"""After so many periods of its cut-off the low-pass has forgotten its start, to rounding."""
+_NEIGHBOURS = 3
+"""So many samples on both sides decide the interpolation."""
+
+
+def savitzky_golay(values: Array, rate_hz: float, points: int = 5, degree: int = 4) -> Array:
+    """Return the slope of a polynomial fitted to neighbours; exact for those of its degree."""
+    slope: Array = signal.savgol_filter(
+        values, points, degree, deriv=1, delta=1.0 / rate_hz, axis=0
+    )
+    return slope
+
+
+def central_differences(values: Array, rate_hz: float) -> Array:
+    """Return the difference of the two neighbours; damps what is fast."""
+    slope: Array = np.gradient(values, 1.0 / rate_hz, axis=0)
+    return slope
+
+
+DERIVATIVES: Mapping[str, Derivative] = {
+    'savitzky_golay': savitzky_golay,
+    'central_differences': central_differences,
+}
+"""By the name that `preprocessing.derivative` has for them."""
+
+
+def is_filtered(rate_hz: float, cutoff_hz: float) -> bool:
+    """Whether a low-pass changes anything: not with cut-off 0, nor at half the rate or above."""
+    return 0.0 < cutoff_hz < 0.5 * rate_hz
+
+
+def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
+    """
+    Zero-phase Butterworth low-pass of fourth order, run forward and backward.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N, ...)
+        Uniform samples along the first axis.
+    rate_hz : float
+        Sampling rate [Hz].
+    cutoff_hz : float
+        Frequency whose amplitude is halved [Hz]; with 0, or at half the rate and above, where
+        a sampled signal has no content to remove, the values are returned as they are.
+
+    """
+    if not is_filtered(rate_hz, cutoff_hz):
+        return values
+    sections = signal.butter(_ORDER, cutoff_hz, fs=rate_hz, output='sos')
+    padding = min(len(values) - 1, round(rate_hz / cutoff_hz))
+    smooth: Array = signal.sosfiltfilt(sections, values, axis=0, padlen=padding)
+    return smooth
+
+
+def edge_length(rate_hz: float, cutoff_hz: float, periods: float = 1.0) -> int:
+    """
+    Return how many samples at each end of a segment are not to be used.
+
+    Some periods of the cut-off, over which the low-pass sees an invented continuation, and twice
+    half the derivative's stencil, where it is one-sided: velocity and acceleration may both be
+    derivatives.
+
+    """
+    lead_in = periods * rate_hz / cutoff_hz if is_filtered(rate_hz, cutoff_hz) else 0.0
+    return round(lead_in) + 2 * HALF_STENCIL
+
+
+def uniform_times(t: Array, rate_hz: float) -> Array:
+    """Return times at a rate, from the first of `t` and not beyond the last [s]."""
+    times: Array = np.minimum(t[0] + np.arange(grid_size(t, rate_hz)) / rate_hz, t[-1])
+    return times
+
+
+def resample(t: Array, values: Array, times: Array) -> Array:
+    """
+    Interpolate samples, monotone between each two of them.
+
+    Parameters
+    ----------
+    t : ndarray, shape (N,)
+        Strictly increasing times [s], at least two.
+    values : ndarray, shape (N, n)
+        Samples at `t`.
+    times : ndarray, shape (K,)
+        Within `t` [s].
+
+    Returns
+    -------
+    ndarray, shape (K, n)
+
+    """
+    interpolated: Array = PchipInterpolator(t, values, axis=0)(times)
+    return interpolated
+
+
+class Window(NamedTuple):
+    """
+    A part of a segment that is smoothed at once, with enough beside it that no edge is seen.
+
+    Attributes
+    ----------
+    rows : slice
+        Samples of the segment that it needs.
+    times : ndarray, shape (K,)
+        Uniform times to bring them to [s].
+    first : int
+        Number of the first of these times on the grid of the segment.
+    start, stop : int
+        On that grid, what is to be taken from this window.
+
+    """
+
+    rows: slice
+    times: Array
+    first: int
+    start: int
+    stop: int
+
+
+def windows(t: Array, rate_hz: float, cutoff_hz: float) -> Iterator[Window]:
+    """
+    Cut the uniform grid of a segment into windows that overlap.
+
+    What they give together differs from smoothing the segment at once by rounding only.
+
+    Parameters
+    ----------
+    t : ndarray, shape (N,)
+        Strictly increasing times of the segment [s], at least two.
+    rate_hz, cutoff_hz : float
+        Of the grid and of the low-pass [Hz].
+
+    """
+    size = grid_size(t, rate_hz)
+    margin = 4 * HALF_STENCIL
+    if is_filtered(rate_hz, cutoff_hz):
+        margin += math.ceil(_SETTLED_PERIODS * rate_hz / cutoff_hz)
+    length = max(_WINDOW, 8 * margin)
+    for start in range(0, size, length):
+        stop = min(start + length, size)
+        if size - stop < length // 2:  # no short rest
+            stop = size
+        first, last = max(0, start - margin), min(size, stop + margin)
+        times = np.minimum(t[0] + np.arange(first, last) / rate_hz, t[-1])
+        begin, end = np.searchsorted(t, [times[0], times[-1]])
+        rows = slice(max(0, int(begin) - _NEIGHBOURS), min(t.size, int(end) + 1 + _NEIGHBOURS))
+        yield Window(rows, times, first, start, stop)
+        if stop == size:
+            return
+
+
+def cut(t: Array, max_gap_s: float) -> list[slice]:
+    """Return the rows between steps longer than `max_gap_s` [s]."""
+    ends = [*(gap_starts(t, max_gap_s) + 1).tolist(), t.size]
+    return [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
+
+
+def evenly_timed(t: Array, longest_shift_s: float) -> Array:
+    """
+    Replace the stamps of samples whose source has an even clock of its own.
+
+    Where a publisher repeats the newest state at a rate above that of its source, a sample is up
+    to one publishing step older than its stamp says, by a different amount each time, and where
+    repeated samples were removed the stamps have holes that the motion does not have. If stamps
+    at even steps (least squares) lie so close to the given ones, they are the truer ones.
+
+    Parameters
+    ----------
+    t : ndarray, shape (N,)
+        Times of the samples [s], without those of repeated samples.
+    longest_shift_s : float
+        The publishing step [s]; where a stamp would have to move further, all stay as they are.
+
+    """
+    numbers = np.arange(t.size) - 0.5 * (t.size - 1)
+    step = float(numbers @ (t - t.mean()) / (numbers @ numbers)) if t.size > 1 else 0.0
+    even: Array = t.mean() + step * numbers
+    return even if np.abs(even - t).max() <= longest_shift_s else t
+
+
+def is_long_enough(t: Array, rate_hz: float, settings: PreprocessingSettings) -> bool:
+    """Whether a segment lasts as long as the settings ask, and has samples between its edges."""
+    if t.size < 2:
+        return False
+    duration = float(t[-1] - t[0])
+    edges = 2 * edge_length(rate_hz, settings.cutoff_hz, settings.edge_periods)
+    return duration >= settings.min_segment_s and duration * rate_hz >= max(edges, MIN_SAMPLES)
+
+
+def grid_size(t: Array, rate_hz: float) -> int:
+    """Return how many times `uniform_times` has."""
+    return int((t[-1] - t[0]) * rate_hz + _ROUNDING) + 1
