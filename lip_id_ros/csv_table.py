@@ -105,7 +105,8 @@ def read_table(path: PathLike) -> Table:
 
     """
     names = read_header(path)
-    rows, notes = _numbers(path, len(names), None), ()
+    rows = _numbers(path, len(names), None)
+    notes: tuple[str, ...] = ()
     if rows is None:
         last = _only_last_line_wrong(path, names)
         rows = _numbers(path, len(names), last)

@@ -97,7 +97,8 @@ def of_one_publisher(part: Part, counts: Counter[str], notes: dict[str, None]) -
 
     def worth(number: int) -> tuple[bool, bool, int]:
         own = part.publisher == number
-        return *(bool((own & has).any()) for has in filled), int(sizes[number])
+        has_effort, has_velocity = (bool((own & has).any()) for has in filled)
+        return has_effort, has_velocity, int(sizes[number])
 
     best = max(range(len(part.publishers)), key=worth)
     counts[Reason.OTHER_PUBLISHER] += int(sizes.sum() - sizes[best])

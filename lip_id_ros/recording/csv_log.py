@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 import os
+from typing import Any
 
 import numpy as np
 
@@ -68,9 +69,12 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
         raise SourceError(f'no row of {os.fspath(path)} can be used ({reasons}); correct the log.')
     rows = kept[timeline.rows]
     nothing = np.full((rows.size, len(names)), np.nan)
+    signals: dict[str, Any] = {
+        name: gathered(values[name], rows) if name in values else nothing for name in SIGNALS
+    }
     return JointSamples(
         t=seconds(timeline.t_ns),
-        **{name: gathered(values[name], rows) if name in values else nothing for name in SIGNALS},
+        **signals,
         joint_names=names,
         start_s=timeline.start_ns / SECOND,
         counts={str(reason): count for reason, count in counts.items() if count},

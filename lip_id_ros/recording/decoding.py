@@ -247,7 +247,8 @@ def _block(matrix: NDArray[np.uint8], rows: IndexArray, layout: _Layout) -> Mess
     nanoseconds = cut(layout.stamp + 4, 1, 'u4')[:, 0].astype(np.int64)
     stamp_ns = seconds * 1_000_000_000 + nanoseconds
     parts = [cut(*place, 'f8').astype(np.float64, copy=False) for place in layout.numbers]
-    return MessageBlock(rows, layout.names, stamp_ns, *parts, layout.frame_id)
+    position, velocity, effort = parts
+    return MessageBlock(rows, layout.names, stamp_ns, position, velocity, effort, layout.frame_id)
 
 
 def _grouped(read: Sequence[tuple[int, str, JointMessage]]) -> list[MessageBlock]:

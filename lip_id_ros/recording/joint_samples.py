@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -127,7 +128,7 @@ class JointSamples:
         if keep.all():
             return self
         numbers = np.flatnonzero(keep)
-        values = {name: gathered(getattr(self, name), numbers) for name in SIGNALS}
+        values: dict[str, Any] = {name: gathered(getattr(self, name), numbers) for name in SIGNALS}
         return replace(self, t=self.t[numbers], **values)
 
 

@@ -92,12 +92,17 @@ class _Growing:
         """Return what was appended; nothing may be appended any more."""
         known = len(self._publishers) <= _MOST_PUBLISHERS
         publisher = self._publisher[: self._size]
+        header_ns, receive_ns = (clock[: self._size] for clock in self._clocks)
+        position, velocity, effort = (store.values() for store in self._stores)
         return Part(
             self._joints,
-            *(clock[: self._size] for clock in self._clocks),
+            header_ns,
+            receive_ns,
             publisher if known else np.zeros_like(publisher),
             tuple(self._publishers)[: None if known else 1],
-            *(store.values() for store in self._stores),
+            position,
+            velocity,
+            effort,
         )
 
 

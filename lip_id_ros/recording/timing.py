@@ -207,7 +207,8 @@ def _restarts(stamps: IntArray) -> IndexArray:
 def _for_good(stamps: IntArray, places: IndexArray) -> IndexArray:
     runs, at = np.arange(_RUN), places[:, np.newaxis]
     earliest, latest = stamps[at - 1 - runs].min(axis=1), stamps[at + runs].max(axis=1)
-    return places[earliest > latest + RESTART_NS]
+    found: IndexArray = places[earliest > latest + RESTART_NS]
+    return found
 
 
 def _in_parts(stamps: IntArray, restarts: IndexArray) -> IntArray:

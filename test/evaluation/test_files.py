@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 from simulation.pendulums import swing
 
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.evaluation import mcap_writer, run
+from lip_id_ros.evaluation import run
 from lip_id_ros.evaluation.prediction_file import (
     estimates,
     write_prediction_mcap,
@@ -22,6 +22,7 @@ from lip_id_ros.evaluation.prediction_file import (
     writer_for,
 )
 from lip_id_ros.files import read_npz
+from lip_id_ros.recording import bag_writer
 from lip_id_ros.recording.bag_writer import JointStateTrack, write_bag_folder, write_mcap
 
 
@@ -59,7 +60,7 @@ def test_a_failure_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.Mon
     def fail(*_: Any) -> None:
         raise OSError('disk full')
 
-    monkeypatch.setattr(mcap_writer, '_serialized', fail)
+    monkeypatch.setattr(bag_writer, '_serialized', fail)
     for write in (write_mcap, write_bag_folder):
         with pytest.raises(OSError, match=r'disk full|exists'):
             write(tmp_path / 'out.mcap', [track])
