@@ -20,7 +20,7 @@ from lip_id_ros.simulation.panda import MOTION, panda_urdf
 
 UNSEEN = 'unseen motion'
 
-BLACK_BOX = ('se', 'gip', 'lse', 'delan', 'lip', 'nested', 'recursive', 'articulated')
+BLACK_BOX = ('se', 'gip', 'lse', 'delan', 'lip', 'recursive', 'articulated')
 FAST = tuple(name for name in BLACK_BOX if name != 'delan')
 
 
@@ -154,7 +154,7 @@ def energies(n_joints: int, n_seeds: int) -> Iterator[Case]:
 
 
 FRICTION = ('se', 'gip', 'lip', 'recursive', 'articulated', 'rigid_body', 'semiparametric')
-WITH_ENERGIES = ('lse', 'delan', 'lip', 'nested', 'recursive', 'articulated')
+WITH_ENERGIES = ('lse', 'delan', 'lip', 'recursive', 'articulated')
 EXPERIMENTS: dict[str, tuple[Form, Form]] = {
     'generalization': (
         Form(lambda: generalization((3, 4), 3), FAST, FitSettings()),

@@ -22,7 +22,7 @@ from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import Config, override
 
 Cell = dict[str, Any]
-KERNELS = ('lip', 'nested', 'recursive', 'articulated')
+KERNELS = ('lip', 'recursive', 'articulated')
 
 
 def main(arguments: list[str]) -> int:

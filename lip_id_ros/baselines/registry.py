@@ -10,7 +10,7 @@ from lip_id_ros.errors import ConfigError, LipIdError
 
 Urdf = str | os.PathLike[str]
 
-OURS = ('lip', 'nested', 'recursive', 'articulated')
+OURS = ('lip', 'recursive', 'articulated')
 
 
 def method(name: str, urdf: Urdf | None = None) -> Method:
@@ -119,7 +119,6 @@ MEANINGS = {
     'lse': 'a Gaussian process on the Lagrangian, squared exponential',
     'delan': 'a deep Lagrangian network',
     'lip': "Gaussian processes on the energies, the paper's polynomial kernel",
-    'nested': 'Gaussian processes on the energies, a kernel nested by links',
     'recursive': 'Gaussian processes on the energies, a kernel composed from base to tip',
     'articulated': 'rigid links, the places of whose joints are found in the data, and Gaussian '
     'processes where they leave something over; the default of this package',

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 MODELS = (
-    *('articulated', 'recursive', 'nested', 'lip'),
+    *('articulated', 'recursive', 'lip'),
     *('se', 'gip', 'lse', 'delan', 'rigid_body', 'semiparametric'),
 )
 SOURCE_HELP = 'rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz'

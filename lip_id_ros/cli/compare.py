@@ -11,7 +11,7 @@ DEFAULT_MODELS = 'se,gip,lip,recursive,articulated'
 EPILOG = """\
 models:
   articulated                  of this package, its default: rigid links found in the data
-  recursive, nested, lip       of this package, on energies alone; lip is the paper's
+  recursive, lip               of this package, on energies alone; lip is the paper's
   se, gip                      one Gaussian process per joint: squared exponential, polynomial
   lse                          squared exponential on the Lagrangian
   delan                        deep Lagrangian network

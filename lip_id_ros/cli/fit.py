@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument(
         '--kernel',
-        choices=('articulated', 'recursive', 'recursive_per_link', 'nested', 'lip'),
+        choices=('articulated', 'recursive', 'recursive_per_link', 'lip'),
         help='what torques are made of (default: articulated)',
     )
     kind.add_argument(

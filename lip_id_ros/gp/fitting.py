@@ -11,10 +11,14 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.gp.backend import Backend, choose
-from lip_id_ros.gp.beginning import BEGINNINGS, from_torques, Start
-from lip_id_ros.gp.initial import make_friction, make_residual
-from lip_id_ros.gp.linear_likelihood import LinearLikelihood
+from lip_id_ros.gp.initialisation import (
+    from_torques,
+    InitialGuess,
+    INITIALISATIONS,
+    make_friction,
+    make_residual,
+)
+from lip_id_ros.gp.likelihood import Backend, choose, LinearLikelihood
 from lip_id_ros.gp.sign_width import with_likely_sign_widths
 from lip_id_ros.gp.subset import spread
 from lip_id_ros.gp.training import maximise, Objective, Optimum
@@ -23,7 +27,7 @@ from lip_id_ros.kernels import (
     FAMILY,
     Hyperparameters,
     JointBasis,
-    JointwiseKernel,
+    PerJointKernel,
     TorqueKernel,
     TorquePrior,
 )
@@ -87,12 +91,12 @@ def fit(
 def make_kernel(dataset: Dataset, settings: FitSettings) -> TorqueKernel:
     """Return the kernels that the settings ask for, in the units of the data."""
     basis = JointBasis.of(dataset.joint_types, dataset.q)
-    jointwise: list[JointwiseKernel] = []
+    per_joint: list[PerJointKernel] = []
     if settings.friction:
-        jointwise.append(make_friction(dataset.dq))
+        per_joint.append(make_friction(dataset.dq))
     if settings.residual:
-        jointwise.append(make_residual(basis, dataset.dq, dataset.ddq))
-    return TorqueKernel(_energy_kernel(dataset, settings), basis, tuple(jointwise))
+        per_joint.append(make_residual(basis, dataset.dq, dataset.ddq))
+    return TorqueKernel(_energy_kernel(dataset, settings), basis, tuple(per_joint))
 
 
 def _energy_kernel(dataset: Dataset, settings: FitSettings) -> EnergyKernel:
@@ -139,13 +143,13 @@ def _optimise(
         return Objective(likelihood, centre, settings.prior_precision)
 
     few = _covering(dataset, kernel, max(LEAST_SAMPLES, settings.subset // 3))
-    begin = BEGINNINGS.get(settings.kernel, from_torques)
+    initialise = INITIALISATIONS.get(settings.kernel, from_torques)
     # Tried on fewer samples, so that all of them together cost less than the optimisation itself.
     tried = [
         _tried(start, objective(start.kernel, start.centre, few), settings, progress, number)
-        for number, start in enumerate(begin(kernel, dataset, settings, progress), start=1)
+        for number, start in enumerate(initialise(kernel, dataset, settings, progress), start=1)
     ]
-    start, trial = min(tried, key=lambda pair: pair[1].value + pair[0].handicap)
+    start, trial = min(tried, key=lambda pair: pair[1].value + pair[0].aic_penalty)
     some = _covering(dataset, kernel, settings.subset)
     kernel = with_likely_sign_widths(start.kernel, trial.hyperparameters, some)
     followed = objective(kernel, start.centre, some)
@@ -153,11 +157,15 @@ def _optimise(
 
 
 def _tried(
-    start: Start, objective: Objective, settings: FitSettings, progress: Progress, number: int
-) -> tuple[Start, Optimum]:
+    guess: InitialGuess,
+    objective: Objective,
+    settings: FitSettings,
+    progress: Progress,
+    number: int,
+) -> tuple[InitialGuess, Optimum]:
     iterations = min(TRIAL_ITERATIONS, settings.iterations)
     stage = f'start {number}'
-    return start, maximise(objective, start.hyperparameters, iterations, progress, stage)
+    return guess, maximise(objective, guess.hyperparameters, iterations, progress, stage)
 
 
 def _condition(kernel: TorqueKernel, optimum: Optimum, dataset: Dataset) -> TrainedModel:

@@ -15,8 +15,8 @@ from lip_id_ros.kernels import Hyperparameters, Weights
 def arrays(hyperparameters: Hyperparameters) -> Iterator[tuple[str, Array]]:
     """Yield the name and values of every group of hyperparameters, in the order of the vector."""
     yield from zip(Weights._fields, hyperparameters.weights, strict=True)
-    for k, parameters in enumerate(hyperparameters.jointwise):
-        yield f'jointwise_{k}', parameters
+    for k, parameters in enumerate(hyperparameters.per_joint):
+        yield f'per_joint_{k}', parameters
     yield 'noise_variance', hyperparameters.noise_variance
 
 

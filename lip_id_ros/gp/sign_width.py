@@ -9,7 +9,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.kernels import Hyperparameters, TorqueKernel, TorquePrior
-from lip_id_ros.kernels.jointwise import Friction, JointwiseKernel
+from lip_id_ros.kernels.per_joint import Friction, PerJointKernel
 from lip_id_ros.linear_algebra import CholeskyFactor
 
 FACTORS = (0.2, 0.5, 1.0, 2.0)
@@ -35,10 +35,10 @@ def with_likely_sign_widths(
         On which it is.
 
     """
-    for place, term in enumerate(kernel.jointwise):
+    for place, term in enumerate(kernel.per_joint):
         if isinstance(term, Friction):
             likely = _likely(kernel, hyperparameters, dataset, place, term)
-            return replace(kernel, jointwise=_replaced(kernel.jointwise, place, likely))
+            return replace(kernel, per_joint=_replaced(kernel.per_joint, place, likely))
     return kernel
 
 
@@ -53,7 +53,7 @@ def _likely(
     gram = TorquePrior(kernel, hyperparameters).noisy_gram(states)
     y = dataset.tau.ravel()
     widths = term.sign_width.copy()
-    for joint, (_, coulomb, _) in enumerate(hyperparameters.jointwise[place]):
+    for joint, (_, coulomb, _) in enumerate(hyperparameters.per_joint[place]):
         now, *tried = np.tanh(dataset.dq[:, joint] / np.outer((1.0, *FACTORS), widths[joint]))
         signs = np.zeros((len(tried) + 1, *dataset.tau.shape))
         signs[:, :, joint] = np.sqrt(coulomb) * np.array([now, *tried])
@@ -88,6 +88,6 @@ def _values(gram: Array, y: Array, now: Array, *tried: Array) -> list[float]:
 
 
 def _replaced(
-    terms: tuple[JointwiseKernel, ...], place: int, term: JointwiseKernel
-) -> tuple[JointwiseKernel, ...]:
+    terms: tuple[PerJointKernel, ...], place: int, term: PerJointKernel
+) -> tuple[PerJointKernel, ...]:
     return (*terms[:place], term, *terms[place + 1 :])

@@ -1,11 +1,10 @@
 """Covariance functions: energy kernels, what is not Lagrangian, and the whole torque prior."""
 
 from lip_id_ros.kernels.features import JointBasis
-from lip_id_ros.kernels.jointwise import Friction, JointwiseKernel, Residual
+from lip_id_ros.kernels.per_joint import Friction, PerJointKernel, Residual
 from lip_id_ros.kernels.prior import Hyperparameters, JointStates, TorqueKernel, TorquePrior
-from lip_id_ros.kernels.program import EnergyKernel, FAMILY
+from lip_id_ros.kernels.program import EnergyKernel, FAMILY, Weights
 from lip_id_ros.kernels.rigid_links import ARTICULATED, RigidLinks
-from lip_id_ros.kernels.weights import Weights
 
 __all__ = [
     'ARTICULATED',
@@ -15,7 +14,7 @@ __all__ = [
     'Hyperparameters',
     'JointBasis',
     'JointStates',
-    'JointwiseKernel',
+    'PerJointKernel',
     'Residual',
     'RigidLinks',
     'TorqueKernel',

@@ -61,7 +61,7 @@ def emit_square(
     adj: Jet, work: Array, w: Array, y: Jet, scale: float, low: int, high: int
 ) -> float:
     """
-    Go back through the emission of scale y^2, contracted with w[i, j].
+    Transpose the emission of scale y^2, contracted with w[i, j].
 
     Returns
     -------
@@ -110,7 +110,7 @@ def emit_square(
 
 @jit
 def multiply(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
-    """Go back through y = a y; `y` is the jet before it, `out` gathers the factor's adjoint."""
+    """Transpose y = a y; `y` is the jet before it, add the factor's adjoint to `out`."""
     _scalars(adj, out, y, factor, b)
     _vectors(adj, out, y, factor, low, high)
     _couplings(adj, out, y, factor, b, low, high)
@@ -217,7 +217,7 @@ def _matrices(adj: Jet, out: Factor, y: Jet, factor: Factor, low: int, high: int
 
 @jit
 def add_velocity(adj: Jet, x: Samples, t: Index, z: Samples, u: Index, b: int) -> float:
-    """Go back through y = y + weight dq_b dq'_b; return the derivative by the weight."""
+    """Transpose y = y + weight dq_b dq'_b; return the derivative by the weight."""
     s, r, c = adj.s, adj.r, adj.c
     dq, ddq = x.dq[b, t], x.ddq[b, t]
     dz, ddz = z.dq[b, u : u + LANES], z.ddq[b, u : u + LANES]
@@ -233,7 +233,7 @@ def add_velocity(adj: Jet, x: Samples, t: Index, z: Samples, u: Index, b: int) -
 def load_factor(
     grad: Array, out: Factor, x: Samples, t: Index, z: Samples, u: Index, b: int
 ) -> None:
-    """Go back through the evaluation of a factor: add the derivatives by w_0, w_1, w_2 to grad."""
+    """Transpose the evaluation of a factor: add the derivatives by w_0, w_1, w_2 to grad."""
     f1, f2, g1, g2 = x.f[0, b, t], x.f[1, b, t], x.g[0, b, t], x.g[1, b, t]
     dq = x.dq[b, t]
     first, second, third = 0.0, 0.0, 0.0

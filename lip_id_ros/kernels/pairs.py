@@ -1,18 +1,18 @@
-"""One sample against `LANES` others: a recipe run forwards, and what it emits."""
+"""One sample against `LANES` others: a program run forwards, and backwards on tapes."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.kernels import entries, jets, products
-from lip_id_ros.kernels.entries import Terms
+from lip_id_ros.kernels import jets, jets_adjoint, products
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.jets import Factor, Jet
 from lip_id_ros.kernels.products import Product
-from lip_id_ros.kernels.program import ADD, EMIT, EXTEND, MULTIPLY, RESET, SQUARE, START
-from lip_id_ros.kernels.recipe import Recipe
-from lip_id_ros.numba_jit import Index, jit
+from lip_id_ros.kernels.program import KernelArrays, Operation
+from lip_id_ros.numba_jit import Index, jit, LANES
 
 
 class Scratch(NamedTuple):
@@ -27,115 +27,188 @@ class Scratch(NamedTuple):
         The running product.
     factor : Factor
         The factor at hand.
-    terms : Terms
-        Of the entries at hand.
 
     """
 
     y: Jet
     p: Product
     factor: Factor
-    terms: Terms
+
+
+class Tapes(NamedTuple):
+    """
+    Working memory of one thread on the way back.
+
+    Attributes
+    ----------
+    adj, tape : Jet
+        Adjoint of the running velocity kernel, and that kernel before every step.
+    p_adj, p_tape : Product
+        The same of the running product.
+    factor_adj : Factor
+        Adjoint of the factor at hand.
+    sums : array, shape (8, LANES)
+
+    """
+
+    adj: Jet
+    tape: Jet
+    p_adj: Product
+    p_tape: Product
+    factor_adj: Factor
+    sums: Array
 
 
 @jit
 def new_scratch(n: int) -> Scratch:
     """Allocate working memory for n joints."""
-    return Scratch(
-        jets.new_jet(n), products.new_product(n), jets.new_factor(), entries.new_terms(n)
+    return Scratch(jets.new_jet(n), products.new_product(n), jets.new_factor())
+
+
+@jit
+def new_tapes(n_steps: int, n: int) -> Tapes:
+    """Allocate working memory for runs of at most `n_steps` steps, and n joints."""
+    return Tapes(
+        jets.new_jet(n),
+        jets_adjoint.new_tape(n_steps, n),
+        products.new_product(n),
+        products.new_tape(n, n),
+        jets.new_factor(),
+        np.empty((8, LANES)),
     )
 
 
 @jit
-def run_square_step(
-    work: Scratch, step: IntArray, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
+def _run_step(
+    work: Scratch, step: IntArray, k: KernelArrays, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
     """Run one step on the velocity kernel other than the emission."""
-    operation, b, k, low, high = step[0], step[1], step[2], step[4], step[5]
-    if operation == RESET:
+    operation, b, group, low, high = step[0], step[1], step[2], step[4], step[5]
+    if operation == Operation.RESET:
         jets.reset(work.y, low, high)
-    elif operation == MULTIPLY:
-        jets.load_factor(work.factor, how.factors[k, b], x, t, z, u, b)
+    elif operation == Operation.MULTIPLY:
+        jets.load_factor(work.factor, k.factors[group, b], x, t, z, u, b)
         jets.multiply(work.y, work.factor, b, low, high)
-    elif operation == ADD:
-        jets.add_velocity(work.y, how.velocities[k, b], x, t, z, u, b)
+    elif operation == Operation.ADD:
+        jets.add_velocity(work.y, k.velocities[group, b], x, t, z, u, b)
 
 
 @jit
-def run_entry_step(
-    work: Scratch, step: IntArray, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
+def _extend_product(
+    work: Scratch, b: int, k: KernelArrays, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
-    """Run one step on the product of squared factors; of an emission, prepare the terms."""
-    operation, b, k, low, middle, high = step
-    if operation == START:
-        products.start(work.p, high)
-    elif operation == EXTEND:
-        jets.load_factor(work.factor, how.factors[k, b], x, t, z, u, b)
-        products.square(work.factor)
-        products.extend(work.p, work.factor, b, low, high)
-    elif operation == EMIT:
-        entries.prepare(work.terms, work.p, how.velocities[k], x, t, z, u, low, middle, high)
-
-
-@jit
-def run_potential_step(
-    work: Scratch, b: int, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
-) -> None:
-    """Extend the product by joint b."""
-    jets.load_factor(work.factor, how.potential_factors[b], x, t, z, u, b)
-    products.extend(work.p, work.factor, b, 0, b)
+    jets.load_factor(work.factor, k.potential_factors[b], x, t, z, u, b)
+    products.extend(work.p, work.factor, b)
 
 
 @jit
 def torque_block(
-    block: Array, work: Scratch, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
+    block: Array, work: Scratch, k: KernelArrays, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
     """Set block[i, j] to the torque covariances of x at t and z at u, u + 1, ..."""
     block[:] = 0.0
-    for step in how.squares:
-        if step[0] == SQUARE:
-            jets.emit_square(block, work.y, how.kinetic_scales[step[3]], step[4], step[5])
+    for step in k.steps:
+        if step[0] == Operation.SQUARE:
+            jets.emit_square(block, work.y, k.kinetic_scales[step[3]], step[4], step[5])
         else:
-            run_square_step(work, step, how, x, t, z, u)
-    for step in how.entries:
-        run_entry_step(work, step, how, x, t, z, u)
-        if step[0] == EMIT:
-            s, scale = how.velocities[step[2]], how.kinetic_scales[step[2]]
-            entries.emit(block, work.terms, work.p, scale, step[3], step[4], step[5])
-            entries.emit_diagonal(block, work.terms, s, scale, step[3], step[4], step[5])
-    products.start(work.p, how.potential_scales.shape[0])
-    for b in range(how.potential_scales.shape[0]):
-        run_potential_step(work, b, how, x, t, z, u)
-        if how.potential_scales[b] != 0.0:
-            products.emit(block, work.p, how.potential_scales[b], b + 1)
+            _run_step(work, step, k, x, t, z, u)
+    products.start(work.p, k.potential_scales.shape[0])
+    for b in range(k.potential_scales.shape[0]):
+        _extend_product(work, b, k, x, t, z, u)
+        if k.potential_scales[b] != 0.0:
+            products.emit(block, work.p, k.potential_scales[b], b + 1)
 
 
 @jit
-def kinetic_rows(
-    row: Array, work: Scratch, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
+def energy_rows(
+    kinetic: Array,
+    potential: Array,
+    work: Scratch,
+    k: KernelArrays,
+    x: Samples,
+    t: Index,
+    z: Samples,
+    u: Index,
 ) -> None:
-    """Set row[j] to the covariances of T of x at t with torque j of z at u, u + 1, ..."""
-    row[:] = 0.0
-    for step in how.squares:
-        if step[0] == SQUARE:
-            jets.emit_energy_square(row, work.y, how.kinetic_scales[step[3]], step[4], step[5])
+    """Set row[j] to covariances of T, and of V, of x at t with torque j of z at u, u + 1, ..."""
+    kinetic[:] = 0.0
+    potential[:] = 0.0
+    for step in k.steps:
+        if step[0] == Operation.SQUARE:
+            jets.emit_energy_square(kinetic, work.y, k.kinetic_scales[step[3]], step[4], step[5])
         else:
-            run_square_step(work, step, how, x, t, z, u)
-    for step in how.entries:
-        run_entry_step(work, step, how, x, t, z, u)
-        if step[0] == EMIT:
-            scale = how.kinetic_scales[step[2]]
-            entries.emit_energy(row, work.terms, work.p, scale, step[3], step[5])
+            _run_step(work, step, k, x, t, z, u)
+    products.start(work.p, k.potential_scales.shape[0])
+    for b in range(k.potential_scales.shape[0]):
+        _extend_product(work, b, k, x, t, z, u)
+        if k.potential_scales[b] != 0.0:
+            products.emit_energy(potential, work.p, k.potential_scales[b], b + 1)
 
 
 @jit
-def potential_rows(
-    row: Array, work: Scratch, how: Recipe, x: Samples, t: Index, z: Samples, u: Index
+def add_kinetic_gradient(
+    grad: KernelArrays,
+    block: Array,
+    work: Scratch,
+    tapes: Tapes,
+    steps: IntArray,
+    k: KernelArrays,
+    x: Samples,
+    t: Index,
+    u: Index,
 ) -> None:
-    """Set row[j] to the covariances of V of x at t with torque j of z at u, u + 1, ..."""
-    row[:] = 0.0
-    products.start(work.p, how.potential_scales.shape[0])
-    for b in range(how.potential_scales.shape[0]):
-        run_potential_step(work, b, how, x, t, z, u)
-        if how.potential_scales[b] != 0.0:
-            products.emit_energy(row, work.p, how.potential_scales[b], b + 1)
+    """Add the derivatives of sum(block * torque_block) by the weights of one run of steps."""
+    adj, tape, out = tapes.adj, tapes.tape, tapes.factor_adj
+    for s in range(steps.shape[0]):
+        step = steps[s]
+        if step[0] == Operation.MULTIPLY or step[0] == Operation.SQUARE:
+            jets_adjoint.copy_jet(jets_adjoint.tape_entry(tape, s), work.y, step[4], step[5])
+        if step[0] != Operation.SQUARE:
+            _run_step(work, step, k, x, t, x, u)
+    jets.reset(adj, steps[0, 4], steps[0, 5])
+    for s in range(steps.shape[0] - 1, 0, -1):
+        operation, b, group, link, low, high = steps[s]
+        before = jets_adjoint.tape_entry(tape, s)
+        if operation == Operation.SQUARE:
+            grad.kinetic_scales[link] += jets_adjoint.emit_square(
+                adj, tapes.sums, block, before, k.kinetic_scales[link], low, high
+            )
+        elif operation == Operation.MULTIPLY:
+            jets.load_factor(work.factor, k.factors[group, b], x, t, x, u, b)
+            jets_adjoint.clear_factor(out)
+            jets_adjoint.multiply(adj, out, before, work.factor, b, low, high)
+            jets_adjoint.load_factor(grad.factors[group, b], out, x, t, x, u, b)
+        elif operation == Operation.ADD:
+            grad.velocities[group, b] += jets_adjoint.add_velocity(adj, x, t, x, u, b)
+
+
+@jit
+def add_potential_gradient(
+    grad: KernelArrays,
+    block: Array,
+    work: Scratch,
+    tapes: Tapes,
+    k: KernelArrays,
+    x: Samples,
+    t: Index,
+    u: Index,
+) -> None:
+    """Add the derivatives of sum(block * torque_block) by the potential energy's weights."""
+    p, factor = work.p, work.factor
+    adj, tape, out = tapes.p_adj, tapes.p_tape, tapes.factor_adj
+    n = k.potential_scales.shape[0]
+    products.start(p, n)
+    for b in range(n):
+        products.copy_product(products.tape_entry(tape, b), p, n)
+        _extend_product(work, b, k, x, t, x, u)
+    products.clear(adj, n)
+    for b in range(n - 1, -1, -1):
+        if k.potential_scales[b] != 0.0:
+            after = p if b == n - 1 else products.tape_entry(tape, b + 1)
+            grad.potential_scales[b] += products.emit_adjoint(
+                adj, block, after, k.potential_scales[b], b + 1
+            )
+        jets.load_factor(factor, k.potential_factors[b], x, t, x, u, b)
+        jets_adjoint.clear_factor(out)
+        products.extend_adjoint(adj, out, products.tape_entry(tape, b), factor, b)
+        jets_adjoint.load_factor(grad.potential_factors[b], out, x, t, x, u, b)

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.kernels import energy_covariance as definition
 from lip_id_ros.kernels import gram as energy
-from lip_id_ros.kernels import plain
 from lip_id_ros.kernels.features import JointBasis, Samples
-from lip_id_ros.kernels.jointwise import Friction, JointwiseKernel
-from lip_id_ros.kernels.program import EnergyKernel
+from lip_id_ros.kernels.per_joint import Friction, PerJointKernel
+from lip_id_ros.kernels.program import EnergyKernel, Weights
 from lip_id_ros.kernels.rigid_links import ARTICULATED, RigidLinks
-from lip_id_ros.kernels.weights import Weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +24,8 @@ class JointStates:
     ----------
     q, dq, ddq : arrays, shape (N, n)
     packed : Samples
-    jointwise : tuple of arrays
-        The inputs of each jointwise kernel.
+    per_joint : tuple of arrays
+        The inputs of each per_joint kernel.
     links : tuple of arrays, each of shape (N n, k)
         The features of the torques of rigid links.
 
@@ -36,7 +35,7 @@ class JointStates:
     dq: Array
     ddq: Array
     packed: Samples
-    jointwise: tuple[Array, ...]
+    per_joint: tuple[Array, ...]
     links: tuple[Array, ...] = ()
 
     def __len__(self) -> int:
@@ -53,7 +52,7 @@ class TorqueKernel:
     ----------
     energy : EnergyKernel
     basis : JointBasis
-    jointwise : tuple of JointwiseKernel
+    per_joint : tuple of PerJointKernel
     links : tuple of RigidLinks
         Rigid links beside the energy kernel: one, or none.
 
@@ -61,7 +60,7 @@ class TorqueKernel:
 
     energy: EnergyKernel
     basis: JointBasis
-    jointwise: tuple[JointwiseKernel, ...] = ()
+    per_joint: tuple[PerJointKernel, ...] = ()
     links: tuple[RigidLinks, ...] = ()
 
     @property
@@ -78,12 +77,12 @@ class TorqueKernel:
     @property
     def is_linear(self) -> bool:
         """Whether links and friction are all of the prior."""
-        return self.energy.is_empty and all(isinstance(x, Friction) for x in self.jointwise)
+        return self.energy.is_empty and all(isinstance(x, Friction) for x in self.per_joint)
 
     def states(self, q: Array, dq: Array, ddq: Array) -> JointStates:
         """Prepare joint states, each of shape (N, n); ShapeError if they are not."""
         packed = self.basis.pack(q, dq, ddq)
-        inputs = tuple(kernel.inputs(q, dq, ddq) for kernel in self.jointwise)
+        inputs = tuple(kernel.inputs(q, dq, ddq) for kernel in self.per_joint)
         features = tuple(links.torque(q, dq, ddq).reshape(q.size, -1) for links in self.links)
         return JointStates(q, dq, ddq, packed, inputs, features)
 
@@ -97,15 +96,15 @@ class Hyperparameters:
     ----------
     weights : Weights
         Of the energy kernel.
-    jointwise : tuple of arrays
-        Of each jointwise kernel.
+    per_joint : tuple of arrays
+        Of each per_joint kernel.
     noise_variance : array, shape (n,)
         [(N m)^2 or N^2].
 
     """
 
     weights: Weights
-    jointwise: tuple[Array, ...]
+    per_joint: tuple[Array, ...]
     noise_variance: Array
 
 
@@ -164,7 +163,7 @@ class TorquePrior:
         """Prior variances of the kinetic energy, shape (N,) [J^2]."""
         f, _ = self.kernel.basis.features(x.q)
         weights = self.hyperparameters.weights
-        values = plain.kinetic_covariance(self.kernel.energy, weights, f, x.dq.T, f, x.dq.T)
+        values = definition.kinetic_covariance(self.kernel.energy, weights, f, x.dq.T, f, x.dq.T)
         out = np.full(len(x), values, dtype=np.float64)
         for links in self.kernel.links:
             out += np.square(links.kinetic(x.q, x.dq)).sum(axis=1)
@@ -175,7 +174,7 @@ class TorquePrior:
         f, _ = self.kernel.basis.features(q)
         fz, _ = self.kernel.basis.features(z)
         weights = self.hyperparameters.weights
-        values = plain.potential_covariance(self.kernel.energy, weights, f, fz)
+        values = definition.potential_covariance(self.kernel.energy, weights, f, fz)
         out = np.array(values, dtype=np.float64)
         for links in self.kernel.links:
             out = out + (links.potential(q) * links.potential(z)).sum(axis=1)
@@ -192,15 +191,15 @@ class TorquePrior:
             potential += links.potential(x.q) @ features.T
         return kinetic, potential
 
-    def _terms(self, x: JointStates) -> list[tuple[JointwiseKernel, Array, Array]]:
-        parameters = self.hyperparameters.jointwise
-        return list(zip(self.kernel.jointwise, parameters, x.jointwise, strict=True))
+    def _terms(self, x: JointStates) -> list[tuple[PerJointKernel, Array, Array]]:
+        parameters = self.hyperparameters.per_joint
+        return list(zip(self.kernel.per_joint, parameters, x.per_joint, strict=True))
 
     def _add_others(self, out: Array, x: JointStates, z: JointStates) -> Array:
         for left, right in zip(x.links, z.links, strict=True):
             out += left @ right.T
         n = self.kernel.energy.n_joints
-        for (kernel, parameters, left), right in zip(self._terms(x), z.jointwise, strict=True):
+        for (kernel, parameters, left), right in zip(self._terms(x), z.per_joint, strict=True):
             covariance = kernel.covariance(parameters, left, right)
             for i in range(n):
                 out[i::n, i::n] += covariance[i]

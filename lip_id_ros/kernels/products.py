@@ -1,7 +1,7 @@
 """
-A running product of joint factors and its derivatives, for `LANES` pairs at once.
+A running product of joint factors, its derivatives and their adjoints, for `LANES` pairs at once.
 
-The potential energy kernel is such a product, and does not depend on velocities, so that of the
+The potential energy kernel is such a product. It does not depend on velocities, so that of the
 Euler-Lagrange operators only -d/dq_i remains (docs/maths.md, section 2).
 
 """
@@ -55,27 +55,15 @@ def start(x: Product, high: int) -> None:
 
 
 @jit
-def square(factor: Factor) -> None:
-    """Set a(q_b, q'_b) to its square, without the rates."""
-    a = factor.a
-    for m in range(LANES):
-        a0, a1, a2, a3 = a[0, m], a[1, m], a[2, m], a[3, m]
-        a[0, m] = a0 * a0
-        a[1, m] = 2.0 * a0 * a1
-        a[2, m] = 2.0 * a0 * a2
-        a[3, m] = 2.0 * (a1 * a2 + a0 * a3)
-
-
-@jit
-def extend(x: Product, factor: Factor, b: int, low: int, high: int) -> None:
-    """Set p = a(q_b, q'_b) p; before, p depends on joints low..high-1, afterwards on b too."""
+def extend(x: Product, factor: Factor, b: int) -> None:
+    """Set p = a(q_b, q'_b) p; before, p depends on joints 0..b-1, afterwards on b too."""
     p, r, c, h = x
     a = factor.a
-    for i in range(low, high):
-        for j in range(low, high):
+    for i in range(b):
+        for j in range(b):
             for m in range(LANES):
                 h[i, j, m] *= a[0, m]
-    for i in range(low, high):
+    for i in range(b):
         for m in range(LANES):
             h[b, i, m] = a[1, m] * c[i, m]
             h[i, b, m] = a[2, m] * r[i, m]
@@ -103,3 +91,81 @@ def emit_energy(row: Array, x: Product, scale: float, high: int) -> None:
     for j in range(high):
         for m in range(LANES):
             row[j, m] += scale * x.c[j, m]
+
+
+@jit
+def new_tape(length: int, n: int) -> Product:
+    """Allocate `length` products for n joints, stacked along a new first index."""
+    return Product(
+        np.zeros((length, 1, LANES)),
+        np.zeros((length, n, LANES)),
+        np.zeros((length, n, LANES)),
+        np.zeros((length, n, n, LANES)),
+    )
+
+
+@jit
+def tape_entry(tape: Product, k: int) -> Product:
+    """View product k of a tape."""
+    return Product(tape.p[k], tape.r[k], tape.c[k], tape.h[k])
+
+
+@jit
+def copy_product(out: Product, x: Product, high: int) -> None:
+    """Copy the part of a product that belongs to joints 0..high-1."""
+    out.p[:] = x.p
+    out.r[:high] = x.r[:high]
+    out.c[:high] = x.c[:high]
+    out.h[:high, :high] = x.h[:high, :high]
+
+
+@jit
+def clear(x: Product, high: int) -> None:
+    """Set the part of an adjoint that belongs to joints 0..high-1 to zero."""
+    x.p[:] = 0.0
+    x.r[:high] = 0.0
+    x.c[:high] = 0.0
+    x.h[:high, :high] = 0.0
+
+
+@jit
+def emit_adjoint(adj: Product, w: Array, x: Product, scale: float, high: int) -> float:
+    """Transpose `emit`, contracted with w[i, j]; return the derivative by the scale."""
+    total = 0.0
+    for i in range(high):
+        for j in range(high):
+            for m in range(LANES):
+                adj.h[i, j, m] += scale * w[i, j, m]
+                total += w[i, j, m] * x.h[i, j, m]
+    return total
+
+
+@jit
+def extend_adjoint(adj: Product, out: Factor, x: Product, factor: Factor, b: int) -> None:
+    """Transpose `extend`; `x` is the product before it, on joints 0..b-1."""
+    a, grad = factor.a, out.a
+    for i in range(b):
+        for j in range(b):
+            for m in range(LANES):
+                grad[0, m] += adj.h[i, j, m] * x.h[i, j, m]
+                adj.h[i, j, m] *= a[0, m]
+    for i in range(b):
+        for m in range(LANES):
+            row, column = adj.h[b, i, m], adj.h[i, b, m]
+            grad[0, m] += adj.r[i, m] * x.r[i, m] + adj.c[i, m] * x.c[i, m]
+            grad[1, m] += row * x.c[i, m]
+            grad[2, m] += column * x.r[i, m]
+            adj.r[i, m] = a[0, m] * adj.r[i, m] + a[2, m] * column
+            adj.c[i, m] = a[0, m] * adj.c[i, m] + a[1, m] * row
+    for m in range(LANES):
+        p, corner = x.p[0, m], adj.h[b, b, m]
+        grad[0, m] += adj.p[0, m] * p
+        grad[1, m] += adj.r[b, m] * p
+        grad[2, m] += adj.c[b, m] * p
+        grad[3, m] += corner * p
+        adj.p[0, m] = (
+            a[0, m] * adj.p[0, m]
+            + a[1, m] * adj.r[b, m]
+            + a[2, m] * adj.c[b, m]
+            + a[3, m] * corner
+        )

@@ -1,19 +1,16 @@
 r"""
-Energy kernels as short programs.
+Energy kernels as short programs, and their weights.
 
-The kinetic energy kernel of link i is a sum over the entries (j, k) of its inertia matrix,
+The kinetic energy kernel is a sum over the links of squares of velocity kernels,
 
-.. math:: k_{T_i} = \lambda_i \sum_{jk} v_j v_k \prod_b a_b^{d_b(j, k)}, \qquad
-          v_j = s_j \dot q_j \dot q'_j,
+.. math:: k_T = \sum_i \lambda_i\, y_i^2, \qquad
+          y_i = \sum_{j \le i} v_j \prod_{b \in B_{ij}} a_b, \qquad v_j = s_j \dot q_j \dot q'_j,
 
-and the members of the family differ only in the degree d_b to which the factor a_b(q, q') of a
-joint enters an entry (docs/maths.md, section 3). There are two ways to sum many entries at once,
-and a program of steps for each. Where the sum is the square of a kernel y on velocities, the
-steps act on one running y: multiply by a factor, add a velocity term, emit the square. Where
-entries share their product of squared factors, the steps act on one running product: extend it by
-a joint, emit the entries that it belongs to. The potential energy kernel is a product of factors,
-emitted as it is. Whoever evaluates a kernel (Gram matrix, gradient, serving, plain oracle)
-interprets the same steps, and a new member of the family is a new list.
+and the members of the family differ only in the joints B_ij whose factors a_b(q, q') multiply a
+velocity term (docs/maths.md, section 3). A program composes the y_i: its steps act on one running
+y, which they multiply by a factor, add a velocity term to, or emit the square of. The potential
+energy kernel is a product of factors. Whoever evaluates a kernel (Gram matrix, gradient,
+prediction, reference) interprets the same steps, and a new member of the family is a new list.
 
 """
 
@@ -21,15 +18,44 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
-from lip_id_ros.arrays import IntArray
+from lip_id_ros.arrays import Array, IntArray
 
-RESET, MULTIPLY, ADD, SQUARE = 0, 1, 2, 3
-START, EXTEND, EMIT = 0, 1, 2
 
-Step = tuple[int, int, int, int, int, int]
+class Operation(IntEnum):
+    """What a step does to the running velocity kernel y."""
+
+    RESET = 0  # y = 0
+    MULTIPLY = 1  # y = a_b y
+    ADD = 2  # y = y + s_b dq_b dq'_b
+    SQUARE = 3  # emit lambda_i y^2
+
+
+class Step(NamedTuple):
+    """
+    One step of a program; a row of `EnergyKernel.steps`.
+
+    Attributes
+    ----------
+    operation : Operation
+    joint : int
+    factor_set : int
+    link : int
+    low, high : int
+        Before the step, y depends on joints low..high-1; at a reset, those that it will depend on.
+
+    """
+
+    operation: int
+    joint: int
+    factor_set: int
+    link: int
+    low: int
+    high: int
 
 
 @dataclass(frozen=True)
@@ -42,14 +68,8 @@ class EnergyKernel:
     name : str
         As in `lip_id fit --kernel`.
     n_joints : int
-    squares : int array, shape (n_steps, 6)
-        Steps on a running velocity kernel y: operation, joint, factor set, link, low, high. Before
-        the step, y depends on joints low..high-1; at a reset, those that it will depend on.
-    entries : int array, shape (n_steps, 6)
-        Steps on a running product of squared factors: operation, joint, link, low, middle, high.
-        Before an extension the product depends on joints low..high-1, at a start on those that it
-        will depend on. What is emitted are the entries whose lower index is in low..middle-1 and
-        whose higher one is below `high`.
+    steps : int array, shape (n_steps, 6)
+        The program of the kinetic energy: rows as in `Step`.
     n_factor_sets : int
         1 where all links share joint factors and velocity weights, n where each has its own.
     potential_links : int array
@@ -59,15 +79,87 @@ class EnergyKernel:
 
     name: str
     n_joints: int
-    squares: IntArray
-    entries: IntArray
+    steps: IntArray
     n_factor_sets: int
     potential_links: IntArray
 
     @property
     def is_empty(self) -> bool:
         """Whether there are no energies."""
-        return not (len(self.squares) or len(self.entries) or len(self.potential_links))
+        return not (len(self.steps) or len(self.potential_links))
+
+
+class Weights(NamedTuple):
+    """
+    Positive hyperparameters of an energy kernel.
+
+    Attributes
+    ----------
+    factors : array, shape (n_factor_sets, n, 3)
+        w_0, w_1, w_2 of the kinetic energy's joint factors.
+    velocities : array, shape (n_factor_sets, n)
+        Weights s of the velocities.
+    kinetic_scales : array, shape (n,)
+        lambda of every link's kinetic energy [J^2 up to the units of s].
+    potential_factors : array, shape (n, 3)
+        w_0, w_1, w_2 of the potential energy's joint factors.
+    potential_scales : array, shape (n_potential_links,)
+        [J^2].
+
+    """
+
+    factors: Array
+    velocities: Array
+    kinetic_scales: Array
+    potential_factors: Array
+    potential_scales: Array
+
+
+class KernelArrays(NamedTuple):
+    """
+    An energy kernel with its weights, laid out for compiled loops.
+
+    Attributes
+    ----------
+    steps : int array, shape (n_steps, 6)
+        As in `EnergyKernel`.
+    bounds : int array
+        Where each run that begins with a reset begins, and the end.
+    factors, velocities, kinetic_scales, potential_factors : arrays
+        As in `Weights`.
+    potential_scales : array, shape (n,)
+        Weight with which the product up to each joint is emitted; 0 where it is not.
+
+    """
+
+    steps: IntArray
+    bounds: IntArray
+    factors: Array
+    velocities: Array
+    kinetic_scales: Array
+    potential_factors: Array
+    potential_scales: Array
+
+
+def unit_weights(kernel: EnergyKernel) -> Weights:
+    """Return weights of one, in the shapes that a kernel needs."""
+    n, sets = kernel.n_joints, kernel.n_factor_sets
+    return Weights(
+        factors=np.ones((sets, n, 3)),
+        velocities=np.ones((sets, n)),
+        kinetic_scales=np.ones(n),
+        potential_factors=np.ones((n, 3)),
+        potential_scales=np.ones(len(kernel.potential_links)),
+    )
+
+
+def kernel_arrays(kernel: EnergyKernel, weights: Weights) -> KernelArrays:
+    """Lay a kernel and its weights out for compiled loops."""
+    potential_scales = np.zeros(kernel.n_joints)
+    potential_scales[kernel.potential_links] = weights.potential_scales
+    resets = np.flatnonzero(kernel.steps[:, 0] == Operation.RESET)
+    bounds = np.append(resets, len(kernel.steps))
+    return KernelArrays(kernel.steps, bounds, *weights[:-1], potential_scales)
 
 
 def recursive(n_joints: int) -> EnergyKernel:
@@ -80,71 +172,53 @@ def recursive(n_joints: int) -> EnergyKernel:
     with degree one up to k and two beyond. The inertia matrix never depends on the first joint.
 
     """
-    steps: list[Step] = [(RESET, 0, 0, 0, 0, n_joints)]
+    steps = [Step(Operation.RESET, 0, 0, 0, 0, n_joints)]
     for b in range(n_joints):
         if b > 0:
-            steps.append((MULTIPLY, b, 0, 0, 0, b))
-        steps.append((ADD, b, 0, 0, 0, b))
-        steps.append((SQUARE, 0, 0, b, 0, b + 1))
-    return _kernel('recursive', n_joints, squares=steps, n_factor_sets=1)
+            steps.append(Step(Operation.MULTIPLY, b, 0, 0, 0, b))
+        steps.append(Step(Operation.ADD, b, 0, 0, 0, b))
+        steps.append(Step(Operation.SQUARE, 0, 0, b, 0, b + 1))
+    return _kernel('recursive', n_joints, steps, n_factor_sets=1)
 
 
 def recursive_per_link(n_joints: int) -> EnergyKernel:
     """As `recursive`, with factors and velocity weights of its own for every link."""
     steps: list[Step] = []
     for i in range(n_joints):
-        steps.append((RESET, 0, i, 0, 0, i + 1))
+        steps.append(Step(Operation.RESET, 0, i, 0, 0, i + 1))
         for b in range(i + 1):
             if b > 0:
-                steps.append((MULTIPLY, b, i, 0, 0, b))
-            steps.append((ADD, b, i, 0, 0, b))
-        steps.append((SQUARE, 0, i, i, 0, i + 1))
-    return _kernel('recursive_per_link', n_joints, squares=steps)
+                steps.append(Step(Operation.MULTIPLY, b, i, 0, 0, b))
+            steps.append(Step(Operation.ADD, b, i, 0, 0, b))
+        steps.append(Step(Operation.SQUARE, 0, i, i, 0, i + 1))
+    return _kernel('recursive_per_link', n_joints, steps, n_joints)
 
 
 def lip(n_joints: int) -> EnergyKernel:
     """
     Build the kernel of the paper (eqs. `kinetic_LGI` and `potential-kernel`).
 
-    Every entry of link i's inertia depends on all joints up to i, with degree two; the potential
-    energy is one product over all joints.
+    Every entry of link i's inertia depends on all joints up to i, with degree two: y_i is the sum
+    of all velocity terms times the product of all factors. The potential energy is one product
+    over all joints.
 
     """
     steps: list[Step] = []
     for i in range(n_joints):
         end = i + 1
-        steps.append((START, 0, i, 0, 0, end))
-        steps.extend((EXTEND, b, i, b + 1, b + 1, end) for b in range(i, -1, -1))
-        steps.append((EMIT, 0, i, 0, end, end))
-    return with_product_potential(_kernel('lip', n_joints, entries=steps))
-
-
-def nested(n_joints: int) -> EnergyKernel:
-    """
-    Entries that depend only on the joints beyond min(j, k), with degree two.
-
-    From a link's own joint down to the base: emit the entries of the joint at hand with those
-    beyond, then extend the product by its factor.
-
-    """
-    steps: list[Step] = []
-    for i in range(n_joints):
-        end = i + 1
-        steps.append((START, 0, i, 0, 0, end))
-        for b in range(i, -1, -1):
-            steps.append((EMIT, b, i, b, b + 1, end))
-            if b > 0:
-                steps.append((EXTEND, b, i, b + 1, b + 1, end))
-    return _kernel('nested', n_joints, entries=steps)
+        steps.append(Step(Operation.RESET, 0, i, 0, 0, end))
+        steps.extend(Step(Operation.ADD, b, i, 0, 0, end) for b in range(end))
+        steps.extend(Step(Operation.MULTIPLY, b, i, 0, 0, end) for b in range(end))
+        steps.append(Step(Operation.SQUARE, 0, i, i, 0, end))
+    return with_product_potential(_kernel('lip', n_joints, steps, n_joints))
 
 
 def none(n_joints: int) -> EnergyKernel:
-    """Return no energies, for what rigid links explain by themselves."""
-    kernel = with_potential_after(_kernel('none', n_joints), [])
-    return replace(kernel, n_factor_sets=0)
+    """Return no energies, for torques that rigid links explain by themselves."""
+    return with_potential_after(_kernel('none', n_joints, (), 0), [])
 
 
-FAMILY = {kernel.__name__: kernel for kernel in (recursive, recursive_per_link, nested, lip)}
+FAMILY = {kernel.__name__: kernel for kernel in (recursive, recursive_per_link, lip)}
 ENERGIES = {**FAMILY, 'none': none}
 """Every energy kernel by its name; those of the family can do without rigid links."""
 
@@ -181,22 +255,6 @@ POTENTIALS = {
 }
 
 
-def _kernel(
-    name: str,
-    n_joints: int,
-    squares: Sequence[Step] = (),
-    entries: Sequence[Step] = (),
-    n_factor_sets: int | None = None,
-) -> EnergyKernel:
-    return EnergyKernel(
-        name=name,
-        n_joints=n_joints,
-        squares=_table(squares),
-        entries=_table(entries),
-        n_factor_sets=n_factor_sets or n_joints,
-        potential_links=np.arange(n_joints),
-    )
-
-
-def _table(steps: Sequence[Step]) -> IntArray:
-    return np.array(steps, dtype=np.int64).reshape(len(steps), 6)
+def _kernel(name: str, n_joints: int, steps: Sequence[Step], n_factor_sets: int) -> EnergyKernel:
+    table = np.array(steps, dtype=np.int64).reshape(len(steps), len(Step._fields))
+    return EnergyKernel(name, n_joints, table, n_factor_sets, np.arange(n_joints))

@@ -12,7 +12,7 @@ from lip_id_ros.kernels import (
     Friction,
     Hyperparameters,
     JointBasis,
-    JointwiseKernel,
+    PerJointKernel,
     Residual,
     RigidLinks,
     TorqueKernel,
@@ -42,7 +42,7 @@ def write(path: str | os.PathLike[str], model: TrainedModel) -> None:
         'potential_links': model.prior.kernel.energy.potential_links.tolist(),
         'joint_names': list(model.joint_names),
         'joint_types': list(model.joint_types),
-        'jointwise': [kernel.name for kernel in model.prior.kernel.jointwise],
+        'per_joint': [kernel.name for kernel in model.prior.kernel.per_joint],
         'rigid_links': bool(model.prior.kernel.links),
         'summary': dict(model.summary),
         'provenance': dict(model.provenance),
@@ -73,7 +73,7 @@ def _arrays(model: TrainedModel) -> Arrays:
     }
     for name, values in zip(Weights._fields, prior.hyperparameters.weights, strict=True):
         arrays[f'weights_{name}'] = values
-    terms = zip(prior.kernel.jointwise, prior.hyperparameters.jointwise, strict=True)
+    terms = zip(prior.kernel.per_joint, prior.hyperparameters.per_joint, strict=True)
     for kernel, parameters in terms:
         arrays[f'{kernel.name}_parameters'] = parameters
         if isinstance(kernel, Friction):
@@ -91,12 +91,12 @@ def _arrays(model: TrainedModel) -> Arrays:
 def _restore(arrays: Arrays, header: Mapping[str, Any]) -> dict[str, Any]:
     types = tuple(str(kind) for kind in header['joint_types'])
     basis = JointBasis(types, arrays['basis_centre'], arrays['basis_half_range'])
-    jointwise = tuple(_jointwise(name, basis, arrays) for name in header['jointwise'])
+    per_joint = tuple(_per_joint(name, basis, arrays) for name in header['per_joint'])
     links = (_links(basis, arrays),) if header['rigid_links'] else ()
-    kernel = TorqueKernel(_energy_kernel(header, len(types)), basis, jointwise, links)
+    kernel = TorqueKernel(_energy_kernel(header, len(types)), basis, per_joint, links)
     hyperparameters = Hyperparameters(
         weights=Weights(*(arrays[f'weights_{name}'] for name in Weights._fields)),
-        jointwise=tuple(arrays[f'{name}_parameters'] for name in header['jointwise']),
+        per_joint=tuple(arrays[f'{name}_parameters'] for name in header['per_joint']),
         noise_variance=arrays['noise_variance'],
     )
     return {
@@ -115,8 +115,8 @@ def _energy_kernel(header: Mapping[str, Any], n_joints: int) -> EnergyKernel:
     return with_potential_after(kernel, header['potential_links'])
 
 
-def _jointwise(name: str, basis: JointBasis, arrays: Arrays) -> JointwiseKernel:
-    makers: dict[str, Callable[[], JointwiseKernel]] = {
+def _per_joint(name: str, basis: JointBasis, arrays: Arrays) -> PerJointKernel:
+    makers: dict[str, Callable[[], PerJointKernel]] = {
         'friction': lambda: Friction(arrays['friction_sign_width']),
         'residual': lambda: Residual(basis, arrays['residual_scales']),
     }

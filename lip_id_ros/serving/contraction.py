@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels.recipe import Recipe
+from lip_id_ros.kernels.program import KernelArrays
 from lip_id_ros.numba_jit import jit, LANES
 from lip_id_ros.rigid_body.rnea import WORK_VECTORS
 
@@ -54,10 +54,8 @@ class Scratch(NamedTuple):
         x and dx before every step.
     a : array, shape (n_steps, 6, LANES)
         Of every factor: a, D'a, d'_alpha a, and their derivatives by the query's q_b.
-    sums, dsums : arrays, shape (2, 3, LANES)
-        Velocity sums of entries, near and far, with D' and d'_alpha, and their time derivatives.
     links : array, shape (n, WORK_VECTORS, 3)
-        What rigid links carry outward for the way back.
+        What `rnea` keeps for the way to the base.
 
     """
 
@@ -68,15 +66,13 @@ class Scratch(NamedTuple):
     tape: Array
     dtape: Array
     a: Array
-    sums: Array
-    dsums: Array
     links: Array
 
 
 @jit
-def new_scratch(how: Recipe) -> Scratch:
-    """Allocate working memory for a recipe."""
-    n_steps = max(how.squares.shape[0], how.entries.shape[0], how.potential_scales.shape[0])
+def new_scratch(k: KernelArrays) -> Scratch:
+    """Allocate working memory for a kernel."""
+    n_steps = max(k.steps.shape[0], k.potential_scales.shape[0])
     return Scratch(
         np.zeros((4, LANES)),
         np.zeros((4, LANES)),
@@ -85,9 +81,7 @@ def new_scratch(how: Recipe) -> Scratch:
         np.zeros((n_steps, 4, LANES)),
         np.zeros((n_steps, 4, LANES)),
         np.zeros((n_steps, 6, LANES)),
-        np.zeros((2, 3, LANES)),
-        np.zeros((2, 3, LANES)),
-        np.zeros((how.potential_scales.shape[0], WORK_VECTORS, 3)),
+        np.zeros((k.potential_scales.shape[0], WORK_VECTORS, 3)),
     )
 
 

@@ -7,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.kernels.jointwise import Friction, Residual
-from lip_id_ros.kernels.recipe import Recipe, recipe
+from lip_id_ros.kernels.per_joint import Friction, Residual
+from lip_id_ros.kernels.program import kernel_arrays, KernelArrays
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.numba_jit import jit, LANES
 from lip_id_ros.rigid_body.rnea import NO_LINKS, pack_links, rnea
 from lip_id_ros.serving.contraction import Scratch, TrainingSide
-from lip_id_ros.serving.entries import energy_of_entries
 from lip_id_ros.serving.potential import potential_energy
 from lip_id_ros.serving.squares import energy_of_squares
 
@@ -69,7 +68,7 @@ class Contracted(NamedTuple):
     """A model's posterior mean, ready to be evaluated."""
 
     arm: Arm
-    how: Recipe
+    k: KernelArrays
     side: TrainingSide
     links: Array
     terms: JointTerms
@@ -80,7 +79,7 @@ def contract(model: TrainedModel) -> Contracted:
     basis = model.prior.kernel.basis
     return Contracted(
         arm=Arm(basis.prismatic, basis.centre, basis.half_range),
-        how=recipe(model.prior.kernel.energy, model.prior.hyperparameters.weights),
+        k=kernel_arrays(model.prior.kernel.energy, model.prior.hyperparameters.weights),
         side=_training_side(model),
         links=_links(model),
         terms=_joint_terms(model),
@@ -118,9 +117,9 @@ def _joint_terms(model: TrainedModel) -> JointTerms:
         weights=np.zeros((n, 0)),
     )
     kernels = zip(
-        model.prior.kernel.jointwise,
-        model.prior.hyperparameters.jointwise,
-        model.states.jointwise,
+        model.prior.kernel.per_joint,
+        model.prior.hyperparameters.per_joint,
+        model.states.per_joint,
         strict=True,
     )
     for kernel, parameters, inputs in kernels:
@@ -185,7 +184,7 @@ def evaluate_one(
     parts: Array,
     energies: Array,
     arm: Arm,
-    how: Recipe,
+    k: KernelArrays,
     side: TrainingSide,
     links: Array,
     terms: JointTerms,
@@ -204,7 +203,7 @@ def evaluate_one(
         Set to the torques of the kinetic energy, of gravity, and of friction and residual.
     energies : array, shape (2,)
         Set to kinetic and potential energy.
-    arm, how, side, links, terms
+    arm, k, side, links, terms
         The model, as `Contracted`.
     work : Scratch
     features : array, shape (4, n)
@@ -215,9 +214,8 @@ def evaluate_one(
     f, g = features[:2], features[2:]
     _features(f, g, arm, q)
     parts[:] = 0.0
-    energies[0] = energy_of_squares(parts[0], how, work, side, f, g, dq, ddq)
-    energies[0] += energy_of_entries(parts[0], how, work, side, f, g, dq, ddq)
-    energies[1] = potential_energy(parts[1], how, work, side, f, g)
+    energies[0] = energy_of_squares(parts[0], k, work, side, f, g, dq, ddq)
+    energies[1] = potential_energy(parts[1], k, work, side, f, g)
     kinetic, potential = rnea(parts[0], parts[1], links, arm.prismatic, work.links, q, dq, ddq)
     energies[0] += kinetic
     energies[1] += potential
@@ -230,7 +228,7 @@ def evaluate_many(
     parts: Array,
     energies: Array,
     arm: Arm,
-    how: Recipe,
+    k: KernelArrays,
     side: TrainingSide,
     links: Array,
     terms: JointTerms,
@@ -246,7 +244,7 @@ def evaluate_many(
             parts[t],
             energies[t],
             arm,
-            how,
+            k,
             side,
             links,
             terms,

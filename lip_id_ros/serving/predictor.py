@@ -39,7 +39,7 @@ class Predictor:
         self.model = model
         self._contracted = contract(model)
         n = model.n_joints
-        self._work = new_scratch(self._contracted.how)
+        self._work = new_scratch(self._contracted.k)
         self._features = np.empty((4, n))
         self._parts = np.empty((3, n))
         self._energies = np.empty(2)
@@ -186,7 +186,7 @@ class Predictor:
     def _evaluate(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         parts = np.empty((len(q), 3, self.n_joints))
         energies = np.empty((len(q), 2))
-        work, features = new_scratch(self._contracted.how), np.empty((4, self.n_joints))
+        work, features = new_scratch(self._contracted.k), np.empty((4, self.n_joints))
         evaluate_many(parts, energies, *self._contracted, work, features, q, dq, ddq)
         return parts, energies
 

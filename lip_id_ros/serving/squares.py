@@ -15,16 +15,10 @@ back (reverse differentiation of T by dq and q).
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lip_id_ros.arrays import Array
-from lip_id_ros.kernels.program import ADD, MULTIPLY, RESET, SQUARE
-from lip_id_ros.kernels.recipe import Recipe
+from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.kernels.program import KernelArrays, Operation
 from lip_id_ros.numba_jit import jit, LANES
 from lip_id_ros.serving.contraction import load_factor, Scratch, TrainingSide
-
-Integers = NDArray[np.int64]
 
 
 @jit
@@ -127,7 +121,7 @@ def _square_back(adj: Array, dadj: Array, x: Array, dx: Array, scale: float) -> 
 @jit
 def energy_of_squares(
     tau: Array,
-    how: Recipe,
+    k: KernelArrays,
     work: Scratch,
     side: TrainingSide,
     f: Array,
@@ -137,18 +131,18 @@ def energy_of_squares(
 ) -> float:
     """Return the squares' part of T; add d/dt dT/d(dq) - dT/dq to tau."""
     total = 0.0
-    for k in range(len(how.square_bounds) - 1):
-        steps = how.squares[how.square_bounds[k] : how.square_bounds[k + 1]]
+    for run in range(len(k.bounds) - 1):
+        steps = k.steps[k.bounds[run] : k.bounds[run + 1]]
         for u in range(0, side.dq.shape[1], LANES):
-            total += _forward(how, steps, work, side, f, g, dq, ddq, u)
-            _backward(tau, how, steps, work, side, dq, u)
+            total += _forward(k, steps, work, side, f, g, dq, ddq, u)
+            _backward(tau, k, steps, work, side, dq, u)
     return total
 
 
 @jit
 def _forward(
-    how: Recipe,
-    steps: Integers,
+    k: KernelArrays,
+    steps: IntArray,
     work: Scratch,
     side: TrainingSide,
     f: Array,
@@ -158,30 +152,30 @@ def _forward(
     u: int,
 ) -> float:
     total = 0.0
-    for k in range(steps.shape[0]):
-        operation, b, group, link = steps[k, 0], steps[k, 1], steps[k, 2], steps[k, 3]
-        if operation == RESET:
+    for s in range(steps.shape[0]):
+        operation, b, group, link = steps[s, 0], steps[s, 1], steps[s, 2], steps[s, 3]
+        if operation == Operation.RESET:
             work.x[:] = 0.0
             work.dx[:] = 0.0
-        elif operation == ADD:
-            weight = how.velocities[group, b]
+        elif operation == Operation.ADD:
+            weight = k.velocities[group, b]
             _add(work.x, work.dx, weight, dq[b], ddq[b], side, u, b)
-        elif operation == MULTIPLY:
-            work.tape[k] = work.x
-            load_factor(work.a[k], how.factors[group, b], f, g, side, u, b)
-            _multiply(work.x, work.dx, work.a[k], dq[b])
-        elif operation == SQUARE:
-            work.tape[k] = work.x
-            work.dtape[k] = work.dx
-            total += _square(work.x, how.kinetic_scales[link])
+        elif operation == Operation.MULTIPLY:
+            work.tape[s] = work.x
+            load_factor(work.a[s], k.factors[group, b], f, g, side, u, b)
+            _multiply(work.x, work.dx, work.a[s], dq[b])
+        elif operation == Operation.SQUARE:
+            work.tape[s] = work.x
+            work.dtape[s] = work.dx
+            total += _square(work.x, k.kinetic_scales[link])
     return total
 
 
 @jit
 def _backward(
     tau: Array,
-    how: Recipe,
-    steps: Integers,
+    k: KernelArrays,
+    steps: IntArray,
     work: Scratch,
     side: TrainingSide,
     dq: Array,
@@ -189,13 +183,11 @@ def _backward(
 ) -> None:
     work.adj[:] = 0.0
     work.dadj[:] = 0.0
-    for k in range(steps.shape[0] - 1, 0, -1):
-        operation, b, group, link = steps[k, 0], steps[k, 1], steps[k, 2], steps[k, 3]
-        if operation == ADD:
-            tau[b] += _add_back(work.dadj, how.velocities[group, b], side, u, b)
-        elif operation == MULTIPLY:
-            tau[b] -= _multiply_back(work.adj, work.dadj, work.tape[k], work.a[k], dq[b])
-        elif operation == SQUARE:
-            _square_back(
-                work.adj, work.dadj, work.tape[k], work.dtape[k], how.kinetic_scales[link]
-            )
+    for s in range(steps.shape[0] - 1, 0, -1):
+        operation, b, group, link = steps[s, 0], steps[s, 1], steps[s, 2], steps[s, 3]
+        if operation == Operation.ADD:
+            tau[b] += _add_back(work.dadj, k.velocities[group, b], side, u, b)
+        elif operation == Operation.MULTIPLY:
+            tau[b] -= _multiply_back(work.adj, work.dadj, work.tape[s], work.a[s], dq[b])
+        elif operation == Operation.SQUARE:
+            _square_back(work.adj, work.dadj, work.tape[s], work.dtape[s], k.kinetic_scales[link])

@@ -111,7 +111,7 @@ class FitSettings(Settings):
         'articulated',
         'A kernel on energies; articulated finds the places of the joints first, and adds the '
         'recursive kernel where rigid links leave something over.',
-        choices=('articulated', 'lip', 'nested', 'recursive', 'recursive_per_link'),
+        choices=('articulated', 'lip', 'recursive', 'recursive_per_link'),
     )
     potential: str = setting(
         'kernel',

@@ -79,7 +79,7 @@ SETTINGS: dict[str, tuple[str, str]] = {
     'wrong type': ('fit: {subset: many}', 'fit.subset in .*arm.yaml must be a whole number'),
     'out of range': ('preprocessing: {cutoff_hz: -1}', r'preprocessing.cutoff_hz .* >= 0'),
     'not YAML': ('fit: [', 'arm.yaml is not YAML'),
-    'unknown kernel': ('fit: {kernel: magic}', 'fit.kernel in .*lip or nested or recursive'),
+    'unknown kernel': ('fit: {kernel: magic}', 'fit.kernel in .*lip or recursive'),
     'wrong topic': ('recording: {topic: /elsewhere}', "recording.topic .* not '/elsewhere'"),
     'unknown joint': ('recording: {joints: [knee]}', 'knee'),
     'scale per joint': ('recording: {effort_scale: [1.0, 2.0]}', 'effort_scale .*3'),

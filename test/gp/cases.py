@@ -13,7 +13,7 @@ from lip_id_ros.kernels import (
     FAMILY,
     Friction,
     Hyperparameters,
-    JointwiseKernel,
+    PerJointKernel,
     Residual,
     TorqueKernel,
 )
@@ -30,10 +30,10 @@ def random_kernel(
     terms: tuple[str, ...],
     rng: np.random.Generator,
 ) -> TorqueKernel:
-    """Return the kernel of an arm with the named jointwise terms."""
+    """Return the kernel of an arm with the named per-joint terms."""
     n = len(types)
     basis = random_basis(types, rng)
-    choices: dict[str, JointwiseKernel] = {
+    choices: dict[str, PerJointKernel] = {
         'friction': Friction(0.1 + rng.random(n)),
         'residual': Residual(basis, 0.5 + rng.random((2, n))),
     }
@@ -46,7 +46,7 @@ def random_hyperparameters(kernel: TorqueKernel, rng: np.random.Generator) -> Hy
     columns = {'friction': 3, 'residual': 4}
     return Hyperparameters(
         weights=random_weights(kernel.energy, rng),
-        jointwise=tuple(0.5 + rng.random((n, columns[term.name])) for term in kernel.jointwise),
+        per_joint=tuple(0.5 + rng.random((n, columns[term.name])) for term in kernel.per_joint),
         noise_variance=0.05 + 0.1 * rng.random(n),
     )
 
@@ -77,8 +77,8 @@ def without_gravity(likelihood: MarginalLikelihood) -> MarginalLikelihood:
     energy = without_potential(kernel.energy)
     weights = like.weights._replace(potential_scales=np.empty(0))
     return MarginalLikelihood(
-        TorqueKernel(energy, kernel.basis, kernel.jointwise),
+        TorqueKernel(energy, kernel.basis, kernel.per_joint),
         likelihood.states,
         likelihood.tau,
-        Hyperparameters(weights, like.jointwise, like.noise_variance),
+        Hyperparameters(weights, like.per_joint, like.noise_variance),
     )

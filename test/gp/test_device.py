@@ -17,7 +17,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp import fit
 from lip_id_ros.gp.fitting import make_kernel
-from lip_id_ros.gp.initial import initial_hyperparameters
+from lip_id_ros.gp.initialisation import initial_hyperparameters
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.training import maximise, Objective
@@ -27,7 +27,7 @@ from lip_id_ros.settings import FitSettings
 
 torch = pytest.importorskip('torch', reason='the device path needs torch')
 
-from lip_id_ros.gp.device import TorchMarginalLikelihood  # noqa: E402
+from lip_id_ros.gp.reference import TorchMarginalLikelihood  # noqa: E402
 
 DEVICES = ('cpu', pytest.param('cuda', marks=pytest.mark.gpu))
 ARMS = ((R,), (P,), (P, R), (R, R, P, R))
@@ -126,7 +126,7 @@ def test_optimum_is_the_same(device: str) -> None:
     dataset, settings = motions(), FitSettings(prior_precision=1.0)
     kernel = make_kernel(dataset, settings)
     start = initial_hyperparameters(
-        kernel.energy, kernel.jointwise, dataset.dq, dataset.ddq, dataset.tau
+        kernel.energy, kernel.per_joint, dataset.dq, dataset.ddq, dataset.tau
     )
     states = kernel.states(dataset.q, dataset.dq, dataset.ddq)
     likelihood = MarginalLikelihood(kernel, states, dataset.tau, start)
@@ -167,7 +167,7 @@ def test_without_torch_says_so() -> None:
     """In a process of its own, in which torch cannot be imported."""
     program = (
         "import sys; sys.modules['torch'] = None\n"
-        'from lip_id_ros.gp.backend import choose\n'
+        'from lip_id_ros.gp.likelihood import choose\n'
         "print(choose('cuda').device, choose('cuda').note)"
     )
     ran = subprocess.run(

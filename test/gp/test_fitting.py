@@ -46,7 +46,7 @@ def test_a_torque_that_never_changes(torque: float) -> None:
 
 
 def test_summary() -> None:
-    model = quick(samples(), kernel='nested')
+    model = quick(samples(), kernel='recursive_per_link')
     summary = json.loads(json.dumps(model.summary))
     assert summary == model.summary
     assert summary.keys() == {
@@ -109,7 +109,7 @@ def test_alpha_solves_the_normal_equations() -> None:
 )
 def test_terms_are_switchable(friction: bool, residual: bool, terms: tuple[str, ...]) -> None:
     model = quick(samples(), friction=friction, residual=residual)
-    assert tuple(kernel.name for kernel in model.prior.kernel.jointwise) == terms
+    assert tuple(kernel.name for kernel in model.prior.kernel.per_joint) == terms
 
 
 def test_gravity_compensated_torques_have_no_potential() -> None:

@@ -19,7 +19,7 @@ def dense_covariance(likelihood: MarginalLikelihood) -> Array:
     kernel, at, x = likelihood.kernel, likelihood.like, likelihood.states
     n = kernel.energy.n_joints
     total = cross_gram(kernel.energy, at.weights, x.packed, x.packed)
-    terms = zip(kernel.jointwise, at.jointwise, x.jointwise, strict=True)
+    terms = zip(kernel.per_joint, at.per_joint, x.per_joint, strict=True)
     for term, parameters, inputs in terms:
         for joint, covariance in enumerate(term.covariance(parameters, inputs, inputs)):
             for row in range(len(x)):

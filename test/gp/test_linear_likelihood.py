@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from lip_id_ros.errors import FitError
-from lip_id_ros.gp.initial import initial_hyperparameters, make_friction
-from lip_id_ros.gp.likelihood import MarginalLikelihood
-from lip_id_ros.gp.linear_likelihood import LinearLikelihood
+from lip_id_ros.gp.initialisation import initial_hyperparameters, make_friction
+from lip_id_ros.gp.likelihood import LinearLikelihood, MarginalLikelihood
 from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.kernels import JointBasis, TorqueKernel
 from lip_id_ros.kernels.program import none, recursive
@@ -26,9 +25,9 @@ def likelihoods(name: str, friction: bool) -> tuple[MarginalLikelihood, LinearLi
     n = dataset.n_joints
     links = random_links(dataset.joint_types, rng)
     basis = JointBasis.of(dataset.joint_types, dataset.q)
-    jointwise = (make_friction(dataset.dq),) if friction else ()
-    kernel = TorqueKernel(none(n), basis, jointwise, (links,))
-    centre = initial_hyperparameters(kernel.energy, jointwise, dataset.dq, dataset.ddq, tau)
+    per_joint = (make_friction(dataset.dq),) if friction else ()
+    kernel = TorqueKernel(none(n), basis, per_joint, (links,))
+    centre = initial_hyperparameters(kernel.energy, per_joint, dataset.dq, dataset.ddq, tau)
     states = kernel.states(*motion)
     return (
         MarginalLikelihood(kernel, states, dataset.tau, centre),

@@ -21,7 +21,7 @@ from lip_id_ros.kernels import Hyperparameters
 
 @st.composite
 def hyperparameters(draw: st.DrawFn) -> Hyperparameters:
-    """Of any member of the family, any arm, any jointwise terms."""
+    """Of any member of the family, any arm, any per-joint terms."""
     types = tuple(draw(st.lists(st.sampled_from([R, P]), min_size=1, max_size=4)))
     member, terms = draw(st.sampled_from(MEMBERS)), draw(st.sampled_from(TERMS))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))

@@ -17,7 +17,7 @@ from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import FitSettings
 
-MEMBERS = ('lip', 'nested', 'recursive')
+MEMBERS = ('lip', 'recursive')
 CASES = [(name, member) for name in ARMS for member in MEMBERS]
 N_SAMPLES = 80
 ITERATIONS = 25
@@ -137,10 +137,10 @@ def learned_with_friction(member: str) -> TrainedModel:
 @pytest.mark.parametrize('member', MEMBERS)
 def test_friction_coefficients_are_recovered(member: str) -> None:
     model = learned_with_friction(member)
-    (friction,) = model.prior.kernel.jointwise
-    (parameters,) = model.prior.hyperparameters.jointwise
+    (friction,) = model.prior.kernel.per_joint
+    (parameters,) = model.prior.hyperparameters.per_joint
     assert isinstance(friction, Friction)
-    got = friction.coefficients(parameters, model.states.jointwise[0], model.alpha)
+    got = friction.coefficients(parameters, model.states.per_joint[0], model.alpha)
     np.testing.assert_allclose(got[:, 0], VISCOUS, rtol=0.02)
     np.testing.assert_allclose(got[:, 1], COULOMB, rtol=0.02)
     np.testing.assert_allclose(got[:, 2], 0.0, atol=0.02)
@@ -185,9 +185,9 @@ def test_torques_without_gravity(member: str) -> None:
 def with_offset_variance(model: TrainedModel, variance: float) -> TrainedModel:
     """Condition on the same samples under another prior of the friction's offset."""
     at = model.prior.hyperparameters
-    friction = at.jointwise[0].copy()
+    friction = at.per_joint[0].copy()
     friction[:, 2] = variance
-    prior = replace(model.prior, hyperparameters=replace(at, jointwise=(friction,)))
+    prior = replace(model.prior, hyperparameters=replace(at, per_joint=(friction,)))
     gram = prior.noisy_gram(model.states)
     alpha = np.linalg.solve(gram, model.tau.ravel()).reshape(model.tau.shape)
     return replace(model, prior=prior, alpha=alpha)

@@ -11,11 +11,11 @@ import pytest
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
 from lip_id_ros.gp.fitting import make_kernel
-from lip_id_ros.gp.initial import initial_hyperparameters, SIGN_SHARE
+from lip_id_ros.gp.initialisation import initial_hyperparameters, SIGN_SHARE
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.sign_width import FACTORS, with_likely_sign_widths
-from lip_id_ros.kernels.jointwise import Friction
+from lip_id_ros.kernels.per_joint import Friction
 from lip_id_ros.settings import FitSettings
 
 ARM = ARMS['polar']
@@ -33,7 +33,7 @@ def with_friction(shares: list[float]) -> Dataset:
 @pytest.mark.parametrize('shares', [[0.01, 0.4], [0.4, 0.01]])
 def test_every_joint_has_a_width_of_its_own(shares: list[float]) -> None:
     model = fit(with_friction(shares), FitSettings(iterations=10))
-    (friction,) = model.prior.kernel.jointwise
+    (friction,) = model.prior.kernel.per_joint
     assert isinstance(friction, Friction)
     found = friction.sign_width / USUAL
     narrow, wide = int(np.argmin(shares)), int(np.argmax(shares))
@@ -44,15 +44,15 @@ def test_every_joint_has_a_width_of_its_own(shares: list[float]) -> None:
 def test_no_other_width_of_a_single_joint_is_likelier() -> None:
     data = with_friction([0.1, 0.3])
     kernel = make_kernel(data, FitSettings())
-    at = initial_hyperparameters(kernel.energy, kernel.jointwise, data.dq, data.ddq, data.tau)
-    (friction,) = with_likely_sign_widths(kernel, at, data).jointwise
+    at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
+    (friction,) = with_likely_sign_widths(kernel, at, data).per_joint
     assert isinstance(friction, Friction)
     last = data.n_joints - 1
 
     def value(factor: float) -> float:
         widths = friction.sign_width.copy()
         widths[last] = factor * SIGN_SHARE * USUAL[last]
-        tried = replace(kernel, jointwise=(Friction(widths),))
+        tried = replace(kernel, per_joint=(Friction(widths),))
         states = tried.states(data.q, data.dq, data.ddq)
         likelihood = MarginalLikelihood(tried, states, data.tau, at)
         return likelihood.value_and_gradient(to_vector(at))[0]
@@ -64,5 +64,5 @@ def test_no_other_width_of_a_single_joint_is_likelier() -> None:
 def test_without_friction_nothing_changes() -> None:
     data = with_friction([0.1, 0.1])
     kernel = make_kernel(data, FitSettings(friction=False))
-    at = initial_hyperparameters(kernel.energy, kernel.jointwise, data.dq, data.ddq, data.tau)
+    at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
     assert with_likely_sign_widths(kernel, at, data) is kernel

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, RigidLinks, Weights
-from lip_id_ros.kernels.weights import shapes
+from lip_id_ros.kernels.program import unit_weights
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 
 R, P = 'revolute', 'prismatic'
@@ -17,7 +17,7 @@ MEMBERS = tuple(FAMILY)
 
 def random_weights(kernel: EnergyKernel, rng: np.random.Generator) -> Weights:
     """Draw weights around one half."""
-    return Weights(*(np.exp(0.4 * rng.normal(size=w.shape) - 0.7) for w in shapes(kernel)))
+    return Weights(*(np.exp(0.4 * rng.normal(size=w.shape) - 0.7) for w in unit_weights(kernel)))
 
 
 def random_states(n_samples: int, n: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:

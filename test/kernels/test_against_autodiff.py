@@ -8,13 +8,18 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, Weights
-from lip_id_ros.kernels.gradient import contracted_gradient
-from lip_id_ros.kernels.gram import cross_gram, energy_covariance, gram, prior_blocks
+from lip_id_ros.kernels.gram import (
+    contracted_gradient,
+    cross_gram,
+    energy_covariance,
+    gram,
+    prior_blocks,
+)
 from lip_id_ros.kernels.program import POTENTIALS
 
-torch = pytest.importorskip('torch', reason='the oracle differentiates with torch')
+torch = pytest.importorskip('torch', reason='the reference differentiates with torch')
 
-from kernels.autodiff import Oracle, State  # noqa: E402
+from lip_id_ros.gp.reference import EnergyReference, State  # noqa: E402
 
 CASES = [(member, arm) for member in MEMBERS for arm in ARMS]
 
@@ -32,7 +37,7 @@ def setting(
 def tensors(states: tuple[Array, Array, Array], t: int) -> State:
     """Return sample t as tensors."""
     q, dq, ddq = states
-    return torch.tensor(q[t]), torch.tensor(dq[t]), torch.tensor(ddq[t])
+    return State(torch.tensor(q[t]), torch.tensor(dq[t]), torch.tensor(ddq[t]))
 
 
 @pytest.mark.parametrize(('member', 'types'), CASES)
@@ -40,10 +45,10 @@ def test_torque_blocks(member: str, types: tuple[str, ...]) -> None:
     """The closed-form Gram matrix is the Euler-Lagrange operator applied to both sides."""
     kernel, basis, weights, x = setting(member, types, 3)
     z = random_states(2, len(types), np.random.default_rng(1))
-    oracle = Oracle(kernel, basis, weights)
+    reference = EnergyReference(kernel, basis, Weights(*map(torch.tensor, weights)))
     expected = np.block(
         [
-            [oracle.torque_block(tensors(x, t), tensors(z, u)).numpy() for u in range(2)]
+            [reference.torque_block(tensors(x, t), tensors(z, u)).numpy() for u in range(2)]
             for t in range(3)
         ]
     )
@@ -60,8 +65,8 @@ def test_every_potential_with_every_member(member: str, potential: str) -> None:
     kernel = POTENTIALS[potential](FAMILY[member](3))
     basis, weights = random_basis(types, rng), random_weights(kernel, rng)
     x, z = random_states(1, 3, rng), random_states(1, 3, rng)
-    oracle = Oracle(kernel, basis, weights)
-    expected = oracle.torque_block(tensors(x, 0), tensors(z, 0)).numpy()
+    reference = EnergyReference(kernel, basis, Weights(*map(torch.tensor, weights)))
+    expected = reference.torque_block(tensors(x, 0), tensors(z, 0)).numpy()
     got = cross_gram(kernel, weights, basis.pack(*x), basis.pack(*z))
     np.testing.assert_allclose(got, expected, rtol=1e-11, atol=1e-11 * abs(expected).max())
 
@@ -71,10 +76,12 @@ def test_energy_covariances(member: str, types: tuple[str, ...]) -> None:
     """Covariances of energies and torques, the sign of the potential included."""
     kernel, basis, weights, x = setting(member, types, 2)
     z = random_states(3, len(types), np.random.default_rng(1))
-    oracle = Oracle(kernel, basis, weights)
+    reference = EnergyReference(kernel, basis, Weights(*map(torch.tensor, weights)))
     pairs = [[(tensors(x, t), tensors(z, u)) for u in range(3)] for t in range(2)]
-    kinetic = np.block([[oracle.kinetic_row(*pair).numpy() for pair in row] for row in pairs])
-    potential = np.block([[oracle.potential_row(*pair).numpy() for pair in row] for row in pairs])
+    kinetic = np.block([[reference.kinetic_row(*pair).numpy() for pair in row] for row in pairs])
+    potential = np.block(
+        [[reference.potential_row(*pair).numpy() for pair in row] for row in pairs]
+    )
     got = energy_covariance(kernel, weights, basis.pack(*x), basis.pack(*z))
     np.testing.assert_allclose(got[0], kinetic, rtol=1e-11, atol=1e-11 * abs(kinetic).max())
     np.testing.assert_allclose(got[1], potential, rtol=1e-11, atol=1e-11 * abs(potential).max())
@@ -96,16 +103,16 @@ def test_gram_is_the_symmetric_cross_gram(member: str) -> None:
 
 @pytest.mark.parametrize('member', MEMBERS)
 def test_gradient_against_autograd(member: str) -> None:
-    """Derivatives by every weight, against automatic differentiation through the oracle."""
+    """Derivatives by every weight, against automatic differentiation through the reference."""
     kernel, basis, weights, x = setting(member, ('revolute', 'prismatic', 'revolute'), 2)
     rng = np.random.default_rng(2)
     contraction = rng.normal(size=(6, 6))
     contraction += contraction.T
     leaves = [torch.tensor(w, requires_grad=True) for w in weights]
-    oracle = Oracle(kernel, basis, Weights(*leaves))
+    reference = EnergyReference(kernel, basis, Weights(*leaves))
     total = torch.stack([
         (torch.tensor(contraction[3 * t : 3 * t + 3, 3 * u : 3 * u + 3])
-         * oracle.torque_block(tensors(x, t), tensors(x, u))).sum()
+         * reference.torque_block(tensors(x, t), tensors(x, u))).sum()
         for t in range(2) for u in range(2)
     ]).sum()  # fmt: skip
     total.backward()

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels import Friction, JointBasis, JointwiseKernel, Residual
+from lip_id_ros.kernels import Friction, JointBasis, PerJointKernel, Residual
 
 N_JOINTS = 3
 TYPES = ('revolute', 'prismatic', 'revolute')
 
 
-def make(name: str) -> tuple[JointwiseKernel, Array, Array, Array]:
+def make(name: str) -> tuple[PerJointKernel, Array, Array, Array]:
     """Return a kernel, its parameters and two sets of inputs."""
     rng = np.random.default_rng(0)
     basis = JointBasis(TYPES, rng.normal(size=3), 0.5 + rng.random(3))
-    kernels: dict[str, tuple[JointwiseKernel, Array]] = {
+    kernels: dict[str, tuple[PerJointKernel, Array]] = {
         'friction': (Friction(0.1 + rng.random(3)), rng.random((3, 3))),
         'residual': (Residual(basis, 0.5 + rng.random((2, 3))), 0.5 + rng.random((3, 4))),
     }

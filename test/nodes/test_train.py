@@ -174,7 +174,7 @@ def test_wrong_parameters_are_refused_with_a_sentence(ros: tuple[Graph, Client])
         (
             'fit.kernel',
             'rbf',
-            'fit.kernel must be a text articulated or lip or nested or recursive or '
+            'fit.kernel must be a text articulated or lip or recursive or '
             "recursive_per_link, not 'rbf'.",
         ),
         ('fit.subset', 2.5, 'fit.subset must be a whole number >= 1, not 2.5.'),
@@ -207,7 +207,7 @@ def test_wrong_start_gives_one_line_and_status_one(ros: tuple[Graph, Client]) ->
     train = graph.start('train', fit__kernel='rbf')
     assert train.wait() == 1
     assert (
-        'must be a text articulated or lip or nested or recursive or recursive_per_link, '
+        'must be a text articulated or lip or recursive or recursive_per_link, '
         "not 'rbf'." in train.log
     )
     assert 'Traceback' not in train.log

@@ -66,7 +66,7 @@ def with_noise(model: TrainedModel, variance: float) -> TrainedModel:
     """Condition the model's prior on the same motions, with a noise variance for all joints."""
     at = model.prior.hyperparameters
     noise = np.full_like(at.noise_variance, variance)
-    prior = TorquePrior(model.prior.kernel, Hyperparameters(at.weights, at.jointwise, noise))
+    prior = TorquePrior(model.prior.kernel, Hyperparameters(at.weights, at.per_joint, noise))
     return conditioned(prior, model.n_samples, np.random.default_rng(1))
 
 

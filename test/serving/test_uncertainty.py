@@ -8,7 +8,7 @@ import pytest
 from serving.models import KERNELS, random_model, with_noise
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels.plain import kinetic_covariance, potential_covariance
+from lip_id_ros.kernels.energy_covariance import kinetic_covariance, potential_covariance
 from lip_id_ros.model import StandardDeviation, TrainedModel
 from lip_id_ros.serving import Predictor
 from lip_id_ros.serving.uncertainty import BLOCK

@@ -18,7 +18,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import JointBasis
 
 
-class JointwiseKernel(Protocol):
+class PerJointKernel(Protocol):
     """What the Gaussian process needs of a kernel that acts on every joint by itself."""
 
     @property

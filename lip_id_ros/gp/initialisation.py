@@ -1,0 +1,237 @@
+"""Initial guesses of the hyperparameters, from torques alone or from links found in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import FitError
+from lip_id_ros.gp.log_vector import to_vector
+from lip_id_ros.gp.placement_search import find_links, Samples
+from lip_id_ros.gp.subset import spread
+from lip_id_ros.kernels import (
+    ARTICULATED,
+    Hyperparameters,
+    JointBasis,
+    PerJointKernel,
+    TorqueKernel,
+    Weights,
+)
+from lip_id_ros.kernels.per_joint import Friction, own_joint_columns, Residual
+from lip_id_ros.kernels.program import EnergyKernel, none, unit_weights
+from lip_id_ros.linear_algebra import NOT_FINITE
+from lip_id_ros.progress import Progress
+from lip_id_ros.settings import FitSettings
+
+MANY_SAMPLES, FEW_SAMPLES = 500, 100
+"""Samples of the last and of the first descents over placements."""
+
+LEAST_PER_JOINT = 2
+"""Samples per joint below which placements are not identified."""
+
+AIC_PENALTY = 1.0
+"""Rise of the log likelihood demanded of each hyperparameter of the energies (Akaike 1974)."""
+
+NOISE_SHARE = 0.02
+"""Initial standard deviation of the noise, as a share of each torque's."""
+
+NOISIER = 5.0
+"""Factor on the noise's standard deviation in the noisier starting points."""
+
+WEAKER = 0.01
+"""Factor on the scales of the kinetic energy in the weakest of them."""
+
+SIGN_SHARE = 0.05
+"""Initial width of the smooth sign of friction, as a share of each joint's usual velocity."""
+
+RESIDUAL_SHARE = 0.05
+"""Initial standard deviation of the residual, likewise."""
+
+RESIDUAL_LENGTH = 3.0
+"""Initial length scales of the residual, in standard deviations of the inputs."""
+
+
+@dataclass(frozen=True)
+class InitialGuess:
+    """
+    One point from which the optimisation may start.
+
+    Attributes
+    ----------
+    kernel : TorqueKernel
+    centre : Hyperparameters
+        Of the prior on the hyperparameters.
+    hyperparameters : Hyperparameters
+    aic_penalty : float
+        Added to its negative log likelihood where guesses are compared.
+
+    """
+
+    kernel: TorqueKernel
+    centre: Hyperparameters
+    hyperparameters: Hyperparameters
+    aic_penalty: float = 0.0
+
+
+Initialise = Callable[[TorqueKernel, Dataset, FitSettings, Progress], list[InitialGuess]]
+
+
+def from_torques(
+    kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
+) -> list[InitialGuess]:
+    """Guess energies that explain all of the torques."""
+    centre = _centre(kernel, dataset)
+    return [InitialGuess(kernel, centre, start) for start in starting_points(centre)]
+
+
+def from_links(
+    kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
+) -> list[InitialGuess]:
+    """
+    Find the links first; guess links alone, links with energies, and energies alone.
+
+    The latter two are for arms that are not chains of rigid links.
+
+    """
+    energies = from_torques(kernel, dataset, settings, progress)
+    if dataset.n_samples < LEAST_PER_JOINT * dataset.n_joints:
+        return energies
+    centre = energies[0].centre
+    rows = spread(kernel.basis, dataset.q, dataset.dq, dataset.ddq, MANY_SAMPLES)
+    some = dataset.select(rows)
+    samples = Samples(some, _friction_features(kernel, centre, some))
+    found = find_links(samples, FEW_SAMPLES, settings.seed, progress)
+    variance = found.left_over**2
+
+    def with_links(energy: EnergyKernel) -> tuple[TorqueKernel, Hyperparameters]:
+        weights = initial_weights(energy, dataset.ddq, variance)
+        linked = replace(kernel, energy=energy, links=(found.links,))
+        return linked, replace(centre, weights=weights, noise_variance=variance)
+
+    alone, centre_alone = with_links(none(dataset.n_joints))
+    both, centre_both = with_links(kernel.energy)
+    aic_penalty = AIC_PENALTY * sum(values.size for values in centre.weights)
+    little_noise = replace(centre_both, noise_variance=(NOISE_SHARE * found.left_over) ** 2)
+    return [
+        InitialGuess(alone, centre_alone, centre_alone),
+        InitialGuess(both, centre_both, centre_both, aic_penalty),
+        InitialGuess(both, little_noise, little_noise, aic_penalty),
+        *(replace(guess, aic_penalty=aic_penalty) for guess in energies),
+    ]
+
+
+INITIALISATIONS: dict[str, Initialise] = {ARTICULATED: from_links}
+"""Of the kernels whose initial guesses need more than the torques."""
+
+
+def _centre(kernel: TorqueKernel, dataset: Dataset) -> Hyperparameters:
+    with np.errstate(over='ignore', divide='ignore'):
+        centre = initial_hyperparameters(
+            kernel.energy, kernel.per_joint, dataset.dq, dataset.ddq, dataset.tau
+        )
+        if np.isfinite(to_vector(centre)).all():
+            return centre
+    raise FitError(NOT_FINITE)
+
+
+def _friction_features(
+    kernel: TorqueKernel, hyperparameters: Hyperparameters, dataset: Dataset
+) -> Array:
+    features = [np.zeros((dataset.n_samples, dataset.n_joints, 0))]
+    for term, variances in zip(kernel.per_joint, hyperparameters.per_joint, strict=True):
+        if isinstance(term, Friction):
+            inputs = term.inputs(dataset.q, dataset.dq, dataset.ddq)
+            features.append(own_joint_columns(inputs * np.sqrt(variances)[:, None]))
+    return np.concatenate(features, axis=2)
+
+
+def initial_weights(kernel: EnergyKernel, ddq: Array, variance: Array) -> Weights:
+    """
+    Weights under which the prior explains torques of a given size.
+
+    Parameters
+    ----------
+    kernel : EnergyKernel
+    ddq : array, shape (N, n)
+    variance : array, shape (n,)
+        Of each torque [(N m)^2 or N^2].
+
+    """
+    torque = np.sqrt(np.mean(variance))
+    acceleration = _root_mean_square(ddq)
+    ones = unit_weights(kernel)
+    return Weights(
+        factors=ones.factors / 3.0,
+        velocities=ones.velocities / acceleration,
+        kinetic_scales=ones.kinetic_scales * torque**2,
+        potential_factors=ones.potential_factors / 3.0,
+        potential_scales=ones.potential_scales * torque**2,
+    )
+
+
+def initial_hyperparameters(
+    kernel: EnergyKernel,
+    per_joint: tuple[PerJointKernel, ...],
+    dq: Array,
+    ddq: Array,
+    tau: Array,
+) -> Hyperparameters:
+    """Return the starting point of the optimisation for motions and torques of shape (N, n)."""
+    deviation = _positive(tau.std(axis=0))
+    starts = {
+        'friction': lambda: initial_friction(dq, deviation),
+        'residual': lambda: initial_residual(deviation),
+    }
+    return Hyperparameters(
+        weights=initial_weights(kernel, ddq, tau.var(axis=0)),
+        per_joint=tuple(starts[kernel.name]() for kernel in per_joint),
+        noise_variance=(NOISE_SHARE * deviation) ** 2,
+    )
+
+
+def starting_points(centre: Hyperparameters) -> list[Hyperparameters]:
+    """
+    Return starting points of an optimisation: little noise, much noise, and weak inertia with it.
+
+    From little noise alone the first steps can collapse the noise of one joint, and the rest then
+    interpolates; which start is right shows after a few iterations.
+
+    """
+    noisy = replace(centre, noise_variance=centre.noise_variance * NOISIER**2)
+    weak = noisy.weights._replace(kinetic_scales=noisy.weights.kinetic_scales * WEAKER)
+    return [centre, noisy, replace(noisy, weights=weak)]
+
+
+def initial_friction(dq: Array, deviation: Array) -> Array:
+    """Return prior variances of friction that makes up a tenth of each torque, shape (n, 3)."""
+    share = (0.1 * deviation) ** 2
+    return np.column_stack([share / _root_mean_square(dq) ** 2, share, share])
+
+
+def initial_residual(deviation: Array) -> Array:
+    """Return the parameters of a small, smooth residual, shape (n, 4)."""
+    lengths = np.full((len(deviation), 3), RESIDUAL_LENGTH * np.sqrt(len(deviation)))
+    return np.column_stack([(RESIDUAL_SHARE * deviation) ** 2, lengths])
+
+
+def make_friction(dq: Array) -> Friction:
+    """Return the friction kernel whose sign is smooth within a share of the usual velocity."""
+    return Friction(sign_width=SIGN_SHARE * _root_mean_square(dq))
+
+
+def make_residual(basis: JointBasis, dq: Array, ddq: Array) -> Residual:
+    """Return the residual kernel in units of the usual velocities and accelerations."""
+    return Residual(basis, np.stack([_root_mean_square(dq), _root_mean_square(ddq)]))
+
+
+def _root_mean_square(x: Array) -> Array:
+    return _positive(np.sqrt(np.mean(x**2, axis=0)))
+
+
+def _positive(x: Array) -> Array:
+    # A joint that never moved has no scale of its own.
+    return np.where(x > 0.0, x, np.max(x) if np.max(x) > 0.0 else 1.0)
