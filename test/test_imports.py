@@ -62,7 +62,6 @@ FOREIGN = {
     'numpy': ('',),
     'scipy': ('',),
     'numba': ('numba_jit', 'kernels'),  # prange in loops over all threads
-    'torch': ('kernels/plain', 'gp/device', 'baselines'),  # imported where asked for
     'threadpoolctl': ('gp/placement_search', 'identification'),
     'rosbags': ('recording',),
     'lz4': ('recording/storage/contents',),
