@@ -56,6 +56,14 @@ class _Cache(FunctionCache):
         key = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]
         return (*key, _digest(Path(__file__).parent), _digest(home))
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return cached code; None where there is none, or it refers to types that are gone."""
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except (ImportError, AttributeError):
+            self.flush()  # type: ignore[no-untyped-call]
+            return None
+
 
 @cache
 def _digest(folder: Path) -> str:

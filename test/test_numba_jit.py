@@ -64,3 +64,20 @@ def test_a_change_in_another_module_is_seen(folder: Path) -> None:
     run(folder)
     (folder / 'inner.py').write_text(INNER.format(factor=3.0))
     assert run(folder) == (3.0, 0)
+
+
+def test_code_for_types_that_are_gone_is_discarded(folder: Path) -> None:
+    """A type of the package that moved to another module must not end the program."""
+    typed = 'from typing import NamedTuple\n\nclass Pair(NamedTuple):\n    x: float\n'
+    (folder / 'gone.py').write_text(typed)
+    source = OUTER.replace('x: float', 'x').replace('inner(x)', 'inner(x.x)')
+    source = source.replace('outer(1.0)', 'outer(Pair(1.0))')
+    # the file of the function itself stays as it is
+    outer = 'from pair import Pair\n' + source
+    (folder / 'pair.py').write_text('from gone import Pair')
+    (folder / 'outer.py').write_text(outer)
+    assert run(folder) == (2.0, 0)
+    (folder / 'inner.py').write_text(INNER.format(factor=3.0))
+    (folder / 'gone.py').unlink()
+    (folder / 'pair.py').write_text(typed)
+    assert run(folder) == (3.0, 0)
