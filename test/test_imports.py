@@ -63,6 +63,7 @@ FOREIGN = {
     'scipy': ('',),
     'numba': ('numba_jit', 'kernels'),  # prange in loops over all threads
     'threadpoolctl': ('gp/placement_search', 'identification'),
+    'torch': ('gp/reference', 'baselines'),  # imported where asked for
     'rosbags': ('recording',),
     'lz4': ('recording/storage/contents',),
     # zstd: the standard library has it from 3.14 as compression
