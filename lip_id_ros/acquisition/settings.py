@@ -18,6 +18,7 @@ from lip_id_ros.settings.nodes import (
     parameters_of,
     WHILE_EMPTY,
 )
+from lip_id_ros.signals.joints import require_unique
 
 LISTS = ('recording.joint_types', 'recording.effort_scale', 'recording.effort_offset')
 
@@ -105,11 +106,7 @@ def check_together(values: Mapping[str, Any]) -> None:
 
     """
     joints = values['recording.joints']
-    for name in joints:
-        if joints.count(name) > 1:
-            raise ConfigError(
-                f'recording.joints must name each joint once, but {name!r} comes twice.'
-            )
+    require_unique('recording.joints', joints)
     for name in LISTS:
         count = len(values[name])
         if joints and count not in (0, len(joints)):

@@ -14,7 +14,7 @@ from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
-from lip_id_ros.signals.trajectories import PlannedPoint, stack, times
+from lip_id_ros.signals.trajectories import increasing_times, PlannedPoint, stack
 
 
 class EffortPoint(PlannedPoint, Protocol):
@@ -84,8 +84,8 @@ class PlanController:
         effort = np.zeros(motion.shape[1:])
         if efforts != {0}:
             effort = np.array([point.effort for point in points], dtype=np.float64)[:, columns]
-        t = times(points)
-        if len(t) < 2 or not np.all(np.diff(t) > 0):
+        t = increasing_times(points)
+        if len(t) < 2:
             raise RefusedError(Refusal.NOT_INCREASING)
         if not np.isfinite(effort).all():
             raise RefusedError(Refusal.NOT_FINITE_TORQUE)

@@ -1,4 +1,12 @@
-"""Standard deviations beside a stream: of the newest reference, as often as asked for."""
+"""
+Standard deviations beside a stream: of the newest reference, as often as asked for.
+
+The triangular solve of a query takes milliseconds, in which LAPACK holds the interpreter: beside
+the answers of `serve` it would delay them. So it is done in a process of its own, which runs this
+module. Raw doubles go to its standard input, 3 n for each query, and n come back; before the
+first, n zeros say that the model is ready.
+
+"""
 
 from __future__ import annotations
 
@@ -6,13 +14,15 @@ from dataclasses import dataclass
 import subprocess
 import sys
 import threading
-from typing import Any, cast, IO
+from typing import Any, BinaryIO, cast, IO
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.processes import end
+from lip_id_ros.serving import Predictor
 
 LONGEST_VALID_S = 1.0
 
@@ -27,7 +37,7 @@ class Deviated:
     std : ndarray, shape (n,)
         Of the torques [N m or N].
     tag : Any
-        What the reference was handed over with.
+        Given with the reference.
     asked_at : float
         When [s].
 
@@ -40,7 +50,7 @@ class Deviated:
 
 class Deviations:
     """
-    The parent's end of `deviation_process`; construction waits until the model is ready.
+    The parent's end of the process; construction waits until the model is ready.
 
     Parameters
     ----------
@@ -62,7 +72,7 @@ class Deviations:
         self._done: Deviated | None = None
         self.latest: Deviated | None = None
         self._process = subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.feedforward.deviation_process', path],
+            [sys.executable, '-m', 'lip_id_ros.feedforward.deviations', path],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
@@ -83,7 +93,7 @@ class Deviations:
 
     def offer(self, state: Array, tag: Any, now: float, period_s: float) -> None:
         """
-        Hand over a reference; it is left out while another is in work, and before it is time.
+        Ask for a reference's; it is left out while another is in work, and before it is time.
 
         Parameters
         ----------
@@ -103,7 +113,7 @@ class Deviations:
         try:
             self._queries.write(state.tobytes())
             self._queries.flush()
-        except OSError:  # it ended in between; `alive` tells
+        except OSError:  # it ended in between; see `alive`
             self._asked = None
 
     def take(self) -> Deviated | None:
@@ -131,3 +141,36 @@ class Deviations:
     def _read(self) -> Array | None:
         raw = self._answers.read(8 * self._n_joints)
         return np.frombuffer(raw) if len(raw) == 8 * self._n_joints else None
+
+
+def main(path: str, queries: BinaryIO, answers: BinaryIO) -> int:
+    """
+    Answer queries until their stream ends.
+
+    Parameters
+    ----------
+    path : str
+        The model's file.
+    queries, answers : binary streams
+        Of doubles: q, dq, ddq; standard deviations of tau [N m or N].
+
+    Returns
+    -------
+    int
+        Exit status.
+
+    """
+    predictor = Predictor(TrainedModel.load(path))
+    n = predictor.n_joints
+    predictor.standard_deviation(*np.zeros((3, 1, n)))  # factorises
+    answers.write(np.zeros(n).tobytes())
+    answers.flush()
+    while len(query := queries.read(3 * n * 8)) == 3 * n * 8:
+        state = np.frombuffer(query).reshape(3, 1, n)
+        answers.write(predictor.standard_deviation(*state).tau.tobytes())
+        answers.flush()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1], sys.stdin.buffer, sys.stdout.buffer))

@@ -1,10 +1,12 @@
-"""How well `serve` is: the level and the sentence of its diagnostics."""
+"""The level and the sentence of the diagnostics of `serve`."""
 
 from __future__ import annotations
 
 from collections import Counter
 from enum import IntEnum
 from typing import NamedTuple
+
+import numpy as np
 
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.signals.joints import Refusal
@@ -25,9 +27,9 @@ class Health(NamedTuple):
     summary: str
 
 
-class Observer:
+class ServerDiagnostics:
     """
-    Judge a server again and again: what was counted since the last time matters.
+    Judge a server again and again, by what was counted since the last time.
 
     Parameters
     ----------
@@ -59,16 +61,20 @@ class Observer:
         if not self._server.deviations_alive:
             return Health(Level.ERROR, 'the process of the standard deviations has ended')
         if new[Refusal.NOT_FINITE_TORQUE]:
-            return Health(Level.ERROR, _what_happened(new))
+            return Health(Level.ERROR, _in_words(new))
         if self._server.stale:
-            silence = self._server.silence(now)
-            return Health(Level.WARN, f'no reference for {silence:.1f} s: safe torque published')
+            return Health(Level.WARN, self._silence(now))
         if new:
-            return Health(Level.WARN, _what_happened(new))
+            return Health(Level.WARN, _in_words(new))
         if failure:
             return Health(Level.WARN, f'serves the model before: {failure}')
         return Health(Level.OK, 'answering' if self._server.enabled else 'disabled')
 
+    def _silence(self, now: float) -> str:
+        largest = float(np.abs(self._server.sent).max(initial=0.0))
+        torque = f'torques up to {largest:.3g} N m or N' if largest else 'zero torque'
+        return f'no reference for {self._server.silence(now):.1f} s: {torque} published'
 
-def _what_happened(new: Counter[str]) -> str:
-    return 'references with trouble: ' + ', '.join(f'{key} {n}' for key, n in sorted(new.items()))
+
+def _in_words(new: Counter[str]) -> str:
+    return 'messages with trouble: ' + ', '.join(f'{key} {n}' for key, n in sorted(new.items()))

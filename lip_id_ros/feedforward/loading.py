@@ -1,4 +1,4 @@
-"""From a model file to an arm that can be served, or a sentence that says why not."""
+"""From a model file to one that can be served, or a sentence that says why not."""
 
 from __future__ import annotations
 
@@ -8,25 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.errors import ModelError
-from lip_id_ros.feedforward.checks import TrainingRange
 from lip_id_ros.feedforward.deviations import Deviations
-from lip_id_ros.feedforward.feedforward import Feedforward
-from lip_id_ros.feedforward.rules import make_rules, require_consistent
+from lip_id_ros.feedforward.rules import make_rules, require_consistent, TrainingRange
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import DynamicsModel, TrainedModel
 from lip_id_ros.serving import Predictor
 from lip_id_ros.signals.joint_states import effort_calibration, EffortCalibration
 from lip_id_ros.signals.joints import require_joints
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class LoadedModel:
     """
     A model, ready to be served.
 
     Attributes
     ----------
-    feedforward : Feedforward
+    model : DynamicsModel
     training_range : TrainingRange
     calibration : EffortCalibration
         Of the effort that it was fitted to.
@@ -35,18 +33,23 @@ class Arm:
 
     """
 
-    feedforward: Feedforward
+    model: DynamicsModel
     training_range: TrainingRange
     calibration: EffortCalibration
     deviations: Deviations | None = None
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints from base to tip."""
+        return self.model.joint_names
+
     def stop(self) -> None:
-        """End what runs beside."""
+        """End the processes that belong to the model."""
         if self.deviations is not None:
             self.deviations.stop()
 
 
-def load_arm(settings: ServeSettings, joints: Sequence[str]) -> Arm:
+def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
     """
     Load a model and let it answer, so that what is compiled on first use is compiled now.
 
@@ -72,15 +75,15 @@ def load_arm(settings: ServeSettings, joints: Sequence[str]) -> Arm:
     rest = np.zeros((1, model.n_joints))
     predictor.query(rest[0], rest[0], rest[0])
     predictor.predict(rest, rest, rest)
-    return Arm(
-        Feedforward(predictor, model.joint_names),
+    return LoadedModel(
+        predictor,
         TrainingRange(*predictor.training_range),
         effort_calibration(model.provenance, model.joint_names),
         Deviations(path, model.n_joints) if settings.needs_deviations else None,
     )
 
 
-def load_successor(settings: ServeSettings, before: Arm) -> Arm:
+def load_successor(settings: ServeSettings, before: LoadedModel) -> LoadedModel:
     """
     Load a model that takes the place of another.
 
@@ -95,19 +98,19 @@ def load_successor(settings: ServeSettings, before: Arm) -> Arm:
         If it is not a model, or its joints are not those of the other.
 
     """
-    expected = before.feedforward.joint_names
-    arm = load_arm(settings, expected)
-    found = arm.feedforward.joint_names
+    expected = before.joint_names
+    loaded = load_model(settings, expected)
+    found = loaded.joint_names
     if found == expected:
-        return arm
-    arm.stop()
+        return loaded
+    loaded.stop()
     raise ModelError(
         f'{settings.model_path} must have its joints in the order {", ".join(expected)}, but has '
         f'{", ".join(found)}; clean the node up and configure it anew to change the order.'
     )
 
 
-def require_rules(settings: ServeSettings, arm: Arm | None) -> None:
+def require_rules(settings: ServeSettings, loaded: LoadedModel | None) -> None:
     """
     Refuse settings that do not fit the arm, or where there is none yet, its named joints.
 
@@ -117,7 +120,7 @@ def require_rules(settings: ServeSettings, arm: Arm | None) -> None:
         With the sentence.
 
     """
-    joints = arm.feedforward.joint_names if arm else settings.joints
+    joints = loaded.joint_names if loaded else settings.joints
     if joints:
         make_rules(settings, joints)
     else:

@@ -39,7 +39,8 @@ class ServeSettings(Settings):
     )
     rate_limits: tuple[float, ...] = setting(
         (),
-        f'Largest change of a torque or force. {PER_JOINT}',
+        'Largest change of a torque or force; empty: ten times torque_limits per second, so that '
+        f'a full swing takes at least 0.2 s, and no bound without torque_limits. {PER_JOINT}',
         unit='N m/s or N/s',
         minimum=0.0,
     )
@@ -49,7 +50,8 @@ class ServeSettings(Settings):
     ramp_s: float = setting(
         0.5,
         'Time in which a stream takes over from what was sent before: after activation, enable, '
-        'reload and stale references.',
+        'reload, stale references, and a change of gravity, output_scale or a policy. A ramp that '
+        'is under way continues from where it is when this changes.',
         unit='s',
         minimum=0.0,
         maximum=60.0,
@@ -66,6 +68,21 @@ class ServeSettings(Settings):
         'The safe torque: zero, or gravity where the arm was last seen (measured, else asked '
         'for); zero all the same where gravity is false.',
         choices=('zero', 'gravity'),
+    )
+    safe_ramp_s: float = setting(
+        0.1,
+        'Time in which torques go to the safe torque once references have stopped; rate_limits '
+        'hold as well.',
+        unit='s',
+        minimum=0.0,
+        maximum=1.0,
+    )
+    max_plan_points: int = setting(
+        10_000,
+        'Longest plan that is answered; longer ones are refused. Plans of more than about a '
+        'hundred points are computed in a process beside the stream, which starts with the first.',
+        minimum=1,
+        maximum=100_000,
     )
     range_policy: str = setting(
         'warn',

@@ -19,19 +19,53 @@ step for the robot, however long the pause was."""
 @dataclass(frozen=True, eq=False)
 class Sent:
     """
-    What the robot was told last.
+    The torque that the robot holds.
 
     Attributes
     ----------
     tau : ndarray, shape (n,)
         [N m or N].
     at : float
-        When [s], on any steady clock.
+        When it was sent [s], on any steady clock.
 
     """
 
     tau: Array
     at: float = -np.inf
+
+
+class Ramp:
+    """
+    A linear blend from one torque to whatever is wanted.
+
+    The share of what is wanted grows by the time that passes over the duration that holds then:
+    another duration changes the slope from here on, not the share.
+
+    Parameters
+    ----------
+    origin : ndarray, shape (n,)
+        The torque at share 0 [N m or N].
+
+    """
+
+    def __init__(self, origin: Array) -> None:
+        self._origin = origin
+        self._share = 1.0
+        self._at = -np.inf
+
+    def begin(self, origin: Array, now: float) -> None:
+        """Start again at share 0 from this torque, at this time [s]."""
+        self._origin, self._share, self._at = origin, 0.0, now
+
+    def blend(self, wanted: Array, now: float, duration_s: float) -> Array:
+        """Return the torque at this time [s], for a ramp that takes `duration_s` in all."""
+        if self._share >= 1.0:
+            return wanted
+        elapsed, self._at = max(now - self._at, 0.0), now
+        self._share += elapsed / duration_s if duration_s > 0.0 else 1.0
+        if self._share >= 1.0:
+            return wanted
+        return (1.0 - self._share) * self._origin + self._share * wanted
 
 
 class Shaper:
@@ -49,7 +83,6 @@ class Shaper:
     Attributes
     ----------
     rules : Rules
-        May be replaced by others of the same joints.
     sent : Sent
 
     """
@@ -58,11 +91,17 @@ class Shaper:
         self.rules = rules
         self.sent = sent
         self._counts = counts
-        self._from = Sent(sent.tau)
+        self._ramp = Ramp(sent.tau)
 
     def begin(self, now: float) -> None:
         """Ramp in from what the robot holds."""
-        self._from = Sent(self.sent.tau, now)
+        self._ramp.begin(self.sent.tau, now)
+
+    def adjust(self, rules: Rules, now: float) -> None:
+        """Use other rules of the same joints; a torque that they change is ramped to."""
+        if not self.rules.same_torque(rules):
+            self.begin(now)
+        self.rules = rules
 
     def sample(self, tau: Array, now: float) -> Array:
         """
@@ -86,17 +125,11 @@ class Shaper:
             If a torque is not finite.
 
         """
-        wanted, limited = self._scaled(tau)
-        share = self._share(now)
-        ramped = wanted if share >= 1.0 else (1.0 - share) * self._from.tau + share * wanted
-        elapsed = min(max(now - self.sent.at, 1e-6), LONGEST_STEP_S)
-        rated = _toward(self.sent.tau, ramped, elapsed * self.rules.rates)
-        # again, since the limits may have become narrower than what was sent last
-        safe = _between(rated, -self.rules.limits, self.rules.limits)
-        self._counts['limited'] += int(limited.any())
-        self._counts['rate_limited'] += int((rated != ramped).any())
-        self.sent = Sent(safe, now)
-        return safe
+        return self._shape(tau, now, self.rules.ramp_s)
+
+    def safe(self, tau: Array, now: float) -> Array:
+        """Shape the safe torque of shape (n,) [N m or N]; `begin` when references have stopped."""
+        return self._shape(tau, now, self.rules.safe_ramp_s)
 
     def plan(self, tau: Array, t: Array) -> Array:
         """
@@ -121,17 +154,24 @@ class Shaper:
             self._counts['rate_limited'] += _slow_down(safe, t, self.rules.rates)
         return safe
 
+    def _shape(self, tau: Array, now: float, duration_s: float) -> Array:
+        wanted, limited = self._scaled(tau)
+        ramped = self._ramp.blend(wanted, now, duration_s)
+        elapsed = min(max(now - self.sent.at, 1e-6), LONGEST_STEP_S)
+        rated = _toward(self.sent.tau, ramped, elapsed * self.rules.rates)
+        # again, since the limits may have become narrower than what was sent last
+        safe = _between(rated, -self.rules.limits, self.rules.limits)
+        self._counts['limited'] += int(limited.any())
+        self._counts['rate_limited'] += int((rated != ramped).any())
+        self.sent = Sent(safe, now)
+        return safe
+
     def _scaled(self, tau: Array) -> tuple[Array, BoolArray]:
         scaled = self.rules.scale * tau
         if not np.isfinite(scaled).all():
             raise RefusedError(Refusal.NOT_FINITE_TORQUE)
         safe = _between(scaled, -self.rules.limits, self.rules.limits)
         return safe, safe != scaled
-
-    def _share(self, now: float) -> float:
-        """How much of the ramp is done, from 0 to 1."""
-        elapsed = now - self._from.at
-        return 1.0 if elapsed >= self.rules.ramp_s else max(elapsed, 0.0) / self.rules.ramp_s
 
 
 def _toward(held: Array, wanted: Array, step: Array) -> Array:

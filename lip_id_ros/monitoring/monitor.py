@@ -120,7 +120,7 @@ class Monitor:
         if 0.0 <= step < NEARLY / self._settings.rate_hz:
             return None
         try:
-            return self._watch(step, self._reader.motion(message))
+            return self._watch(step, self._reader.read(message))
         except RefusedError as refused:
             self._refused[refused.reason.value] += 1
             raise
@@ -144,7 +144,7 @@ class Monitor:
 
     def _watch(self, step: float, motion: MeasuredState) -> Watched | None:
         if motion.tau is None:
-            raise RefusedError(Refusal.WRONG_LENGTH)
+            raise RefusedError(Refusal.NO_EFFORT)
         self._t = motion.t
         follows = 0.0 < step <= max(LONGEST_GAP_S, 2.0 / self._settings.rate_hz)
         if not follows:

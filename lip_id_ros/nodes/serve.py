@@ -16,15 +16,14 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.feedforward.diagnostics import Observer
-from lip_id_ros.feedforward.loading import Arm, load_arm, load_successor, require_rules
+from lip_id_ros.feedforward.diagnostics import ServerDiagnostics
+from lip_id_ros.feedforward.loading import load_model, load_successor, LoadedModel, require_rules
+from lip_id_ros.feedforward.rules import unbounded
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import require_changeable, serve_parameters, ServeSettings
 from lip_id_ros.nodes import parameters, running
 from lip_id_ros.nodes.background import outcome
-from lip_id_ros.nodes.serve_answers import Answers
-from lip_id_ros.nodes.serve_inputs import Inputs
-from lip_id_ros.nodes.serve_outputs import Outputs
+from lip_id_ros.nodes.serve_topics import Inputs, Outputs
 from lip_id_ros.nodes.status import Status, StatusPublisher
 
 STATUS_PERIOD_S = 0.5
@@ -47,14 +46,13 @@ class ServeNode(LifecycleNode):
         self._table = serve_parameters()
         parameters.declare(self, self._table)
         self._server = Server()
-        self._observer = Observer(self._server)
-        self._arm: Arm | None = None
+        self._diagnostics = ServerDiagnostics(self._server)
+        self._loaded: LoadedModel | None = None
         self._failure = ''
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='loading')
         self._status = StatusPublisher(self)
         self._outputs = Outputs(self)
-        self._answers = Answers(self, self._server, self._outputs)
-        self._inputs = Inputs(self, self._answers)
+        self._inputs = Inputs(self, self._server, self._outputs)
         self._make_services()
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._apply_change)
@@ -79,7 +77,7 @@ class ServeNode(LifecycleNode):
         # steady: a paused simulation must silence neither the safe torque nor the diagnostics
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(STATUS_PERIOD_S, self._publish_status, clock=steady)
-        self.create_timer(WATCH_PERIOD_S, self._answers.watch, clock=steady)
+        self.create_timer(WATCH_PERIOD_S, self._inputs.watch, clock=steady)
 
     # parameters
 
@@ -91,14 +89,14 @@ class ServeNode(LifecycleNode):
             before = self._settings()
             settings = replace(before, **parameters.changed_values(self._table, changed))
             require_changeable(before, settings, self._state_label)
-            require_rules(settings, self._arm)
+            require_rules(settings, self._loaded)
         except LipIdError as error:
             return parameters.refused(error)
         return SetParametersResult(successful=True)
 
     def _apply_change(self, changed: Sequence[Parameter]) -> None:
         settings = self._settings()
-        self._server.adjust(settings)
+        self._server.adjust(settings, time.monotonic())
         if self._server.active and settings.enabled != self._server.enabled:
             self._enable(settings.enabled)
 
@@ -113,8 +111,8 @@ class ServeNode(LifecycleNode):
         settings = self._settings()
         try:
             self._inputs.configure(settings)
-            self._arm = load_arm(settings, settings.joints)
-            require_rules(settings, self._arm)
+            self._loaded = load_model(settings, settings.joints)
+            require_rules(settings, self._loaded)
         except (LipIdError, OSError) as error:
             self._failure = f'not configured: {error}'
             self.get_logger().error(self._failure)
@@ -122,18 +120,19 @@ class ServeNode(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         self._failure = ''
         self._outputs.configure(settings)
-        joints = ', '.join(self._arm.feedforward.joint_names)
+        joints = ', '.join(self._loaded.joint_names)
         self.get_logger().info(f'serves {settings.model_path}: {joints}')
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Answer references from now on."""
         settings = self._settings()
-        if self._arm is None:
+        if self._loaded is None:
             return TransitionCallbackReturn.FAILURE
-        if not settings.torque_limits:
-            self.get_logger().warning('torque_limits is empty: torques are not limited')
-        self._server.use(self._arm, settings, time.monotonic())
+        warning = unbounded(settings)
+        if warning:
+            self.get_logger().warning(warning)
+        self._server.use(self._loaded, settings, time.monotonic())
         result = super().on_activate(state)
         self._enable(settings.enabled)
         return result
@@ -165,15 +164,15 @@ class ServeNode(LifecycleNode):
         return super().on_error(state)
 
     def _let_go(self) -> None:
-        self._answers.publish_zero()
+        self._inputs.publish_zero()
         self._server.release()
 
     def _forget(self) -> None:
         self._inputs.clean_up()
         self._outputs.clean_up()
-        if self._arm is not None:
-            self._arm.stop()
-            self._arm = None
+        if self._loaded is not None:
+            self._loaded.stop()
+            self._loaded = None
 
     # services
 
@@ -188,7 +187,7 @@ class ServeNode(LifecycleNode):
         if enabled:
             self._server.enable(time.monotonic())
         else:
-            self._answers.publish_zero()
+            self._inputs.publish_zero()
             self._server.disable()
 
     async def _on_reload(
@@ -205,14 +204,14 @@ class ServeNode(LifecycleNode):
 
     async def _reload(self) -> str:
         """Load beside the executor, so that references are answered meanwhile; then swap."""
-        settings, before = self._settings(), self._arm
+        settings, before = self._settings(), self._loaded
         if before is None:
             raise LipIdError('there is no model to replace; configure the node instead.')
         arm = await outcome(self, self._pool.submit(load_successor, settings, before))
-        if self._arm is not before:
+        if self._loaded is not before:
             arm.stop()
             raise LipIdError('the node was cleaned up while the model was loaded.')
-        self._arm = arm
+        self._loaded = arm
         if self._server.active:
             self._server.use(arm, self._settings(), time.monotonic())
         self._pool.submit(before.stop)
@@ -221,7 +220,7 @@ class ServeNode(LifecycleNode):
     # status
 
     def _publish_status(self) -> None:
-        level, summary = self._observer.health(self._failure, time.monotonic())
+        level, summary = self._diagnostics.health(self._failure, time.monotonic())
         values = {'state': self._state_label, **self._server.status()}
         self._status.publish(Status(bytes([level]), summary, values))
 

@@ -109,7 +109,7 @@ class JointStateReader:
         self._order = JointOrder(joint_names)
         self._calibration = calibration
 
-    def motion(self, message: JointMessage) -> MeasuredState:
+    def read(self, message: JointMessage) -> MeasuredState:
         """
         Read a message.
 
@@ -120,17 +120,19 @@ class JointStateReader:
 
         """
         columns = self._order.columns(message.names)
-        q, dq = (_vector(row, message, columns) for row in (message.position, message.velocity))
+        q = _vector(message.position, message, columns, Refusal.NO_POSITION)
+        dq = _vector(message.velocity, message, columns, Refusal.NO_VELOCITY)
         tau = None
         if len(message.effort):
-            tau = self._calibration.torque(_vector(message.effort, message, columns))
+            effort = _vector(message.effort, message, columns, Refusal.NO_EFFORT)
+            tau = self._calibration.torque(effort)
         return MeasuredState(1e-9 * message.stamp_ns, q, dq, tau)
 
 
-def _vector(row: object, message: JointMessage, columns: IndexArray) -> Array:
+def _vector(row: object, message: JointMessage, columns: IndexArray, absent: Refusal) -> Array:
     values = np.asarray(row, dtype=np.float64)
     if len(values) != len(message.names):
-        raise RefusedError(Refusal.WRONG_LENGTH)
+        raise RefusedError(Refusal.WRONG_LENGTH if len(values) else absent)
     chosen = values[columns]
     if not np.isfinite(chosen).all():
         raise RefusedError(Refusal.NOT_FINITE)

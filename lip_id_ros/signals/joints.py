@@ -13,18 +13,30 @@ from lip_id_ros.errors import ConfigError, LipIdError, ModelError
 
 
 class Refusal(StrEnum):
-    """Why a reference is not answered: the key that it is counted under."""
+    """Why a message is refused: the key that it is counted under."""
 
     INACTIVE = 'inactive'
     DISABLED = 'disabled'
     NO_POINTS = 'no points'
+    TOO_LONG = 'plan too long'
+    BUSY = 'plans waiting'
+    INTERRUPTED = 'plan interrupted'
+    MALFORMED = 'malformed'
     REPEATED_NAME = 'joint name repeated'
     MISSING_JOINT = 'joint missing'
     FOREIGN_JOINT = 'foreign joint in a plan'
     WRONG_LENGTH = 'wrong length'
+    NO_POSITION = 'position missing'
+    NO_VELOCITY = 'velocity missing'
+    NO_EFFORT = 'effort missing'
     NOT_INCREASING = 'times not increasing'
     NOT_FINITE = 'value not finite'
     NOT_FINITE_TORQUE = 'torque not finite'
+    TOO_LARGE = 'value too large'
+    NO_STAMP = 'stamp missing'
+    REPEATED_STAMP = 'stamp repeated'
+    BACKWARD_STAMP = 'stamp went back'
+    FAR_STAMP = 'stamp far ahead'
 
 
 ON_PURPOSE = frozenset({Refusal.INACTIVE, Refusal.DISABLED})
@@ -34,23 +46,47 @@ _SENTENCES = {
     Refusal.INACTIVE: 'the node is not active; activate it through its lifecycle',
     Refusal.DISABLED: 'the node is disabled; call its service enable',
     Refusal.NO_POINTS: 'a trajectory needs at least one point, this one has none',
-    Refusal.REPEATED_NAME: 'joint_names must be unique, one is named twice',
-    Refusal.MISSING_JOINT: 'joint_names must hold every joint of the model, one is missing',
+    Refusal.TOO_LONG: (
+        'a plan must not have more points than max_plan_points; send it in pieces or raise that'
+    ),
+    Refusal.BUSY: 'too many plans wait for their efforts; send the next one after an answer',
+    Refusal.INTERRUPTED: (
+        'the model was replaced or the node disabled while the plan was computed; send it again'
+    ),
+    Refusal.MALFORMED: 'the message could not be deserialised; check the type of its publisher',
+    Refusal.REPEATED_NAME: 'joint names must be unique, one comes twice',
+    Refusal.MISSING_JOINT: 'the message must name every joint of the model, one is missing',
     Refusal.FOREIGN_JOINT: 'a plan gets an effort for each of its joints, one is not in the model',
     Refusal.WRONG_LENGTH: (
-        'every point needs positions, velocities and accelerations, each as long as joint_names'
+        'every array must be as long as the joint names, and every point of a trajectory needs '
+        'positions, velocities and accelerations'
     ),
-    Refusal.NOT_INCREASING: 'the times of a plan must increase from point to point',
-    Refusal.NOT_FINITE: 'positions, velocities and accelerations must be finite',
+    Refusal.NO_POSITION: 'the joint state has no positions; use a driver that publishes them',
+    Refusal.NO_VELOCITY: 'the joint state has no velocities; use a driver that publishes them',
+    Refusal.NO_EFFORT: 'the joint state has no effort; use a driver that publishes it',
+    Refusal.NOT_INCREASING: (
+        'the times of a plan must begin at 0 or later and increase from point to point'
+    ),
+    Refusal.NOT_FINITE: 'positions, velocities, accelerations and efforts must be finite',
     Refusal.NOT_FINITE_TORQUE: (
-        'the model gave a torque that is not finite, the reference is far from its training data'
+        'the torque would not be finite, the motion is far from what the model was trained on'
+    ),
+    Refusal.TOO_LARGE: 'a value is beyond what any arm does; check the unit and the planner',
+    Refusal.NO_STAMP: 'the stamp is zero; use a driver that stamps its joint states',
+    Refusal.REPEATED_STAMP: 'the stamp is that of the last joint state; check the driver',
+    Refusal.BACKWARD_STAMP: (
+        'the stamp lies before that of the last joint state; check for two publishers and clocks'
+    ),
+    Refusal.FAR_STAMP: (
+        'the stamp lies far ahead of the last joint state; check for two publishers, clocks and '
+        'pauses'
     ),
 }
 
 
 class RefusedError(LipIdError):
     """
-    A reference that cannot be answered.
+    A message that is not used.
 
     Attributes
     ----------
@@ -116,6 +152,27 @@ class JointOrder:
         if not all(name in place for name in self.joint_names):
             raise RefusedError(Refusal.MISSING_JOINT)
         return np.array([place[name] for name in self.joint_names], dtype=np.intp)
+
+
+def require_unique(setting: str, names: Sequence[str]) -> None:
+    """
+    Refuse a list that names a joint twice: of values per joint the last would silently hold.
+
+    Parameters
+    ----------
+    setting : str
+        The list's own name, for the sentence.
+    names : sequence of str
+
+    Raises
+    ------
+    ConfigError
+        If a joint comes twice.
+
+    """
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f'{setting} must name each joint once, but {name!r} comes twice.')
 
 
 def by_joint(

@@ -83,7 +83,18 @@ def stack(points: Sequence[Point], n_names: int) -> Array:
     return stacked
 
 
-def times(points: Sequence[PlannedPoint]) -> Array:
-    """Return when each point of a plan is reached [s]."""
+def increasing_times(points: Sequence[PlannedPoint]) -> Array:
+    """
+    Return when each point of a plan is reached [s].
+
+    Raises
+    ------
+    RefusedError
+        If they do not increase from 0 or later.
+
+    """
     after = [point.time_from_start for point in points]
-    return np.array([each.sec + 1e-9 * each.nanosec for each in after])
+    t = np.array([each.sec + 1e-9 * each.nanosec for each in after])
+    if (len(t) and t[0] < 0.0) or not (np.diff(t) > 0.0).all():
+        raise RefusedError(Refusal.NOT_INCREASING)
+    return t

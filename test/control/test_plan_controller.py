@@ -121,13 +121,13 @@ def test_limits_are_kept_to_the_last_digit() -> None:
 @pytest.mark.parametrize(
     ('points', 'sentence'),
     [
-        ([PLAN[0]], 'must increase'),
-        ([PLAN[1], PLAN[0]], 'must increase'),
+        ([PLAN[0]], 'increase from point to point'),
+        ([PLAN[1], PLAN[0]], 'increase from point to point'),
         ([], 'at least one point'),
-        ([PLAN[0], Point([0, 0], [0, 0], Time(1), [1.0])], 'as long as joint_names'),
-        ([PLAN[0], Point([0, 0], [0, 0], Time(1))], 'as long as joint_names'),
-        ([PLAN[0], Point([0], [0, 0], Time(1), [1, 1])], 'as long as joint_names'),
-        ([PLAN[0], Point([0, 0], [0, 0], Time(1), [math.nan, 1])], 'torque that is not finite'),
+        ([PLAN[0], Point([0, 0], [0, 0], Time(1), [1.0])], 'as long as the joint names'),
+        ([PLAN[0], Point([0, 0], [0, 0], Time(1))], 'as long as the joint names'),
+        ([PLAN[0], Point([0], [0, 0], Time(1), [1, 1])], 'as long as the joint names'),
+        ([PLAN[0], Point([0, 0], [0, 0], Time(1), [math.nan, 1])], 'torque would not be finite'),
         ([PLAN[0], Point([0, math.inf], [0, 0], Time(1), [1, 1])], 'must be finite'),
     ],
 )
@@ -146,7 +146,7 @@ def test_a_bad_plan_is_refused_and_the_one_before_goes_on(
     ('message', 'sentence'),
     [
         (measured(0, [0.0], [0.0], ('a',)), 'one is missing'),
-        (measured(0, [0.0, 0.0], [], NAMES), 'as long as joint_names'),
+        (measured(0, [0.0, 0.0], [], NAMES), 'as long as the joint names'),
         (measured(0, [0.0, math.nan], [0.0, 0.0], NAMES), 'must be finite'),
     ],
 )

@@ -11,38 +11,61 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.feedforward.checks import TrainingRange
-from lip_id_ros.feedforward.feedforward import Feedforward
-from lip_id_ros.feedforward.loading import Arm
+from lip_id_ros.feedforward.loading import LoadedModel
+from lip_id_ros.feedforward.rules import TrainingRange
 from lip_id_ros.model import Prediction, Query
 from lip_id_ros.signals.joint_states import EffortCalibration
 
 NAMES = ('a', 'b')
 
 
-@dataclass
+@dataclass(frozen=True)
 class Sum:
     """A robot whose torques are q (gravity) + 10 dq + 100 ddq."""
 
     factor: float = 1.0
+    joint_names: tuple[str, ...] = NAMES
+    reach: float = 1e6
+
+    @property
+    def n_joints(self) -> int:
+        return len(self.joint_names)
+
+    @property
+    def joint_types(self) -> tuple[str, ...]:
+        return ('revolute',) * self.n_joints
+
+    @property
+    def has_potential(self) -> bool:
+        return False
+
+    @property
+    def noise_std(self) -> Array:
+        return np.ones(self.n_joints)
+
+    @property
+    def training_range(self) -> tuple[Array, Array]:
+        box = np.full((3, self.n_joints), self.reach)
+        return -box, box
+
+    def inertia_matrix(self, q: Array) -> Array:
+        return np.tile(100 * self.factor * np.eye(self.n_joints), (len(q), 1, 1))
 
     def query(self, q: Array, dq: Array, ddq: Array) -> Query:
         parts = self.factor * np.stack([q, 10 * dq, 100 * ddq])
         return Query(parts.sum(axis=0), float(dq @ dq), np.nan, parts[0])
 
-    def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
+    def predict(self, q: Array, dq: Array, ddq: Array, *, return_std: bool = False) -> Prediction:
         gravity, coriolis, inertial = self.factor * np.stack([q, 10 * dq, 100 * ddq])
         tau = gravity + coriolis + inertial
         return Prediction(tau, (dq * dq).sum(axis=1), None, inertial, coriolis, gravity, 0 * tau)
 
 
-def arm(factor: float = 1.0, names: Sequence[str] = NAMES, reach: float = 1e6) -> Arm:
+def arm(factor: float = 1.0, reach: float = 1e6) -> LoadedModel:
     """Return an arm that was trained on -reach to reach."""
-    box = np.full((3, len(names)), reach)
-    one = np.ones(len(names))
-    return Arm(
-        Feedforward(Sum(factor), names), TrainingRange(-box, box), EffortCalibration(one, 0 * one)
-    )
+    model, one = Sum(factor, reach=reach), np.ones(len(NAMES))
+    training_range = TrainingRange(*model.training_range)
+    return LoadedModel(model, training_range, EffortCalibration(one, 0 * one))
 
 
 def point(q: Sequence[float], dq: Sequence[float], ddq: Sequence[float], t: float = 0.0) -> Any:

@@ -13,8 +13,8 @@ from waiting import wait_until
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.feedforward.deviations import Deviated, Deviations
-from lip_id_ros.feedforward.diagnostics import Level, Observer
-from lip_id_ros.feedforward.loading import load_arm
+from lip_id_ros.feedforward.diagnostics import Level, ServerDiagnostics
+from lip_id_ros.feedforward.loading import load_model
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.serving import Predictor
@@ -69,7 +69,7 @@ def test_what_cannot_be_told_is_beyond_the_limit(tmp_path: Path) -> None:
     settings = ServeSettings(
         model_path=path, std_policy='zero', std_limits=(1e9,), ramp_s=0.0, range_policy='off'
     )
-    arm = load_arm(settings, ())
+    arm = load_model(settings, ())
     assert arm.deviations is not None
     server = Server()
     server.use(arm, settings, 0.0)
@@ -80,12 +80,12 @@ def test_what_cannot_be_told_is_beyond_the_limit(tmp_path: Path) -> None:
         assert not server.sample(model.joint_names, points, 0.0).tau.any()  # not computed yet
         wait_for(arm.deviations)
         assert server.sample(model.joint_names, points, 0.1).tau.all()
-        assert Observer(server).health('', 0.1).level == Level.WARN
+        assert ServerDiagnostics(server).health('', 0.1).level == Level.WARN
     finally:
         arm.stop()
     assert not server.sample(model.joint_names, points, 9.0).tau.any()
     assert server.status()['uncertain'] == 2
-    assert Observer(server).health('', 9.0) == (
+    assert ServerDiagnostics(server).health('', 9.0) == (
         Level.ERROR,
         'the process of the standard deviations has ended',
     )

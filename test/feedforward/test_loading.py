@@ -10,7 +10,7 @@ import pytest
 from serving.models import random_model
 
 from lip_id_ros.errors import ConfigError, ModelError
-from lip_id_ros.feedforward.loading import load_arm, load_successor, require_rules
+from lip_id_ros.feedforward.loading import load_model, load_successor, require_rules
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.serving import Predictor
 
@@ -25,27 +25,27 @@ def settings(tmp_path: Path) -> ServeSettings:
     return ServeSettings(model_path=path)
 
 
-def test_an_arm_answers_as_its_model(settings: ServeSettings) -> None:
-    arm = load_arm(settings, JOINTS[::-1])
+def test_a_loaded_model_answers_as_its_file(settings: ServeSettings) -> None:
+    loaded = load_model(settings, JOINTS[::-1])
     state = np.random.default_rng(0).normal(size=(3, len(JOINTS)))
     expected = Predictor(MODEL).predict(*state[:, np.newaxis])
-    answer = arm.feedforward.at(state)
-    np.testing.assert_allclose(answer.tau, expected.tau[0], rtol=1e-9)
-    np.testing.assert_allclose(answer.gravity, expected.gravity[0], rtol=1e-9)
-    np.testing.assert_allclose(arm.feedforward.gravity(state[0]), answer.gravity, rtol=1e-9)
-    np.testing.assert_allclose(arm.feedforward.parts(state).coriolis, expected.coriolis)
+    query = loaded.model.query(*state)
+    np.testing.assert_allclose(query.tau, expected.tau[0], rtol=1e-9)
+    np.testing.assert_allclose(query.gravity, expected.gravity[0], rtol=1e-9)
+    found = loaded.model.predict(*state[:, np.newaxis])
+    np.testing.assert_allclose(found.coriolis, expected.coriolis)
     inside = np.stack([MODEL.states.q[0], MODEL.states.dq[0], MODEL.states.ddq[0]])
-    assert arm.training_range.excess(inside) <= 1.0 + 1e-12
+    assert loaded.training_range.excess(inside) <= 1.0 + 1e-12
 
 
 def test_a_model_of_other_joints_is_refused(settings: ServeSettings) -> None:
     with pytest.raises(ModelError, match=r'must be a model of the joints a, b, but has joint_1,'):
-        load_arm(settings, ('a', 'b'))
+        load_model(settings, ('a', 'b'))
 
 
 def test_a_successor_has_its_joints_in_the_same_order(settings: ServeSettings) -> None:
-    before = load_arm(settings, ())
-    assert load_successor(settings, before).feedforward.joint_names == JOINTS
+    before = load_model(settings, ())
+    assert load_successor(settings, before).joint_names == JOINTS
     replace(MODEL, joint_names=JOINTS[::-1]).save(settings.model_path)
     with pytest.raises(ModelError, match=rf'in the order {", ".join(JOINTS)}, but has joint_'):
         load_successor(settings, before)
@@ -57,6 +57,14 @@ def test_settings_are_compared_with_the_arm_or_the_named_joints(settings: ServeS
     with pytest.raises(ConfigError, match=r'torque_limits must hold one value per joint \(1\)'):
         require_rules(replace(wrong, joints=('a',)), None)
     with pytest.raises(ConfigError, match=r'torque_limits must hold one value per joint'):
-        require_rules(wrong, load_arm(settings, ()))
+        require_rules(wrong, load_model(settings, ()))
     with pytest.raises(ConfigError, match=r'std_limits must hold'):
         require_rules(replace(settings, std_policy='warn'), None)
+
+
+def test_a_joint_named_twice_is_refused(settings: ServeSettings) -> None:
+    twice = replace(settings, joints=('a', 'a', 'b'), torque_limits=(1.0, 99.0, 2.0))
+    with pytest.raises(ConfigError, match=r"^joints must name each joint once, but 'a' comes twi"):
+        require_rules(twice, None)
+    with pytest.raises(ConfigError, match=r"^joints must name each joint once, but 'a' comes twi"):
+        require_rules(twice, load_model(settings, ()))

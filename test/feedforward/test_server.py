@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.feedforward.diagnostics import Level, Observer
+from lip_id_ros.feedforward.diagnostics import Level, ServerDiagnostics
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.recording.joint_messages import JointMessage
@@ -18,7 +18,7 @@ from lip_id_ros.signals.joints import Refusal, RefusedError
 
 POINT = point([1, 2], [3, 4], [5, 6])
 TAU = np.array([531.0, 642.0])  # of POINT
-PLAIN: dict[str, Any] = {'ramp_s': 0.0}
+PLAIN: dict[str, Any] = {'ramp_s': 0.0, 'safe_ramp_s': 0.0, 'rate_limits': (1e9,)}
 
 
 def serving(**settings: Any) -> Server:
@@ -37,14 +37,16 @@ def test_sample_is_answered_in_the_order_of_the_model() -> None:
     server = serving(torque_limits=[1000.0, 600.0])
     answer = server.sample(['b', 'tool', 'a'], [point([2, 9, 1], [4, 9, 3], [6, 9, 5])], 0.0)
     np.testing.assert_array_equal(answer.tau, [531.0, 600.0])
-    assert answer.kinetic == 25.0
+    assert answer.query.kinetic == 25.0
     assert server.status()['answered'] == {'samples': 1, 'plans': 0, 'measured': 0}
     assert counted(server) == {'limited': 1}
 
 
 def test_plan_is_answered_in_the_order_of_its_message() -> None:
     server = serving(torque_limits=[1000.0, 600.0])
-    tau = server.plan(['b', 'a'], [point([2, 1], [4, 3], [6, 5]), point([0, 1], [0, 0], [0, 0])])
+    tau = server.plan(
+        ['b', 'a'], [point([2, 1], [4, 3], [6, 5]), point([0, 1], [0, 0], [0, 0], 1.0)]
+    )
     np.testing.assert_array_equal(tau, [[600.0, 531.0], [0.0, 1.0]])
     assert server.status()['answered'] == {'samples': 0, 'plans': 1, 'measured': 0}
 
@@ -73,18 +75,18 @@ def test_plan_with_a_foreign_joint_is_refused_and_counted() -> None:
 def test_torque_that_is_not_finite_never_leaves() -> None:
     server = serving()
     server.use(arm(np.nan), ServeSettings(**PLAIN), 0.0)
-    observer = Observer(server)
-    with pytest.raises(RefusedError, match='not finite'):
+    diagnostics = ServerDiagnostics(server)
+    with pytest.raises(RefusedError, match='not be finite'):
         server.sample(NAMES, [POINT], 0.0)
-    with pytest.raises(RefusedError, match='not finite'):
+    with pytest.raises(RefusedError, match='not be finite'):
         server.plan(NAMES, [POINT])
     assert server.status()['refused'] == {Refusal.NOT_FINITE_TORQUE: 2}
     assert server.status()['answered'] == {'samples': 0, 'plans': 0, 'measured': 0}
-    assert observer.health('', 0.0) == (
+    assert diagnostics.health('', 0.0) == (
         Level.ERROR,
-        'references with trouble: torque not finite 2',
+        'messages with trouble: torque not finite 2',
     )
-    assert observer.health('', 0.0) == (Level.OK, 'answering')
+    assert diagnostics.health('', 0.0) == (Level.OK, 'answering')
 
 
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=6, max_size=6))
@@ -101,18 +103,18 @@ def test_whatever_comes_what_leaves_is_finite_and_within_limits(values: list[flo
 
 def test_nothing_is_answered_while_disabled_or_inactive() -> None:
     server = serving()
-    observer = Observer(server)
+    diagnostics = ServerDiagnostics(server)
     server.disable()
     with pytest.raises(RefusedError, match='call its service enable'):
         server.sample(NAMES, [POINT], 0.0)
-    assert observer.health('', 0.0) == (Level.OK, 'disabled')
+    assert diagnostics.health('', 0.0) == (Level.OK, 'disabled')
     server.release()
     assert not server.active
     with pytest.raises(RefusedError, match='activate it through its lifecycle'):
         server.sample(NAMES, [POINT], 0.0)
     assert server.status()['refused'] == {Refusal.DISABLED: 1, Refusal.INACTIVE: 1}
-    assert observer.health('', 0.0) == (Level.OK, 'inactive')
-    assert observer.health('not configured: why', 0.0) == (Level.ERROR, 'not configured: why')
+    assert diagnostics.health('', 0.0) == (Level.OK, 'inactive')
+    assert diagnostics.health('not configured: why', 0.0) == (Level.ERROR, 'not configured: why')
 
 
 def test_another_model_is_ramped_in_and_counts_go_on() -> None:
@@ -135,7 +137,7 @@ def test_enable_begins_at_zero() -> None:
 
 def test_a_silent_stream_gets_a_safe_torque_and_comes_back_by_a_ramp() -> None:
     server = serving(stale_timeout_s=0.5, ramp_s=1.0)
-    observer = Observer(server)
+    diagnostics = ServerDiagnostics(server)
     assert server.safe_torque(99.0) is None  # nobody holds anything yet
     server.sample(NAMES, [POINT], 100.0)
     assert server.safe_torque(100.5) is None
@@ -143,8 +145,8 @@ def test_a_silent_stream_gets_a_safe_torque_and_comes_back_by_a_ramp() -> None:
         safe = server.safe_torque(now)
         np.testing.assert_array_equal(safe, [0.0, 0.0])
     assert counted(server) == {'stale': 1}
-    sentence = 'no reference for 2.0 s: safe torque published'
-    assert observer.health('', 102.0) == (Level.WARN, sentence)
+    sentence = 'no reference for 2.0 s: zero torque published'
+    assert diagnostics.health('', 102.0) == (Level.WARN, sentence)
     with pytest.raises(RefusedError):  # what cannot be answered does not count as a reference
         server.sample(NAMES, [point([1], [1], [1])], 102.0)
     assert server.safe_torque(102.0) is not None
@@ -162,7 +164,8 @@ def test_the_safe_torque_of_gravity_is_that_of_where_the_arm_is() -> None:
     assert server.measure(JointMessage(0, ('b', 'a'), [70.0, 3.0], [0.0, 0.0], []), 2.1)
     np.testing.assert_array_equal(server.safe_torque(2.2), [3.0, 50.0])
     np.testing.assert_array_equal(server.safe_torque(2.7), [1.0, 2.0])
-    server.adjust(ServeSettings(stale_timeout_s=0.5, stale_policy='gravity', gravity=False))
+    without = ServeSettings(stale_timeout_s=0.5, stale_policy='gravity', gravity=False, **PLAIN)
+    server.adjust(without, 2.75)
     np.testing.assert_array_equal(server.safe_torque(2.8), [0.0, 0.0])
 
 
@@ -187,11 +190,11 @@ def test_references_outside_the_training_range(policy: str, expected: float, cou
         arm(reach=4.0), ServeSettings(range_policy=policy, range_margin=(0.0,), **PLAIN), 0.0
     )
     server.enable(0.0)
-    observer = Observer(server)
+    diagnostics = ServerDiagnostics(server)
     np.testing.assert_array_equal(server.sample(NAMES, [POINT], 0.0).tau, expected * TAU)
     np.testing.assert_array_equal(server.plan(NAMES, [POINT]), [expected * TAU])
     assert server.status()['out_of_range'] == count
-    level, _ = observer.health('', 0.0)
+    level, _ = diagnostics.health('', 0.0)
     assert level == (Level.WARN if count else Level.OK)
 
 
@@ -200,3 +203,63 @@ def test_measured_states_that_cannot_be_used_are_counted() -> None:
     assert server.measure(JointMessage(0, ('gripper',), [0.0], [0.0], []), 0.0) is None
     assert server.status()['unmeasured'] == {Refusal.MISSING_JOINT: 1}
     assert server.status()['refused'] == {}
+
+
+def test_the_safe_torque_is_reached_in_its_own_time_and_the_diagnostics_say_the_truth() -> None:
+    server = serving(stale_timeout_s=0.5, ramp_s=30.0, safe_ramp_s=0.2)
+    diagnostics = ServerDiagnostics(server)
+    for now in np.arange(0.0, 40.0, 0.1):
+        server.sample(NAMES, [POINT], float(now))
+    server.adjust(ServeSettings(**{**PLAIN, 'ramp_s': 60.0, 'safe_ramp_s': 0.2}), 39.9)
+    for now, share in ((40.5, 1.0), (40.6, 0.5), (40.7, 0.0), (47.0, 0.0)):
+        safe = server.safe_torque(now)
+        assert safe is not None
+        np.testing.assert_allclose(safe, share * TAU, atol=1e-9)
+        published = f'torques up to {642 * share:.3g} N m or N' if share else 'zero torque'
+        sentence = f'no reference for {now - 39.9:.1f} s: {published} published'
+        assert diagnostics.health('', now) == (Level.WARN, sentence)
+
+
+def test_disable_ends_the_watch_over_the_stream() -> None:
+    server = serving(stale_timeout_s=0.5)
+    server.sample(NAMES, [POINT], 0.0)
+    assert server.safe_torque(1.0) is not None
+    server.disable()
+    assert not server.stale
+    assert server.silence(1.5) == 0.0
+    server.enable(2.0)
+    assert server.safe_torque(99.0) is None  # no reference is expected yet
+    server.sample(NAMES, [POINT], 100.0)
+    server.disable()
+    server.enable(101.0)
+    assert server.safe_torque(200.0) is None
+    assert server.status()['stale'] == 1
+
+
+@pytest.mark.parametrize('t', [(0.0, 0.0), (1.0, 0.5), (-1.0, 1.0), (0.0, 1.0, 1.0)])
+def test_a_plan_whose_times_do_not_increase_is_refused(t: tuple[float, ...]) -> None:
+    server = serving()
+    plan = [point([1, 2], [3, 4], [5, 6], time) for time in t]
+    with pytest.raises(RefusedError, match='begin at 0 or later and increase'):
+        server.plan(NAMES, plan)
+    assert server.status()['refused'] == {Refusal.NOT_INCREASING: 1}
+
+
+def test_a_plan_beyond_the_bound_is_refused() -> None:
+    server = serving(max_plan_points=3)
+    plan = [point([1, 2], [3, 4], [5, 6], float(number)) for number in range(4)]
+    assert server.plan(NAMES, plan[:3]).shape == (3, 2)
+    with pytest.raises(RefusedError, match='more points than max_plan_points'):
+        server.plan(NAMES, plan)
+    assert server.status()['refused'] == {Refusal.TOO_LONG: 1}
+
+
+def test_refused_joint_states_are_warned_of() -> None:
+    server = serving()
+    diagnostics = ServerDiagnostics(server)
+    for _ in range(3):
+        assert server.measure(JointMessage(0, NAMES, [0.0, 0.0], [], []), 0.0) is None
+    assert server.status()['unmeasured'] == {Refusal.NO_VELOCITY: 3}
+    sentence = 'messages with trouble: joint states: velocity missing 3'
+    assert diagnostics.health('', 0.0) == (Level.WARN, sentence)
+    assert diagnostics.health('', 0.0) == (Level.OK, 'answering')

@@ -13,7 +13,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.feedforward.rules import make_rules
+from lip_id_ros.feedforward.rules import make_rules, unbounded
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.feedforward.shaping import LONGEST_STEP_S, Sent, Shaper
 from lip_id_ros.signals.joints import by_joint, RefusedError
@@ -92,9 +92,9 @@ def test_narrower_limits_hold_at_once_though_the_rate_is_low() -> None:
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
 def test_torque_that_is_not_finite_is_refused(value: float) -> None:
     tau = np.array([1.0, value, 0.0])
-    with pytest.raises(RefusedError, match=r'gave a torque that is not finite'):
+    with pytest.raises(RefusedError, match=r'torque would not be finite'):
         shaper(torque_limits=LIMITS).sample(tau, 0.0)
-    with pytest.raises(RefusedError, match=r'gave a torque that is not finite'):
+    with pytest.raises(RefusedError, match=r'torque would not be finite'):
         shaper(torque_limits=LIMITS).plan(tau[None], np.zeros(1))
 
 
@@ -122,3 +122,57 @@ def test_wrong_number_of_values_gives_one_sentence(name: str) -> None:
 def test_a_check_of_standard_deviations_needs_limits() -> None:
     with pytest.raises(ConfigError, match=r'std_policy is zero, but it is empty; give one per'):
         make_rules(ServeSettings(std_policy='zero'), NAMES)
+
+
+def test_a_ramp_goes_on_from_its_share_when_its_duration_changes() -> None:
+    stream = shaper(ramp_s=2.0)
+    stream.begin(0.0)
+    asked = np.array([4.0, -8.0, 1.0])
+    np.testing.assert_allclose(stream.sample(asked, 1.0), 0.5 * asked)
+    stream.adjust(make_rules(ServeSettings(ramp_s=60.0), NAMES), 1.0)
+    np.testing.assert_allclose(stream.sample(asked, 1.0), 0.5 * asked)
+    np.testing.assert_allclose(stream.sample(asked, 7.0), 0.6 * asked)
+    stream.adjust(make_rules(ServeSettings(ramp_s=1.0), NAMES), 7.0)
+    np.testing.assert_allclose(stream.sample(asked, 7.2), 0.8 * asked)
+    np.testing.assert_allclose(stream.sample(asked, 8.0), asked)
+    stream.adjust(make_rules(ServeSettings(ramp_s=60.0), NAMES), 8.0)  # the ramp is over
+    np.testing.assert_allclose(stream.sample(asked, 8.0), asked)
+
+
+@pytest.mark.parametrize(
+    'changed',
+    [
+        {'gravity': False},
+        {'output_scale': 0.0},
+        {'range_policy': 'zero'},
+        {'std_policy': 'zero', 'std_limits': (1.0,)},
+    ],
+)
+def test_a_setting_that_changes_torques_is_ramped_to(changed: dict[str, Any]) -> None:
+    stream = shaper(ramp_s=1.0)
+    before, after = np.full(3, 20.0), np.zeros(3)
+    np.testing.assert_array_equal(stream.sample(before, 0.0), before)
+    stream.adjust(make_rules(ServeSettings(**{'ramp_s': 1.0, **changed}), NAMES), 1.0)
+    np.testing.assert_allclose(stream.sample(after, 1.0), before)
+    np.testing.assert_allclose(stream.sample(after, 1.25), 0.75 * before)
+    np.testing.assert_allclose(stream.sample(after, 2.0), after)
+
+
+def test_rates_are_bounded_by_default_where_limits_are() -> None:
+    stream = shaper(torque_limits=(40.0,))
+    stream.sent = Sent(np.full(3, -40.0), 0.0)
+    np.testing.assert_allclose(stream.sample(np.full(3, 40.0), 0.01), -36.0)
+    now, steps = 0.01, 0
+    while not (stream.sent.tau == 40.0).all():
+        now, steps = now + 0.01, steps + 1
+        stream.sample(np.full(3, 40.0), now)
+    assert steps == 19  # a full swing in 0.2 s
+
+
+def test_a_missing_bound_is_said() -> None:
+    assert unbounded(ServeSettings(torque_limits=(1.0,))) is None
+    both = 'torque_limits is empty: torques are not limited, and neither are their steps: '
+    assert str(unbounded(ServeSettings())).startswith(both)
+    assert str(unbounded(ServeSettings(rate_limits=(1.0,)))).startswith(
+        'torque_limits is empty: torques are not limited; set both'
+    )

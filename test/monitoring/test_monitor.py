@@ -107,8 +107,8 @@ def test_a_gap_and_a_clock_set_back_begin_anew(path: str, shift_s: float) -> Non
 @pytest.mark.parametrize(
     ('changed', 'reason'),
     [
-        ({'effort': []}, 'wrong length'),
-        ({'velocity': []}, 'wrong length'),
+        ({'effort': []}, 'effort missing'),
+        ({'velocity': []}, 'velocity missing'),
         ({'names': ('elbow', 'wrist')}, 'joint missing'),
         ({'position': [np.nan, 0.0]}, 'value not finite'),
         ({'velocity': [1e200, 0.0]}, 'torque not finite'),

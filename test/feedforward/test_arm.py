@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import replace
 from typing import Any
 
-from feedforward.arms import NAMES, Sum
+from feedforward.arms import arm, NAMES
 import numpy as np
 import pytest
 
-from lip_id_ros.feedforward.feedforward import Feedforward
-from lip_id_ros.feedforward.measured import Measured
+from lip_id_ros.feedforward.arm import ServedArm
+from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.feedforward.shaping import Sent
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
 from lip_id_ros.signals.joint_states import effort_calibration, EffortCalibration
@@ -20,8 +23,10 @@ SCALE, OFFSET = np.array([2.0, -1.0]), np.array([0.5, 0.0])
 UNEXPLAINED = np.array([3.0, -4.0])
 
 
-def measured(cutoff_hz: float = 20.0) -> Measured:
-    return Measured(Feedforward(Sum(), NAMES), EffortCalibration(SCALE, OFFSET), cutoff_hz)
+def follower(cutoff_hz: float = 20.0) -> ServedArm:
+    loaded = replace(arm(), calibration=EffortCalibration(SCALE, OFFSET))
+    settings = ServeSettings(residual_cutoff_hz=cutoff_hz)
+    return ServedArm(loaded, settings, Counter(), Sent(np.zeros(2)))
 
 
 def message(number: int, names: tuple[str, ...] = ('b', 'tool', 'a')) -> JointMessage:
@@ -37,12 +42,12 @@ def message(number: int, names: tuple[str, ...] = ('b', 'tool', 'a')) -> JointMe
     return JointMessage(round(1e9 * (5.0 + t)), names, *rows)
 
 
-def residuals(numbers: range, follower: Measured) -> list[Any]:
-    return [follower.residual(follower.motion(message(number))) for number in numbers]
+def residuals(numbers: range, followed: ServedArm) -> list[Any]:
+    return [followed.residual(followed.measured(message(number))) for number in numbers]
 
 
 def test_the_residual_is_what_the_model_does_not_explain() -> None:
-    found = residuals(range(1000), measured())
+    found = residuals(range(1000), follower())
     settled = [each for each in found if each is not None]
     assert found[0] is None
     assert len(settled) > 900
@@ -52,17 +57,17 @@ def test_the_residual_is_what_the_model_does_not_explain() -> None:
 
 @pytest.mark.parametrize('numbers', [range(500, 501), range(100, 101), range(200, 201)])
 def test_gaps_and_stamps_that_do_not_rise_begin_anew(numbers: range) -> None:
-    follower = measured()
-    assert residuals(range(201), follower)[-1] is not None
-    assert residuals(numbers, follower) == [None]
+    followed = follower()
+    assert residuals(range(201), followed)[-1] is not None
+    assert residuals(numbers, followed) == [None]
 
 
 def test_energies_come_from_positions_and_velocities() -> None:
-    follower = measured()
-    motion = follower.motion(message(0)._replace(effort=[]))
-    assert motion.tau is None
-    assert follower.residual(motion) is None
-    assert follower.energies(motion).kinetic == pytest.approx(1.0)
+    followed = follower()
+    measured = followed.measured(message(0)._replace(effort=[]))
+    assert measured.tau is None
+    assert followed.residual(measured) is None
+    assert followed.energies(measured).kinetic == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
@@ -70,14 +75,15 @@ def test_energies_come_from_positions_and_velocities() -> None:
     [
         ({'names': ('a', 'tool', 'gripper')}, Refusal.MISSING_JOINT),
         ({'names': ('a', 'b', 'b')}, Refusal.REPEATED_NAME),
-        ({'velocity': []}, Refusal.WRONG_LENGTH),
+        ({'velocity': []}, Refusal.NO_VELOCITY),
+        ({'position': []}, Refusal.NO_POSITION),
         ({'effort': [1.0]}, Refusal.WRONG_LENGTH),
         ({'position': [0.0, 0.0, np.nan]}, Refusal.NOT_FINITE),
     ],
 )
 def test_what_cannot_be_used_has_a_reason(changed: dict[str, Any], reason: Refusal) -> None:
     with pytest.raises(RefusedError) as refused:
-        measured().motion(message(0)._replace(**changed))
+        follower().measured(message(0)._replace(**changed))
     assert refused.value.reason is reason
 
 

@@ -107,7 +107,7 @@ def test_one_array_of_another_length_refuses_all(
 ) -> None:
     index = data.draw(st.integers(0, len(points) - 1))
     setattr(points[index], kind, array('d', [0.0] * length))
-    with pytest.raises(RefusedError, match=r'each as long as joint_names\.$'):
+    with pytest.raises(RefusedError, match=r'every array must be as long as the joint names'):
         stack(points, 3)
 
 

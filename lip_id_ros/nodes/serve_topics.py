@@ -1,0 +1,248 @@
+"""The topics of the node `serve`: what it publishes, and what it does with messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import math
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Time
+import numpy as np
+from rclpy.lifecycle import LifecycleNode
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.feedforward.server import Server
+from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.model import Prediction, Query
+from lip_id_ros.nodes import messages, qos
+from lip_id_ros.recording.joint_messages import from_joint_state
+from lip_id_ros.signals.joints import ON_PURPOSE, RefusedError
+
+WARNING_PERIOD_S = 5.0
+
+COMPONENTS = ('inertial', 'coriolis', 'gravity', 'friction')
+COMPONENT_TOPICS = tuple(f'torque/{part}' for part in COMPONENTS)
+STD_TOPIC = 'torque_std'
+ENERGY_TOPICS = ('measured/kinetic_energy', 'measured/potential_energy')
+RESIDUAL_TOPIC = 'torque_residual'
+
+
+class Outputs:
+    """
+    Publishers that speak while the node is active.
+
+    Parameters
+    ----------
+    node : LifecycleNode
+
+    """
+
+    def __init__(self, node: LifecycleNode) -> None:
+        self._node = node
+        self._torque = self._publisher(JointState, '~/feedforward_torque')
+        self._kinetic = self._publisher(Float64, '~/kinetic_energy')
+        self._potential = self._publisher(Float64, '~/potential_energy')
+        self._plan = self._publisher(JointTrajectory, '~/trajectory_with_effort')
+        self._optional: dict[str, Any] = {}
+
+    def configure(self, settings: ServeSettings) -> None:
+        """Make the publishers that are asked for."""
+        if settings.publish_commands:
+            self._add(Float64MultiArray, 'commands')
+        for topic in COMPONENT_TOPICS if settings.publish_parts else ():
+            self._add(JointState, topic)
+        if settings.publish_std:
+            self._add(JointState, STD_TOPIC)
+        if settings.follow_joint_states:
+            for topic in ENERGY_TOPICS:
+                self._add(Float64, topic)
+            self._add(JointState, RESIDUAL_TOPIC)
+
+    def clean_up(self) -> None:
+        """Destroy what `configure` made."""
+        for publisher in self._optional.values():
+            self._node.destroy_lifecycle_publisher(publisher)
+        self._optional.clear()
+
+    def wants(self, *names: str) -> bool:
+        """Return whether anybody subscribes to one of the optional topics."""
+        publishers = [self._optional[name] for name in names if name in self._optional]
+        return any(publisher.get_subscription_count() for publisher in publishers)
+
+    def torque(self, stamp: Time, names: Sequence[str], tau: Array) -> None:
+        """Publish the robot's torque, shape (n,) [N m or N]."""
+        self._torque.publish(messages.torque_message(stamp, names, tau))
+        if 'commands' in self._optional:
+            self._optional['commands'].publish(messages.command_message(tau))
+
+    def energies(self, query: Query) -> None:
+        """Publish the energies of a reference."""
+        _publish_finite(self._kinetic, query.kinetic)
+        _publish_finite(self._potential, query.potential)
+
+    def measured_energies(self, query: Query) -> None:
+        """Publish the energies of a measured state."""
+        kinetic, potential = ENERGY_TOPICS
+        _publish_finite(self._optional[kinetic], query.kinetic)
+        _publish_finite(self._optional[potential], query.potential)
+
+    def plan(self, plan: JointTrajectory, tau: Array) -> None:
+        """Publish a plan with efforts, shape (number of points, n) [N m or N]."""
+        self._plan.publish(messages.with_effort(plan, tau))
+
+    def components(self, stamp: Time, names: Sequence[str], predicted: Prediction) -> None:
+        """Publish the parts of the model's torque at one sample, those that are finite."""
+        for part, topic in zip(COMPONENTS, COMPONENT_TOPICS, strict=True):
+            self.joints(topic, stamp, names, getattr(predicted, part)[0])
+
+    def joints(self, topic: str, stamp: Time, names: Sequence[str], tau: Array) -> None:
+        """Publish one optional vector, shape (n,) [N m or N], if it is finite."""
+        if topic in self._optional and np.isfinite(tau).all():
+            self._optional[topic].publish(messages.torque_message(stamp, names, tau))
+
+    def _add(self, kind: Any, name: str) -> None:
+        self._optional[name] = self._publisher(kind, f'~/{name}')
+
+    def _publisher(self, kind: Any, topic: str) -> Any:
+        return self._node.create_lifecycle_publisher(kind, topic, qos.OUTPUT)
+
+
+class Inputs:
+    """
+    Subscriptions, and what is done with their messages: convert, ask, convert, publish.
+
+    Parameters
+    ----------
+    node : LifecycleNode
+    server : Server
+    outputs : Outputs
+
+    """
+
+    def __init__(self, node: LifecycleNode, server: Server, outputs: Outputs) -> None:
+        self._node = node
+        self._server = server
+        self._outputs = outputs
+        self._optional: list[Any] = []
+        node.create_subscription(
+            JointTrajectory, '~/desired_trajectory', self._on_trajectory, qos.REFERENCE
+        )
+
+    def configure(self, settings: ServeSettings) -> None:
+        """
+        Subscribe to what is asked for.
+
+        Raises
+        ------
+        ConfigError
+            If the type of a message is not installed.
+
+        """
+        if settings.follow_controller:
+            kind = _controller_state()
+            self._add(kind, '~/controller_state', self._on_controller_state)
+        if settings.follow_joint_states:
+            self._add(JointState, 'joint_states', self._on_joint_state)
+
+    def clean_up(self) -> None:
+        """Unsubscribe from what `configure` subscribed to."""
+        for subscription in self._optional:
+            self._node.destroy_subscription(subscription)
+        self._optional.clear()
+
+    def watch(self) -> None:
+        """Publish the safe torque where references have stopped, and what was computed beside."""
+        tau = self._server.safe_torque(time.monotonic())
+        if tau is not None:
+            self._outputs.torque(self._now(), self._server.joint_names, tau)
+        deviated = self._server.take_deviation()
+        if deviated is not None:
+            self._publish_vector(STD_TOPIC, deviated.tag, deviated.std)
+
+    def publish_zero(self) -> None:
+        """Publish zero torque: whoever holds the last command then holds none."""
+        if self._server.active and self._server.enabled:
+            names = self._server.joint_names
+            self._outputs.torque(self._now(), names, np.zeros(len(names)))
+
+    def _add(self, kind: Any, topic: str, callback: Callable[[Any], None]) -> None:
+        subscription = self._node.create_subscription(kind, topic, callback, qos.NEWEST)
+        self._optional.append(subscription)
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        """Answer a plan, or a sample of a stream."""
+        if len(message.points) > 1:
+            self._unless_refused(lambda: self._answer_plan(message))
+        else:
+            self._on_sample(message.header.stamp, message.joint_names, message.points)
+
+    def _on_controller_state(self, message: Any) -> None:
+        # before Jazzy the reference was called desired
+        reference = message.reference if hasattr(message, 'reference') else message.desired
+        self._on_sample(message.header.stamp, message.joint_names, [reference])
+
+    def _on_joint_state(self, message: JointState) -> None:
+        """Publish energies and torque residual to those who listen."""
+        measured = self._server.measure(from_joint_state(message), time.monotonic())
+        if measured is None:
+            return
+        if self._outputs.wants(*ENERGY_TOPICS):
+            self._outputs.measured_energies(self._server.measured_energies(measured))
+        if self._outputs.wants(RESIDUAL_TOPIC):
+            residual = self._server.residual(measured)
+            self._publish_vector(RESIDUAL_TOPIC, message.header.stamp, residual)
+
+    def _on_sample(self, stamp: Time, names: Sequence[str], points: Sequence[Any]) -> None:
+        self._unless_refused(lambda: self._answer_sample(stamp, names, points))
+
+    def _unless_refused(self, answer: Callable[[], None]) -> None:
+        try:
+            answer()
+        except RefusedError as refused:
+            if refused.reason not in ON_PURPOSE:
+                self._node.get_logger().warning(
+                    f'refused a reference ({refused.reason}): {refused}',
+                    throttle_duration_sec=WARNING_PERIOD_S,
+                )
+
+    def _answer_sample(self, stamp: Time, names: Sequence[str], points: Sequence[Any]) -> None:
+        if messages.is_zero(stamp):
+            stamp = self._now()
+        served = self._server.sample(names, points, time.monotonic(), stamp)
+        self._outputs.torque(stamp, self._server.joint_names, served.tau)
+        self._outputs.energies(served.query)
+        if self._outputs.wants(*COMPONENT_TOPICS):
+            predicted = self._server.components(served)
+            self._outputs.components(stamp, self._server.joint_names, predicted)
+
+    def _answer_plan(self, message: JointTrajectory) -> None:
+        tau = self._server.plan(message.joint_names, message.points)
+        self._outputs.plan(message, tau)
+
+    def _publish_vector(self, topic: str, stamp: Time, tau: Array | None) -> None:
+        if tau is not None:
+            self._outputs.joints(topic, stamp, self._server.joint_names, tau)
+
+    def _now(self) -> Time:
+        return self._node.get_clock().now().to_msg()
+
+
+def _controller_state() -> Any:
+    try:
+        from control_msgs.msg import JointTrajectoryControllerState
+    except ImportError:
+        raise ConfigError(
+            'follow_controller needs the package control_msgs, which is not installed; install '
+            'ros-jazzy-control-msgs or leave follow_controller false.'
+        ) from None
+    return JointTrajectoryControllerState
+
+
+def _publish_finite(publisher: Any, value: float) -> None:
+    if math.isfinite(value):
+        publisher.publish(Float64(data=value))
