@@ -143,8 +143,8 @@ class ServedArm:
         columns = self._order.columns(names)
         if len(columns) != len(names):
             raise RefusedError(Refusal.FOREIGN_JOINT)
-        t = increasing_times(points)
         states = stack(points, len(names))[:, :, columns]
+        t = increasing_times(points)
         predicted = self._model.predict(*states)
         tau = predicted.tau if self.shaper.rules.gravity else predicted.tau - predicted.gravity
         ordered = np.empty_like(tau)

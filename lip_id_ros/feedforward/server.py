@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import numpy as np
@@ -244,7 +245,7 @@ class Server:
 
     def require_ready(self) -> None:
         """
-        Refuse, and count, what comes while there is no model or the node is disabled.
+        Refuse what comes while there is no model or the node is disabled.
 
         Raises
         ------
@@ -252,17 +253,24 @@ class Server:
             With the reason.
 
         """
+        self._ready()
+
+    @contextmanager
+    def refusing(self) -> Iterator[None]:
+        """Count what is refused within."""
         try:
-            self._ready()
+            # values too large to be squared are refused, not warned of
+            with np.errstate(all='ignore'):
+                yield
         except RefusedError as refused:
             self.refuse(refused.reason)
             raise
 
     def refuse(self, reason: Refusal) -> None:
-        """Count a reference that was refused before it came here."""
+        """Count a reference that was refused elsewhere."""
         self._refused[reason.value] += 1
 
-    def planned_beside(self, counts: Counter[str]) -> None:
+    def planned_beside(self, counts: Mapping[str, int]) -> None:
         """Count a plan that another process answered, and what it found doubtful or cut."""
         self._answered['plans'] += 1
         self._counts.update(counts)
@@ -340,13 +348,8 @@ class Server:
         }
 
     def _counted(self, kind: str, answer: Callable[[], Result]) -> Result:
-        try:
-            # values too large to be squared are refused below, not warned of
-            with np.errstate(all='ignore'):
-                result = answer()
-        except RefusedError as refused:
-            self.refuse(refused.reason)
-            raise
+        with self.refusing():
+            result = answer()
         self._answered[kind] += 1
         return result
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import Counter
 import sys
 
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.control.plan_controller import PlanController
 from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.nodes import messages, parameters, qos, running
+from lip_id_ros.nodes.guard import GuardedNode
 from lip_id_ros.nodes.status import OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings.nodes import parameters_of
@@ -20,7 +20,7 @@ from lip_id_ros.signals.joints import RefusedError
 STATUS_PERIOD_S = 0.5
 
 
-class ComputedTorqueNode(Node):
+class ComputedTorqueNode(GuardedNode):
     """
     Answer each joint state with a torque, while there is a plan.
 

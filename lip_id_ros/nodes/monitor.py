@@ -6,7 +6,6 @@ import math
 import sys
 
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 from std_srvs.srv import Trigger
@@ -14,6 +13,7 @@ from std_srvs.srv import Trigger
 from lip_id_ros.monitoring.monitor import Monitor
 from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.nodes import messages, parameters, qos, running
+from lip_id_ros.nodes.guard import GuardedNode
 from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings.nodes import parameters_of
@@ -22,7 +22,7 @@ from lip_id_ros.signals.joints import RefusedError
 STATUS_PERIOD_S = 0.5
 
 
-class MonitorNode(Node):
+class MonitorNode(GuardedNode):
     """
     Tell what the model says of each joint state.
 

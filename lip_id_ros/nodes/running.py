@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 import gc
 import signal
 import threading
+import time
 from types import FrameType
 from typing import Protocol
 
 import rclpy
 from rclpy.exceptions import InvalidParameterValueException
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from lip_id_ros.errors import LipIdError
+from lip_id_ros.nodes.guard import GuardedNode
 
 EXECUTORS = ('events', 'single_threaded')
 
+
+MOST_ERRORS, ERROR_SECONDS = 100, 1.0
+"""The executor itself is broken when so many errors come past the guards in so little time."""
 
 RCLError = rclpy_implementation.RCLError  # such as a parameter file that is not YAML
 
@@ -102,7 +108,7 @@ def _spin(node: Node, stopped: threading.Event) -> None:
 
     def spin() -> None:
         try:
-            executor.spin()
+            _spin_on(executor, node, stopped)
         except BaseException as error:
             failures.append(error)
         finally:
@@ -115,6 +121,23 @@ def _spin(node: Node, stopped: threading.Event) -> None:
     thread.join()
     if failures:
         raise failures[0]
+
+
+def _spin_on(executor: Executor, node: Node, stopped: threading.Event) -> None:
+    """Spin again after an error that came past the guards of the callbacks."""
+    recent: deque[float] = deque(maxlen=MOST_ERRORS)
+    while not stopped.is_set():
+        try:
+            executor.spin()
+            return
+        except ExternalShutdownException:
+            return
+        except Exception as error:
+            recent.append(time.monotonic())
+            in_a_row = len(recent) == MOST_ERRORS and recent[-1] - recent[0] < ERROR_SECONDS
+            if in_a_row or not isinstance(node, GuardedNode):
+                raise
+            node.caught(error)
 
 
 def make_executor(name: str) -> Executor:

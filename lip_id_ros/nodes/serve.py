@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 import sys
 import time
 
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
@@ -23,6 +24,7 @@ from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import require_changeable, serve_parameters, ServeSettings
 from lip_id_ros.nodes import parameters, running
 from lip_id_ros.nodes.background import outcome
+from lip_id_ros.nodes.guard import GuardedNode
 from lip_id_ros.nodes.serve_topics import Inputs, Outputs
 from lip_id_ros.nodes.status import Status, StatusPublisher
 
@@ -30,7 +32,7 @@ STATUS_PERIOD_S = 0.5
 WATCH_PERIOD_S = 0.02
 
 
-class ServeNode(LifecycleNode):
+class ServeNode(GuardedNode, LifecycleNode):
     """
     Managed node: a model is loaded on configure, references are answered while active.
 
@@ -54,6 +56,7 @@ class ServeNode(LifecycleNode):
         self._outputs = Outputs(self)
         self._inputs = Inputs(self, self._server, self._outputs)
         self._make_services()
+        self._guard_transitions()
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._apply_change)
         if self._settings().autostart:
@@ -79,6 +82,33 @@ class ServeNode(LifecycleNode):
         self.create_timer(STATUS_PERIOD_S, self._publish_status, clock=steady)
         self.create_timer(WATCH_PERIOD_S, self._inputs.watch, clock=steady)
 
+    def _guard_transitions(self) -> None:
+        """Answer a transition that is not possible now; rclpy ends the node for it."""
+        change: Callable[..., ChangeState.Response] = self._service_change_state.callback
+
+        def if_possible(
+            request: ChangeState.Request, response: ChangeState.Response
+        ) -> ChangeState.Response:
+            asked = request.transition
+            possible = [each[:2] for each in self._state_machine.available_transitions]
+            if asked.label in [label for _, label in possible] or (
+                not asked.label and asked.id in [number for number, _ in possible]
+            ):
+                return change(request, response)
+            name = asked.label or asked.id
+            state = self._state_label
+            self.get_logger().warning(f'refused transition {name}: not possible in state {state}')
+            response.success = False
+            return response
+
+        self._service_change_state.callback = if_possible
+        self.guard_services()
+
+    def output_safe_torque(self) -> None:
+        """Publish zero torque; the next reference is ramped in from there."""
+        self._inputs.publish_zero()
+        self._server.rest()
+
     # parameters
 
     def _settings(self) -> ServeSettings:
@@ -97,6 +127,7 @@ class ServeNode(LifecycleNode):
     def _apply_change(self, changed: Sequence[Parameter]) -> None:
         settings = self._settings()
         self._server.adjust(settings, time.monotonic())
+        self._inputs.adjust(settings)
         if self._server.active and settings.enabled != self._server.enabled:
             self._enable(settings.enabled)
 
@@ -113,6 +144,7 @@ class ServeNode(LifecycleNode):
             self._inputs.configure(settings)
             self._loaded = load_model(settings, settings.joints)
             require_rules(settings, self._loaded)
+            self._inputs.use(settings)
         except (LipIdError, OSError) as error:
             self._failure = f'not configured: {error}'
             self.get_logger().error(self._failure)
@@ -207,14 +239,17 @@ class ServeNode(LifecycleNode):
         settings, before = self._settings(), self._loaded
         if before is None:
             raise LipIdError('there is no model to replace; configure the node instead.')
-        arm = await outcome(self, self._pool.submit(load_successor, settings, before))
-        if self._loaded is not before:
-            arm.stop()
+        loaded = await outcome(self, self._pool.submit(load_successor, settings, before))
+        # another reload may have been faster: its model is replaced then
+        replaced = self._loaded
+        if replaced is None or replaced.joint_names != loaded.joint_names:
+            loaded.stop()
             raise LipIdError('the node was cleaned up while the model was loaded.')
-        self._loaded = arm
+        self._loaded = loaded
+        self._inputs.use(settings)
         if self._server.active:
-            self._server.use(arm, self._settings(), time.monotonic())
-        self._pool.submit(before.stop)
+            self._server.use(loaded, self._settings(), time.monotonic())
+        self._pool.submit(replaced.stop)
         return f'serves {settings.model_path}'
 
     # status

@@ -10,6 +10,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.lifecycle import LifecycleNode
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
@@ -20,10 +21,13 @@ from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.model import Prediction, Query
 from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes.plans import count_points, Planned, PlanWorker
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.signals.joints import ON_PURPOSE, RefusedError
+from lip_id_ros.signals.joints import ON_PURPOSE, Refusal, RefusedError
 
 WARNING_PERIOD_S = 5.0
+INLINE_BYTES = 24 * 1024
+"""A longer plan, of about a hundred points of seven joints, is answered beside the stream."""
 
 COMPONENTS = ('inertial', 'coriolis', 'gravity', 'friction')
 COMPONENT_TOPICS = tuple(f'torque/{part}' for part in COMPONENTS)
@@ -95,6 +99,10 @@ class Outputs:
         """Publish a plan with efforts, shape (number of points, n) [N m or N]."""
         self._plan.publish(messages.with_effort(plan, tau))
 
+    def raw_plan(self, plan: bytes) -> None:
+        """Publish a plan with efforts that is serialised already."""
+        self._plan.publish(plan)
+
     def components(self, stamp: Time, names: Sequence[str], predicted: Prediction) -> None:
         """Publish the parts of the model's torque at one sample, those that are finite."""
         for part, topic in zip(COMPONENTS, COMPONENT_TOPICS, strict=True):
@@ -129,8 +137,15 @@ class Inputs:
         self._server = server
         self._outputs = outputs
         self._optional: list[Any] = []
+        self._worker: PlanWorker | None = None
+        self._settings = ServeSettings()
+        # raw, since a long plan is not deserialised here
         node.create_subscription(
-            JointTrajectory, '~/desired_trajectory', self._on_trajectory, qos.REFERENCE
+            JointTrajectory,
+            '~/desired_trajectory',
+            self._on_trajectory,
+            qos.REFERENCE,
+            raw=True,
         )
 
     def configure(self, settings: ServeSettings) -> None:
@@ -149,8 +164,19 @@ class Inputs:
         if settings.follow_joint_states:
             self._add(JointState, 'joint_states', self._on_joint_state)
 
+    def use(self, settings: ServeSettings) -> None:
+        """Answer long plans by the model that these settings name, from now on."""
+        self._stop_worker()
+        self._worker = PlanWorker(settings.model_path)
+        self.adjust(settings)
+
+    def adjust(self, settings: ServeSettings) -> None:
+        """Answer long plans by these settings."""
+        self._settings = settings
+
     def clean_up(self) -> None:
         """Unsubscribe from what `configure` subscribed to."""
+        self._stop_worker()
         for subscription in self._optional:
             self._node.destroy_subscription(subscription)
         self._optional.clear()
@@ -163,6 +189,9 @@ class Inputs:
         deviated = self._server.take_deviation()
         if deviated is not None:
             self._publish_vector(STD_TOPIC, deviated.tag, deviated.std)
+        planned = self._worker.take() if self._worker else None
+        if planned is not None:
+            self._unless_refused(lambda: self._publish_planned(planned))
 
     def publish_zero(self) -> None:
         """Publish zero torque: whoever holds the last command then holds none."""
@@ -174,12 +203,39 @@ class Inputs:
         subscription = self._node.create_subscription(kind, topic, callback, qos.NEWEST)
         self._optional.append(subscription)
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
+    def _on_trajectory(self, raw: bytes) -> None:
         """Answer a plan, or a sample of a stream."""
+        if len(raw) > INLINE_BYTES and count_points(raw) > 1:
+            self._unless_refused(lambda: self._submit(raw))
+            return
+        message = deserialize_message(raw, JointTrajectory)
         if len(message.points) > 1:
             self._unless_refused(lambda: self._answer_plan(message))
         else:
             self._on_sample(message.header.stamp, message.joint_names, message.points)
+
+    def _submit(self, raw: bytes) -> None:
+        """Have a long plan answered beside the stream."""
+        with self._server.refusing():
+            self._server.require_ready()
+            if count_points(raw) > self._settings.max_plan_points:
+                raise RefusedError(Refusal.TOO_LONG)
+            if self._worker is not None:
+                self._worker.submit(raw, self._settings)
+
+    def _publish_planned(self, planned: Planned) -> None:
+        with self._server.refusing():
+            self._server.require_ready()
+            if planned.refusal:
+                raise RefusedError(Refusal(planned.refusal))
+        self._server.planned_beside(planned.counts)
+        self._outputs.raw_plan(planned.raw)
+
+    def _stop_worker(self) -> None:
+        if self._worker is not None:
+            for _ in range(self._worker.stop()):
+                self._server.refuse(Refusal.INTERRUPTED)
+            self._worker = None
 
     def _on_controller_state(self, message: Any) -> None:
         # before Jazzy the reference was called desired

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import json
 from typing import Any
 
@@ -12,6 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes.guard import GuardedNode
 
 OK: bytes = DiagnosticStatus.OK
 WARN: bytes = DiagnosticStatus.WARN
@@ -56,9 +57,11 @@ class StatusPublisher:
         self._status = node.create_publisher(String, '~/status', qos.LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', qos.DIAGNOSTICS)
         self._last = ''
+        self._faults = 0
 
     def publish(self, status: Status) -> None:
         """Publish to /diagnostics, and to ~/status if anything changed."""
+        status = self._with_faults(status)
         text = json.dumps({'summary': status.summary, **status.values})
         if text != self._last:
             self._status.publish(String(data=text))
@@ -72,3 +75,14 @@ class StatusPublisher:
                 status.values,
             )
         )
+
+    def _with_faults(self, status: Status) -> Status:
+        """Add what the node's guard caught."""
+        node = self._node
+        if not isinstance(node, GuardedNode):
+            return status
+        values = {**status.values, 'faults': node.faults}
+        new, self._faults = node.faults - self._faults, node.faults
+        if not new:
+            return replace(status, values=values)
+        return Status(ERROR, f'a callback failed: {node.last_fault}', values)

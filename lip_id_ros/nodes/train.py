@@ -11,7 +11,6 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
@@ -29,6 +28,7 @@ from lip_id_ros.acquisition.settings import (
 from lip_id_ros.errors import ConfigError, DataError, LipIdError
 from lip_id_ros.nodes import parameters, qos, running
 from lip_id_ros.nodes.background import outcome
+from lip_id_ros.nodes.guard import GuardedNode
 from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings.nodes import WHILE_EMPTY
@@ -36,7 +36,7 @@ from lip_id_ros.settings.nodes import WHILE_EMPTY
 STATUS_PERIOD_S = 0.5
 
 
-class TrainNode(Node):
+class TrainNode(GuardedNode):
     """
     Recorder and trainer.
 

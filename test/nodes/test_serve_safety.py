@@ -105,7 +105,7 @@ def test_limits_of_rate_and_range_hold_and_are_told(
         found = [each.status[0] for each in diagnostics if each.status[0].name == 'serve']
         return any(
             each.level == DiagnosticStatus.WARN
-            and each.message == 'references with trouble: out_of_range 1'
+            and each.message == 'messages with trouble: out_of_range 1'
             for each in found
         )
 

@@ -1,0 +1,251 @@
+"""
+Long plans, answered beside the stream.
+
+To deserialise, compute and serialise a plan of ten thousand points takes hundreds of milliseconds
+with the interpreter held: the stream and the watch over it would stand still. So a long plan is
+passed on as it came, as bytes, to a process of its own, which runs this module, and its answer is
+published as bytes. Each frame is two lengths, a JSON header and the bytes of a message.
+
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import asdict, dataclass, field
+import json
+import os
+import queue
+import struct
+import subprocess
+import sys
+import threading
+from typing import Any, BinaryIO, cast
+
+import numpy as np
+from rclpy.serialization import deserialize_message, serialize_message
+from trajectory_msgs.msg import JointTrajectory
+
+from lip_id_ros.errors import LipIdError
+from lip_id_ros.feedforward.arm import ServedArm
+from lip_id_ros.feedforward.loading import load_model
+from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.feedforward.shaping import Sent
+from lip_id_ros.nodes import messages
+from lip_id_ros.processes import end
+from lip_id_ros.signals.joints import Refusal, RefusedError
+
+MOST_WAITING = 8
+LENGTHS = struct.Struct('<II')
+COUNT, STAMP = struct.Struct('I').size, struct.Struct('iI').size
+
+
+def count_points(raw: bytes) -> int:
+    """
+    Read the number of points of a serialised JointTrajectory, without the points.
+
+    Parameters
+    ----------
+    raw : bytes
+        CDR of either byte order: a stamp, a frame, names, then the points.
+
+    Raises
+    ------
+    RefusedError
+        If it ends before.
+
+    """
+    order = '<' if raw[1:2] == b'\x01' else '>'
+    body = memoryview(raw)[4:]
+
+    def number(at: int) -> int:
+        return int(struct.unpack_from(f'{order}I', body, at)[0])
+
+    def after_string(at: int) -> int:
+        return _aligned(at + COUNT + number(at))
+
+    try:
+        at = after_string(STAMP)
+        n_names, at = number(at), at + COUNT
+        for _ in range(n_names):
+            at = after_string(at)
+        return number(at)
+    except struct.error:
+        raise RefusedError(Refusal.MALFORMED) from None
+
+
+def _aligned(at: int) -> int:
+    return (at + 3) & ~3
+
+
+@dataclass(frozen=True)
+class Planned:
+    """
+    The answer to a long plan.
+
+    Attributes
+    ----------
+    raw : bytes
+        The plan with efforts, serialised; empty where it is refused.
+    refusal : str
+        Reason, a value of `Refusal`; empty where it is answered.
+    counts : mapping
+        What was limited and what was doubtful.
+
+    """
+
+    raw: bytes = b''
+    refusal: str = ''
+    counts: dict[str, int] = field(default_factory=dict)
+
+
+class PlanWorker:
+    """
+    The parent's end of the process, which starts with the first plan and again if it ended.
+
+    Parameters
+    ----------
+    path : str
+        The model's file.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+
+    """
+
+    def __init__(self, path: str) -> None:
+        # kept open: a fit that replaces the file must not change the model beside the stream
+        self._file = os.open(path, os.O_RDONLY)
+        self._waiting: queue.SimpleQueue[tuple[bytes, bytes] | None] = queue.SimpleQueue()
+        self._done: deque[Planned] = deque()
+        self._n_waiting = 0
+        self._process: subprocess.Popen[bytes] | None = None
+        self._thread: threading.Thread | None = None
+        self._stopped = False
+
+    def submit(self, raw: bytes, settings: ServeSettings) -> None:
+        """
+        Ask for the efforts of a plan.
+
+        Raises
+        ------
+        RefusedError
+            If too many plans wait.
+
+        """
+        if self._n_waiting >= MOST_WAITING:
+            raise RefusedError(Refusal.BUSY)
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._work, name='plans', daemon=True)
+            self._thread.start()
+        self._n_waiting += 1
+        self._waiting.put((json.dumps(asdict(settings)).encode(), raw))
+
+    def take(self) -> Planned | None:
+        """Return an answer that was not taken yet."""
+        if not self._done:
+            return None
+        self._n_waiting -= 1
+        return self._done.popleft()
+
+    def stop(self) -> int:
+        """End the process; return how many plans get no answer."""
+        self._stopped = True
+        self._waiting.put(None)
+        if self._process is not None:
+            end(self._process)
+        os.close(self._file)
+        return self._n_waiting
+
+    def _work(self) -> None:
+        while (asked := self._waiting.get()) is not None and not self._stopped:
+            try:
+                self._done.append(self._answer(*asked))
+            except (OSError, ValueError, EOFError):  # the process ended: another for the next
+                self._done.append(Planned(refusal=Refusal.INTERRUPTED.value))
+                self._process = None
+
+    def _answer(self, header: bytes, raw: bytes) -> Planned:
+        if self._process is None:
+            self._process = subprocess.Popen(
+                [sys.executable, '-m', 'lip_id_ros.nodes.plans', f'/dev/fd/{self._file}'],
+                pass_fds=(self._file,),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                start_new_session=True,
+            )
+        _write(cast('BinaryIO', self._process.stdin), header, raw)
+        answer, planned = _read(cast('BinaryIO', self._process.stdout))
+        return Planned(planned, **json.loads(answer))
+
+
+def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
+    """
+    Answer plans until their stream ends.
+
+    Parameters
+    ----------
+    path : str
+        The model's file.
+    requests, answers : binary streams
+        Of frames: settings and a plan; refusal, counts and the plan with efforts.
+
+    Returns
+    -------
+    int
+        Exit status.
+
+    """
+    loaded = load_model(ServeSettings(model_path=path), ())
+    while True:
+        try:
+            header, raw = _read(requests)
+        except EOFError:
+            return 0
+        counts: Counter[str] = Counter()
+        values = {key: _tuples(value) for key, value in json.loads(header).items()}
+        rest = Sent(np.zeros(len(loaded.joint_names)))
+        try:
+            arm = ServedArm(loaded, ServeSettings(**values), counts, rest)
+            planned, refusal = _with_effort(arm, raw), ''
+        except RefusedError as refused:
+            planned, refusal = b'', refused.reason.value
+        except LipIdError:
+            planned, refusal = b'', Refusal.INTERRUPTED.value
+        _write(answers, json.dumps({'refusal': refusal, 'counts': counts}).encode(), planned)
+
+
+def _with_effort(arm: ServedArm, raw: bytes) -> bytes:
+    try:
+        plan = deserialize_message(raw, JointTrajectory)
+    except Exception:
+        raise RefusedError(Refusal.MALFORMED) from None
+    with np.errstate(all='ignore'):
+        tau = arm.plan(plan.joint_names, plan.points)
+    return bytes(serialize_message(messages.with_effort(plan, tau)))
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _write(stream: BinaryIO, header: bytes, raw: bytes) -> None:
+    stream.write(LENGTHS.pack(len(header), len(raw)) + header)
+    stream.write(raw)
+    stream.flush()
+
+
+def _read(stream: BinaryIO) -> tuple[bytes, bytes]:
+    lengths = stream.read(LENGTHS.size)
+    if len(lengths) < LENGTHS.size:
+        raise EOFError
+    n_header, n_raw = LENGTHS.unpack(lengths)
+    header, raw = stream.read(n_header), stream.read(n_raw)
+    if len(header) < n_header or len(raw) < n_raw:
+        raise EOFError
+    return header, raw
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1], sys.stdin.buffer, sys.stdout.buffer))

@@ -1,0 +1,158 @@
+"""Requests and messages that ended a node, or kept it from its stream: it lives on and answers."""
+
+from __future__ import annotations
+
+from typing import Any, TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from nodes import toy
+from nodes.test_serve import EXPECTED, GOOD, point, REFERENCE, start_serve, TORQUE, trajectory
+import numpy as np
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from lip_id_ros.nodes.plans import count_points
+from lip_id_ros.signals.joints import RefusedError
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph
+
+pytestmark = pytest.mark.ros
+
+NOT_WHILE_ACTIVE = (0, 1, 2, 3, 5, 6, 8, 99, 255)
+
+
+def plan(n_points: int) -> JointTrajectory:
+    points = [point([0.3, -0.2], [0.5, 1.0], [1.0, -1.0]) for _ in range(n_points)]
+    for number, each in enumerate(points):
+        each.time_from_start.sec = number
+    return trajectory(toy.JOINTS, *points)
+
+
+def change(label: str) -> ChangeState.Request:
+    request = ChangeState.Request()
+    request.transition.label = label
+    return request
+
+
+def set_absurd_parameter(client: Client, node: str) -> None:
+    """Set a parameter of a type that there is not."""
+    absurd = Parameter(name='executor', value=ParameterValue(type=99))
+    client.call(
+        SetParameters, f'/{node}/set_parameters', SetParameters.Request(parameters=[absurd])
+    )
+
+
+def test_wrong_requests_are_answered_and_serve_lives(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    serve = start_serve(graph, model_path=model_path)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    for number in NOT_WHILE_ACTIVE:
+        assert not client.transition(number), number
+    assert not client.call(ChangeState, '/serve/change_state', change('no such')).success
+    assert client.state() == 'active'
+    publisher.publish(GOOD)
+    client.wait_until(lambda: torques, 'answer')
+    np.testing.assert_allclose(torques[0].effort, EXPECTED, atol=0.1)
+
+    set_absurd_parameter(client, 'serve')
+    client.status('serve', lambda status: status['faults'] == 1)
+    client.wait_until(lambda: len(torques) == 2, 'safe torque')
+    assert list(torques[1].effort) == [0.0, 0.0]
+    publisher.publish(GOOD)
+    client.wait_until(lambda: len(torques) == 3, 'answer')
+    np.testing.assert_allclose(torques[2].effort, EXPECTED, atol=0.1)
+
+    # three reloads at once: all are true
+    reload = client.node.create_client(Trigger, '/serve/reload_model')
+    client.wait_until(reload.service_is_ready, 'service')
+    calls = [reload.call_async(Trigger.Request()) for _ in range(3)]
+    client.wait_until(lambda: all(call.done() for call in calls), 'three reloads')
+    assert [call.result().message for call in calls] == [f'serves {model_path}'] * 3
+    assert all(call.result().success for call in calls)
+    client.status('serve', lambda status: status['summary'] == 'answering')
+
+    assert client.call(ChangeState, '/serve/change_state', change('deactivate')).success
+    assert client.transition(Transition.TRANSITION_INACTIVE_SHUTDOWN)
+    assert not client.transition(Transition.TRANSITION_INACTIVE_SHUTDOWN)
+    assert client.state() == 'finalized'
+    assert serve.alive
+
+
+@pytest.mark.parametrize('node', ['train', 'monitor', 'computed_torque'])
+def test_an_absurd_parameter_ends_no_node(
+    ros: tuple[Graph, Client], model_path: str, node: str
+) -> None:
+    graph, client = ros
+    parameters: dict[str, dict[str, Any]] = {
+        'monitor': {'model_path': model_path},
+        'computed_torque': {
+            'joints': list(toy.JOINTS),
+            'stiffness': [1.0, 1.0],
+            'damping': [1.0, 1.0],
+        },
+    }
+    process = graph.start(node, **parameters.get(node, {}))
+    client.status(node, lambda status: status['faults'] == 0)
+    set_absurd_parameter(client, node)
+    client.status(node, lambda status: status['faults'] == 1)
+    assert process.alive
+
+
+def test_long_plans_are_computed_beside_the_stream(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    start_serve(graph, model_path=model_path, torque_limits=[3.0, 100.0], rate_limits=[1e6])
+    torques = client.listen(JointState, TORQUE)
+    plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    long, too_long = plan(3000), plan(12_000)
+    publisher.publish(too_long)
+    publisher.publish(long)
+    for count in range(1, 11):
+        publisher.publish(GOOD)
+        client.wait_until(lambda: len(torques) == count, 'answer')  # noqa: B023
+    assert not plans  # its process had to start first
+    client.wait_until(lambda: plans, 'plan')
+    efforts = np.array([each.effort for each in plans[0].points])
+    np.testing.assert_allclose(efforts, np.tile(torques[0].effort, (3000, 1)), rtol=1e-12)
+    status = client.status('serve', lambda status: status['answered']['plans'] == 1)
+    assert status['refused'] == {'plan too long': 1}
+    assert status['limited'] == 3000 + 10
+
+    # a plan that nobody may answer any more is counted
+    publisher.publish(long)
+    publisher.publish(GOOD)
+    client.wait_until(lambda: len(torques) == 11, 'answer')
+    assert client.transition(Transition.TRANSITION_DEACTIVATE)
+    assert client.transition(Transition.TRANSITION_CLEANUP)
+    status = client.status('serve', lambda status: len(status['refused']) == 2)
+    assert sum(status['refused'].values()) == 2
+
+
+def test_points_are_counted_without_being_read() -> None:
+    for names in ((), ('a',), ('joint', 'xy', '', 'elbow_π')):
+        for n_points in (0, 1, 7):
+            message = trajectory(names, *[point([0.0], [], [1.0, 2.0])] * n_points)
+            message.header.frame_id = 'base'
+            raw = serialize_message(message)
+            assert count_points(raw) == n_points
+            for cut in range(4, len(raw) - 8 * n_points * 3, 5):
+                if cut < 20:
+                    with pytest.raises(RefusedError, match='could not be deserialised'):
+                        count_points(raw[:cut])
