@@ -49,7 +49,7 @@ class ArmState:
     numbers : array, shape (n, 11)
         Log-Cholesky numbers of the links.
     friction : array, shape (k,)
-        Coefficients in units of their prior standard deviations, the positive ones as logarithms.
+        Coefficients of friction, the positive ones as logarithms.
     cost : float
     residual : array, shape (N, n)
         Of the torques in units of the noise.
@@ -91,12 +91,17 @@ class ArmProblem:
         link_scale: Array,
         free: BoolArray | None = None,
     ) -> None:
-        self._samples, self._positive, self._link_scale = samples, positive, link_scale
+        self._samples, self._positive, self.link_scale = samples, positive, link_scale
         self._scale = np.sqrt(samples.weights) / noise_std
         n = samples.tau.shape[1]
         self._free = np.ones(DIRECTIONS * n, dtype=bool) if free is None else free
 
-    def start(self, chain: Chain, links: Array, friction: Array) -> ArmState:
+    @property
+    def size(self) -> int:
+        """Number of entries of a step, m."""
+        return self._free.size + self._samples.link_std.size + self._samples.friction_std.size
+
+    def start(self, chain: Chain, links: Array, friction: Array, least: float = 1e-3) -> ArmState:
         """
         Return the state nearest to parameters of a linear fit.
 
@@ -105,7 +110,8 @@ class ArmProblem:
         chain : Chain
         links : array, shape (n, 11)
         friction : array, shape (k,)
-            In units of prior standard deviations.
+        least : float
+            Least eigenvalue of the links' scaled pseudo-inertias.
 
         Raises
         ------
@@ -115,10 +121,13 @@ class ArmProblem:
         """
         if not (np.isfinite(links).all() and np.isfinite(friction).all()):
             raise FitError(NOT_FINITE)
-        logarithms = np.log(np.maximum(friction, SMALLEST))
-        coefficients = np.where(self._positive, logarithms, friction)
-        numbers = log_cholesky(links, self._link_scale)
-        return self.evaluated(ArmState(chain, numbers, coefficients))
+        numbers = log_cholesky(links, self.link_scale, least)
+        return self.evaluated(ArmState(chain, numbers, self.friction_numbers(friction)))
+
+    def friction_numbers(self, coefficients: Array) -> Array:
+        """Return the numbers that a state has for coefficients of friction, shape (k,)."""
+        smallest = SMALLEST * self._samples.friction_std
+        return np.where(self._positive, np.log(np.maximum(coefficients, smallest)), coefficients)
 
     def minimised(self, start: ArmState, evaluations: int) -> ArmState:
         """Descend from a state."""
@@ -128,18 +137,22 @@ class ArmProblem:
         """Return a state with its cost and residuals."""
         with np.errstate(over='ignore', invalid='ignore'):
             residual = (self._samples.tau - self.torque(state)) * self._scale
-            prior = self._prior_residual(state)
+            prior = self.prior_residual(state)
             cost = 0.5 * float(np.sum(residual**2) + prior @ prior)
         return replace(state, cost=cost if np.isfinite(cost) else np.inf, residual=residual)
 
     def links(self, state: ArmState) -> Array:
         """Return the parameters of the links, shape (n, 11)."""
-        return link_parameters(state.numbers, self._link_scale)
+        return link_parameters(state.numbers, self.link_scale)
 
     def coefficients(self, state: ArmState) -> Array:
-        """Return the coefficients of friction in units of prior standard deviations, (k,)."""
+        """Return the coefficients of friction, shape (k,)."""
         exponents = np.where(self._positive, state.friction, 0.0)
         return np.where(self._positive, np.exp(exponents), state.friction)
+
+    def coefficient_slopes(self, state: ArmState) -> Array:
+        """Return the slopes of the coefficients of friction by the numbers of a state, (k,)."""
+        return np.where(self._positive, self.coefficients(state), 1.0)
 
     def torque(self, state: ArmState) -> Array:
         """Return the torques of all samples, shape (N, n) [N m or N]."""
@@ -154,12 +167,11 @@ class ArmProblem:
         placements = placements.reshape(*samples.tau.shape, -1) * self._free
         regressor = torque_regressor(state.chain, *samples.state)
         regressor = regressor.reshape(*samples.tau.shape, n, LINK_PARAMETERS)
-        by_numbers = link_parameter_jacobian(state.numbers, self._link_scale)
+        by_numbers = link_parameter_jacobian(state.numbers, self.link_scale)
         links = np.empty_like(regressor)
         for j, each in enumerate(by_numbers):
             links[:, :, j] = regressor[:, :, j] @ each
-        slopes = np.where(self._positive, self.coefficients(state), 1.0)
-        friction = samples.friction * slopes
+        friction = samples.friction * self.coefficient_slopes(state)
         return np.concatenate(
             [placements, links.reshape(*samples.tau.shape, -1), friction], axis=2
         )
@@ -170,10 +182,10 @@ class ArmProblem:
         jacobian = self.jacobian(state)
         jacobian *= self._scale[..., None]
         rows = jacobian.reshape(-1, jacobian.shape[2])
-        precision = self._prior_precision()
+        precision = self.prior_precision()
         hessian = rows.T @ rows
         hessian[np.diag_indices_from(hessian)] += precision**2
-        gradient = precision * self._prior_residual(state) - rows.T @ state.residual.ravel()
+        gradient = precision * self.prior_residual(state) - rows.T @ state.residual.ravel()
         gradient[: self._free.size] *= self._free
         return hessian, gradient
 
@@ -189,14 +201,19 @@ class ArmProblem:
         friction = state.friction + step[count + state.numbers.size :]
         return self.evaluated(ArmState(moved, state.numbers + links, friction))
 
-    def _prior_precision(self) -> Array:
-        n = len(self._samples.prior_std)
+    def prior_precision(self) -> Array:
+        """Return inverse standard deviations of the prior of every entry of a step, (m,)."""
+        n = len(self._samples.link_std)
         placements = np.tile([0.0, 0.0, 0.0, *[1.0 / REACH] * 3], n)
         links = np.full(n * LINK_PARAMETERS, LINK_PRIOR)
-        return np.concatenate([placements, links, np.where(self._positive, LOG_PRIOR, 1.0)])
+        friction = np.where(self._positive, LOG_PRIOR, 1.0 / self._samples.friction_std)
+        return np.concatenate([placements, links, friction])
 
-    def _prior_residual(self, state: ArmState) -> Array:
+    def prior_residual(self, state: ArmState) -> Array:
+        """Return how far a state is from the prior's centre, in standard deviations, (m,)."""
         placements = np.zeros((len(state.numbers), DIRECTIONS))
         placements[:, 3:] = state.chain.translations
-        vector = np.concatenate([placements.ravel(), state.numbers.ravel(), state.friction])
-        return np.asarray(self._prior_precision() * vector)
+        centre = np.where(self._positive, np.log(self._samples.friction_std), 0.0)
+        friction = state.friction - centre
+        vector = np.concatenate([placements.ravel(), state.numbers.ravel(), friction])
+        return np.asarray(self.prior_precision() * vector)

@@ -46,9 +46,9 @@ class Samples:
     gravity : array, shape (3,)
         In the base [m/s^2].
     friction : array, shape (N, n, k)
-        Features of friction in units of the prior standard deviations of their coefficients.
-    prior_std : array, shape (n, 11)
-        Prior standard deviations of the parameters of the links.
+        Features of friction.
+    link_std, friction_std : arrays, shapes (n, 11) and (k,)
+        Prior standard deviations of the parameters of the links and of the coefficients.
     weights : array, shape (N, n)
         Of the squared residuals, see `lip_id_ros.identification.statistics.huber_weights`.
 
@@ -61,7 +61,8 @@ class Samples:
     prismatic: BoolArray
     gravity: Array
     friction: Array
-    prior_std: Array
+    link_std: Array
+    friction_std: Array
     weights: Array
 
     @property
@@ -104,8 +105,12 @@ class Placements:
 
     def link_parameters(self, samples: Samples) -> Array:
         """Return the parameters of the links, shape (n, 11)."""
-        count = samples.prior_std.size
-        return self.parameters[:count].reshape(-1, LINK_PARAMETERS) * samples.prior_std
+        links = self.parameters[: samples.link_std.size]
+        return links.reshape(-1, LINK_PARAMETERS) * samples.link_std
+
+    def friction_coefficients(self, samples: Samples) -> Array:
+        """Return the coefficients of friction, shape (k,)."""
+        return self.parameters[samples.link_std.size :] * samples.friction_std
 
 
 class PlacementProblem:
@@ -128,10 +133,11 @@ class PlacementProblem:
         self._samples = samples
         self._scale = np.sqrt(samples.weights) / noise_std
         self._tau = (samples.tau * self._scale).ravel()
-        count = samples.prior_std.size
-        self._features = np.empty((*samples.tau.shape, count + samples.friction.shape[2]))
-        self._features[..., count:] = samples.friction * self._scale[..., None]
-        self._link_scale = self._scale[..., None] * samples.prior_std.ravel()
+        count = samples.link_std.size
+        self._features = np.empty((*samples.tau.shape, count + samples.friction_std.size))
+        friction = samples.friction * samples.friction_std
+        self._features[..., count:] = friction * self._scale[..., None]
+        self._link_scale = self._scale[..., None] * samples.link_std.ravel()
 
     def at(self, rotations: Array, translations: Array) -> Placements:
         """
@@ -194,13 +200,9 @@ class PlacementProblem:
     def residual_rms(self, point: Placements) -> Array:
         """Return the root mean square residual of each joint, shape (n,) [N m or N]."""
         samples = self._samples
-        count = samples.prior_std.size
-        torque = np.einsum(
-            'tik,k->ti',
-            torque_regressor(point.chain, *samples.state),
-            point.link_parameters(samples).ravel(),
-        )
-        torque += samples.friction @ point.parameters[count:]
+        links = point.link_parameters(samples).ravel()
+        torque = torque_regressor(point.chain, *samples.state) @ links
+        torque += samples.friction @ point.friction_coefficients(samples)
         weighted = samples.weights * (samples.tau - torque) ** 2
         sums: Array = weighted.sum(axis=0) / samples.weights.sum(axis=0)
         return np.sqrt(sums)

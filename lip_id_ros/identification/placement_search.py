@@ -60,6 +60,8 @@ class Calibration:
     ----------
     placements : Placements
         Lowest minimum, refined on all samples.
+    candidates : tuple of Placements
+        The lowest minima, refined on the samples of the search.
     noise_std : array, shape (n,)
         Root mean squares of the residuals [N m or N]; at least `FINEST` of each torque.
     agreed : bool
@@ -69,6 +71,7 @@ class Calibration:
     """
 
     placements: Placements
+    candidates: tuple[Placements, ...]
     noise_std: Array
     agreed: bool
     descents: int
@@ -104,11 +107,12 @@ def calibrate(samples: Samples, few: int, seed: int, progress: Progress) -> Cali
         agreed = _searched(searches, pool, progress)
         minima = _distinct([each for search in searches for each in search.minima])
         noise_std = COARSE * torque
-        for part, count in ((some, CANDIDATES), (samples, 1)):
-            minima, noise_std = _refined(part, minima[:count], noise_std, FINEST * torque, pool)
+        floor = FINEST * torque
+        candidates, noise_std = _refined(some, minima[:CANDIDATES], noise_std, floor, pool)
+        (lowest,), noise_std = _refined(samples, candidates[:1], noise_std, floor, pool)
     progress(STAGE, 1, 1)
     descents = sum(search.descents for search in searches)
-    return Calibration(minima[0], noise_std, agreed, descents)
+    return Calibration(lowest, tuple(candidates), noise_std, agreed, descents)
 
 
 def quarter_turn_placements(n_joints: int, rng: np.random.Generator) -> tuple[Array, Array]:

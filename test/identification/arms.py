@@ -21,14 +21,15 @@ def samples_of(
     q, dq, ddq = arm.motion(count, seed=0)
     tau = arm.torque(q, dq, ddq)
     size = np.sqrt(np.mean(tau**2))
-    prior_std = size * np.tile([1.0, *[0.3] * 3, *[0.1] * 7], (len(joint_types), 1))
+    link_std = size * np.tile([1.0, *[0.3] * 3, *[0.1] * 7], (len(joint_types), 1))
     samples = Samples(
         q, dq, ddq,
         tau + noise_of(tau, noise),
         arm.links.chain.prismatic,
         np.array([0.0, 0.0, -gravity]),
         np.zeros((*tau.shape, 0)),
-        prior_std,
+        link_std,
+        np.zeros(0),
         np.ones_like(tau),
     )  # fmt: skip
     return arm, samples

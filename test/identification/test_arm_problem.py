@@ -26,7 +26,8 @@ def problem_of(
     rng = np.random.default_rng(3)
     friction = rng.standard_normal((*samples.tau.shape, 2))
     weights = rng.uniform(0.2, 1.0, samples.tau.shape)
-    samples = replace(samples, friction=friction, weights=weights)
+    std = np.array([0.5, 2.0])
+    samples = replace(samples, friction=friction, friction_std=std, weights=weights)
     noise_std = 0.05 * samples.tau.std(axis=0)
     problem = ArmProblem(samples, noise_std, POSITIVE, SCALE)
     links = arm.links.deviations

@@ -30,7 +30,8 @@ def problem_of(
     rng = np.random.default_rng(7)
     friction = rng.standard_normal((*samples.tau.shape, 2))
     weights = rng.uniform(0.2, 1.0, samples.tau.shape)
-    samples = replace(samples, friction=friction, weights=weights)
+    std = np.array([0.5, 2.0])
+    samples = replace(samples, friction=friction, friction_std=std, weights=weights)
     return samples, PlacementProblem(samples, 0.05 * samples.tau.std(axis=0))
 
 

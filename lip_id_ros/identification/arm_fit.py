@@ -1,0 +1,231 @@
+"""
+From samples to the parameters of an arm (docs/maths.md, section 11).
+
+Placements are found first, then friction terms are elected, then placements, links that can exist
+and friction are fitted together.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset.coverage import farthest_points
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
+from lip_id_ros.identification.arm_posterior import friction_features
+from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
+from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
+from lip_id_ros.identification.kinematic_calibration import PlacementProblem, Samples
+from lip_id_ros.identification.noise import TorqueNoise
+from lip_id_ros.identification.placement_search import calibrate, Calibration, FINEST, LENGTH
+from lip_id_ros.progress import Progress
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.log_cholesky import scale_of
+from lip_id_ros.rigid_body.regressor import torque_regressor
+
+STANDARD_GRAVITY = 9.80665
+PRISMATIC = 'prismatic'
+MOST_SAMPLES, SEARCH_SAMPLES, START_SAMPLES, FEW_SAMPLES = 1000, 500, 150, 100
+"""
+Of the fit, of the refinement of placements, of the comparison of starts, and of the search.
+"""
+
+SIGN_WIDTH = 0.05
+"""Width of the first smooth sign, as a share of each joint's root mean square velocity."""
+
+LIFTS = (1e-1, 1e-2)
+"""Least eigenvalues of the scaled pseudo-inertias of the first links that can exist."""
+
+FIRST_EVALUATIONS, EVALUATIONS, ROUNDS = 60, 30, 3
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFit:
+    """
+    Parameters of an arm that fit samples best.
+
+    Attributes
+    ----------
+    state : ArmState
+    links : array, shape (n, 11)
+    friction : FrictionModel
+    noise : TorqueNoise
+        Of the residuals of the fit.
+
+    """
+
+    state: ArmState
+    links: Array
+    friction: FrictionModel
+    noise: TorqueNoise
+
+    @property
+    def chain(self) -> Chain:
+        """Placements of the joints."""
+        return self.state.chain
+
+    @property
+    def score(self) -> float:
+        """Return the negative log likelihood per sample, up to a constant."""
+        return float(np.log(self.noise.std).sum())
+
+
+class ArmFitter:
+    """
+    Fits the parameters of arms to a data set.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        In the order of time.
+
+    """
+
+    def __init__(self, dataset: Dataset) -> None:
+        self.dataset = dataset
+        self.link_std = link_prior_std(dataset)
+        self.link_scale = scale_of(float(self.link_std[0, 0]), LENGTH)
+        torque = dataset.tau.std(axis=0)
+        self._torque_std = np.where(torque > 0.0, torque, 1.0)
+        self._reference = self.some(SEARCH_SAMPLES)
+        self.least_noise = FINEST * self._torque_std
+
+    def some(self, count: int) -> Dataset:
+        """Return so many of the samples, well spread."""
+        return self.dataset.select(covering(self.dataset, count))
+
+    def calibrated(self, seed: int, progress: Progress) -> Calibration:
+        """Find the placements of the joints, with viscous and Coulomb friction and offsets."""
+        speed = np.sqrt(np.mean(self.dataset.dq**2, axis=0))
+        widths = SIGN_WIDTH * np.where(speed > 0.0, speed, 1.0)
+        basis = plain_friction(self.dataset.n_joints, widths.tolist())
+        some = self._reference
+        samples = self._samples(some, basis, None, np.ones_like(some.tau))
+        return calibrate(samples, FEW_SAMPLES, seed, progress)
+
+    def elected(self, chain: Chain) -> ElectedFriction:
+        """Elect friction terms with the joints in given places."""
+        return elect_friction(self.dataset, chain, self.link_std)
+
+    def best_start(self, chains: Sequence[Chain], elected: ElectedFriction) -> ArmFit:
+        """Fit to some of the samples from several starts, and return the best."""
+        some = self.some(START_SAMPLES)
+        starts = (start for chain in chains for start in self._starts(some, chain, elected))
+        fits = [self.refined(some, start) for start in starts]
+        return min(fits, key=lambda fit: fit.score)
+
+    def with_friction(self, fit: ArmFit, elected: ElectedFriction) -> ArmFit:
+        """Return a start with friction terms and noise that have been elected anew."""
+        changed = ArmFit(fit.state, fit.links, elected.friction, elected.noise)
+        problem = self.problem(self.some(START_SAMPLES), changed)
+        numbers = problem.friction_numbers(elected.friction.coefficients)
+        return replace(changed, state=replace(fit.state, friction=numbers))
+
+    def refined(self, dataset: Dataset, fit: ArmFit, free: BoolArray | None = None) -> ArmFit:
+        """Descend, each round with the noise and the loads that the one before has found."""
+        for round_ in range(ROUNDS):
+            problem = self.problem(dataset, fit, free)
+            evaluations = EVALUATIONS if round_ else FIRST_EVALUATIONS
+            fit = self._measured(dataset, fit, problem, problem.minimised(fit.state, evaluations))
+        return fit
+
+    def problem(self, dataset: Dataset, fit: ArmFit, free: BoolArray | None = None) -> ArmProblem:
+        """Return the least-squares problem of samples around a fit."""
+        basis, noise = fit.friction.basis, fit.noise
+        arm = fit.chain, fit.links
+        samples = self._samples(dataset, basis, arm, noise.weights(dataset.dq))
+        return ArmProblem(samples, noise.std, is_positive(basis), self.link_scale, free)
+
+    def _samples(
+        self,
+        dataset: Dataset,
+        basis: FrictionBasis,
+        arm: tuple[Chain, Array] | None,
+        weights: Array,
+    ) -> Samples:
+        """Return what placements, links and friction have to explain; `arm` gives the loads."""
+        down = 0.0 if dataset.gravity_compensated else -STANDARD_GRAVITY
+        return Samples(
+            q=np.ascontiguousarray(dataset.q),
+            dq=np.ascontiguousarray(dataset.dq),
+            ddq=np.ascontiguousarray(dataset.ddq),
+            tau=dataset.tau,
+            prismatic=np.array([kind == PRISMATIC for kind in dataset.joint_types]),
+            gravity=np.array([0.0, 0.0, down]),
+            friction=_features(dataset, basis, arm),
+            link_std=self.link_std,
+            friction_std=self._friction_std(basis, arm),
+            weights=weights,
+        )
+
+    def _friction_std(self, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
+        """Return deviations of coefficients that make torques of the measured size, (K,)."""
+        size = np.sqrt(np.mean(_features(self._reference, basis, arm) ** 2, axis=0))
+        ratio = self._torque_std[:, None] / np.where(size > 0.0, size, np.nan)
+        # of a drive that is coupled to several joints, the smallest
+        return np.nan_to_num(np.fmin.reduce(ratio, axis=0), nan=1.0)
+
+    @staticmethod
+    def at(fit: ArmFit, problem: ArmProblem, state: ArmState) -> ArmFit:
+        """Return a fit whose parameters are those of a state."""
+        friction = FrictionModel(fit.friction.basis, problem.coefficients(state))
+        return ArmFit(state, problem.links(state), friction, fit.noise)
+
+    def _starts(
+        self, dataset: Dataset, chain: Chain, elected: ElectedFriction
+    ) -> Iterator[ArmFit]:
+        """Yield starts near the linear fit with the joints in given places."""
+        basis, noise = elected.friction.basis, elected.noise
+        arm = chain, elected.link_parameters
+        samples = self._samples(dataset, basis, arm, noise.weights(dataset.dq))
+        linear = PlacementProblem(samples, noise.std).at(chain.rotations, chain.translations)
+        problem = ArmProblem(samples, noise.std, is_positive(basis), self.link_scale)
+        links = linear.link_parameters(samples)
+        for lift in LIFTS:
+            state = problem.start(chain, links, linear.friction_coefficients(samples), lift)
+            yield self.at(ArmFit(state, links, elected.friction, noise), problem, state)
+
+    def _measured(
+        self, dataset: Dataset, fit: ArmFit, problem: ArmProblem, state: ArmState
+    ) -> ArmFit:
+        residual = dataset.tau - problem.torque(state)
+        squares = np.mean(fit.noise.weights(dataset.dq) * residual**2, axis=0)
+        std = np.maximum(np.sqrt(squares), self.least_noise)
+        return replace(self.at(fit, problem, state), noise=replace(fit.noise, std=std))
+
+
+def link_prior_std(dataset: Dataset) -> Array:
+    """Return deviations of link parameters, (n, 11), that make torques of the measured size."""
+    acceleration = STANDARD_GRAVITY + LENGTH * np.sqrt(np.mean(dataset.ddq**2))
+    mass = np.sqrt(np.mean(dataset.tau**2)) / (LENGTH * acceleration)
+    link = [mass, *[mass * LENGTH] * 3, *[mass * LENGTH**2] * 7]
+    return np.tile(link, (dataset.n_joints, 1))
+
+
+def links_torque(chain: Chain, links: Array, dataset: Dataset) -> Array:
+    """Return the torques of the links, shape (N, n) [N m or N]."""
+    state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
+    return np.asarray(torque_regressor(chain, *state) @ links.ravel())
+
+
+def _features(dataset: Dataset, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
+    load = np.zeros_like(dataset.tau) if arm is None else links_torque(*arm, dataset)
+    return friction_features(basis, dataset.q, dataset.dq, load)
+
+
+def covering(dataset: Dataset, count: int) -> IndexArray:
+    """Return rows that cover positions, velocities and accelerations, in the order of time."""
+    revolute = np.array(dataset.joint_types) == 'revolute'
+    angles, shifts = dataset.q[:, revolute], dataset.q[:, ~revolute]
+    states = [np.sin(angles), np.cos(angles), shifts, dataset.dq, dataset.ddq]
+    return farthest_points(np.concatenate(states, axis=1), count)
+
+
+def is_positive(basis: FrictionBasis) -> BoolArray:
+    """Return which coefficients must be positive, shape (K,)."""
+    return np.asarray(basis.lower >= 0.0)

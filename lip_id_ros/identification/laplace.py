@@ -1,0 +1,204 @@
+"""
+The Laplace posterior of an arm's parameters, from all samples (docs/maths.md, section 11).
+
+Around the best parameters torques are linear in all of them. One pass over blocks of samples
+gathers the square-root statistics of the Jacobian and the residuals; a Gauss-Newton step from
+these takes in what the samples of the descent have left out. Residuals of real recordings are
+correlated in time, so that the covariance is scaled by what left-out blocks show.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, links_torque, MOST_SAMPLES
+from lip_id_ros.identification.arm_posterior import ArmPosterior
+from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
+from lip_id_ros.identification.statistics import (
+    contiguous_blocks,
+    leave_one_out,
+    TorqueStatistics,
+    triangular,
+)
+from lip_id_ros.rigid_body.log_cholesky import link_parameter_jacobian
+
+LEFT_OUT_BLOCKS = 6
+CHUNK = 1000
+"""Samples whose Jacobian is in memory at one time."""
+
+MOST_INFLATION = 1e4
+DAMPINGS = (1e-1, 1.0)
+"""
+Of the Gauss-Newton steps, in squares of the columns: what the data do not tell must not run away.
+"""
+
+STEPS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """
+    What left-out blocks show.
+
+    Attributes
+    ----------
+    mean_squares : array, shape (n,)
+        Of residuals of blocks that were left out, weighted [(N m)^2 or N^2].
+    inflation : float
+        Factor of the covariance of the parameters with which these are explained; at least 1.
+    noise_std : array, shape (n,)
+        Standard deviation of what the parameters' covariance does not explain [N m or N].
+
+    """
+
+    mean_squares: Array
+    inflation: float
+    noise_std: Array
+
+
+def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, LeftOut]:
+    """
+    Take in all samples, and return the posterior.
+
+    Parameters
+    ----------
+    fitter : ArmFitter
+    fit : ArmFit
+        Fitted to some of the samples.
+
+    Returns
+    -------
+    fit : ArmFit
+        To all samples.
+    posterior : ArmPosterior
+    left_out : LeftOut
+
+    """
+    blocks = block_statistics(fitter, fit)
+    for _ in range(STEPS if fitter.dataset.n_samples > MOST_SAMPLES else 0):
+        fit, blocks = _gauss_newton(fitter, fit, blocks)
+    problem = fitter.problem(fitter.some(1), fit)
+    prior = _prior_rows(problem, fit.state)
+    left_out = measure_left_out(blocks, prior, fit.noise.std)
+    root = _root(blocks[0].merge(*blocks[1:]), prior, fit.noise.std)
+    covariance_root = np.sqrt(left_out.inflation) * _coordinates(problem, fit.state, root)
+    noise = replace(fit.noise, std=left_out.noise_std)
+    return fit, ArmPosterior(fit.chain, fit.links, fit.friction, noise, covariance_root), left_out
+
+
+def block_statistics(fitter: ArmFitter, fit: ArmFit) -> list[TorqueStatistics]:
+    """Gather the statistics of Jacobian and residuals, of contiguous blocks of all samples."""
+    dataset = fitter.dataset
+    number = contiguous_blocks(dataset.n_samples, LEFT_OUT_BLOCKS)
+    size = fitter.problem(dataset.select(np.arange(1)), fit).size
+    empty = TorqueStatistics.empty([np.arange(size)] * dataset.n_joints)
+    blocks = []
+    for k in range(int(number[-1]) + 1):
+        statistics = empty
+        rows = np.flatnonzero(number == k)
+        for chunk in np.array_split(rows, -(-rows.size // CHUNK)):
+            statistics = _updated(statistics, fitter, fit, dataset.select(chunk))
+        blocks.append(statistics)
+    return blocks
+
+
+def _updated(
+    statistics: TorqueStatistics, fitter: ArmFitter, fit: ArmFit, dataset: Dataset
+) -> TorqueStatistics:
+    problem = fitter.problem(dataset, fit)
+    jacobian = problem.jacobian(fit.state)
+    residual = dataset.tau - problem.torque(fit.state)
+    features = list(jacobian.transpose(1, 0, 2))
+    return statistics.update(features, residual, fit.noise.weights(dataset.dq))
+
+
+def measure_left_out(blocks: list[TorqueStatistics], prior: Array, noise_std: Array) -> LeftOut:
+    """
+    Predict each block from the others.
+
+    Parameters
+    ----------
+    blocks : list of TorqueStatistics
+        Of Jacobian and residuals.
+    prior : array, shape (m, m + 1)
+        Rows of the prior, in units of its standard deviations.
+    noise_std : array, shape (n,)
+        Of the fit to all samples.
+
+    """
+    squares, expected, count = np.zeros((3, noise_std.size))
+    for block, others in zip(blocks, leave_one_out(blocks), strict=True):
+        root = _root(others, prior, noise_std)
+        step = solve_triangular(root[:-1, :-1], root[:-1, -1])
+        inverse = solve_triangular(root[:-1, :-1], np.eye(len(step)))
+        squares += block.squared_residuals(step)
+        expected += [np.sum((factor[:, :-1] @ inverse) ** 2) for factor in block.factors]
+        count += block.weights
+    variance = noise_std**2
+    excess = np.sum(squares / variance - count)
+    inflation = float(np.clip(excess / np.sum(expected / variance), 1.0, MOST_INFLATION))
+    unexplained = (squares - inflation * expected) / count
+    return LeftOut(squares / count, inflation, np.sqrt(np.maximum(unexplained, variance)))
+
+
+def _gauss_newton(
+    fitter: ArmFitter, fit: ArmFit, blocks: list[TorqueStatistics]
+) -> tuple[ArmFit, list[TorqueStatistics]]:
+    """Take a damped step to the best fit to all samples, where that is one."""
+    problem = fitter.problem(fitter.some(1), fit)
+    whole = blocks[0].merge(*blocks[1:])
+    root = _root(whole, _prior_rows(problem, fit.state), fit.noise.std)
+    scale = np.linalg.norm(root[:-1, :-1], axis=0)
+    before = _mean_squares(fitter, fit)
+    for damping in DAMPINGS:
+        rows = np.column_stack([np.diag(np.sqrt(damping) * scale), np.zeros(scale.size)])
+        damped = triangular(root, rows)
+        step = solve_triangular(damped[:-1, :-1], damped[:-1, -1])
+        moved = fitter.at(fit, problem, problem.stepped(fit.state, step))
+        squares = _mean_squares(fitter, moved)
+        if np.log(squares / before).sum() < 0.0:
+            std = np.maximum(np.sqrt(squares), fitter.least_noise)
+            moved = replace(moved, noise=replace(fit.noise, std=std))
+            return moved, block_statistics(fitter, moved)
+    return fit, blocks
+
+
+def _mean_squares(fitter: ArmFitter, fit: ArmFit) -> Array:
+    """Return the weighted mean squared residuals of all samples, shape (n,)."""
+    dataset = fitter.dataset
+    squares, count = np.zeros((2, dataset.n_joints))
+    for chunk in np.array_split(np.arange(dataset.n_samples), -(-dataset.n_samples // CHUNK)):
+        some = dataset.select(chunk)
+        torque = links_torque(fit.chain, fit.links, some)
+        torque += fit.friction.torque(some.q, some.dq, torque)
+        weights = fit.noise.weights(some.dq)
+        squares += np.sum(weights * (some.tau - torque) ** 2, axis=0)
+        count += weights.sum(axis=0)
+    return np.asarray(squares / count)
+
+
+def _root(statistics: TorqueStatistics, prior: Array, noise_std: Array) -> Array:
+    """Return the triangular factor of all rows, samples' and prior's, shape (m + 1, m + 1)."""
+    return triangular(statistics.system(noise_std), prior)
+
+
+def _prior_rows(problem: ArmProblem, state: ArmState) -> Array:
+    return np.column_stack([np.diag(problem.prior_precision()), -problem.prior_residual(state)])
+
+
+def _coordinates(problem: ArmProblem, state: ArmState, root: Array) -> Array:
+    """Return the square root of the covariance in the coordinates of `ArmPosterior`."""
+    spread: Array = solve_triangular(root[:-1, :-1], np.eye(len(root) - 1))
+    n = len(state.numbers)
+    first, last = 6 * n, 17 * n
+    links = spread[first:last].reshape(n, 11, -1)
+    by_numbers = link_parameter_jacobian(state.numbers, problem.link_scale)
+    spread[first:last] = np.einsum('ikl,ilr->ikr', by_numbers, links).reshape(11 * n, -1)
+    spread[last:] *= problem.coefficient_slopes(state)[:, None]
+    return spread

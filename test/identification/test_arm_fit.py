@@ -1,0 +1,154 @@
+"""From samples to the posterior of an arm, on simulated arms whose truth is known."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from gp.arms import dataset_of
+from gp.chains import ChainArm, P, R, random_arm
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, covering, links_torque
+from lip_id_ros.identification.arm_posterior import ArmPosterior
+from lip_id_ros.identification.laplace import posterior
+from lip_id_ros.progress import silent
+from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
+from lip_id_ros.rigid_body.regressor import torque_regressor
+
+VISCOUS, COULOMB, NOISE = 0.8, 1.5, 0.02
+TYPES = (R, P, R)
+
+
+def friction(dq: Array) -> Array:
+    width = np.where(np.sqrt(np.mean(dq**2, axis=0)) > 1.0, 0.1, 0.015)
+    return np.asarray(VISCOUS * dq + COULOMB * np.tanh(dq / width))
+
+
+@cache
+def recorded() -> tuple[ChainArm, Dataset]:
+    arm = random_arm(TYPES, seed=2)
+    motion = arm.motion(200, seed=0)
+    tau = arm.torque(*motion) + friction(motion[1])
+    noise = NOISE * np.random.default_rng(1).standard_normal(tau.shape)
+    return arm, dataset_of(arm, motion, tau + noise)
+
+
+@cache
+def fitted() -> tuple[ArmFitter, ArmFit]:
+    _, dataset = recorded()
+    fitter = ArmFitter(dataset)
+    calibration = fitter.calibrated(0, silent)
+    elected = fitter.elected(calibration.placements.chain)
+    start = fitter.best_start([each.chain for each in calibration.candidates], elected)
+    return fitter, fitter.refined(dataset, start)
+
+
+@cache
+def known() -> ArmPosterior:
+    return posterior(*fitted())[1]
+
+
+def test_unseen_torques() -> None:
+    arm, _ = recorded()
+    q, dq, ddq = arm.motion(100, seed=1)
+    tau = arm.torque(q, dq, ddq) + friction(dq)
+    error = np.sqrt(np.mean((known().torque(q, dq, ddq) - tau) ** 2, axis=0))
+    assert (error < 0.5 * NOISE).all()
+
+
+def test_the_noise_is_found() -> None:
+    np.testing.assert_allclose(known().noise.std, NOISE, rtol=0.2)
+
+
+def test_every_link_can_exist() -> None:
+    assert (np.linalg.eigvalsh(pseudo_inertia(known().links)) > 0.0).all()
+    assert (known().links[:, 10] > 0.0).all()
+
+
+def test_inertia_is_positive_definite_everywhere() -> None:
+    arm, _ = recorded()
+    q, _, _ = arm.motion(2000, seed=3)
+    still = np.zeros_like(q)
+    chain = known().chain._replace(gravity=np.zeros(3))
+    units = [
+        torque_regressor(chain, q, still, np.tile(unit, (len(q), 1))) @ known().links.ravel()
+        for unit in np.eye(3)
+    ]
+    assert np.linalg.eigvalsh(np.stack(units, axis=2)).min() > 0.0
+
+
+@pytest.mark.parametrize('k', [0, 4, 9, 17, 19, 28, 40, 51, 52, 57])
+def test_the_jacobian_by_differences(k: int) -> None:
+    """Placements by the descent's own steps; the others are linear where no load matters."""
+    arm, _ = recorded()
+    fitter, fit = fitted()
+    q, dq, ddq = arm.motion(20, seed=4)
+    found = known().jacobian(q, dq, ddq)[:, :, k]
+    dataset = dataset_of(arm, (q, dq, ddq), np.ones_like(q) + q)
+    problem = fitter.problem(dataset, fit)
+    step = np.zeros(problem.size)
+    if k < 18:
+        step[k] = 1e-6
+        change = problem.torque(problem.stepped(fit.state, step))
+        change -= problem.torque(problem.stepped(fit.state, -step))
+        expected = change / 2e-6
+    elif k < 51:
+        links = np.zeros(33)
+        links[k - 18] = 1.0
+        expected = links_torque(fit.chain, links.reshape(3, 11), dataset)
+    else:
+        expected = problem.jacobian(fit.state)[:, :, k]
+        slope = problem.coefficient_slopes(fit.state)[k - 51]
+        expected = expected / slope
+    scale = max(float(np.abs(expected).max()), 1e-3)
+    np.testing.assert_allclose(found, expected, atol=2e-5 * scale)
+
+
+def test_two_standard_deviations_cover_the_truth() -> None:
+    covered, measured = [], []
+    for seed in range(4):
+        arm = random_arm((R, R), seed=10 + seed)
+        motion = arm.motion(60, seed=0)
+        rng = np.random.default_rng(seed)
+        tau = arm.torque(*motion) + friction(motion[1])
+        fitter = ArmFitter(dataset_of(arm, motion, tau + 0.3 * rng.standard_normal(tau.shape)))
+        calibration = fitter.calibrated(0, silent)
+        elected = fitter.elected(calibration.placements.chain)
+        fit = fitter.best_start([calibration.placements.chain], elected)
+        _, found, _ = posterior(fitter, fitter.refined(fitter.dataset, fit))
+        unseen = arm.motion(300, seed=5)
+        truth = arm.torque(*unseen) + friction(unseen[1])
+        error = found.torque(*unseen) - truth
+        covered.append(np.mean(np.abs(error) < 2.0 * found.torque_std(*unseen)))
+        error = error + 0.3 * rng.standard_normal(truth.shape)
+        measured.append(np.mean(np.abs(error) < 2.0 * found.measurement_std(*unseen)))
+    assert np.mean(covered) > 0.8
+    assert 0.9 < np.mean(measured) < 0.99
+
+
+def test_a_step_takes_in_samples_that_the_descent_left_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """From a fit to a quarter of the samples, steps go more than half of the way to all."""
+    monkeypatch.setattr('lip_id_ros.identification.laplace.MOST_SAMPLES', 50)
+    fitter, best = fitted()
+    some = fitter.refined(fitter.some(50), best)
+    stepped, _, _ = posterior(fitter, some)
+
+    def mean_squares(fit: ArmFit) -> float:
+        torque = links_torque(fit.chain, fit.links, fitter.dataset)
+        torque += fit.friction.torque(fitter.dataset.q, fitter.dataset.dq, torque)
+        return float(np.mean((fitter.dataset.tau - torque) ** 2, axis=0).sum())
+
+    gained = mean_squares(some) - mean_squares(stepped)
+    assert gained > 0.5 * (mean_squares(some) - mean_squares(best))
+
+
+def test_covering_samples_are_in_the_order_of_time() -> None:
+    _, dataset = recorded()
+    rows = covering(dataset, 30)
+    assert rows.size == 30
+    assert (np.diff(rows) > 0).all()
