@@ -15,7 +15,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.dataset.coverage import farthest_points
+from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.identification.arm_posterior import friction_features
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
