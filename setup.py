@@ -37,6 +37,7 @@ setup(
         'threadpoolctl>=3.1',
     ],
     extras_require={
+        'export': ['mujoco>=3.2'],
         'sim': ['pin>=3.0', 'example-robot-data>=4.1'],
         'torch': ['torch>=2.1'],
         'test': [
@@ -47,6 +48,7 @@ setup(
             'pytest>=7.4,<9',
         ],
     },
+    package_data={f'{PACKAGE}.export': ['*.in']},
     zip_safe=True,
     entry_points={
         'console_scripts': [

@@ -39,6 +39,7 @@ ROSDEP = {
 }
 WITHOUT_KEY = {
     'example_robot_data': 'example-robot-data',
+    'mujoco': 'mujoco',
     'pinocchio': 'pin',
     'threadpoolctl': 'threadpoolctl',
 }
@@ -140,8 +141,12 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_pip_install_ships_everything(wheel: Path) -> None:
-    shipped = {path.relative_to(wheel).as_posix() for path in wheel.rglob('*.py')}
-    modules = {path.relative_to(ROOT).as_posix() for path in (ROOT / PACKAGE).rglob('*.py')}
+    shipped = {path.relative_to(wheel).as_posix() for path in wheel.rglob('*')}
+    modules = {
+        path.relative_to(ROOT).as_posix()
+        for ending in ('*.py', '*.in')
+        for path in (ROOT / PACKAGE).rglob(ending)
+    }
     assert modules <= shipped
     for folder in ('config', 'launch'):
         for path in (ROOT / folder).glob('*.*'):

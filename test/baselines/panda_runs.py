@@ -6,17 +6,17 @@ import numpy as np
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.simulation import (
-    Friction,
     FrictionalArm,
     make_dataset,
     panda,
     SinusoidTrajectory,
 )
+from lip_id_ros.simulation.friction import Rubbing
 from lip_id_ros.simulation.panda import MOTION
 
 
 def runs(
-    n_joints: int, n_samples: int, friction: Friction | None = None, noise: float = 0.0
+    n_joints: int, n_samples: int, friction: Rubbing | None = None, noise: float = 0.0
 ) -> tuple[Dataset, Dataset]:
     """Return a run to learn from and an unseen one."""
     arm = panda(n_joints)

@@ -42,7 +42,8 @@ def named(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    'verb', ['fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'compare', 'track']
+    'verb',
+    ['fit', 'evaluate', 'dataset', 'inspect', 'predict', 'export', 'bench', 'compare', 'track'],
 )
 def test_options_are_those_of_the_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):

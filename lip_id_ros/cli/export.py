@@ -1,0 +1,64 @@
+"""Write an identified arm as URDF, MJCF or a C header."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lip_id_ros.cli import arguments
+from lip_id_ros.errors import ConfigError
+
+HELP = 'write an identified arm as URDF, MJCF or C'
+EPILOG = """\
+example:
+  lip_id export arm.npz --urdf arm.urdf --mjcf arm.xml --c arm_dynamics.h --check
+"""
+STATES = 1000
+AGREED = 1e-9
+"""Largest difference of torques, over the largest torque, that --check accepts."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
+    arguments.add_model(parser)
+    parser.add_argument('--urdf', metavar='FILE', help='write a URDF')
+    parser.add_argument(
+        '--mjcf', metavar='FILE', help='write an MJCF for MuJoCo (needs the extra `export`)'
+    )
+    parser.add_argument('--c', metavar='FILE', help='write a C header with all constants')
+    parser.add_argument(
+        '--name', help='name of the arm in the files (default: that of the model file)'
+    )
+    parser.add_argument(
+        '--check',
+        action='store_true',
+        help='compare what pinocchio, MuJoCo and a C compiler make of the files with the model',
+    )
+
+
+def run(args: argparse.Namespace) -> None:
+    """Write the files, and compare them where that is asked for."""
+    from lip_id_ros.cli import output, show
+    from lip_id_ros.export.c_header import identifier
+    from lip_id_ros.export.formats import FORMATS, write
+    from lip_id_ros.export.from_model import describe
+    from lip_id_ros.model import TrainedModel
+    from lip_id_ros.serving import Predictor
+
+    targets = {name: getattr(args, name) for name in FORMATS if getattr(args, name) is not None}
+    if not targets:
+        raise ConfigError('--urdf, --mjcf or --c with a file was expected, but none came.')
+    for target in targets.values():
+        output.require_folder(target)
+    model = TrainedModel.load(args.model)
+    name = identifier(Path(args.model).stem if args.name is None else args.name)
+    exported = describe(model, name)
+    console = output.console()
+    for format_name, target in targets.items():
+        written = write(format_name, target, exported)
+        show.sentences([f'Written: {target}', *written.warnings], console)
+        if args.check:
+            agreement = written.check(Predictor(model), STATES)
+            of_what = 'the model' if written.is_whole else 'the links and friction in the file'
+            show.sentences([agreement.sentence(of_what)], console)
+            agreement.require(AGREED)

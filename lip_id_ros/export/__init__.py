@@ -1,0 +1,1 @@
+"""An identified arm in the formats of other programs: URDF, MJCF and C."""

@@ -1,0 +1,174 @@
+"""
+An identified arm as one C header with constants, for controllers.
+
+`dynamics.h.in` has the recursive Newton-Euler algorithm; what is put in are the links and the
+friction, term by term.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from importlib import resources
+import re
+from string import Template
+import textwrap
+
+import numpy as np
+
+from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.export.text import COLUMNS, header_lines
+from lip_id_ros.friction.model import Drive
+from lip_id_ros.friction.terms import (
+    ANYWHERE,
+    Column,
+    COSINE,
+    ONE,
+    POSITION,
+    Primitive,
+    SIGN,
+    SQUARE,
+    VELOCITY,
+)
+
+TEMPLATE = 'dynamics.h.in'
+
+
+def to_c_header(arm: ArmDescription) -> str:
+    """
+    Return an arm as a C header.
+
+    Parameters
+    ----------
+    arm : ArmDescription
+        With a name of letters, digits and underscores, which all names in the header begin with.
+
+    """
+    template = Template((resources.files(__package__) / TEMPLATE).read_text(encoding='utf-8'))
+    n = arm.n_joints
+    return template.substitute(
+        n=n,
+        prefix=arm.name,
+        PREFIX=arm.name.upper(),
+        comment=_comment(arm),
+        joints='\n'.join(f' *   {i}: {name}' for i, name in enumerate(arm.joint_names)),
+        links=',\n'.join(_link(arm, i) for i in range(n)),
+        up=_list(-arm.chain.gravity),
+        reference=textwrap.fill(
+            _list(arm.potential_reference),
+            COLUMNS,
+            initial_indent=INDENT,
+            subsequent_indent=INDENT,
+        ),
+        potential=_number(arm.reference_potential()),
+        friction='\n'.join(_friction(arm)),
+    )
+
+
+INDENT = '   '
+
+
+def identifier(name: str) -> str:
+    """Return a name that C and URDF understand: letters, digits and underscores."""
+    plain = re.sub(r'\W', '_', name, flags=re.ASCII).strip('_') or 'arm'
+    return f'arm_{plain}' if plain[0].isdigit() else plain
+
+
+def _comment(arm: ArmDescription) -> str:
+    return '\n'.join(f' * {line}'.rstrip() for line in _safe(header_lines(arm)))
+
+
+def _safe(lines: Iterable[str]) -> list[str]:
+    # what would end a comment, or begin one
+    return [line.replace('*/', '* /').replace('/*', '/ *') for line in lines]
+
+
+def _link(arm: ArmDescription, i: int) -> str:
+    chain, links = arm.chain, arm.links[i]
+    fields = (
+        f'{{{_list(chain.rotations[i].ravel())}}}',
+        f'{{{_list(chain.translations[i])}}}',
+        str(int(chain.prismatic[i])),
+        _number(links[0]),
+        f'{{{_list(links[1:4])}}}',
+        f'{{{_list(links[4:10])}}}',
+        _number(links[10]),
+    )
+    return '    {' + ',\n     '.join(fields) + '}'
+
+
+def _friction(arm: ArmDescription) -> list[str]:
+    by_drive: dict[Drive, list[tuple[str, float, Column]]] = {}
+    for part, place in zip(arm.friction.terms, arm.friction.slices, strict=True):
+        columns = zip(arm.coefficients[place], part.term.columns(), strict=True)
+        features = [(part.term.name, float(factor), column) for factor, column in columns]
+        by_drive.setdefault(part.drive, []).extend(features)
+    lines = []
+    for drive, features in by_drive.items():
+        lines += _drive(drive, features, arm.joint_names)
+    return lines
+
+
+def _drive(
+    drive: Drive, features: list[tuple[str, float, Column]], joint_names: tuple[str, ...]
+) -> list[str]:
+    """Return the block that adds the friction of one drive."""
+    used = [primitive for _, _, column in features for _, primitive in column]
+    widths = sorted({p.width for p in used if p.shape == SIGN})
+    signs = {width: f's{k}' for k, width in enumerate(widths)}
+    names = _safe([' with '.join(joint_names[i] for i in drive.joints)])[0]
+    lines = [f'  {{ /* {names} */']
+    if any(p.shape != ONE or p.side for p in used):
+        lines.append(f'    const double v = {_combination("dq", drive)};')
+    if any(p.position != ANYWHERE for p in used):
+        lines.append(f'    const double p = {_combination("q", drive)};')
+    if any(p.loaded for p in used):
+        lines.append(f'    const double l = fabs(load[{drive.joints[0]}]);')
+    for width, name in signs.items():
+        lines.append(f'    const double {name} = tanh(v / {_number(width)});')
+    lines.append('    double f = 0.0;')
+    for name, factor, column in features:
+        lines.append(f'    f += {_number(factor)} * {_column(column, signs)}; /* {name} */')
+    for joint, ratio in zip(drive.joints, drive.ratios, strict=True):
+        share = 'f' if ratio == 1.0 else f'{_number(ratio)} * f'
+        lines.append(f'    friction[{joint}] += {share};')
+    return [*lines, '  }']
+
+
+def _combination(name: str, drive: Drive) -> str:
+    pairs = zip(drive.joints, drive.ratios, strict=True)
+    return ' + '.join(
+        f'{name}[{joint}]' if ratio == 1.0 else f'{_number(ratio)} * {name}[{joint}]'
+        for joint, ratio in pairs
+    )
+
+
+def _column(column: Column, signs: Mapping[float, str]) -> str:
+    parts = []
+    for factor, primitive in column:
+        text = _primitive(primitive, signs)
+        parts.append(text if factor == 1.0 else f'{_number(factor)} * {text}')
+    return parts[0] if len(parts) == 1 else f'({" + ".join(parts)})'
+
+
+def _primitive(primitive: Primitive, signs: Mapping[float, str]) -> str:
+    shapes = {ONE: '1.0', VELOCITY: 'v', SQUARE: 'v * fabs(v)'}
+    text = signs[primitive.width] if primitive.shape == SIGN else shapes[primitive.shape]
+    if primitive.side:
+        text = f'(v {">" if primitive.side > 0 else "<"} 0.0 ? {text} : 0.0)'
+    if primitive.position == POSITION:
+        text += ' * p'
+    elif primitive.position != ANYWHERE:
+        function = 'cos' if primitive.position == COSINE else 'sin'
+        text += f' * {function}({_number(primitive.harmonic)} * p)'
+    return f'l * {text}' if primitive.loaded else text
+
+
+def _list(values: Iterable[float]) -> str:
+    return ', '.join(repr(float(value)) for value in np.asarray(values, dtype=np.float64))
+
+
+def _number(value: float) -> str:
+    """Return a number that C reads back as the same double."""
+    text = repr(float(value))
+    return f'({text})' if value < 0.0 else text

@@ -1,0 +1,230 @@
+"""Exported arms, read by other programs, against the torques that they are to give."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from pathlib import Path
+import shutil
+import subprocess
+import tempfile
+from typing import Any
+import xml.etree.ElementTree as ET
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import LipIdError, ModelError
+from lip_id_ros.export import mjcf, urdf
+from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.export.text import split_friction, term_name
+from lip_id_ros.friction.model import DriveTerm
+from lip_id_ros.rigid_body.regressor import torque_regressor
+
+COMPILERS = ('cc', 'gcc', 'clang')
+C_FLAGS = ('-std=c11', '-O2', '-Wall', '-Wextra', '-pedantic', '-Werror', '-shared', '-fPIC')
+MANY = """
+#include "{header}"
+void torques(int count, const double *q, const double *dq, const double *ddq, double *tau,
+             double *kinetic, double *potential) {{
+  for (int t = 0; t < count; t++)
+    {name}_dynamics(q + t * {n}, dq + t * {n}, ddq + t * {n}, tau + t * {n}, kinetic + t,
+                    potential + t);
+}}
+"""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """
+    How well a format gives the torques of a model.
+
+    Attributes
+    ----------
+    reader : str
+        The program that evaluated the format.
+    difference : array, shape (n,)
+        Largest difference of each joint's torque over that joint's largest torque.
+    left_out : tuple of DriveTerm
+        Terms of friction that the format cannot express, left out on both sides.
+    n_states : int
+
+    """
+
+    reader: str
+    difference: Array
+    left_out: tuple[DriveTerm, ...]
+    n_states: int
+
+    def sentence(self, of_what: str) -> str:
+        """Return the result in words; `of_what` names what the torques were compared with."""
+        names = sorted({term_name(part) for part in self.left_out})
+        without = f' without {", ".join(names)}' if names else ''
+        return (
+            f'{self.reader} gives the torques of {of_what}{without} to '
+            f'{self.difference.max():.1e} of the largest, at {self.n_states} random states.'
+        )
+
+    def require(self, tolerance: float) -> None:
+        """
+        Fail where the difference is larger than a tolerance.
+
+        Raises
+        ------
+        ModelError
+            If it is.
+
+        """
+        if not self.difference.max() <= tolerance:
+            raise ModelError(
+                f'{self.reader} was to give the same torques to {tolerance:g}, but they differ by '
+                f'{self.difference.max():.1e} of the largest; report this fault of lip_id_ros.'
+            )
+
+
+def check_urdf(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agreement:
+    """
+    Compare pinocchio's recursive Newton-Euler algorithm on a URDF, plus friction.
+
+    Parameters
+    ----------
+    text : str
+        As `to_urdf` returned it.
+    arm : ArmDescription
+        The exported arm.
+    tau : array, shape (N, n)
+        What the arm is to give.
+    states : array, shape (3, N, n)
+        q, dq, ddq.
+
+    Raises
+    ------
+    LipIdError
+        If pinocchio is not installed.
+
+    """
+    pinocchio = _import_pinocchio()
+    model = pinocchio.buildModelFromXML(text)
+    model.gravity.linear = arm.chain.gravity
+    root = ET.fromstring(text)
+    model.armature = urdf.rotor_inertias(root, arm.joint_names)
+    data = model.createData()
+    dq = states[1]
+    found = np.array(
+        [pinocchio.rnea(model, data, *row).copy() for row in zip(*states, strict=True)]
+    )
+    dynamics = [root.find(f"joint[@name='{name}']/dynamics") for name in arm.joint_names]
+    damping, friction = (
+        np.array([float(x.get(word, '0')) for x in dynamics if x is not None])
+        for word in ('damping', 'friction')
+    )
+    found += damping * dq + friction * _smooth_signs(arm, dq)
+    left_out = split_friction(arm, urdf.FRICTION).left_out
+    return _agreement('pinocchio', found, arm, tau, states, left_out)
+
+
+def check_mjcf(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agreement:
+    """Compare MuJoCo's inverse dynamics on an MJCF; parameters as of `check_urdf`."""
+    mujoco = mjcf.import_mujoco()
+    model = mjcf.compiled(text)
+    off = mujoco.mjtDisableBit
+    # The Coulomb torque is a constraint there, which takes the sign from the solver.
+    model.opt.disableflags |= off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT | off.mjDSBL_CONTACT
+    data = mujoco.MjData(model)
+    found = np.empty_like(tau)
+    for t, (q, dq, ddq) in enumerate(zip(*states, strict=True)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+        mujoco.mj_inverse(model, data)
+        found[t] = data.qfrc_inverse
+    found += model.dof_frictionloss * _smooth_signs(arm, states[1])
+    left_out = split_friction(arm, mjcf.FRICTION).left_out
+    return _agreement('MuJoCo', found, arm, tau, states, left_out)
+
+
+def check_c_header(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agreement:
+    """
+    Compare the compiled C header; parameters as of `check_urdf`.
+
+    Raises
+    ------
+    LipIdError
+        If there is no C compiler, or it warns.
+
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        library = ctypes.CDLL(str(compile_c(text, arm, Path(folder))))
+        found, count = np.empty(tau.shape), len(tau)
+        energies = np.empty((2, count))
+        arrays = [np.ascontiguousarray(x) for x in states] + [found, *energies]
+        library.torques(count, *(ctypes.c_void_p(x.ctypes.data) for x in arrays))
+    return _agreement('C', found, arm, tau, states, ())
+
+
+def compile_c(text: str, arm: ArmDescription, folder: Path) -> Path:
+    """
+    Compile a header into a shared library with a function `torques` for many states.
+
+    Raises
+    ------
+    LipIdError
+        If there is no C compiler, or it warns.
+
+    """
+    compiler = next(filter(None, map(shutil.which, COMPILERS)), None)
+    if compiler is None:
+        raise LipIdError(
+            f'the C header is checked by compiling it, but none of {", ".join(COMPILERS)} is '
+            'installed; install one of them.'
+        )
+    header, source, library = folder / 'arm.h', folder / 'arm.c', folder / 'arm.so'
+    header.write_text(text, encoding='utf-8')
+    program = MANY.format(header=header.name, name=arm.name, n=arm.n_joints)
+    source.write_text(program, encoding='utf-8')
+    command = [compiler, *C_FLAGS, '-o', str(library), str(source), '-lm']
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    if ran.returncode != 0:
+        lines = ran.stderr.strip().splitlines() or ['no reason']
+        found = next((line for line in lines if 'error' in line), lines[0])
+        raise LipIdError(
+            f'the C header was to compile without a warning, but {compiler} found '
+            f'{found}; report this fault of lip_id_ros.'
+        )
+    return library
+
+
+def _smooth_signs(arm: ArmDescription, dq: Array) -> Array:
+    """Return the sign that the arm's Coulomb friction has, shape (N, n); the readers have none."""
+    signs = np.sign(dq)
+    for part in arm.friction.terms:
+        if part.term.name == 'Coulomb' and len(part.drive.joints) == 1:
+            joint = part.drive.joints[0]
+            state = part.drive.state(dq, dq, dq)
+            signs[:, joint] = part.term.features(state)[:, 0]
+    return np.asarray(signs)
+
+
+def _agreement(
+    reader: str,
+    found: Array,
+    arm: ArmDescription,
+    tau: Array,
+    states: Array,
+    left_out: tuple[DriveTerm, ...],
+) -> Agreement:
+    q, dq, ddq = states
+    load = torque_regressor(arm.chain, q, dq, ddq) @ arm.links.ravel()
+    expected = tau - arm.friction_torque(q, dq, load, left_out)
+    largest = np.abs(tau).max(axis=0)
+    difference = np.abs(found - expected).max(axis=0) / np.where(largest > 0.0, largest, 1.0)
+    return Agreement(reader, difference, left_out, len(tau))
+
+
+def _import_pinocchio() -> Any:
+    try:
+        import pinocchio  # optional: only simulations and this check need it
+    except ImportError as error:
+        raise LipIdError(
+            f'the URDF is checked by pinocchio, which is missing ({error}); '
+            'install it with `pip install lip_id_ros[sim]`.'
+        ) from error
+    return pinocchio

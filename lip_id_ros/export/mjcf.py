@@ -1,0 +1,159 @@
+"""
+An identified arm as MJCF, the format of MuJoCo (https://mujoco.readthedocs.io).
+
+MuJoCo's own writer keeps six digits, too few to give the same torques. So the text is written
+here, with all digits, and MuJoCo's `MjSpec` reads and compiles it before anyone else does.
+
+"""
+
+from __future__ import annotations
+
+from typing import Any
+import xml.etree.ElementTree as ET
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lip_id_ros.errors import LipIdError, ModelError
+from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.export.text import (
+    FrictionSplit,
+    header_lines,
+    left_out_remark,
+    number,
+    numbers,
+    split_friction,
+    xml_text,
+)
+from lip_id_ros.export.urdf import centre_of_mass_inertia, link_name, RADIUS
+from lip_id_ros.rigid_body.chain import ROTOR
+
+FRICTION = ('viscous', 'quadratic viscous', 'Coulomb', 'joint spring')
+"""Terms of friction that MJCF can express: damping, frictionloss, stiffness."""
+COMPILER = {
+    'angle': 'radian',
+    'autolimits': 'true',
+    'balanceinertia': 'false',
+    'boundinertia': '0',
+    'boundmass': '0',
+    'fusestatic': 'false',
+    'inertiafromgeom': 'false',
+}
+REMARKS = (
+    'friction: damping is viscous friction (a second number: in proportion to the square of the '
+    'velocity), frictionloss the Coulomb torque, stiffness a spring of the joint; armature is the '
+    'inertia of the rotor, seen through its gear.',
+    'The capsules show the links; they have no mass and touch nothing.',
+)
+
+
+def to_mjcf(arm: ArmDescription) -> str:
+    """
+    Return an arm as MJCF, read and compiled by MuJoCo.
+
+    Parameters
+    ----------
+    arm : ArmDescription
+        In standard frames, with links that can exist.
+
+    Raises
+    ------
+    LipIdError
+        If MuJoCo is not installed.
+    ModelError
+        If MuJoCo refuses the arm.
+
+    """
+    friction = split_friction(arm, FRICTION)
+    remarks = (*REMARKS, *left_out_remark(arm, friction.left_out, 'MJCF'))
+    root = ET.Element('mujoco', {'model': arm.name})
+    ET.SubElement(root, 'compiler', COMPILER)
+    option = {'gravity': numbers(arm.chain.gravity), 'integrator': 'implicitfast'}
+    ET.SubElement(root, 'option', option)
+    world = ET.SubElement(root, 'worldbody')
+    ET.SubElement(world, 'light', {'pos': '0 0 3', 'dir': '0 0 -1', 'directional': 'true'})
+    parent = ET.SubElement(world, 'body', {'name': 'base_link'})
+    actuators = ET.Element('actuator')
+    for i in range(arm.n_joints):
+        parent = _body(parent, arm, i, friction)
+        name = arm.joint_names[i]
+        ET.SubElement(actuators, 'motor', {'name': f'{name}_motor', 'joint': name})
+    root.append(actuators)
+    text = xml_text(root, header_lines(arm, remarks))
+    compiled(text)
+    return text
+
+
+def compiled(text: str) -> Any:
+    """
+    Return MuJoCo's model of an MJCF.
+
+    Raises
+    ------
+    LipIdError
+        If MuJoCo is not installed.
+    ModelError
+        If MuJoCo refuses it.
+
+    """
+    mujoco = import_mujoco()
+    try:
+        return mujoco.MjSpec.from_string(text).compile()
+    except ValueError as error:
+        raise ModelError(
+            f'MuJoCo was to read the exported arm, but refuses it ({error}); '
+            'export another format, or fit the arm anew.'
+        ) from error
+
+
+def import_mujoco() -> Any:
+    """
+    Return the module of MuJoCo.
+
+    Raises
+    ------
+    LipIdError
+        If it is not installed.
+
+    """
+    try:
+        import mujoco  # optional: only this format needs it
+    except ImportError as error:
+        raise LipIdError(
+            f'MJCF is read by MuJoCo before it is written, and MuJoCo is missing ({error}); '
+            "install it with `pip install 'lip_id_ros[export]'`."
+        ) from error
+    return mujoco
+
+
+def _body(parent: ET.Element, arm: ArmDescription, i: int, friction: FrictionSplit) -> ET.Element:
+    x, y, z, w = Rotation.from_matrix(arm.chain.rotations[i]).as_quat(canonical=True)
+    place = {'pos': numbers(arm.chain.translations[i]), 'quat': numbers([w, x, y, z])}
+    body = ET.SubElement(parent, 'body', {'name': link_name(arm.joint_names[i]), **place})
+    mass, centre, inertia = centre_of_mass_inertia(arm.links[i])
+    entries = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    inertial = {'pos': numbers(centre), 'mass': number(mass), 'fullinertia': numbers(entries)}
+    ET.SubElement(body, 'inertial', inertial)
+    ET.SubElement(body, 'joint', _joint(arm, i, friction.values[i]))
+    end = arm.chain.translations[i + 1] if i + 1 < arm.n_joints else np.zeros(3)
+    if np.linalg.norm(end) > RADIUS:
+        geom = {'type': 'capsule', 'fromto': numbers([0.0, 0.0, 0.0, *end])}
+    else:
+        geom = {'type': 'sphere'}
+    shown = {'size': number(RADIUS), 'contype': '0', 'conaffinity': '0', 'group': '2'}
+    ET.SubElement(body, 'geom', {**geom, **shown, 'mass': '0'})
+    return body
+
+
+def _joint(arm: ArmDescription, i: int, friction: dict[str, float]) -> dict[str, str]:
+    viscous, square, coulomb, spring = (friction.get(term, 0.0) for term in FRICTION)
+    joint = {
+        'name': arm.joint_names[i],
+        'type': 'slide' if arm.chain.prismatic[i] else 'hinge',
+        'axis': '0 0 1',
+        'range': numbers([arm.ranges.q_min[i], arm.ranges.q_max[i]]),
+        'armature': number(arm.links[i, ROTOR]),
+        'damping': numbers([viscous, square] if square > 0.0 else [viscous]),
+        'frictionloss': number(coulomb),
+    }
+    return {**joint, 'stiffness': number(spring)} if spring > 0.0 else joint

@@ -1,0 +1,145 @@
+"""Numbers, remarks and tables as text, and the terms of friction that a format can express."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+import textwrap
+from typing import NamedTuple
+import xml.etree.ElementTree as ET
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.friction.model import DriveTerm
+from lip_id_ros.rigid_body.denavit_hartenberg import table
+
+ROUNDING = 1e-15
+"""Below it a number is rounding of sums of numbers around one, and is written as zero."""
+COLUMNS = 92
+
+
+class FrictionSplit(NamedTuple):
+    """
+    Friction that a format can express, and the rest.
+
+    Attributes
+    ----------
+    values : tuple of dict
+        Coefficient by name of term, one mapping per joint.
+    left_out : tuple of DriveTerm
+        Terms that the format cannot express.
+
+    """
+
+    values: tuple[dict[str, float], ...]
+    left_out: tuple[DriveTerm, ...]
+
+
+def number(value: float) -> str:
+    """Return the shortest text that reads back as the same number."""
+    if abs(value) < ROUNDING:
+        return '0'
+    return repr(float(value)).removesuffix('.0')
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Return numbers with spaces between them."""
+    return ' '.join(number(value) for value in np.asarray(values, dtype=np.float64))
+
+
+def split_friction(arm: ArmDescription, terms: Collection[str]) -> FrictionSplit:
+    """
+    Divide friction into the terms that a format can express and the others.
+
+    Parameters
+    ----------
+    arm : ArmDescription
+    terms : collection of str
+        Names of the terms with one coefficient that the format can express. No format expresses
+        terms of coupled joints, nor negative coefficients, which would drive the joint.
+
+    """
+    values: tuple[dict[str, float], ...] = tuple({} for _ in arm.joint_names)
+    left_out = []
+    for part, place in zip(arm.friction.terms, arm.friction.slices, strict=True):
+        coefficients = arm.coefficients[place]
+        single = len(part.drive.joints) == 1 and part.drive.ratios[0] == 1.0
+        if single and part.term.name in terms and coefficients[0] >= 0.0:
+            own = values[part.drive.joints[0]]
+            own[part.term.name] = own.get(part.term.name, 0.0) + float(coefficients[0])
+        else:
+            left_out.append(part)
+    return FrictionSplit(values, tuple(left_out))
+
+
+def term_name(part: DriveTerm) -> str:
+    """Return what a term of friction is called."""
+    return f'coupled {part.term.name}' if len(part.drive.joints) > 1 else part.term.name
+
+
+def header_lines(arm: ArmDescription, remarks: Iterable[str] = ()) -> list[str]:
+    """Return what stands at the beginning of a file: remarks, and the table of the joints."""
+    lines = [f'{arm.name}: inverse dynamics of an arm, identified by lip_id_ros', '']
+    for remark in (*arm.remarks, *remarks):
+        lines += textwrap.wrap(
+            remark,
+            COLUMNS,
+            initial_indent='- ',
+            subsequent_indent='  ',
+            break_on_hyphens=False,
+            break_long_words=False,
+        )
+    return [*lines, '', *dh_lines(arm)]
+
+
+def left_out_remark(arm: ArmDescription, terms: tuple[DriveTerm, ...], name: str) -> list[str]:
+    """Return a sentence on the terms of friction that a format cannot express."""
+    by_term: dict[str, list[str]] = {}
+    for part in terms:
+        joints = ' with '.join(arm.joint_names[i] for i in part.drive.joints)
+        by_term.setdefault(term_name(part), []).append(joints)
+    if not by_term:
+        return []
+    listed = '; '.join(f'{term} ({", ".join(joints)})' for term, joints in by_term.items())
+    return [f'Left out, since {name} cannot express it: {listed}.']
+
+
+def dh_lines(arm: ArmDescription) -> list[str]:
+    """Return the table of an arm in standard frames as lines of text."""
+    found = table(arm.chain)
+    head = 'Denavit-Hartenberg (Craig): Rot_x(twist) Trans_x(length) Rot_z(angle) Trans_z(offset)'
+    width = max(len(name) for name in arm.joint_names)
+    lines = [head, f'{"":{width}}  twist [deg]  length [m]  angle [deg]  offset [m]']
+    rows: Array = np.column_stack(
+        [np.degrees(found.twist), found.length, np.degrees(found.angle), found.offset]
+    )
+    for name, row in zip(arm.joint_names, np.round(rows, 5) + 0.0, strict=True):
+        twist, length, angle, offset = row
+        lines.append(
+            f'{name:{width}}  {twist:11.3f}  {length:10.5f}  {angle:11.3f}  {offset:10.5f}'
+        )
+    return lines
+
+
+def roll_pitch_yaw(rotation: Array) -> Array:
+    """Return the angles of R = Rot_z(yaw) Rot_y(pitch) Rot_x(roll), shape (3,) [rad]."""
+    yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
+    c, s = np.cos(yaw), np.sin(yaw)
+    # Yaw is rounding alone where the pitch is a right angle; roll makes up for it.
+    rest = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ rotation
+    pitch = np.arctan2(-rest[2, 0], rest[0, 0])
+    return np.array([np.arctan2(-rest[1, 2], rest[1, 1]), pitch, yaw])
+
+
+def xml_text(root: ET.Element, comment: Iterable[str]) -> str:
+    """Return an XML document that begins with a comment."""
+    ET.indent(root)
+    # two hyphens would end the comment
+    lines = [line.replace('--', '- -') for line in comment]
+    body = ET.tostring(root, encoding='unicode')
+    return f'<?xml version="1.0"?>\n<!--\n{_indented(lines)}\n-->\n{body}\n'
+
+
+def _indented(lines: Iterable[str]) -> str:
+    return '\n'.join(f'  {line}'.rstrip() for line in lines)

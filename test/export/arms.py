@@ -1,0 +1,88 @@
+"""Arms to export: the simulated Panda, prismatic ones, with friction of all kinds."""
+
+from __future__ import annotations
+
+import numpy as np
+from rigid_body.arms import links_of, random_bodies, random_chain
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.export.arm import ArmDescription, JointRanges
+from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, plain_friction
+from lip_id_ros.friction.terms import (
+    Asymmetric,
+    Coulomb,
+    FrictionTerm,
+    LoadCoulomb,
+    LoadViscous,
+    PositionCoulomb,
+    QuadraticViscous,
+    Ripple,
+    SaturatingViscous,
+    Spring,
+    Stribeck,
+)
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.simulation.panda import panda_urdf
+
+EXTRA: tuple[FrictionTerm, ...] = (
+    Stribeck(0.05),
+    SaturatingViscous(0.05),
+    QuadraticViscous(),
+    LoadCoulomb(0.05),
+    LoadViscous(),
+    Asymmetric(0.1),
+    PositionCoulomb(0.03),
+    Ripple(2),
+    Spring(),
+)
+
+
+def every_friction(n: int, rng: np.random.Generator) -> tuple[FrictionBasis, Array]:
+    """Give every joint plain friction, and one joint or another every other term."""
+    widths = rng.uniform(0.02, 0.1, n)
+    terms = plain_friction(n, widths.tolist()).terms
+    terms += tuple(DriveTerm(Drive.of_joint(k % n), term) for k, term in enumerate(EXTRA))
+    if n > 1:
+        terms += (DriveTerm(Drive((n - 1, n - 2), (1.0, -0.5)), Coulomb(0.04)),)
+    basis = FrictionBasis(n, terms)
+    return basis, rng.uniform(0.1, 1.0, basis.size)
+
+
+def describe(name: str, chain: Chain, links: Array, seed: int = 0) -> ArmDescription:
+    """Add friction of all kinds."""
+    n, rng = len(links), np.random.default_rng(seed)
+    friction, coefficients = every_friction(n, rng)
+    reach = np.where(chain.prismatic, 0.4, 2.5)
+    return ArmDescription(
+        name=name,
+        joint_names=tuple(f'joint_{i + 1}' for i in range(n)),
+        chain=chain,
+        links=links,
+        friction=friction,
+        coefficients=coefficients,
+        ranges=JointRanges(-reach, 0.9 * reach, reach, 4.0 * reach, np.full(n, 80.0)),
+        potential_reference=0.1 * np.arange(n, dtype=np.float64),
+        remarks=('A remark with -- and */ in it.',),
+    ).in_standard_frames()
+
+
+def panda() -> ArmDescription:
+    """Return the simulated Panda, its fingers locked, with rotors."""
+    import pinocchio
+
+    model = pinocchio.buildModelFromXML(panda_urdf().read_text(encoding='utf-8'))
+    arm = pinocchio.buildReducedModel(model, [8, 9], pinocchio.neutral(model))
+    arm.armature = np.linspace(0.02, 0.2, 7)
+    return describe('panda', *links_of(arm))
+
+
+def random_arm(kinds: str, seed: int = 0) -> ArmDescription:
+    """Return an arm of revolute (R) and prismatic (P) joints anywhere."""
+    rng = np.random.default_rng(seed)
+    chain = random_chain(kinds, rng)
+    return describe(f'arm_{kinds}', chain, random_bodies(len(kinds), rng), seed)
+
+
+def arm_of(name: str) -> ArmDescription:
+    """Return an arm by name."""
+    return panda() if name == 'panda' else random_arm(name)

@@ -1,0 +1,66 @@
+"""The MJCF in particular."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from export.arms import random_arm
+import numpy as np
+import pytest
+
+from lip_id_ros.errors import ModelError
+from lip_id_ros.export.mjcf import compiled, to_mjcf
+from lip_id_ros.rigid_body.chain import ROTOR
+from lip_id_ros.rigid_body.regressor import kinetic_regressor, potential_regressor
+
+mujoco = pytest.importorskip('mujoco')
+
+
+def test_words_of_mujoco() -> None:
+    """Spring of joint 3, quadratic friction of joint 3: as `every_friction` gives them."""
+    arm = random_arm('RPRRRR')
+    model = compiled(to_mjcf(arm))
+    np.testing.assert_array_equal(model.dof_armature, arm.links[:, ROTOR])
+    np.testing.assert_array_equal(model.dof_frictionloss, arm.coefficients[1:18:3])
+    np.testing.assert_array_equal(model.jnt_range[:, 0], arm.ranges.q_min)
+    np.testing.assert_array_equal(model.opt.gravity, arm.chain.gravity)
+    names = [model.joint(i).name for i in range(6)]
+    assert names == list(arm.joint_names)
+    assert list(model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE) == list(arm.chain.prismatic)
+
+
+def test_energies_are_those_of_the_arm() -> None:
+    arm = random_arm('RPRRRR')
+    model = compiled(to_mjcf(arm))
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    model.jnt_stiffness[:] = 0.0
+    model.dof_armature[:] = arm.links[:, ROTOR]
+    data = mujoco.MjData(model)
+    q, dq, _ = arm.ranges.random_states(20, np.random.default_rng(0))
+    energies = []
+    for data.qpos[:], data.qvel[:] in zip(q, dq, strict=True):
+        mujoco.mj_forward(model, data)
+        energies.append(data.energy.copy())
+    potential, kinetic = np.array(energies).T
+    expected = potential_regressor(arm.chain, q) @ arm.links.ravel()
+    np.testing.assert_allclose(np.diff(potential), np.diff(expected), atol=1e-10)
+    expected = kinetic_regressor(arm.chain, q, dq) @ arm.links.ravel()
+    np.testing.assert_allclose(kinetic, expected, rtol=1e-10)
+
+
+def test_it_can_be_simulated() -> None:
+    """A second of falling from rest, with friction."""
+    model = compiled(to_mjcf(random_arm('RRR')))
+    data = mujoco.MjData(model)
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert np.isfinite(data.qpos).all()
+    assert np.abs(data.qpos).max() > 1e-3
+
+
+def test_what_mujoco_refuses_is_an_error() -> None:
+    arm = random_arm('RR')
+    links = arm.links.copy()
+    links[0, 0] = -1.0
+    with pytest.raises(ModelError, match='MuJoCo was to read the exported arm, but refuses it'):
+        to_mjcf(replace(arm, links=links))

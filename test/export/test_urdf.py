@@ -1,0 +1,91 @@
+"""The URDF in particular."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+
+from export.arms import panda, random_arm
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from lip_id_ros.export.text import number, roll_pitch_yaw
+from lip_id_ros.export.urdf import rotor_inertias, to_urdf
+from lip_id_ros.rigid_body.chain import ROTOR
+
+pinocchio = pytest.importorskip('pinocchio')
+
+
+def test_it_says_what_was_recorded() -> None:
+    arm = random_arm('RP')
+    root = ET.fromstring(to_urdf(arm))
+    joints = root.findall('joint')
+    assert [x.get('name') for x in joints] == ['joint_1', 'joint_2']
+    assert [x.get('type') for x in joints] == ['revolute', 'prismatic']
+    for i, joint in enumerate(joints):
+        limit = joint.find('limit')
+        assert limit is not None
+        values = [float(limit.get(x, 'nan')) for x in ('lower', 'upper', 'velocity', 'effort')]
+        r = arm.ranges
+        assert values == [r.q_min[i], r.q_max[i], r.dq_max[i], r.tau_max[i]]
+        dynamics = joint.find('dynamics')
+        assert dynamics is not None
+        assert float(dynamics.get('damping', 'nan')) == arm.coefficients[3 * i]
+        assert float(dynamics.get('friction', 'nan')) == arm.coefficients[3 * i + 1]
+    np.testing.assert_array_equal(rotor_inertias(root, arm.joint_names), arm.links[:, ROTOR])
+
+
+def test_the_header_has_remarks_and_the_table() -> None:
+    text = to_urdf(panda())
+    header = text[: text.index('-->')]
+    assert 'A remark with - - and' in header
+    assert 'drake:rotor_inertia' in header
+    row = next(line for line in header.splitlines() if line.strip().startswith('joint_4'))
+    assert [float(x) for x in row.split()[1:]] == [90.0, 0.0825, 0.0, 0.0]
+
+
+def test_links_can_exist() -> None:
+    """Inertias about the centre of mass: positive, and no moment larger than the two others."""
+    model = pinocchio.buildModelFromXML(to_urdf(random_arm('RPRPRR')))
+    for body in list(model.inertias)[1:]:
+        a, b, c = np.linalg.eigvalsh(body.inertia)
+        assert a > 0.0
+        assert a + b > c
+        assert body.mass > 0.0
+
+
+@pytest.mark.skipif(shutil.which('check_urdf') is None, reason='needs check_urdf')
+@pytest.mark.parametrize('kinds', ['RRRRRRR', 'PRP', 'P'])
+def test_check_urdf_reads_it(kinds: str, tmp_path: Path) -> None:
+    file = tmp_path / 'arm.urdf'
+    file.write_text(to_urdf(random_arm(kinds)))
+    ran = subprocess.run(['check_urdf', file], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert f'joint_{len(kinds)}_link' in ran.stdout
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_angles_give_the_rotation_back(seed: int) -> None:
+    """Also where the pitch is a right angle, or nearly."""
+    rng = np.random.default_rng(seed)
+    pitch = [0.5 * np.pi, 0.5 * np.pi - 1e-9, -0.5 * np.pi, rng.uniform(-1.5, 1.5)][seed % 4]
+    roll, yaw = rng.uniform(-np.pi, np.pi, 2)
+    rotation = Rotation.from_euler('xyz', [roll, pitch, yaw]).as_matrix()
+    again = Rotation.from_euler('xyz', roll_pitch_yaw(rotation)).as_matrix()
+    np.testing.assert_allclose(again, rotation, atol=1e-14)
+
+
+@pytest.mark.parametrize('value', [0.1, 1 / 3, -2.0, 1e-7, 123456.789, 0.0])
+def test_numbers_read_back_as_they_were(value: float) -> None:
+    assert float(number(value)) == value
+    assert number(-1e-17) == '0'
+
+
+def test_names_with_characters_of_xml() -> None:
+    arm = replace(random_arm('RR'), joint_names=('a<b>"c"&', 'left/arm joint'))
+    model = pinocchio.buildModelFromXML(to_urdf(arm))
+    assert tuple(model.names)[1:] == arm.joint_names

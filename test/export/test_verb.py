@@ -1,0 +1,97 @@
+"""`lip_id export` on fitted models, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import shutil
+import subprocess
+
+from baselines.panda_runs import runs
+from evaluation.models import small_model
+import numpy as np
+import pytest
+
+from lip_id_ros.cli import main
+from lip_id_ros.gp import fit
+from lip_id_ros.settings import FitSettings
+from lip_id_ros.simulation import SmoothFriction
+
+pytest.importorskip('pinocchio')
+pytest.importorskip('mujoco')
+NEEDS_CC = pytest.mark.skipif(shutil.which('cc') is None, reason='needs a C compiler')
+EXAMPLE = Path(__file__).resolve().parents[2] / 'docs' / 'examples' / 'computed_torque.c'
+
+
+@pytest.fixture(scope='module')
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fit a Panda of three joints, with friction and some noise."""
+    friction = SmoothFriction(np.full(3, 0.5), np.full(3, 0.3), 0.05)
+    training, _ = runs(3, 200, friction, noise=0.01)
+    path = tmp_path_factory.mktemp('export') / 'panda3.npz'
+    fit(training, FitSettings(subset=60, max_samples=150, iterations=20)).save(path)
+    return path
+
+
+@NEEDS_CC
+def test_all_formats_agree_with_the_model(
+    model: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    files = ('--urdf', 'a.urdf', '--mjcf', 'a.xml', '--c', 'a.h')
+    assert main(['export', str(model), *files, '--check']) == 0
+    said = ' '.join(capsys.readouterr().out.split())
+    for reader in ('pinocchio', 'MuJoCo', 'C'):
+        assert f'{reader} gives the torques of' in said
+    for name in ('a.urdf', 'a.xml', 'a.h'):
+        text = Path(name).read_text()
+        assert 'panda3: inverse dynamics of an arm, identified by lip_id_ros' in text
+        assert 'Position ranges, velocities and efforts are those of the recordings' in text
+
+
+@NEEDS_CC
+def test_the_example_controls_the_arm(model: Path, tmp_path: Path) -> None:
+    """docs/examples/computed_torque.c, which fails where it does not follow."""
+    header = tmp_path / 'arm.h'
+    assert main(['export', str(model), '--name', 'arm', '--c', str(header)]) == 0
+    shutil.copy(EXAMPLE, tmp_path)
+    strict = ('-std=c11', '-O1', '-Wall', '-Wextra', '-pedantic', '-Werror')
+    command = ['cc', *strict, '-o', 'control', EXAMPLE.name, '-lm']
+    built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    ran = subprocess.run([tmp_path / 'control'], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout
+    assert len(EXAMPLE.read_text().splitlines()) <= 100
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        ([], '--urdf, --mjcf or --c with a file was expected, but none came.'),
+        (['--urdf', 'no/such/arm.urdf'], 'no/such: No such file or directory'),
+    ],
+)
+def test_what_is_refused(
+    model: Path,
+    arguments: list[str],
+    sentence: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(['export', str(model), *arguments]) == 1
+    assert sentence in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_model_without_links_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / 'pendulums.npz'
+    small_model().save(path)
+    assert main(['export', str(path), '--urdf', str(tmp_path / 'a.urdf')]) == 1
+    assert 'rigid links were expected, but the model has the kernel' in capsys.readouterr().err
+    assert not (tmp_path / 'a.urdf').exists()
