@@ -93,15 +93,15 @@ def _remainder(model: TrainedModel) -> str | None:
     parts = (
         [] if kernel.energy.is_empty else [f'the energies of the kernel {kernel.energy.name!r}']
     )
-    parts += [term.name for term in kernel.jointwise if not isinstance(term, Friction)]
+    parts += [term.name for term in kernel.per_joint if not isinstance(term, Friction)]
     return ' and '.join(parts) or None
 
 
 def _friction(model: TrainedModel) -> tuple[FrictionBasis, np.ndarray]:
     terms = zip(
-        model.prior.kernel.jointwise,
-        model.prior.hyperparameters.jointwise,
-        model.states.jointwise,
+        model.prior.kernel.per_joint,
+        model.prior.hyperparameters.per_joint,
+        model.states.per_joint,
         strict=True,
     )
     for kernel, parameters, inputs in terms:
