@@ -9,12 +9,12 @@ from rich.console import Console
 
 from benchmarks._experiments import EXPERIMENTS, Form
 from lip_id_ros.baselines import Method, method
-from lip_id_ros.cli.progress_display import progress_display
+from lip_id_ros.cli.output import progress_display
 from lip_id_ros.comparison import Case, compare, Store
 from lip_id_ros.comparison.report import write_comparison
 from lip_id_ros.comparison.run import Make
 from lip_id_ros.comparison.summary import remarks, tables
-from lip_id_ros.evaluation.terminal import show
+from lip_id_ros.evaluation.tables import show, show_lines
 
 
 def main(arguments: list[str]) -> int:
@@ -36,8 +36,7 @@ def main(arguments: list[str]) -> int:
     console = Console(width=140)
     for table in tables(results):
         show(table, console)
-    for sentence in (*remarks(results), f'Written: {page}'):
-        console.print(sentence, markup=False)
+    show_lines([*remarks(results), f'Written: {page}'], console)
     return 0
 
 

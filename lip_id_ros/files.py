@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+import fcntl
 import json
+import math
 import os
 from pathlib import Path
+import shutil
 import stat
-from typing import Any, BinaryIO
+import sys
+import tempfile
+import time
+from typing import Any, BinaryIO, IO
 import uuid
 import zipfile
 import zlib
@@ -20,16 +26,27 @@ from lip_id_ros.errors import SourceError
 
 HEADER = 'header_json'
 
+HEX_DIGITS = 32  # of the random part of a temporary name
+SWEEP_AFTER_S = 60.0
+LARGE_BYTES = 2**28
+MOST_EXPANSION = 200  # of an archive larger than that; measured data compress by less than 10
+READ_HEADER = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
+STANDARD_STREAMS = {'/dev/stdout': 1, '/dev/stderr': 2}
+
 DAMAGE = (
     zipfile.BadZipFile,
     zlib.error,
     EOFError,
     KeyError,
+    MemoryError,
     NotImplementedError,
     OSError,
     RuntimeError,
 )
-"""What reading a damaged, truncated or encrypted archive raises."""
+"""Errors of reading a damaged, truncated or encrypted archive."""
 
 
 def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
@@ -51,15 +68,16 @@ def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
 
 def write_atomically(path: str | os.PathLike[str], writer: Callable[[BinaryIO], None]) -> None:
     """
-    Write a file under a temporary name beside its place, then rename it.
+    Write a file under a temporary name in its folder, then rename it.
 
-    A reader never sees half a file, and a failure leaves what was there before, even where the
-    power goes.
+    A reader never sees half a file, and a failure leaves the old file, even after a power cut. A
+    link is followed, the mode of an existing file is kept. A pipe or a device, such as
+    /dev/stdout, is written to and not replaced. Temporary files of killed writes are removed.
 
     Parameters
     ----------
     path : path
-        Where the file ends up; its folder must exist.
+        Its folder must exist.
     writer : callable
         Gets the open binary file.
 
@@ -69,20 +87,133 @@ def write_atomically(path: str | os.PathLike[str], writer: Callable[[BinaryIO], 
         If the folder does not exist or cannot be written.
 
     """
-    target = Path(path)
-    temporary = target.with_name(f'.{target.name}.{uuid.uuid4().hex}')
+    if is_stream(path):
+        with tempfile.TemporaryFile() as whole:
+            writer(whole)
+            whole.seek(0)
+            _copy_to_stream(whole, path)
+        return
+    target = Path(os.path.realpath(path))
+    _sweep(target)
+    temporary = _temporary_beside(target)
     try:
         with open(temporary, 'xb') as file:
+            fcntl.flock(file, fcntl.LOCK_EX)  # until it is closed: see _sweep
             writer(file)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, target)
+            _finish(file, target)
+            os.replace(temporary, target)
     except BaseException as error:
         with suppress(OSError):
             temporary.unlink()
         if isinstance(error, OSError) and error.filename == os.fspath(temporary):
-            error.filename = os.fspath(target)  # the name that the caller knows
+            error.filename = os.fspath(path)  # the name that the caller knows
         raise
+
+
+def move_into_place(finished: Path, path: str | os.PathLike[str]) -> None:
+    """
+    Give a finished file of the same folder its name, as `write_atomically` does.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+
+    """
+    if is_stream(path):
+        with open(finished, 'rb') as file:
+            _copy_to_stream(file, path)
+        return
+    target = Path(os.path.realpath(path))
+    with open(finished, 'rb+') as file:
+        _finish(file, target)
+    os.replace(finished, target)
+
+
+def write_or_rescue(
+    path: str | os.PathLike[str], write: Callable[[str | os.PathLike[str]], None]
+) -> str | None:
+    """
+    Write a result; where that fails, keep it in the folder for temporary files.
+
+    Parameters
+    ----------
+    path : path
+    write : callable
+        Gets the path.
+
+    Returns
+    -------
+    str or None
+        A sentence with the reason and the other place, None where all went well.
+
+    Raises
+    ------
+    OSError
+        If the result cannot be written there either.
+
+    """
+    try:
+        write(path)
+    except OSError as error:
+        name = Path(path).name
+        kept = Path(tempfile.mkdtemp(prefix='lip_id_ros_')) / name
+        write(kept)
+        reason = error.strerror or error
+        return f'{os.fspath(path)} cannot be written ({reason}); the result is kept in {kept}.'
+    return None
+
+
+def is_stream(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is a pipe, a device or the like, which is written to but not replaced."""
+    if os.fspath(path) in STANDARD_STREAMS:
+        return True
+    try:
+        mode = os.stat(path).st_mode
+    except OSError:
+        return False
+    return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
+
+
+def _copy_to_stream(file: IO[bytes], path: str | os.PathLike[str]) -> None:
+    place: int | str | os.PathLike[str] = path
+    if os.fspath(path) in STANDARD_STREAMS:
+        # The descriptor itself: a file behind it is then neither truncated nor replaced.
+        sys.stdout.flush()
+        place = os.dup(STANDARD_STREAMS[os.fspath(path)])
+    with open(place, 'wb') as stream:
+        shutil.copyfileobj(file, stream)
+
+
+def _temporary_beside(target: Path) -> Path:
+    # Names have 255 bytes at most.
+    short = os.fsencode(target.name)[:200].decode(errors='ignore')
+    return target.with_name(f'.{short}.{uuid.uuid4().hex}')
+
+
+def _finish(file: IO[bytes], target: Path) -> None:
+    with suppress(FileNotFoundError):
+        os.fchmod(file.fileno(), stat.S_IMODE(target.stat().st_mode))
+    file.flush()
+    os.fsync(file.fileno())
+
+
+def _sweep(target: Path) -> None:
+    """Remove temporary files that killed writes of the same file left: nobody locks them."""
+    prefix = _temporary_beside(target).name[:-HEX_DIGITS]
+    with suppress(OSError):
+        old = time.time() - SWEEP_AFTER_S
+        for left in list(target.parent.iterdir()):
+            digits = left.name.removeprefix(prefix)
+            is_ours = left.name.startswith(prefix) and len(digits) == HEX_DIGITS
+            if is_ours and left.is_file() and left.stat().st_mtime < old:
+                _remove_unlocked(left)
+
+
+def _remove_unlocked(path: Path) -> None:
+    with suppress(OSError), open(path, 'rb') as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        path.unlink()
 
 
 def write_npz(
@@ -137,17 +268,45 @@ def read_npz(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dic
         If it is not an npz file, is damaged, or holds pickled objects.
 
     """
+    return _read(path, lambda name: True)
+
+
+def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """
+    Read only the JSON header of an npz file; see `read_npz`.
+
+    Raises
+    ------
+    OSError
+        If the file does not exist or cannot be opened.
+    ValueError
+        If it is not an npz file, or is damaged.
+
+    """
+    return _read(path, lambda name: name == HEADER)[1]
+
+
+def _read(
+    path: str | os.PathLike[str], wanted: Callable[[str], bool]
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    require_regular_file(path)
     with open(path, 'rb') as file:
-        if not zipfile.is_zipfile(file):
-            raise ValueError('not an npz archive, or only a part of one')
-        file.seek(0)
         try:
-            with np.load(file, allow_pickle=False) as npz:
-                arrays = {name: npz[name] for name in npz.files}
+            with zipfile.ZipFile(file) as archive:
+                _check_expansion(archive)
+                members = {_array_name(info): info for info in archive.filelist}
+                arrays = {
+                    name: _array(archive, info) for name, info in members.items() if wanted(name)
+                }
         except DAMAGE as error:
+            if isinstance(error, zipfile.BadZipFile) and not zipfile.is_zipfile(file):
+                raise ValueError('not an npz archive, or only a part of one') from error
             raise ValueError(f'damaged archive: {str(error) or "it ends too early"}') from error
     text = arrays.pop(HEADER, None)
-    header = json.loads(str(text)) if text is not None else {}
+    try:
+        header = json.loads(str(text)) if text is not None else {}
+    except RecursionError as error:
+        raise ValueError('the header is nested too deeply') from error
     if not isinstance(header, dict):
         raise ValueError('the header is not a JSON object')
     return arrays, header
@@ -164,7 +323,7 @@ def require_regular_file(path: str | os.PathLike[str]) -> None:
     OSError
         If there is no such file.
     SourceError
-        If it is something else than a file.
+        If it is anything else than a file.
 
     """
     name = os.fspath(path)
@@ -172,3 +331,31 @@ def require_regular_file(path: str | os.PathLike[str]) -> None:
         raise SourceError(f'a path must not contain NUL, but {name!r} does; correct the name.')
     if not stat.S_ISREG(os.stat(path).st_mode):
         raise SourceError(f'{name!r} must be a regular file, but is none; give a recorded file.')
+
+
+def _check_expansion(archive: zipfile.ZipFile) -> None:
+    size = sum(info.file_size for info in archive.filelist)
+    packed = sum(info.compress_size for info in archive.filelist)
+    if size > LARGE_BYTES and size > MOST_EXPANSION * packed:
+        raise ValueError(f'{packed} bytes that expand to {size}, more than data do')
+
+
+def _array_name(info: zipfile.ZipInfo) -> str:
+    if not info.filename.endswith('.npy'):
+        raise ValueError(f'{info.filename!r}, which is not an array, in the archive')
+    return info.filename.removesuffix('.npy')
+
+
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
+    """Read one array, after its claimed shape was compared with its size."""
+    with archive.open(info) as member:
+        version = np.lib.format.read_magic(member)
+        read_header = READ_HEADER.get(version)
+        if read_header is None:
+            raise ValueError(f'an array of the unknown format {version}')
+        shape, _, dtype = read_header(member)
+        if math.prod(shape) * dtype.itemsize > info.file_size:
+            raise ValueError(f'an array of shape {shape} in only {info.file_size} bytes')
+    with archive.open(info) as member:
+        array: NDArray[Any] = np.lib.format.read_array(member, allow_pickle=False)
+    return array

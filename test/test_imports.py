@@ -15,10 +15,11 @@ SOURCES = Path(__file__).resolve().parents[1] / PACKAGE
 
 # The parts in the order in which the data goes through them, and what each may import besides
 # itself and BASE.
-BASE = {'arrays', 'csv_table', 'errors', 'files', 'numba_jit', 'processes', 'progress'}
+BASE = {'arrays', 'csv_table', 'errors', 'escaping', 'files', 'numba_jit', 'processes', 'progress'}
 PARTS = {
     'arrays': set(),
     'errors': set(),
+    'escaping': set(),
     'csv_table': set(),
     'files': set(),
     'numba_jit': set(),
@@ -38,9 +39,9 @@ PARTS = {
     'gp': {'settings', 'dataset', 'kernels', 'linear_algebra', 'model', 'rigid_body'},
     'serving': {'dataset', 'kernels', 'linear_algebra', 'model', 'rigid_body'},
     'export': {'friction', 'kernels', 'model', 'rigid_body'},
-    'evaluation': {'dataset', 'health', 'model', 'recording', 'serving'},
+    'evaluation': {'dataset', 'health', 'model', 'recording', 'serving', 'settings'},
     'baselines': {'settings', 'dataset', 'gp', 'kernels', 'linear_algebra', 'model', 'serving'},
-    'comparison': {'baselines', 'settings', 'dataset', 'evaluation'},
+    'comparison': {'baselines', 'settings', 'dataset', 'evaluation', 'model'},
     'signals': {'recording'},
     'control': {'model', 'recording', 'serving', 'settings', 'signals'},
     'monitoring': {'model', 'recording', 'serving', 'settings', 'signals'},
@@ -74,8 +75,8 @@ FOREIGN = {
     'pinocchio': ('simulation', 'baselines/regressor', 'export/check'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),
-    'matplotlib': ('evaluation/report', 'comparison/plots', 'comparison/report', 'tracking/plots'),
-    'rich': ('evaluation/terminal', 'cli'),
+    'matplotlib': ('evaluation/report', 'comparison/report', 'tracking/plots'),
+    'rich': ('evaluation/tables', 'cli'),
     'rclpy': ROS,
     'ament_index_python': ROS,
     'launch': ROS,

@@ -12,13 +12,12 @@ import os
 import sys
 from typing import Any, TextIO
 
-from lip_id_ros.acquisition.findings import Findings
 from lip_id_ros.acquisition.recording_file import take_over
 from lip_id_ros.acquisition.training_set import training_set
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.evaluation import evaluate, with_inertia_check
-from lip_id_ros.evaluation.cautions import of_fit
+from lip_id_ros.evaluation import evaluate, fit_cautions, with_checks
+from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.gp import fit
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import Progress
@@ -60,14 +59,14 @@ def main(arguments: list[str], output: TextIO) -> int:
 def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     config = override(Config(), request['settings'], 'the parameters')
     sections = take_over(request['recording'])
-    findings = Findings(config.recording)
+    findings = RecordingHealth(config.recording)
     prepared = training_set(sections, request['bags'], config, progress, findings)
     result: dict[str, Any] = {
         'path': request['path'],
         'n_samples': prepared.dataset.n_samples,
         'sources': _sources(prepared.dataset),
         'left_out': list(prepared.left_out),
-        'findings': findings.sentences,
+        'findings': findings.lines,
     }
     if request['kind'] == 'dataset':
         prepared.dataset.save(request['path'])
@@ -83,12 +82,16 @@ def _fit(
     if request['holdout'] > 0.0:
         training, held_out = data.split(1.0 - request['holdout'])
     training = for_training(training, config.preprocessing)
-    model = with_inertia_check(fit(training, config.fit, progress))
+    model = with_checks(fit(training, config.fit, progress))
     judged = None
     if held_out is not None:
         judged = evaluate(Predictor(model), held_out, progress).to_json()
     model.save(request['path'])
-    return {'summary': model.summary, 'cautions': of_fit(model.summary), 'holdout': judged}
+    return {
+        'summary': model.summary,
+        'cautions': fit_cautions(model.joint_names, model.summary),
+        'holdout': judged,
+    }
 
 
 def _sources(data: Dataset) -> list[dict[str, Any]]:

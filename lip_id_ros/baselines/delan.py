@@ -1,19 +1,27 @@
-"""Training of a deep Lagrangian network, with the sizes of the paper's table."""
+"""
+Deep Lagrangian network (Lutter, Ritter and Peters 2019): energies as networks.
+
+T = dq^T L L^T dq / 2 with a lower triangular L(q) and V(q), each a feedforward network of the
+features of q; torques by the Euler-Lagrange equations, differentiated by torch. Trained with the
+sizes of the paper's table.
+
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 import torch
+from torch import nn
 from torch.optim.lr_scheduler import OneCycleLR
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines.delan_network import DelanNetwork
-from lip_id_ros.baselines.interface import Answer
+from lip_id_ros.baselines.interface import Baseline, State
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
 
@@ -29,6 +37,13 @@ paper's constant rate of 5e-4 is for ten million steps, and learns little in a f
 STEPS = 3000
 REPORT_EVERY = 50
 STAGE = 'network'
+
+LEAST_INERTIA = 1e-4  # added to the diagonal of L after softplus
+OUTPUT_GAIN = 0.1
+"""
+Of the last layers' initial weights: L begins as nearly constant and diagonal. With couplings at
+random, the first steps can silence a joint by driving its diagonal entry to nothing, for good.
+"""
 
 
 class Delan:
@@ -50,47 +65,138 @@ class Delan:
         """Train on inverse dynamics and power conservation."""
         with torch.random.fork_rng(devices=[]), _one_thread():
             torch.manual_seed(settings.seed)
-            prismatic = [kind == 'prismatic' for kind in dataset.joint_types]
-            network = DelanNetwork(prismatic, WIDTH, DEPTH)
+            network = DelanNetwork(_prismatic(dataset.joint_types), WIDTH, DEPTH)
             _train(network, dataset, self._steps, progress)
-        return Network(network)
+        return Network(dataset.joint_names, dataset.joint_types, network)
 
 
-class Network:
+class Network(Baseline):
     """
     A trained network.
 
     Parameters
     ----------
+    joint_names, joint_types : sequence of str, n of them
     network : DelanNetwork
 
     """
 
-    def __init__(self, network: DelanNetwork) -> None:
-        self._keep(network)
+    has_potential = True
 
-    def _keep(self, network: DelanNetwork) -> None:
+    def __init__(
+        self, joint_names: tuple[str, ...], joint_types: tuple[str, ...], network: DelanNetwork
+    ) -> None:
+        super().__init__(joint_names, joint_types)
         self._network = network.eval()
-        self.size = sum(int(weights.numel()) for weights in network.parameters())
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what describes it."""
-        return {'shape': self._network.shape, 'weights': dict(self._network.state_dict())}
+    @property
+    def size(self) -> int:
+        """Number of weights."""
+        return sum(int(weights.numel()) for weights in self._network.parameters())
 
-    def __setstate__(self, description: dict[str, Any]) -> None:
-        """Set it up again; see `lip_id_ros.baselines.taken_apart`."""
-        network = DelanNetwork(*description['shape'])
-        network.load_state_dict(description['weights'])
-        self._keep(network)
-
-    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
-        """Estimate torques and both energies."""
+    def predict(self, q: Array, dq: Array, ddq: Array) -> TorquePrediction:
+        """Return torques and both energies."""
         motion = [torch.from_numpy(np.array(x)) for x in (q, dq, ddq)]
         with torch.no_grad():
             tau = self._network.torque(*motion)
             kinetic = self._network.kinetic(*motion[:2])
             potential = self._network.potential(motion[0])
-        return Answer(*(np.asarray(x.numpy()) for x in (tau, kinetic, potential)))
+        return TorquePrediction(*(np.asarray(x.numpy()) for x in (tau, kinetic, potential)))
+
+    def state(self) -> State:
+        """Return sizes and weights."""
+        network = self._network
+        weights = {name: x.numpy() for name, x in network.state_dict().items()}
+        return {'width': network.width, 'depth': network.depth, 'weights': weights}
+
+
+def delan() -> Delan:
+    """Return the method of that name."""
+    return Delan()
+
+
+def read_delan(joints: tuple[tuple[str, ...], tuple[str, ...]], state: State) -> Network:
+    """Return the model of a state."""
+    network = DelanNetwork(_prismatic(joints[1]), state['width'], state['depth'])
+    network.load_state_dict({name: torch.from_numpy(x) for name, x in state['weights'].items()})
+    return Network(*joints, network)
+
+
+def _prismatic(joint_types: Sequence[str]) -> list[bool]:
+    return [kind == 'prismatic' for kind in joint_types]
+
+
+class DelanNetwork(nn.Module):
+    """
+    The two networks.
+
+    Parameters
+    ----------
+    prismatic : sequence of bool
+        Which joints are prismatic; the others enter as cosine and sine.
+    width, depth : int
+        Of the hidden layers.
+
+    """
+
+    def __init__(self, prismatic: Sequence[bool], width: int, depth: int) -> None:
+        super().__init__()
+        self.width, self.depth = width, depth
+        n = len(prismatic)
+        self.register_buffer('_prismatic', torch.tensor(prismatic))
+        rows, columns = torch.tril_indices(n, n)
+        self.register_buffer('_diagonal', rows == columns)
+        self.register_buffer('_place', n * rows + columns)
+        self._inertia = _feedforward(2 * n, n * (n + 1) // 2, width, depth)
+        self._potential = _feedforward(2 * n, 1, width, depth)
+
+    def torque(self, q: torch.Tensor, dq: torch.Tensor, ddq: torch.Tensor) -> torch.Tensor:
+        """Return d/dt (dL/d dq) - dL/dq, all of shape (N, n)."""
+        _, momentum_rate = torch.func.jvp(self._momentum, (q, dq), (dq, ddq))
+        by_position = torch.func.grad(self._total_lagrangian)(q, dq)
+        return momentum_rate - by_position
+
+    def kinetic(self, q: torch.Tensor, dq: torch.Tensor) -> torch.Tensor:
+        """Return T, shape (N,), never negative."""
+        return 0.5 * (self._cholesky(q).transpose(1, 2) @ dq[..., None]).square().sum((1, 2))
+
+    def potential(self, q: torch.Tensor) -> torch.Tensor:
+        """Return V, shape (N,)."""
+        return self._potential(self._features(q)).squeeze(1)
+
+    def _momentum(self, q: torch.Tensor, dq: torch.Tensor) -> torch.Tensor:
+        factor = self._cholesky(q)
+        return (factor @ (factor.transpose(1, 2) @ dq[..., None])).squeeze(2)
+
+    def _total_lagrangian(self, q: torch.Tensor, dq: torch.Tensor) -> torch.Tensor:
+        return (self.kinetic(q, dq) - self.potential(q)).sum()
+
+    def _cholesky(self, q: torch.Tensor) -> torch.Tensor:
+        n = q.shape[1]
+        entries = self._inertia(self._features(q))
+        positive = nn.functional.softplus(entries) + LEAST_INERTIA
+        entries = torch.where(self._diagonal, positive, entries)
+        flat = torch.zeros(len(q), n * n, dtype=q.dtype, device=q.device)
+        return flat.index_add(1, self._place, entries).reshape(-1, n, n)
+
+    def _features(self, q: torch.Tensor) -> torch.Tensor:
+        first = torch.where(self._prismatic, q, torch.cos(q))
+        second = torch.where(self._prismatic, torch.zeros_like(q), torch.sin(q))
+        return torch.cat([first, second], dim=1)
+
+
+def _feedforward(n_inputs: int, n_outputs: int, width: int, depth: int) -> nn.Sequential:
+    sizes = [n_inputs] + [width] * depth
+    layers: list[nn.Module] = []
+    for before, after in pairwise(sizes):
+        layers += [nn.Linear(before, after), nn.Softplus()]
+    last = nn.Linear(sizes[-1], n_outputs)
+    network = nn.Sequential(*layers, last).double()
+    for layer in network:
+        if isinstance(layer, nn.Linear):
+            nn.init.xavier_normal_(layer.weight, OUTPUT_GAIN if layer is last else 1.0)
+            nn.init.zeros_(layer.bias)
+    return network
 
 
 @contextmanager

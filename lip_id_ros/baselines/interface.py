@@ -1,55 +1,102 @@
-"""What a comparison asks of a method and of what it learned."""
+"""The common face of the models that ours are compared with, and of the methods that fit them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.model import TorqueModel, TorquePrediction
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
 
+State = Mapping[str, Any]
+"""Numbers, texts, arrays, and lists and mappings of these."""
+
 
 @dataclass(frozen=True)
-class Answer:
+class FitRecord:
     """
-    Estimates at N joint states.
+    How a model was fitted.
 
     Attributes
     ----------
-    tau : ndarray, shape (N, n)
-        Torques [N m or N].
-    kinetic, potential : ndarray, shape (N,), or None
-        Energies [J], the potential one up to a constant; None where the method has none.
+    method : str
+        One of `lip_id_ros.baselines.MODELS`.
+    n_samples : int
+        Samples of the training data.
+    seconds : float
+        Duration of the fit.
+    provenance : mapping
+        JSON-able: origin of the training data.
 
     """
 
-    tau: Array
-    kinetic: Array | None = None
-    potential: Array | None = None
+    method: str = ''
+    n_samples: int = 0
+    seconds: float = 0.0
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
 
-class Estimator(Protocol):
-    """What a method learned."""
+class Baseline(ABC):
+    """
+    A model of the literature; a `lip_id_ros.model.TorqueModel`.
+
+    Parameters
+    ----------
+    joint_names, joint_types : sequence of str, n of them
+        From base to tip.
+
+    Attributes
+    ----------
+    record : FitRecord
+        Set by `lip_id_ros.baselines.learn`.
+
+    """
+
+    has_potential = False
+
+    def __init__(self, joint_names: tuple[str, ...], joint_types: tuple[str, ...]) -> None:
+        self.joint_names = tuple(joint_names)
+        self.joint_types = tuple(joint_types)
+        self.record = FitRecord()
 
     @property
-    def size(self) -> int:
-        """How many numbers it keeps in order to answer."""
+    def n_joints(self) -> int:
+        """Number of joints n."""
+        return len(self.joint_names)
 
-    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
-        """Estimate torques, and energies where it has them, of motions of shape (N, n)."""
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """Origin of the training data."""
+        return self.record.provenance
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of numbers that the model keeps in order to predict."""
+
+    @abstractmethod
+    def predict(self, q: Array, dq: Array, ddq: Array) -> TorquePrediction:
+        """Return torques, and energies where the model has them, at N joint states (N, n)."""
+
+    @abstractmethod
+    def state(self) -> State:
+        """Return everything that `predict` needs beside the joints, for a file."""
 
 
 class Method(Protocol):
     """A way to learn inverse dynamics."""
 
-    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Estimator:
+    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> TorqueModel:
         """
         Learn from a data set.
 
-        Of the settings, every method heeds `subset`, `max_samples`, `friction` and `seed` as far
-        as they mean anything to it.
+        A method uses `subset`, `max_samples`, `friction` and `seed` of the settings as far as
+        they apply to it.
 
         Raises
         ------

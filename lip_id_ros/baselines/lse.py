@@ -8,13 +8,13 @@ import numpy as np
 import torch
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines.interface import Answer
+from lip_id_ros.baselines.interface import Baseline, State
 from lip_id_ros.baselines.lse_kernel import energy_gram, Lengths, States, torque_gram
-from lip_id_ros.baselines.marginal_likelihood import maximise
-from lip_id_ros.baselines.samples import covering
+from lip_id_ros.baselines.marginal_likelihood import covering, maximise
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.linear_algebra import CholeskyFactor
+from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
 
@@ -140,12 +140,13 @@ class Hyperparameters:
         return self.like(vector)
 
 
-class LagrangianModel:
+class LagrangianModel(Baseline):
     """
     Posterior of torques and Lagrangian.
 
     Parameters
     ----------
+    joint_names : tuple of str
     basis : JointBasis
     hyperparameters : Hyperparameters
     states : States
@@ -154,24 +155,47 @@ class LagrangianModel:
 
     """
 
+    has_potential = True
+
     def __init__(
         self,
+        joint_names: tuple[str, ...],
         basis: JointBasis,
         hyperparameters: Hyperparameters,
         states: States,
         alpha: torch.Tensor,
     ) -> None:
+        super().__init__(joint_names, basis.joint_types)
         self._basis, self._hyperparameters = basis, hyperparameters
         self._states, self._alpha = states, alpha
-        self.size = int(4 * alpha.numel() + hyperparameters.vector.numel())
 
-    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
+    @property
+    def size(self) -> int:
+        """Number of numbers that the model keeps."""
+        return int(4 * self._alpha.numel() + self._hyperparameters.vector.numel())
+
+    def state(self) -> State:
+        """Return basis, hyperparameters, samples and weights."""
+        known = self._hyperparameters
+        tensors = {
+            'vector': known.vector,
+            'torque_variance': known.torque_variance,
+            'alpha': self._alpha,
+            **vars(self._states),
+        }
+        return {
+            'centre': self._basis.centre,
+            'half_range': self._basis.half_range,
+            **{name: x.numpy() for name, x in tensors.items()},
+        }
+
+    def predict(self, q: Array, dq: Array, ddq: Array) -> TorquePrediction:
         """
-        Estimate torques, and the energies that the Lagrangian holds.
+        Return torques, and the energies of the Lagrangian.
 
-        V(q) = -L(q, 0), and T is the even part of L + V in dq. A total derivative dF(q)/dt may be
-        added to a Lagrangian and changes no torque, so that the odd part says nothing; the paper
-        keeps it, T = L + V, and finds T useless (docs/comparison.md).
+        V(q) = -L(q, 0), and T is the even part of L + V in dq. A total derivative dF(q)/dt added
+        to a Lagrangian changes no torque, so the odd part is arbitrary; the paper keeps it,
+        T = L + V, and finds T useless (docs/comparison.md).
 
         """
         blocks = [slice(begin, begin + BLOCK) for begin in range(0, len(q), BLOCK)]
@@ -180,7 +204,7 @@ class LagrangianModel:
             np.concatenate([self._lagrangian(q[rows], sign * dq[rows]) for rows in blocks])
             for sign in (1.0, -1.0, 0.0)
         )
-        return Answer(np.concatenate(tau), (forth + back) / 2 - at_rest, -at_rest)
+        return TorquePrediction(np.concatenate(tau), (forth + back) / 2 - at_rest, -at_rest)
 
     def _torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         here = States.of(self._basis, q, dq, ddq)
@@ -208,4 +232,23 @@ def _condition(
         gram = hyperparameters.gram(states, states).reshape(tau.size, tau.size)
         gram.diagonal().add_(hyperparameters.noise(dataset.n_samples))
     alpha = CholeskyFactor.of(gram.contiguous().numpy()).solve(tau).reshape(dataset.tau.shape)
-    return LagrangianModel(basis, hyperparameters, states, torch.from_numpy(alpha))
+    return LagrangianModel(
+        dataset.joint_names, basis, hyperparameters, states, torch.from_numpy(alpha)
+    )
+
+
+def lse() -> Lse:
+    """Return the method of that name."""
+    return Lse()
+
+
+def read_lse(joints: tuple[tuple[str, ...], tuple[str, ...]], state: State) -> LagrangianModel:
+    """Return the model of a state."""
+    names, types = joints
+    vector, variance, alpha, *states = (
+        torch.from_numpy(state[name])
+        for name in ('vector', 'torque_variance', 'alpha', 'f', 'g', 'dq', 'ddq')
+    )
+    basis = JointBasis(types, state['centre'], state['half_range'])
+    known = Hyperparameters(vector, len(names), variance)
+    return LagrangianModel(names, basis, known, States(*states), alpha)

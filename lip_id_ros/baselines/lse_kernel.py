@@ -28,7 +28,7 @@ from lip_id_ros.kernels import JointBasis
 @dataclass(frozen=True)
 class States:
     """
-    What the kernel needs of N samples.
+    N samples as the kernel uses them.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class States:
 
     @classmethod
     def of(cls, basis: JointBasis, q: Array, dq: Array, ddq: Array) -> States:
-        """Lay out motions of shape (N, n)."""
+        """Return the states of motions of shape (N, n)."""
         f, g = (np.swapaxes(x, 1, 2) for x in basis.features(q))
         return cls(*(torch.from_numpy(np.array(x)) for x in (f, g, dq, ddq)))
 

@@ -10,14 +10,22 @@ from scipy.optimize import minimize
 import torch
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
+from lip_id_ros.gp.subset import spread
+from lip_id_ros.kernels import JointBasis
 from lip_id_ros.progress import Progress
 
 NoisyGram = Callable[[torch.Tensor], torch.Tensor]
 """From log-hyperparameters (p,) to the covariance of the measurements (m, m)."""
 
-RANGE = math.log(1e6)  # how far a hyperparameter may go from where it starts
+RANGE = math.log(1e6)  # largest distance of a hyperparameter from its initial value
 FAR_WORSE = 10.0
+
+
+def covering(dataset: Dataset, basis: JointBasis, count: int) -> Dataset:
+    """Return the `count` samples that cover the motion best, as our fit chooses them."""
+    return dataset.select(spread(basis, dataset.q, dataset.dq, dataset.ddq, count))
 
 
 def maximise(

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.baselines.interface import State
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 
@@ -27,40 +28,30 @@ class Regressor:
 
     Parameters
     ----------
-    urdf : path
+    urdf : str
         Robot description; meshes are not needed.
-    dataset : Dataset
-        Whose joints these are; the other joints of the URDF are held where they are at zero.
+    place : str
+        Its file, for messages.
+    joint_names : tuple of str
+        The other joints of the URDF are fixed at zero.
+    gravity_compensated : bool
+        Whether the torques exclude gravity.
 
     Raises
     ------
-    OSError
-        If the URDF cannot be opened.
     DataError
-        If it is no URDF, or a joint is missing in it.
+        If it is not a URDF, or a joint is missing in it.
 
     """
 
-    def __init__(self, urdf: str | os.PathLike[str], dataset: Dataset) -> None:
-        text = _text(Path(urdf))
-        self._set_up(text, dataset.joint_names, dataset.gravity_compensated, os.fspath(urdf))
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what describes it."""
-        return dict(self._description)
-
-    def __setstate__(self, description: dict[str, Any]) -> None:
-        """Set it up again; see `lip_id_ros.baselines.taken_apart`."""
-        self._set_up(**description)
-
-    def _set_up(
-        self, urdf: str, joint_names: tuple[str, ...], gravity_compensated: bool, place: str
+    def __init__(
+        self, urdf: str, place: str, joint_names: Sequence[str], gravity_compensated: bool
     ) -> None:
-        self._description = {
+        self.state: State = {
             'urdf': urdf,
-            'joint_names': joint_names,
-            'gravity_compensated': gravity_compensated,
             'place': place,
+            'joint_names': list(joint_names),
+            'gravity_compensated': gravity_compensated,
         }
         self._model = _reduced(_built(urdf, place), joint_names, place)
         if gravity_compensated:
@@ -70,8 +61,28 @@ class Regressor:
         self._columns = [self._model.joints[i].idx_v for i in ids]
         self._neutral = pinocchio.neutral(self._model)
 
+    @classmethod
+    def of(cls, urdf: str | os.PathLike[str], dataset: Dataset) -> Regressor:
+        """
+        Read a URDF for the joints of a data set.
+
+        Raises
+        ------
+        OSError
+            If it cannot be opened.
+        DataError
+            If it is not a URDF, or a joint is missing in it.
+
+        """
+        place = os.fspath(urdf)
+        try:
+            text = Path(urdf).read_text(encoding='utf-8')
+        except UnicodeDecodeError as error:
+            raise _no_urdf(place, error) from error
+        return cls(text, place, dataset.joint_names, dataset.gravity_compensated)
+
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return Phi, shape (N, n, 10 n), of motions of shape (N, n)."""
+        """Return Phi, shape (N, n, 10 n), at joint states of shape (N, n)."""
         found = self._each(pinocchio.computeJointTorqueRegressor, q, dq, ddq)
         return found[:, self._columns, :]
 
@@ -95,13 +106,6 @@ class Regressor:
         ordered = np.empty_like(x)
         ordered[:, self._columns] = x
         return ordered
-
-
-def _text(urdf: Path) -> str:
-    try:
-        return urdf.read_text(encoding='utf-8')
-    except UnicodeDecodeError as error:
-        raise _no_urdf(os.fspath(urdf), error) from error
 
 
 def _built(urdf: str, place: str) -> Any:

@@ -1,68 +1,151 @@
-"""A Gaussian process for every joint's torque by itself."""
+"""A Gaussian process for every joint's torque by itself: SE, GIP and the semiparametric one."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import os
+from typing import Any
 
 import numpy as np
 import torch
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines.interface import Answer
-from lip_id_ros.baselines.marginal_likelihood import maximise
-from lip_id_ros.baselines.samples import covering
-from lip_id_ros.baselines.terms import MakeTerm, Motion, Term
+from lip_id_ros.baselines.interface import Baseline, State
+from lip_id_ros.baselines.marginal_likelihood import covering, maximise
+from lip_id_ros.baselines.terms import Linear, MakeTerm, Motion, Term, TERMS
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.linear_algebra import CholeskyFactor
+from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
 
 ITERATIONS = 100
 NOISE_START = 1e-2  # variances, in units of the torque's
 NOISE_FLOOR = 1e-8
+RIGID_BODY = 'rigid_body'
 
 
+@dataclass(frozen=True)
 class SingleOutput:
     """
     One Gaussian process per joint; hyperparameters by maximum marginal likelihood.
 
-    Parameters
+    Attributes
     ----------
-    terms : sequence of callables
-        Make the summands of a joint's covariance.
-    friction : callable, optional
-        Makes one more where the settings ask for friction.
+    terms : tuple of str
+        Summands of a joint's covariance: keys of `lip_id_ros.baselines.terms.TERMS`, and
+        'rigid_body' for one that is linear in the rigid-body regressor (paper, eq. K-SP).
+    friction : bool
+        Whether to add a friction term where the settings ask for friction.
+    urdf : path, optional
+        Source of the kinematics for the term 'rigid_body'.
     iterations : int
         Most iterations per joint.
 
     """
 
-    def __init__(
-        self,
-        terms: Sequence[MakeTerm],
-        friction: MakeTerm | None = None,
-        iterations: int = ITERATIONS,
-    ) -> None:
-        self._terms = tuple(terms)
-        self._friction = friction
-        self._iterations = iterations
+    terms: tuple[str, ...]
+    friction: bool = False
+    urdf: str | os.PathLike[str] | None = None
+    iterations: int = ITERATIONS
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> PerJoint:
         """Fit the joints one after another."""
-        terms = self._terms
-        if settings.friction and self._friction is not None:
-            terms = (*terms, self._friction)
+        names = (*self.terms, 'friction') if settings.friction and self.friction else self.terms
         basis = JointBasis.of(dataset.joint_types, dataset.q)
+        terms = _Terms(names, basis, self._regressor_features(dataset))
         few = covering(dataset, basis, settings.subset)
         many = covering(dataset, basis, settings.max_samples)
         joints = []
         for joint, name in enumerate(dataset.joint_names):
-            covariance = Sum([make(basis, joint) for make in terms], joint)
-            theta = _optimise(covariance, few, self._iterations, progress, name)
+            covariance = terms.covariance(joint)
+            theta = _optimise(covariance, few, self.iterations, progress, name)
             joints.append(_condition(covariance, theta, many))
-        return PerJoint(joints)
+        return PerJoint(dataset.joint_names, dataset.joint_types, terms, joints)
+
+    def _regressor_features(self, dataset: Dataset) -> Any:
+        if self.urdf is None:
+            return None
+        from lip_id_ros.baselines.regressor import Regressor  # needs pinocchio
+        from lip_id_ros.baselines.rigid_body import chosen_features
+
+        return chosen_features(Regressor.of(self.urdf, dataset), dataset)
+
+
+def se() -> SingleOutput:
+    """Return the squared exponential (paper, eq. K-SE)."""
+    return SingleOutput(('squared_exponential',))
+
+
+def gip() -> SingleOutput:
+    """Return the geometrically inspired polynomial with friction."""
+    return SingleOutput(('geometric_polynomial',), friction=True)
+
+
+def semiparametric(urdf: str | os.PathLike[str]) -> SingleOutput:
+    """Return the paper's estimator SP (eq. K-SP)."""
+    return SingleOutput((RIGID_BODY, 'squared_exponential'), urdf=urdf)
+
+
+class RigidBodyTerm(Linear):
+    """
+    A covariance that is linear in one joint's row of the regressor.
+
+    Parameters
+    ----------
+    features : RigidBodyFeatures
+    joint : int
+
+    """
+
+    def __init__(self, features: Any, joint: int) -> None:
+        self._features = features
+        self._joint = joint
+
+    def features(self, motion: Motion) -> Array:
+        """Return the joint's rows, shape (N, 14 n)."""
+        rows: Array = self._features.torque(*motion)[:, self._joint]
+        return rows
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """The summands of every joint's covariance, by name."""
+
+    names: tuple[str, ...]
+    basis: JointBasis
+    rigid_body: Any = None  # RigidBodyFeatures, which need pinocchio
+
+    def covariance(self, joint: int) -> Sum:
+        return Sum([self._maker(name)(self.basis, joint) for name in self.names], joint)
+
+    def _maker(self, name: str) -> MakeTerm:
+        if name == RIGID_BODY:
+            return lambda basis, joint: RigidBodyTerm(self.rigid_body, joint)
+        return TERMS[name]
+
+    def state(self) -> State:
+        state = {
+            'names': list(self.names),
+            'centre': self.basis.centre,
+            'half_range': self.basis.half_range,
+        }
+        if self.rigid_body is None:
+            return state
+        from lip_id_ros.baselines.rigid_body import features_state
+
+        return {**state, RIGID_BODY: features_state(self.rigid_body)}
+
+    @classmethod
+    def restored(cls, joint_types: tuple[str, ...], state: State) -> _Terms:
+        basis = JointBasis(joint_types, state['centre'], state['half_range'])
+        if RIGID_BODY not in state:
+            return cls(tuple(state['names']), basis)
+        from lip_id_ros.baselines.rigid_body import restored_features
+
+        return cls(tuple(state['names']), basis, restored_features(state[RIGID_BODY]))
 
 
 class Sum:
@@ -86,7 +169,7 @@ class Sum:
         return [torch.from_numpy(np.ascontiguousarray(x)) for x in found]
 
     def start(self, features: Sequence[torch.Tensor]) -> list[Array]:
-        """Return where the hyperparameters of each term start."""
+        """Return the initial hyperparameters of each term."""
         return [term.start(x.numpy()) for term, x in zip(self._terms, features, strict=True)]
 
     def gram(
@@ -102,7 +185,7 @@ class Sum:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class Posterior:
     """Posterior of one joint's torque."""
 
     covariance: Sum
@@ -113,7 +196,7 @@ class Fitted:
 
     @property
     def size(self) -> int:
-        """How many numbers it keeps."""
+        """Number of numbers that it keeps."""
         kept = (*self.thetas, *self.features, self.alpha)
         return sum(int(x.numel()) for x in kept)
 
@@ -124,25 +207,77 @@ class Fitted:
             found = self.covariance.gram(self.thetas, here, self.features) @ self.alpha
         return self.mean + np.asarray(found.numpy())
 
+    def state(self) -> State:
+        """Return everything but the covariance."""
+        return {
+            'thetas': [theta.numpy() for theta in self.thetas],
+            'features': [x.numpy() for x in self.features],
+            'alpha': self.alpha.numpy(),
+            'mean': self.mean,
+        }
 
-class PerJoint:
+    @classmethod
+    def restored(cls, covariance: Sum, state: State) -> Posterior:
+        """Return the posterior of a state."""
+        thetas, features = (
+            [torch.from_numpy(x) for x in state[name]] for name in ('thetas', 'features')
+        )
+        return cls(covariance, thetas, features, torch.from_numpy(state['alpha']), state['mean'])
+
+
+class PerJoint(Baseline):
     """
-    Estimates of all joints, each by itself.
+    A posterior for each joint.
 
     Parameters
     ----------
-    joints : sequence of Fitted
+    joint_names, joint_types : sequence of str, n of them
+    terms : _Terms
+    joints : sequence of Posterior
 
     """
 
-    def __init__(self, joints: Sequence[Fitted]) -> None:
+    def __init__(
+        self,
+        joint_names: tuple[str, ...],
+        joint_types: tuple[str, ...],
+        terms: _Terms,
+        joints: Sequence[Posterior],
+    ) -> None:
+        super().__init__(joint_names, joint_types)
+        self._terms = terms
         self._joints = tuple(joints)
-        self.size = sum(joint.size for joint in joints)
 
-    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
-        """Estimate torques; energies are not in this model."""
+    @property
+    def size(self) -> int:
+        """Number of numbers that the model keeps."""
+        return sum(joint.size for joint in self._joints)
+
+    def predict(self, q: Array, dq: Array, ddq: Array) -> TorquePrediction:
+        """Return torques; the model has no energies."""
         motion = Motion(q, dq, ddq)
-        return Answer(np.column_stack([joint.torque(motion) for joint in self._joints]))
+        tau = np.column_stack([joint.torque(motion) for joint in self._joints])
+        return TorquePrediction(tau, None, None)
+
+    def state(self) -> State:
+        """Return terms and posteriors."""
+        return {
+            'terms': self._terms.state(),
+            'joints': [joint.state() for joint in self._joints],
+        }
+
+
+def read_se(joints: tuple[tuple[str, ...], tuple[str, ...]], state: State) -> PerJoint:
+    """Return the model of a state."""
+    terms = _Terms.restored(joints[1], state['terms'])
+    posteriors = [
+        Posterior.restored(terms.covariance(joint), each)
+        for joint, each in enumerate(state['joints'])
+    ]
+    return PerJoint(*joints, terms, posteriors)
+
+
+read_gip = read_semiparametric = read_se
 
 
 def _optimise(
@@ -162,14 +297,14 @@ def _optimise(
     return maximise(noisy_gram, y, start, iterations, progress, f'hyperparameters of {name}')
 
 
-def _condition(covariance: Sum, vector: Array, dataset: Dataset) -> Fitted:
+def _condition(covariance: Sum, vector: Array, dataset: Dataset) -> Posterior:
     x = covariance.features(Motion(dataset.q, dataset.dq, dataset.ddq))
     y, mean, scale = _standardised(dataset.tau[:, covariance.joint])
     thetas = _split(torch.from_numpy(vector), covariance.start(x))
     gram = covariance.gram(thetas, x, x).numpy()
     gram[np.diag_indices_from(gram)] += np.exp(vector[-1]) + NOISE_FLOOR
     alpha = scale * CholeskyFactor.of(gram).solve(y)
-    return Fitted(covariance, thetas, x, torch.from_numpy(alpha), mean)
+    return Posterior(covariance, thetas, x, torch.from_numpy(alpha), mean)
 
 
 def _standardised(tau: Array) -> tuple[Array, float, float]:

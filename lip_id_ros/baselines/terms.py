@@ -8,7 +8,7 @@ log-hyperparameters that torch differentiates.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -33,7 +33,7 @@ class Term(Protocol):
         """Return the features of N motions, shape (N, d)."""
 
     def start(self, features: Array) -> Array:
-        """Return log-hyperparameters (p,) to start from, for torques of unit variance."""
+        """Return initial log-hyperparameters (p,), for torques of unit variance."""
 
     def gram(self, theta: torch.Tensor, x: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
         """Return the covariance (N, M) of features (N, d) and (M, d)."""
@@ -174,3 +174,11 @@ def squared_distance(x: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
     product = x @ z.T
     both = x.square().sum(1)[:, None] + z.square().sum(1)
     return (both - 2.0 * product).clamp_min(0.0)
+
+
+TERMS: Mapping[str, MakeTerm] = {
+    'squared_exponential': SquaredExponential,
+    'geometric_polynomial': GeometricPolynomial,
+    'friction': Friction,
+}
+"""Terms by the names that model files use."""

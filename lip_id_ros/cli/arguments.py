@@ -1,4 +1,4 @@
-"""Arguments that several verbs share; imports nothing heavy, so that --help is quick."""
+"""Arguments of several verbs; imports nothing heavy, so that --help is quick."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SOURCE_HELP = 'rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz'
 
 def add_sources(parser: argparse.ArgumentParser) -> None:
     """Add the recordings to read."""
-    parser.add_argument('sources', nargs='+', metavar='SOURCE', help=SOURCE_HELP)
+    parser.add_argument('sources', nargs='+', type=source, metavar='SOURCE', help=SOURCE_HELP)
 
 
 def add_model(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +22,7 @@ def add_model(parser: argparse.ArgumentParser) -> None:
 
 
 def add_config(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add the settings file; `default` says what holds without one."""
+    """Add the settings file; `default` names the settings without one."""
     parser.add_argument(
         '--config', metavar='FILE', help=f'settings in YAML, see docs/interfaces.md ({default})'
     )
@@ -34,7 +34,7 @@ def add_joints(parser: argparse.ArgumentParser) -> None:
         '--joints',
         type=joint_names,
         metavar='A,B,...',
-        help='joints by name, from base to tip (default: all, as recorded)',
+        help='joints by name, from base to tip (default: all, in the order of the recording)',
     )
 
 
@@ -43,6 +43,30 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--json', metavar='FILE', help='write the figures as JSON; - for standard output'
     )
+
+
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """Add the permission to replace any file."""
+    parser.add_argument(
+        '--force',
+        action='store_true',
+        help='replace the output even where it is an input, or a file or folder of another kind',
+    )
+
+
+def source(text: str) -> str:
+    """
+    Return the path of a source.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is empty, which would be the current folder.
+
+    """
+    if not text:
+        raise argparse.ArgumentTypeError('expected a path, got an empty text')
+    return text
 
 
 def joint_names(text: str) -> tuple[str, ...]:
@@ -68,7 +92,7 @@ def count(text: str) -> int:
     Raises
     ------
     argparse.ArgumentTypeError
-        If it is something else.
+        If it is anything else.
 
     """
     if not text.isascii() or not text.isdigit() or int(text) == 0:
@@ -83,7 +107,7 @@ def counts(text: str) -> tuple[int, ...]:
     Raises
     ------
     argparse.ArgumentTypeError
-        If one is something else.
+        If one is anything else.
 
     """
     return tuple(sorted({count(part.strip()) for part in text.split(',')}))
@@ -96,7 +120,7 @@ def share(text: str) -> float:
     Raises
     ------
     argparse.ArgumentTypeError
-        If it is something else.
+        If it is anything else.
 
     """
     try:

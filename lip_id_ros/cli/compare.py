@@ -1,17 +1,27 @@
-"""Fit several models to the same recordings and judge them on the same unseen motion."""
+"""Fit several models to the same recordings and evaluate them on the same unseen motion."""
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
+import os
+from typing import TYPE_CHECKING
 
 from lip_id_ros.cli import arguments
 
+if TYPE_CHECKING:
+    from lip_id_ros.comparison import Case
+    from lip_id_ros.dataset import Dataset
+    from lip_id_ros.progress import Progress
+    from lip_id_ros.settings import Config
+
 HELP = 'compare models of the literature and ours on the same data'
 DEFAULT_MODELS = 'se,gip,lip,recursive,articulated'
+TITLE = 'Inverse dynamics: models compared'
 EPILOG = """\
 models:
-  articulated                  of this package, its default: rigid links found in the data
-  recursive, lip               of this package, on energies alone; lip is the paper's
+  articulated                  of this package, the default: rigid links located by the fit
+  recursive, lip               of this package: energies alone; lip is the paper's
   se, gip                      one Gaussian process per joint: squared exponential, polynomial
   lse                          squared exponential on the Lagrangian
   delan                        deep Lagrangian network
@@ -23,8 +33,8 @@ examples:
   lip_id compare my_bag --models articulated,rigid_body --urdf arm.urdf -o out
   lip_id compare my_bag --samples 50,100,200,400 -o out    error against number of samples
 
-out/index.html has all figures, out/comparison.json all numbers. What is finished is kept in
-out/cells: the same command again goes on where it was interrupted.
+out/index.html has all figures, out/comparison.json all numbers. Finished fits are kept in
+out/cells: the same command continues an interrupted comparison.
 """
 
 
@@ -37,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=arguments.joint_names,
         default=DEFAULT_MODELS,
         metavar='A,B,...',
-        help=f'which ones (default: {DEFAULT_MODELS})',
+        help=f'models by name (default: {DEFAULT_MODELS})',
     )
     unseen = parser.add_mutually_exclusive_group()
     unseen.add_argument(
@@ -45,16 +55,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=arguments.share,
         default=0.7,
         metavar='SHARE',
-        help='share of the samples, the first in time, to learn from (default: 0.7)',
+        help='share of the samples, the first in time, for training (default: 0.7)',
     )
     unseen.add_argument(
-        '--test', nargs='+', metavar='SOURCE', help='recordings to be judged on, each by itself'
+        '--test',
+        nargs='+',
+        type=arguments.source,
+        metavar='SOURCE',
+        help='unseen motions, evaluated one by one',
     )
     parser.add_argument(
         '--samples',
         type=arguments.counts,
         metavar='N,M,...',
-        help='learn from so many samples, evenly spaced (default: all)',
+        help='numbers of training samples, evenly spaced (default: all)',
     )
     parser.add_argument('--urdf', metavar='FILE', help='robot description')
     arguments.add_config(parser, 'default settings')
@@ -62,28 +76,77 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--seed', type=int, metavar='K', help='seed of every random choice (default: 0)'
     )
+    arguments.add_force(parser)
 
 
 def run(args: argparse.Namespace) -> None:
     """Compare, show and write."""
     from pathlib import Path
 
-    from lip_id_ros.cli import comparing, output, settings, show
-    from lip_id_ros.cli.progress_display import progress_display
+    from lip_id_ros.cli import models, output
     from lip_id_ros.comparison import compare, Store
     from lip_id_ros.comparison.report import write_comparison
     from lip_id_ros.comparison.summary import remarks, tables
-    from lip_id_ros.evaluation.terminal import show as show_table
+    from lip_id_ros.evaluation.tables import show, show_lines
 
-    output.require_no_file(args.output)
-    config = settings.for_comparison(args)
-    with progress_display() as progress:
-        cases = comparing.cases(args, config, progress)
-        store = Store(Path(args.output) / 'cells')
+    output.check_folder(args.output, args.force)
+    chosen = {'recording.joints': args.joints, 'fit.seed': args.seed}
+    config = models.chosen_config(args.config, chosen)
+    with output.progress_display() as progress:
+        cases = _cases(args, config, progress)
+        store = Store(Path(args.output) / output.COMPARISON_CELLS)
         results = compare(cases, args.models, config.fit, store, progress)
-        title, facts = comparing.words(args)
-        page = write_comparison(Path(args.output), title, cases, results, store, facts, progress)
+        page = write_comparison(
+            Path(args.output), TITLE, cases, results, store, _facts(args), progress
+        )
     console = output.console()
     for table in tables(results):
-        show_table(table, console)
-    show.sentences([*remarks(results), f'Written: {page}'], console)
+        show(table, console)
+    show_lines([*remarks(results), f'Written: {page}'], console)
+
+
+def _cases(args: argparse.Namespace, config: Config, progress: Progress) -> list[Case]:
+    """Load training data and unseen motions."""
+    from lip_id_ros.comparison import Case, thinned
+    from lip_id_ros.preprocessing import for_training, load_dataset
+
+    data = load_dataset(args.sources, config, progress)
+    if args.test:
+        train, tests = data, _tests(args.test, data, config, progress)
+    else:
+        train, rest = data.split(args.train_share)
+        tests = {f'the last {100 * (1 - args.train_share):g} %': rest}
+    train = for_training(train, config.preprocessing)
+    counts = args.samples or (train.n_samples,)
+    return [
+        Case(f'{count} samples', f'{count} training samples', some, tests, args.urdf)
+        for count in counts
+        for some in [thinned(train, count)]
+    ]
+
+
+def _tests(
+    sources: list[str], train: Dataset, config: Config, progress: Progress
+) -> dict[str, Dataset]:
+    from lip_id_ros.evaluation import matched
+    from lip_id_ros.preprocessing import load_dataset
+
+    recording = replace(config.recording, joints=train.joint_names)
+    names = [os.path.basename(os.path.normpath(source)) for source in sources]
+    labels = names if len(set(names)) == len(names) else sources
+    return {
+        label: matched(
+            load_dataset([source], replace(config, recording=recording), progress), train
+        )
+        for label, source in zip(labels, sources, strict=True)
+    }
+
+
+def _facts(args: argparse.Namespace) -> list[tuple[str, str]]:
+    unseen = ', '.join(args.test) if args.test else f'the rest after {args.train_share:g}'
+    return [
+        ('recordings', ', '.join(args.sources)),
+        ('unseen', unseen),
+        ('URDF', args.urdf or 'none'),
+        ('settings', args.config or 'defaults'),
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from lip_id_ros.cli import arguments
 
@@ -20,25 +21,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     arguments.add_sources(parser)
     parser.add_argument(
-        '-o', '--output', required=True, metavar='DATA', help='file to write: .npz or .csv'
+        '-o',
+        '--output',
+        required=True,
+        metavar='DATA',
+        help='file to write: .npz or .csv; - for standard output, as .npz',
     )
     arguments.add_config(parser, 'default settings')
     arguments.add_joints(parser)
+    arguments.add_force(parser)
 
 
 def run(args: argparse.Namespace) -> None:
-    """Prepare and save."""
-    from lip_id_ros.cli import output, settings, show
-    from lip_id_ros.cli.progress_display import progress_display
+    """Preprocess and save."""
+    from lip_id_ros.cli import models, output, show
     from lip_id_ros.dataset import check_suffix
+    from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.preprocessing import load_dataset
 
-    output.require_folder(args.output)
-    check_suffix(args.output)
-    config = settings.for_data(args)
-    with progress_display() as progress:
+    output.check_file(args.output, args.sources, _is_data_set, 'a data set', args.force)
+    place = output.destination(args.output)
+    check_suffix(output.with_suffix(place))
+    config = models.chosen_config(args.config, {'recording.joints': args.joints})
+    with output.progress_display() as progress:
         dataset = load_dataset(args.sources, config, progress)
-        dataset.save(args.output)
-    console = output.console()
+        dataset.save(place)
+    console = output.console(args.output)
     show.prepared(dataset, console)
-    show.sentences([f'Written: {args.output}'], console)
+    show_lines([f'Written: {args.output}'], console)
+
+
+def _is_data_set(path: Path) -> bool:
+    from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
+    from lip_id_ros.dataset.formats import FORMAT
+    from lip_id_ros.files import read_header
+
+    if path.suffix == CSV_SUFFIX:
+        return has_accelerations(path)
+    try:
+        return read_header(path).get('format') == FORMAT
+    except ValueError:
+        return False

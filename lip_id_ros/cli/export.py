@@ -32,13 +32,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--check',
         action='store_true',
-        help='compare what pinocchio, MuJoCo and a C compiler make of the files with the model',
+        help='compare torques of pinocchio, MuJoCo and a C compiler from the files with the model',
     )
+    arguments.add_force(parser)
+
+
+def _is_exported(path: Path) -> bool:
+    with open(path, 'rb') as file:
+        return b'identified by lip_id_ros' in file.read(4000)
 
 
 def run(args: argparse.Namespace) -> None:
     """Write the files, and compare them where that is asked for."""
-    from lip_id_ros.cli import output, show
+    from lip_id_ros.cli import output
+    from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.export.c_header import identifier
     from lip_id_ros.export.formats import FORMATS, write
     from lip_id_ros.export.from_model import describe
@@ -48,17 +55,18 @@ def run(args: argparse.Namespace) -> None:
     targets = {name: getattr(args, name) for name in FORMATS if getattr(args, name) is not None}
     if not targets:
         raise ConfigError('--urdf, --mjcf or --c with a file was expected, but none came.')
-    for target in targets.values():
-        output.require_folder(target)
+    for format_name, target in targets.items():
+        kind = f'an arm exported as {format_name}'
+        output.check_file(target, [args.model], _is_exported, kind, args.force)
     model = TrainedModel.load(args.model)
     name = identifier(Path(args.model).stem if args.name is None else args.name)
     exported = describe(model, name)
     console = output.console()
     for format_name, target in targets.items():
         written = write(format_name, target, exported)
-        show.sentences([f'Written: {target}', *written.warnings], console)
+        show_lines([f'Written: {target}', *written.warnings], console)
         if args.check:
             agreement = written.check(Predictor(model), STATES)
             of_what = 'the model' if written.is_whole else 'the links and friction in the file'
-            show.sentences([agreement.sentence(of_what)], console)
+            show_lines([agreement.sentence(of_what)], console)
             agreement.require(AGREED)

@@ -11,21 +11,27 @@ EPILOG = """\
 examples:
   lip_id fit my_bag -o arm.npz
   lip_id fit run1.mcap run2.mcap -o arm.npz --config arm.yaml
-  lip_id fit my_bag -o arm.npz --holdout 0.3   judge it on the last 30 % of the samples,
-                                               which it has not seen
+  lip_id fit my_bag -o arm.npz --holdout 0.3   fit without the last 30 % of the samples, and
+                                               evaluate the model on them
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     arguments.add_sources(parser)
-    parser.add_argument('-o', '--output', required=True, metavar='MODEL.npz', help='file to write')
+    parser.add_argument(
+        '-o',
+        '--output',
+        required=True,
+        metavar='MODEL.npz',
+        help='file to write; - for standard output',
+    )
     arguments.add_config(parser, 'default settings')
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument(
         '--kernel',
         choices=('articulated', 'recursive', 'recursive_per_link', 'lip'),
-        help='what torques are made of (default: articulated)',
+        help='the model of the torques (default: articulated)',
     )
     kind.add_argument(
         '--model',
@@ -41,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--device',
         choices=('cpu', 'cuda'),
-        help='where to fit: cuda needs torch, and is the CPU where there is no device '
+        help='device of the fit: cuda needs torch, and falls back to the CPU without a device '
         '(default: cpu)',
     )
     parser.add_argument(
@@ -51,36 +57,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--holdout',
         type=arguments.share,
         metavar='SHARE',
-        help='keep the last share of the samples out of the fit and evaluate on them',
+        help='leave the last share of the samples out of the fit and evaluate the model on them',
     )
+    arguments.add_force(parser)
 
 
 def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
-    from lip_id_ros.cli import models, output, settings, show
-    from lip_id_ros.cli.examination import Examination
-    from lip_id_ros.cli.progress_display import progress_display
-    from lip_id_ros.evaluation.health_text import notable
+    from lip_id_ros.cli import models, output, show
+    from lip_id_ros.errors import LipIdError
+    from lip_id_ros.evaluation import evaluate
+    from lip_id_ros.evaluation.recording_health import RecordingHealth
+    from lip_id_ros.evaluation.tables import show_lines
+    from lip_id_ros.files import write_or_rescue
     from lip_id_ros.preprocessing import for_training, load_dataset
 
-    output.require_folder(args.output)
-    config = settings.for_fit(args)
+    output.check_file(args.output, args.sources, models.is_model, 'a model', args.force)
+    config = models.fit_config(args)
     evaluation = None
-    examination = Examination(config.recording)
-    with progress_display() as progress:
-        training = load_dataset(args.sources, config, progress, examination)
+    health = RecordingHealth(config.recording)
+    with output.progress_display() as progress:
+        training = load_dataset(args.sources, config, progress, health)
         if args.holdout is not None:
             training, held_out = training.split(1 - args.holdout)
         training = for_training(training, config.preprocessing)
-        model = models.learn(args, training, config.fit, progress)
+        model = models.learned(args, training, config.fit, progress)
         if args.holdout is not None:
-            evaluation = model.evaluate(held_out, progress)
-        model.save(args.output)
-    console = output.console()
-    model.show(training, console)
+            evaluation = evaluate(model, held_out, progress)
+        rescue = write_or_rescue(
+            output.destination(args.output), lambda path: models.save(path, model)
+        )
+    console = output.console(args.output)
+    show.fitted(model, training, console)
     if evaluation is not None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
         show.evaluated(evaluation, title, console)
-    show.sentences(notable(examination.found), console)
-    honest = [] if evaluation is not None else [show.HONEST]
-    show.sentences([*model.cautions(), *honest, f'Written: {args.output}'], console)
+    show_lines([*health.lines, *models.cautions(model)], console)
+    if evaluation is None:
+        show_lines([show.UNSEEN], console)
+    if rescue is not None:
+        raise LipIdError(rescue)
+    show_lines([f'Written: {args.output}'], console)

@@ -1,4 +1,4 @@
-"""Say what is in a recording, a data set or a model."""
+"""Describe a recording, a data set or a model."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 
 from lip_id_ros.cli import arguments
 
-HELP = 'say what is in a recording, a data set or a model'
+HELP = 'describe a recording, a data set or a model'
 EPILOG = """\
 examples:
   lip_id inspect my_bag                  what was recorded, and what is wrong with it
@@ -17,26 +17,44 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
-    parser.add_argument('file', metavar='FILE', help=f'{arguments.SOURCE_HELP}, or model .npz')
+    parser.add_argument(
+        'file',
+        metavar='FILE',
+        type=arguments.source,
+        help=f'{arguments.SOURCE_HELP}, or model .npz',
+    )
     arguments.add_json(parser)
     parser.add_argument(
         '--report', metavar='DIR', help='write plots of a recording and a web page there'
     )
+    arguments.add_force(parser)
 
 
 def run(args: argparse.Namespace) -> None:
     """Describe and show."""
-    from lip_id_ros.cli import outline, output
-    from lip_id_ros.cli.description import describe_file
-    from lip_id_ros.cli.examination import Examination
-    from lip_id_ros.cli.progress_display import progress_display
+    from pathlib import Path
 
-    output.require_folder(args.json)
-    output.require_no_file(args.report)
-    examination = Examination()
-    with progress_display() as progress:
-        description = describe_file(args.file, progress, examination)
+    from lip_id_ros.cli import models, output, show
+    from lip_id_ros.dataset import DATASET_SUFFIX
+    from lip_id_ros.evaluation.recording_health import RecordingHealth
+    from lip_id_ros.evaluation.tables import show_lines
+    from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
+    from lip_id_ros.preprocessing import describe
+
+    output.check_file(args.json, [args.file], output.is_json, 'a JSON object', args.force)
+    output.check_folder(args.report, args.force)
+    health = RecordingHealth(keep_samples=args.report is not None)
+    cautions = []
+    with output.progress_display() as progress:
+        if Path(args.file).suffix == DATASET_SUFFIX and schema_of(args.file) in (MODEL, COMPARED):
+            model = models.load(args.file)
+            cautions = models.cautions(model)
+            description = {'file': args.file, 'kind': 'model', **show.described_model(model)}
+        else:
+            description = describe(args.file, progress, health)
         if args.report:
-            examination.report(args.report, args.file, progress)
-    outline.described(description, output.console(args.json))
+            health.report(args.report, args.file, progress)
+    console = output.console(args.json)
+    show.described(description, console)
+    show_lines(cautions, console)
     output.write_json(args.json, description)

@@ -1,4 +1,4 @@
-"""`lip_id`: arguments in, exit status out; the one place where errors become a line of text."""
+"""`lip_id`: arguments in, exit status out; errors become one line of text here."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ import sys
 
 from lip_id_ros.cli import bench, compare, dataset, evaluate, export, fit, inspect, predict, track
 from lip_id_ros.errors import LipIdError
+from lip_id_ros.escaping import printable
 
 VERBS = (fit, evaluate, dataset, inspect, predict, export, bench, compare, track)
 FAILED = 1
 INTERRUPTED = 130  # as shells report a program ended by Ctrl-C
 EPILOG = """\
 examples:
-  lip_id inspect my_bag                        what was recorded, and is it sound
+  lip_id inspect my_bag                        what was recorded, and what is wrong with it
   lip_id fit my_bag -o arm.npz                 learn a model
   lip_id evaluate arm.npz other_bag --report out
   lip_id predict arm.npz other_bag -o torques.npz
 
-`lip_id VERB --help` explains a verb.
+`lip_id VERB --help` describes a verb.
 """
 
 
@@ -51,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print('lip_id: interrupted', file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:  # whoever read the output has seen enough, as in `lip_id ... | head`
+    except BrokenPipeError:  # the reader closed the pipe, as in `lip_id ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except (LipIdError, OSError) as error:
@@ -61,10 +62,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def one_line(error: Exception) -> str:
-    """Return what an error says as a single line; those of the file system name the file."""
+    """Return the message of an error as one line; one of the file system names the file."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f'{error.filename}: {error.strerror}'
-    return ' '.join(str(error).split())
+        return printable(f'{error.filename}: {error.strerror}')
+    return printable(' '.join(str(error).split()))
 
 
 def _parser() -> argparse.ArgumentParser:

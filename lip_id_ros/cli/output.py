@@ -1,71 +1,132 @@
-"""Where results go: standard output and JSON files."""
+"""Where results and progress go: checks before the work, tables, JSON, bars."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 import errno
 import json
 import os
 from pathlib import Path
 import sys
-from typing import Any
+import tempfile
+import time
+from typing import Any, TextIO
 
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bars
 
-from lip_id_ros.files import write_whole
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.files import is_stream, write_whole
+from lip_id_ros.progress import Progress
 
-STANDARD_OUTPUT = '-'
+DASH = '-'
+STANDARD_OUTPUT = '/dev/stdout'
 PLAIN_WIDTH = 100
+QUIET_SECONDS = 10.0
+COMPARISON_CELLS = 'cells'
 
 
-def require_folder(path: str | None) -> None:
+def destination(path: str) -> str:
+    """Return the path of an output; `-` is standard output."""
+    return STANDARD_OUTPUT if path == DASH else path
+
+
+def with_suffix(place: str) -> str:
+    """Return a name with the suffix of the format; that of a pipe or device is .npz."""
+    return 'stream.npz' if is_stream(place) else place
+
+
+def check_file(
+    path: str | None,
+    inputs: Sequence[str],
+    is_own: Callable[[Path], bool],
+    kind: str,
+    force: bool,
+) -> None:
     """
-    Fail before the work, not after it, where a file cannot be written.
+    Refuse an output file that cannot be written, or would replace something else.
 
     Parameters
     ----------
     path : str or None
-        A file to be written; None and '-' need no folder.
+        None for no output.
+    inputs : sequence of str
+        Files that the work reads.
+    is_own : callable
+        Whether an existing file is of the kind that will be written.
+    kind : str
+        That kind, for the message.
+    force : bool
+        Allow to replace any file.
 
     Raises
     ------
     OSError
-        If its folder does not exist or is not writable, or the path is a folder itself.
+        If its folder does not exist or is not writable, or the path is a folder.
+    ConfigError
+        If it is an input, or an existing file of another kind, and `force` is not given.
 
     """
-    if path is None or path == STANDARD_OUTPUT:
+    if path is None:
         return
-    folder = Path(path).parent
-    if Path(path).is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
-    if not folder.is_dir():
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(folder))
-    if not os.access(folder, os.W_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
+    place = destination(path)
+    if place == STANDARD_OUTPUT or is_stream(place):
+        return
+    target = Path(os.path.realpath(place))
+    _check_writable(target, path)
+    if not target.exists() or force:
+        return
+    if any(os.path.exists(each) and os.path.samefile(each, target) for each in inputs):
+        raise ConfigError(
+            f'{path} is an input and would be replaced; name another output, or give --force.'
+        )
+    if target.stat().st_size and not is_own(target):
+        raise ConfigError(
+            f'{path} exists and is not {kind}; name another output, or give --force to replace it.'
+        )
 
 
-def require_no_file(folder: str | None) -> None:
+def check_folder(folder: str | None, force: bool) -> None:
     """
-    Fail before the work, not after it, where a folder cannot be made.
-
-    Parameters
-    ----------
-    folder : str or None
-        To be made, or there already.
+    Refuse a folder for a report that cannot be created, or that holds something else.
 
     Raises
     ------
     OSError
         If a file is in its place.
+    ConfigError
+        If it has files but no page of this package, and `force` is not given.
 
     """
-    if folder is not None and Path(folder).exists() and not Path(folder).is_dir():
+    if folder is None:
+        return
+    path = Path(folder)
+    if not path.exists():
+        return
+    if not path.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), folder)
+    if not force and any(path.iterdir()) and not _is_report(path):
+        raise ConfigError(
+            f'{folder} is not empty and has no report of lip_id; name another folder, or give '
+            '--force to write into it.'
+        )
 
 
-def console(json_target: str | None = None) -> Console:
-    """Return where tables go: standard output, or standard error where JSON takes that."""
-    to_stderr = json_target == STANDARD_OUTPUT
+def is_json(path: Path) -> bool:
+    """Whether a file is a JSON object, as every `--json` writes."""
+    try:
+        return isinstance(json.loads(path.read_bytes()), dict)
+    except (ValueError, RecursionError):
+        return False
+
+
+def console(*targets: str | None) -> Console:
+    """Return where tables go: standard output, or standard error where a result takes that."""
+    to_stderr = any(
+        target is not None and destination(target) == STANDARD_OUTPUT for target in targets
+    )
     stream = sys.stderr if to_stderr else sys.stdout
     width = None if stream.isatty() else PLAIN_WIDTH
     return Console(stderr=to_stderr, width=width, highlight=False)
@@ -91,7 +152,84 @@ def write_json(target: str | None, content: Mapping[str, Any]) -> None:
     if target is None:
         return
     text = json.dumps(dict(content), indent=2, allow_nan=False) + '\n'
-    if target == STANDARD_OUTPUT:
+    if destination(target) == STANDARD_OUTPUT:
         sys.stdout.write(text)
         return
     write_whole(target, text.encode())
+
+
+@contextmanager
+def progress_display() -> Iterator[Progress]:
+    """Yield a progress callback that shows bars, or lines, on standard error."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield Lines(sys.stderr)
+        return
+    columns = (TextColumn('{task.description:<24}'), BarColumn(), MofNCompleteColumn())
+    with Bars(*columns, TimeElapsedColumn(), console=console, transient=True) as bars:
+        yield _Stages(bars)
+
+
+class Lines:
+    """
+    One line for each stage, then at most one every ten seconds.
+
+    Parameters
+    ----------
+    stream : text file
+    clock : callable
+        Seconds that never go back.
+
+    """
+
+    def __init__(self, stream: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
+        self._stream = stream
+        self._clock = clock
+        self._last = clock()
+        self._lines: set[str] = set()
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        """Take a report."""
+        line = f'{stage}: {done} of {total}' if total else stage
+        now = self._clock()
+        is_new_stage = stage not in self._lines
+        if line in self._lines or not (is_new_stage or now - self._last >= QUIET_SECONDS):
+            return
+        self._lines |= {stage, line}
+        self._last = now
+        print(stage if is_new_stage else line, file=self._stream, flush=True)
+
+
+class _Stages:
+    """One bar per stage, in the order in which they report."""
+
+    def __init__(self, bars: Bars) -> None:
+        self._bars = bars
+        self._tasks: dict[str, TaskID] = {}
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        if stage not in self._tasks:
+            self._tasks[stage] = self._bars.add_task(stage, total=None)
+        self._bars.update(self._tasks[stage], completed=done, total=total or None)
+
+
+def _check_writable(target: Path, path: str) -> None:
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
+    if not target.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(target.parent))
+    try:
+        with tempfile.TemporaryFile(dir=target.parent):
+            pass  # a read-only or full disk has modes that say otherwise
+    except OSError as error:
+        error.filename = str(target.parent)
+        raise
+
+
+def _is_report(folder: Path) -> bool:
+    from lip_id_ros.evaluation.report.page import INDEX, MAKER
+
+    if (folder / COMPARISON_CELLS).is_dir():  # an interrupted comparison has no page yet
+        return True
+    index = folder / INDEX
+    return index.is_file() and MAKER.encode() in index.read_bytes()[:1000]

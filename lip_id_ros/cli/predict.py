@@ -1,4 +1,4 @@
-"""Write a model's torques and energies along a recording."""
+"""Predict torques and energies along a recording."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 
 from lip_id_ros.cli import arguments
 
-HELP = 'write torques and energies along a recording'
+HELP = 'predict torques and energies along a recording'
 EPILOG = """\
 examples:
   lip_id predict arm.npz other_bag -o torques.npz    torques and their parts, energies, their
@@ -14,33 +14,42 @@ examples:
   lip_id predict arm.npz other_bag -o torques.mcap   topics /measured, /predicted and more, for
                                                      PlotJuggler and Foxglove
 
-The recording is prepared as it was for the fit, unless --config says otherwise.
+The recording is preprocessed with the settings of the fit, or with those of --config.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     arguments.add_model(parser)
-    parser.add_argument('source', metavar='SOURCE', help=arguments.SOURCE_HELP)
     parser.add_argument(
-        '-o', '--output', required=True, metavar='OUT', help='file to write: .npz or .mcap'
+        'source', type=arguments.source, metavar='SOURCE', help=arguments.SOURCE_HELP
+    )
+    parser.add_argument(
+        '-o',
+        '--output',
+        required=True,
+        metavar='OUT',
+        help='file to write: .npz or .mcap; - for standard output, as .npz',
     )
     arguments.add_config(parser, "the settings of the model's fit")
+    arguments.add_force(parser)
 
 
 def run(args: argparse.Namespace) -> None:
     """Predict and write."""
-    from lip_id_ros.cli import models, output, settings, show
-    from lip_id_ros.cli.progress_display import progress_display
-    from lip_id_ros.evaluation import matched
-    from lip_id_ros.evaluation.prediction_file import writer_for
-    from lip_id_ros.preprocessing import load_dataset
+    from lip_id_ros.cli import models, output
+    from lip_id_ros.evaluation import run as predict
+    from lip_id_ros.evaluation.prediction_file import is_prediction, predicted_values, writer_for
+    from lip_id_ros.evaluation.tables import show_lines
 
-    output.require_folder(args.output)
-    write = writer_for(args.output)
+    inputs = [args.model, args.source]
+    output.check_file(args.output, inputs, is_prediction, 'a prediction', args.force)
+    place = output.destination(args.output)
+    write = writer_for(output.with_suffix(place))
     model = models.load(args.model)
-    config = settings.of_model(model, args.config)
-    with progress_display() as progress:
-        dataset = matched(load_dataset([args.source], config, progress), model)
-        write(args.output, dataset, model.values(dataset, progress))
-    show.sentences([f'Written: {args.output}, {dataset.n_samples} samples'], output.console())
+    with output.progress_display() as progress:
+        dataset = models.load_for(model, [args.source], args.config, progress)
+        outcome = predict(model, dataset, progress)
+        write(place, dataset, predicted_values(model, outcome, progress))
+    text = f'Written: {args.output}, {dataset.n_samples} samples'
+    show_lines([text], output.console(args.output))

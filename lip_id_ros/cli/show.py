@@ -1,66 +1,89 @@
-"""Results as tables on a console."""
+"""Models, data sets, speeds and descriptions as tables and lines on a console."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from rich.console import Console
+from rich.text import Text
 
+from lip_id_ros.arrays import Array
+from lip_id_ros.baselines import Baseline
+from lip_id_ros.cli.models import Model, provenance
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation import Evaluation
-from lip_id_ros.evaluation.report import Labels
+from lip_id_ros.escaping import printable
+from lip_id_ros.evaluation import Evaluation, no_better_than_mean
+from lip_id_ros.evaluation.recording_health import finding_lines, health_table
 from lip_id_ros.evaluation.speed import Speed
-from lip_id_ros.evaluation.tables import error_table, notes, Table, TORQUE_UNITS
-from lip_id_ros.evaluation.terminal import show
+from lip_id_ros.evaluation.tables import (
+    error_table,
+    notes,
+    POSITION_UNITS,
+    show,
+    show_lines,
+    Table,
+    TORQUE_UNITS,
+)
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.rigid_body.axes import angles_between, distances_between
 
-HONEST = (
-    'How good the model is shows on data that it has not seen: fit with --holdout, or evaluate it '
-    'on another recording.'
+UNSEEN = (
+    'Only data that the model has not seen show how good it is: fit with --holdout, or evaluate '
+    'it on another recording.'
 )
+RANGES, HEALTH = 'ranges', 'health'
+UNITS = 'rad or m and per second; effort as recorded, tau in N m or N'
+INDENT = '  '
 
 
-def fitted(model: TrainedModel, training: Dataset, console: Console) -> None:
-    """Show what a fit found."""
+def fitted(model: Model, training: Dataset, console: Console) -> None:
+    """Show the result of a fit."""
+    if isinstance(model, Baseline):
+        record = model.record
+        text = (
+            f'{record.method}: {model.n_joints} joints, {record.n_samples} samples, fitted in '
+            f'{record.seconds:.3g} s; the model keeps {model.size} numbers.'
+        )
+        show_lines([text], console)
+        return
+    trained = model.model
+    show(_noise_table(trained, training), console)
+    if trained.prior.kernel.links:
+        _show_links(trained, console)
+
+
+def _noise_table(model: TrainedModel, training: Dataset) -> Table:
     rows = [
         (name, kind, f'{noise:.3g} {TORQUE_UNITS[kind]}', f'{tau.std():.3g} {TORQUE_UNITS[kind]}')
         for name, kind, noise, tau in zip(
-            model.joint_names,
-            model.joint_types,
-            model.noise_std,
-            training.tau.T,
-            strict=True,
+            model.joint_names, model.joint_types, model.noise_std, training.tau.T, strict=True
         )
     ]
     seconds = model.summary['seconds_total']
     title = f'{model.kernel} kernel, {model.n_samples} samples, fitted in {seconds:.3g} s'
-    show(Table(title, ('', 'type', 'noise', 'std of torque'), rows), console)
-    if model.prior.kernel.links:
-        _linked(model, console)
+    return Table(title, ('', 'type', 'noise', 'std of torque'), rows)
 
 
-def _linked(model: TrainedModel, console: Console) -> None:
-    """Show what can be looked up: how each axis lies to the one before it."""
+def _show_links(model: TrainedModel, console: Console) -> None:
     rows = [
         (name, f'{angle:.1f} deg', '' if distance is None else f'{distance:.3f} m')
         for name, angle, distance in axes(model)
     ]
     if rows:
         header = ('', 'angle', 'distance')
-        show(Table('each axis to the one before it, found in the data', header, rows), console)
-    if model.prior.kernel.energy.is_empty:
-        text = 'Rigid links and friction explain the torques as well as more would.'
+        show(Table('each axis to the previous one, found in the data', header, rows), console)
+    energy = model.prior.kernel.energy
+    if energy.is_empty:
+        text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
     else:
-        text = f'The kernel {model.prior.kernel.energy.name!r} explains what rigid links leave.'
-    sentences([text], console)
+        text = f'The kernel {energy.name!r} models the residual of the rigid links.'
+    show_lines([text], console)
 
 
 def axes(model: TrainedModel) -> list[tuple[str, float, float | None]]:
-    """Return angle [deg] and distance [m] of each axis to the one before it, where it has one."""
+    """Return angle [deg] and distance [m] of each axis to the previous one, where it has one."""
     found = []
     for links in model.prior.kernel.links:
         angles, distances = angles_between(links.chain), distances_between(links.chain)
@@ -70,35 +93,67 @@ def axes(model: TrainedModel) -> list[tuple[str, float, float | None]]:
     return found
 
 
+def described_model(model: Model) -> dict[str, Any]:
+    """Return the description of a model, as JSON."""
+    common = {
+        'joints': list(model.joint_names),
+        'joint_types': list(model.joint_types),
+        'has_potential_energy': model.has_potential,
+        'provenance': dict(provenance(model)),
+    }
+    if isinstance(model, Baseline):
+        record = model.record
+        return {
+            'model': record.method,
+            'samples': record.n_samples,
+            **common,
+            'numbers_kept': model.size,
+            'fit': {'seconds_total': record.seconds},
+        }
+    trained = model.model
+    return {
+        'kernel': trained.kernel,
+        'samples': trained.n_samples,
+        **common,
+        **_links(trained),
+        'fit': dict(trained.summary),
+    }
+
+
+def _links(model: TrainedModel) -> dict[str, Any]:
+    kernel = model.prior.kernel
+    if not kernel.links:
+        return {}
+    found = {
+        joint: {'angle_deg': angle, 'distance_m': distance}
+        for joint, angle, distance in axes(model)
+    }
+    return {'energies_beside_links': kernel.energy.name, 'axis_to_the_one_before': found}
+
+
 def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:
-    """Show errors and what they are measured against."""
+    """Show errors, their reference, and joints that the model does not explain."""
     show(error_table(evaluation, title), console)
-    sentences(notes(evaluation), console)
-
-
-def labels(args: argparse.Namespace, model: TrainedModel, warnings: Sequence[str]) -> Labels:
-    """Return the words of a report on an evaluation."""
-    facts = (
-        ('model', args.model),
-        ('recordings', ', '.join(args.sources)),
-        ('kernel', model.kernel),
-        ('samples in the model', str(model.n_samples)),
-    )
-    return Labels('Inverse dynamics: model against measurement', warnings, facts)
+    useless = no_better_than_mean(evaluation.joint_names, evaluation.nmse_percent)
+    show_lines([*notes(evaluation), *useless], console)
 
 
 def prepared(dataset: Dataset, console: Console) -> None:
     """Show the size and the ranges of a data set."""
-    rows = [
-        (name, kind, *(_range(values[:, column]) for values in (dataset.q, dataset.dq)))
-        + (_range(dataset.tau[:, column]),)
-        for column, (name, kind) in enumerate(
-            zip(dataset.joint_names, dataset.joint_types, strict=True)
-        )
-    ]
+    rows = []
+    for joint, (name, kind) in enumerate(
+        zip(dataset.joint_names, dataset.joint_types, strict=True)
+    ):
+        position = POSITION_UNITS[kind]
+        units = (position, f'{position}/s', TORQUE_UNITS[kind])
+        ranges = [
+            f'{_span(values[:, joint])} {unit}'
+            for values, unit in zip((dataset.q, dataset.dq, dataset.tau), units, strict=True)
+        ]
+        rows.append((name, kind, *ranges))
     segments = len(set(dataset.segment.tolist()))
     title = f'{dataset.n_samples} samples, uninterrupted segments: {segments}'
-    header = ('', 'type', 'q [rad or m]', 'dq [per s]', 'tau [N m or N]')
+    header = ('', 'type', 'q', 'dq', 'tau')
     show(Table(title, header, rows), console)
 
 
@@ -116,18 +171,78 @@ def measured(speed: Speed, console: Console) -> None:
     title = f'one sample, {speed.n_joints} joints, model of {speed.n_samples} samples'
     show(Table(title, ('', 'median [us]', '99 of 100 below', 'longest'), rows), console)
     texts = (
-        'Torque and energies come out of one evaluation: one of them alone takes as long.',
+        'Torque and energies are computed together: one of them alone takes as long.',
         f'The first standard deviation takes {speed.factorise_s:.2g} s more.',
-        f'Many samples at once, by parts: {speed.batch_per_second:.0f} per second.',
+        f'Many samples in one call, with parts: {speed.batch_per_second:.0f} per second.',
     )
-    sentences(texts, console)
+    show_lines(texts, console)
 
 
-def sentences(texts: Sequence[str], console: Console) -> None:
-    """Show sentences, one per line."""
-    for text in texts:
-        console.print(text, markup=False)
-
-
-def _range(values: Any) -> str:
+def _span(values: Array) -> str:
     return f'{values.min():.3g} to {values.max():.3g}'
+
+
+def described(description: Mapping[str, Any], console: Console, indent: str = '') -> None:
+    """
+    Show a description.
+
+    Parameters
+    ----------
+    description : mapping
+        JSON-able, nested, as `lip_id_ros.preprocessing.describe` returns it.
+    console : rich.console.Console
+    indent : str
+        The beginning of every line.
+
+    """
+    for name, value in description.items():
+        if name == RANGES:
+            show(ranges(value), console)
+        elif name == HEALTH:
+            _health(value, console)
+        elif _is_list_of_mappings(value):
+            for number, entry in enumerate(value, start=1):
+                _print(f'{indent}{name} {number}:', console)
+                described(entry, console, indent + INDENT)
+        elif isinstance(value, Mapping) and value:
+            _print(f'{indent}{name}:', console)
+            described(value, console, indent + INDENT)
+        else:
+            _print(f'{indent}{name}: {_text(value)}', console)
+
+
+def _health(health: Mapping[str, Any], console: Console) -> None:
+    show(health_table(health['joints']), console)
+    show_lines(finding_lines(health['findings']) or ['no findings'], console)
+
+
+def ranges(by_joint: Mapping[str, Mapping[str, Sequence[float] | None]]) -> Table:
+    """Return lowest and highest values per joint and signal as a table."""
+    signals = list(next(iter(by_joint.values()), {}))
+    rows = [
+        (joint, *(_range(values[signal]) for signal in signals))
+        for joint, values in by_joint.items()
+    ]
+    return Table(f'ranges, {UNITS}', ('', *signals), rows)
+
+
+def _range(values: Sequence[float] | None) -> str:
+    return 'absent' if values is None else f'{values[0]:.3g} to {values[1]:.3g}'
+
+
+def _is_list_of_mappings(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and isinstance(value[0], Mapping)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        return ', '.join(_text(entry) for entry in value) or 'none'
+    if value is None or value in ('', {}):
+        return 'none'
+    if isinstance(value, bool):
+        return 'yes' if value else 'no'
+    return f'{value:.6g}' if isinstance(value, float) else str(value)
+
+
+def _print(text: str, console: Console) -> None:
+    console.print(Text(printable(text)), soft_wrap=True)

@@ -1,5 +1,5 @@
 """
-Show on a simulated Panda what learned feedforward is worth: the paper's tracking experiment.
+Track references on a simulated Panda with learned and nominal feedforward: the paper's experiment.
 
 The arm follows a reference under a wrong nominal model; a model is learned from that run; then
 references are followed with the nominal and with the learned feedforward.
@@ -34,32 +34,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='how many random nominal models (default: 1)',
     )
     arguments.add_json(parser)
+    arguments.add_force(parser)
 
 
 def run(args: argparse.Namespace) -> None:
     """Simulate, learn, track, show and write."""
-    from lip_id_ros.cli import output, show
-    from lip_id_ros.cli.progress_display import progress_display
-    from lip_id_ros.evaluation.terminal import show as show_table
+    from lip_id_ros.cli import output
+    from lip_id_ros.evaluation.tables import show, show_lines
     from lip_id_ros.tracking import Experiment, figures, trials
     from lip_id_ros.tracking.figures import notes, tables
     from lip_id_ros.tracking.report import write_report
     from lip_id_ros.tracking.setup import panda_setup
 
-    output.require_folder(args.json)
-    output.require_no_file(args.output)
+    output.check_file(args.json, [], output.is_json, 'a JSON object', args.force)
+    output.check_folder(args.output, args.force)
     experiment = Experiment()
-    with progress_display() as progress:
+    with output.progress_display() as progress:
         done = list(trials(panda_setup(), experiment, args.seeds, progress))
     result = figures(done)
     console = output.console(args.json)
     for table in tables(result):
-        show_table(table, console)
+        show(table, console)
     texts = notes(result)
     if args.output:
         page = write_report(args.output, experiment, done[0], result)
         model = page.with_name('model.npz')
         done[0].model.save(model)
         texts.append(f'Written: {page}, {model}')
-    show.sentences(texts, console)
+    show_lines(texts, console)
     output.write_json(args.json, result.to_json())

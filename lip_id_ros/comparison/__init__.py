@@ -1,8 +1,7 @@
-"""Several methods on the same data: fit each, judge each on the same unseen motions, report."""
+"""Several methods on the same data: fit each, evaluate each on the same unseen motions, report."""
 
 from lip_id_ros.comparison.case import Case, thinned
 from lip_id_ros.comparison.cell import Cell, Score
-from lip_id_ros.comparison.run import compare
-from lip_id_ros.comparison.store import Store
+from lip_id_ros.comparison.run import compare, Results, Store
 
-__all__ = ['Case', 'Cell', 'Score', 'Store', 'compare', 'thinned']
+__all__ = ['Case', 'Cell', 'Results', 'Score', 'Store', 'compare', 'thinned']

@@ -1,4 +1,4 @@
-"""What every method gets: data to learn from, and unseen data to be judged on."""
+"""The data that every method gets: one training set and the unseen motions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SIGNALS = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless', 'kinetic', 'potential')
 @dataclass(frozen=True)
 class Case:
     """
-    One training set and the motions on which its models are judged.
+    One training set and the motions on which its models are evaluated.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Case:
     urdf: str | os.PathLike[str] | None = None
 
     def fingerprint(self) -> str:
-        """Return a text that is another one where any number of the data is."""
+        """Return a digest of all numbers of the data."""
         digest = hashlib.sha256()
         for data in (self.train, *self.tests.values()):
             for name in SIGNALS:
@@ -54,7 +54,7 @@ class Case:
 
 
 def thinned(dataset: Dataset, count: int) -> Dataset:
-    """Return `count` evenly spaced samples, all where there are not more."""
+    """Return `count` evenly spaced samples, or all where there are fewer."""
     if count >= dataset.n_samples:
         return dataset
     return dataset.select(np.linspace(0, dataset.n_samples - 1, count).round().astype(np.int64))

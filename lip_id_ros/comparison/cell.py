@@ -1,25 +1,36 @@
-"""One method on one case: how long it took, how large it is, how wrong it is."""
+"""One method on one case: its errors, its cost, and the version of the code that made them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
+import hashlib
+from importlib.metadata import PackageNotFoundError, version
 import math
+from pathlib import Path
 import time
 from typing import Any
 
 import numpy as np
 
-from lip_id_ros.baselines import Answer, Estimator, Method
+from lip_id_ros.baselines import Method
 from lip_id_ros.comparison.case import Case
-from lip_id_ros.comparison.code_version import code_version, UNKNOWN
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation import judged
+from lip_id_ros.evaluation import Outcome, score
+from lip_id_ros.evaluation.metrics import mean_of_known
+from lip_id_ros.model import TorqueModel, TorquePrediction
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
 
 QUERIES = 50
 QUERY_SECONDS = 1.0
+PACKAGE = Path(__file__).resolve().parents[1]
+PARTS = (
+    *('baselines', 'gp', 'kernels', 'linear_algebra.py', 'model', 'rigid_body', 'serving'),
+    *('comparison/cell.py', 'evaluation/metrics.py'),
+)
+UNKNOWN = 'unknown'
 
 
 @dataclass(frozen=True)
@@ -48,25 +59,24 @@ class Score:
     @property
     def mean(self) -> float:
         """Mean nMSE [%] over the joints whose torque varies; nan where there is none."""
-        known = [value for value in self.nmse_percent if not math.isnan(value)]
-        return sum(known) / len(known) if known else math.nan
+        return mean_of_known(self.nmse_percent)
 
 
 @dataclass(frozen=True)
 class Cell:
     """
-    What is known of one method on one case.
+    Errors and cost of one method on one case.
 
     Attributes
     ----------
     case, group, model : str
     n_train : int
-        Samples that were there to learn from.
+        Samples of the training data.
     joint_names : tuple of str
     fit_seconds, query_us : float
-        Time of the fit [s] and of one sample's answer, median [microseconds].
+        Time of the fit [s] and of the prediction of one sample, median [microseconds].
     size : int
-        Numbers that the model keeps in order to answer.
+        Number of numbers that the model keeps.
     scores : tuple of Score
     code : str
         Version of the code that made it.
@@ -85,7 +95,7 @@ class Cell:
     code: str = UNKNOWN
 
     def to_json(self) -> dict[str, Any]:
-        """Return the keys of docs/interfaces.md; what is not a number becomes None."""
+        """Return the keys of docs/interfaces.md; nan becomes None."""
         content: dict[str, Any] = _without_nan(asdict(self))
         return content
 
@@ -108,14 +118,14 @@ class Cell:
 
 def measure(
     case: Case, model: str, method: Method, settings: FitSettings, progress: Progress
-) -> tuple[Cell, Answer]:
+) -> tuple[Cell, TorquePrediction]:
     """
-    Fit a method and judge it on every unseen motion.
+    Fit a method and evaluate it on every unseen motion.
 
     Returns
     -------
     Cell
-    Answer
+    TorquePrediction
         On the first of the motions, to be drawn.
 
     Raises
@@ -127,12 +137,12 @@ def measure(
 
     """
     started = time.perf_counter()
-    estimator = method.fit(case.train, settings, progress)
+    fitted = method.fit(case.train, settings, progress)
     fit_seconds = time.perf_counter() - started
-    answers = [estimator.predict(test.q, test.dq, test.ddq) for test in case.tests.values()]
+    predictions = [fitted.predict(test.q, test.dq, test.ddq) for test in case.tests.values()]
     scores = [
-        _score(name, test, answer)
-        for (name, test), answer in zip(case.tests.items(), answers, strict=True)
+        _score(name, Outcome(test, prediction))
+        for (name, test), prediction in zip(case.tests.items(), predictions, strict=True)
     ]
     cell = Cell(
         case=case.name,
@@ -141,26 +151,26 @@ def measure(
         n_train=case.train.n_samples,
         joint_names=case.train.joint_names,
         fit_seconds=fit_seconds,
-        query_us=_query_us(estimator, next(iter(case.tests.values()))),
-        size=estimator.size,
+        query_us=_query_us(fitted, next(iter(case.tests.values()))),
+        size=fitted.size,
         scores=tuple(scores),
         code=code_version(),
     )
-    return cell, answers[0]
+    return cell, predictions[0]
 
 
-def _score(name: str, test: Dataset, answer: Answer) -> Score:
-    found = judged(test, answer.tau, answer.kinetic, answer.potential)
+def _score(name: str, outcome: Outcome) -> Score:
+    found = score(outcome)
     energies = (found.kinetic_nmse_percent, found.potential_nmse_percent)
     return Score(name, found.nmse_percent, found.rmse, *(_number(x) for x in energies))
 
 
-def _query_us(estimator: Estimator, test: Dataset) -> float:
+def _query_us(model: TorqueModel, test: Dataset) -> float:
     times: list[float] = []
     for row in range(min(QUERIES, test.n_samples)):
         one = slice(row, row + 1)
         started = time.perf_counter()
-        estimator.predict(test.q[one], test.dq[one], test.ddq[one])
+        model.predict(test.q[one], test.dq[one], test.ddq[one])
         times.append(time.perf_counter() - started)
         if sum(times) > QUERY_SECONDS:
             break
@@ -177,3 +187,23 @@ def _without_nan(value: Any) -> Any:
 
 def _number(value: float | None) -> float:
     return math.nan if value is None else value
+
+
+@cache
+def code_version() -> str:
+    """Return the version of the package and a digest of `PARTS`, which fit and evaluate."""
+    try:
+        known = version(PACKAGE.name)
+    except PackageNotFoundError:  # sources on the path, not installed
+        known = UNKNOWN
+    return f'{known}-{source_digest(PACKAGE / part for part in PARTS)}'
+
+
+def source_digest(places: Iterable[Path]) -> str:
+    """Return eight hexadecimal digits of the Python sources in some folders, or files."""
+    digest = hashlib.sha256()
+    for place in places:
+        for path in [place] if place.is_file() else sorted(place.rglob('*.py')):
+            digest.update(path.relative_to(place.parent).as_posix().encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:8]

@@ -1,38 +1,107 @@
-"""Every method on every case, what is finished already left out."""
+"""Every method on every case; finished cells are kept in a folder and not computed again."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+import hashlib
 from itertools import product
+import json
+import os
 from pathlib import Path
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.baselines import Method, method
 from lip_id_ros.comparison.case import Case
 from lip_id_ros.comparison.cell import Cell, measure
-from lip_id_ros.comparison.store import Store
 from lip_id_ros.errors import DataError, FitError
+from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import FitSettings
 
 CELLS, THIS_FIT = 'models', 'this fit'
+VERSION = 1  # of a cell's file
+ENERGIES = ('kinetic', 'potential')
 
 Make = Callable[[str, Case], Method]
+
+
+class Store:
+    """
+    A folder with one file per cell.
+
+    Data, model and settings identify a cell.
+
+    Parameters
+    ----------
+    folder : path
+        Created where it does not exist.
+
+    Raises
+    ------
+    OSError
+        If it cannot be created.
+
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self._folder = Path(folder)
+        self._folder.mkdir(parents=True, exist_ok=True)
+
+    def path(self, case: Case, model: str, settings: FitSettings) -> Path:
+        """Return the file of a cell, which need not exist yet."""
+        key = json.dumps([VERSION, case.fingerprint(), model, asdict(settings)], sort_keys=True)
+        return self._folder / f'{model}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.npz'
+
+    def save(self, path: Path, cell: Cell, prediction: TorquePrediction) -> None:
+        """
+        Keep a cell, and the prediction on the first motion.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+
+        """
+        arrays = {'tau': prediction.tau}
+        arrays |= {name: x for name in ENERGIES if (x := getattr(prediction, name)) is not None}
+        write_npz(path, arrays, {'cell': cell.to_json()})
+
+    def load(self, path: Path) -> Cell | None:
+        """Return a kept cell; None where there is none, or only a damaged one."""
+        try:
+            return Cell.from_json(read_npz(path)[1]['cell'])
+        except (FileNotFoundError, ValueError, KeyError):
+            return None
+
+    def prediction(self, path: Path) -> TorquePrediction:
+        """
+        Return the prediction on the first motion.
+
+        Raises
+        ------
+        OSError
+            If the cell cannot be read.
+
+        """
+        arrays: dict[str, Array] = read_npz(path)[0]
+        return TorquePrediction(arrays['tau'], arrays.get('kinetic'), arrays.get('potential'))
 
 
 @dataclass(frozen=True)
 class Results:
     """
-    What came out.
+    Results of a comparison.
 
     Attributes
     ----------
     cells : tuple of Cell
         In the order of cases, then of models.
     paths : tuple of Path
-        Where each is kept.
+        Their files.
     failures : tuple of str
-        Sentences: what could not be fitted, and why. Tried again next time.
+        Sentences: which fits failed, and why. They are tried again next time.
 
     """
 
@@ -50,7 +119,7 @@ def compare(
     make: Make | None = None,
 ) -> Results:
     """
-    Fit and judge every model on every case.
+    Fit and evaluate every model on every case.
 
     Parameters
     ----------
@@ -60,7 +129,7 @@ def compare(
     settings : FitSettings
         The same for all of them.
     store : Store
-        Finished cells are taken from there and put there.
+        Holds the finished cells.
     progress : callable
     make : callable, optional
         Makes the method of a name for a case; `lip_id_ros.baselines.method` by default.
@@ -81,7 +150,7 @@ def compare(
     """
     make = make or _by_name
     for case, model in product(cases, models):
-        make(model, case)  # what is missing is said before the work, not after it
+        make(model, case)  # fails before the work where something is missing
     cells, paths, failures = [], [], []
     todo = list(product(cases, models))
     for number, (case, model) in enumerate(todo):
@@ -90,11 +159,13 @@ def compare(
         cell = store.load(path)
         if cell is None:
             try:
-                cell, answer = measure(case, model, make(model, case), settings, _inner(progress))
+                cell, prediction = measure(
+                    case, model, make(model, case), settings, _inner(progress)
+                )
             except (DataError, FitError) as error:
                 failures.append(f'{model} on {case.name}: {error}')
                 continue
-            store.save(path, cell, answer)
+            store.save(path, cell, prediction)
         cells.append(cell)
         paths.append(path)
     progress(CELLS, len(todo), len(todo))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 import math
 from typing import Any
 
@@ -10,8 +10,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.registry import MEANINGS
-from lip_id_ros.comparison.cell import Cell
-from lip_id_ros.comparison.code_version import code_version, made_by_others
+from lip_id_ros.comparison.cell import Cell, code_version
 from lip_id_ros.comparison.run import Results
 from lip_id_ros.evaluation.tables import percent, Table
 
@@ -37,21 +36,21 @@ def mean_errors(cells: Sequence[Cell]) -> Array:
 
 
 def tables(results: Results) -> Iterator[Table]:
-    """Give the tables of every group: errors, then what the models cost."""
+    """Yield the tables of every group: errors, then the cost of the models."""
     for group, by_model in groups(results.cells).items():
         yield _errors(group, by_model)
         yield Table(f'{group}: cost, medians', COST, [_cost(*item) for item in by_model.items()])
 
 
 def meanings(cells: Sequence[Cell]) -> dict[str, str]:
-    """Return what each model is, by its name; those of other origin have no such text."""
+    """Return the description of each model, by its name, where there is one."""
     return {cell.model: MEANINGS[cell.model] for cell in cells if cell.model in MEANINGS}
 
 
 def remarks(results: Results) -> list[str]:
-    """Return what a reader must know first: what failed, and what other code has made."""
+    """Return the failures, and a warning where other code made some of the results."""
     codes = (cell.code for cell in results.cells)
-    return [*results.failures, *made_by_others(codes, code_version())]
+    return [*results.failures, *_made_by_others(codes, code_version())]
 
 
 def to_json(results: Results) -> dict[str, Any]:
@@ -64,6 +63,19 @@ def to_json(results: Results) -> dict[str, Any]:
         'cells': [cell.to_json() for cell in results.cells],
         'failures': list(results.failures),
     }
+
+
+def _made_by_others(codes: Iterable[str], here: str) -> list[str]:
+    """Return a warning where results were made by other code than that of the version `here`."""
+    all_codes = list(codes)
+    others = sorted({code for code in all_codes if code != here})
+    if not others:
+        return []
+    count = sum(code != here for code in all_codes)
+    return [
+        f'{count} of {len(all_codes)} results were kept from other code ({", ".join(others)}; '
+        f'this is {here}); for results of this code compare into a new folder.'
+    ]
 
 
 def _errors(group: str, by_model: dict[str, list[Cell]]) -> Table:
@@ -79,7 +91,7 @@ def _errors(group: str, by_model: dict[str, list[Cell]]) -> Table:
     for model, found in medians.items():
         figures = [*found['nmse_percent'], found['nmse_percent_mean']]
         figures += [found[f'{name}_nmse_percent'] for name in energies]
-        rows.append((model, *(percent(math.nan if x is None else x) for x in figures)))
+        rows.append((model, *(percent(x) for x in figures)))
     count = max(len(joint_errors(cells)) for cells in by_model.values())
     motions = 'one unseen motion' if count == 1 else f'median of {count} unseen motions'
     return Table(f'{group}: nMSE [%], {motions}', header, rows)

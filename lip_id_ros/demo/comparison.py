@@ -13,7 +13,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo import topics
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import Outcome, run
-from lip_id_ros.evaluation.estimator import Estimator
+from lip_id_ros.model import TorqueModel
 from lip_id_ros.recording.bags import Bag
 from lip_id_ros.simulation.arm import Dynamics
 
@@ -86,7 +86,7 @@ def read_served(bag_path: str | os.PathLike[str], joint_names: tuple[str, ...]) 
     )
 
 
-def outcome_of(served: Served, arm: Dynamics, predictor: Estimator) -> Outcome:
+def outcome_of(served: Served, arm: Dynamics, predictor: TorqueModel) -> Outcome:
     """
     Set the answers beside the truth.
 
@@ -95,7 +95,7 @@ def outcome_of(served: Served, arm: Dynamics, predictor: Estimator) -> Outcome:
     served : Served
     arm : Dynamics
         The simulated arm, which knows the truth.
-    predictor : Estimator
+    predictor : TorqueModel
         Of the served model; gives what is not published: the parts of the torque.
 
     """

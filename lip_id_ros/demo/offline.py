@@ -17,15 +17,13 @@ import sys
 
 import numpy as np
 
-from lip_id_ros.cli.output import console
-from lip_id_ros.cli.progress_display import progress_display
+from lip_id_ros.cli.output import console, progress_display
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo.judge import judge, verdict_table
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.evaluation import Evaluation, run, score, with_inertia_check
+from lip_id_ros.evaluation import Evaluation, run, score, with_checks
 from lip_id_ros.evaluation.report import band, Labels, write_report
-from lip_id_ros.evaluation.tables import error_table, notes
-from lip_id_ros.evaluation.terminal import show
+from lip_id_ros.evaluation.tables import error_table, notes, show
 from lip_id_ros.gp import fit
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.preprocessing import for_training, load_dataset
@@ -120,7 +118,7 @@ def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
         test = record(output / TEST_BAG, TEST_SEED, size)
         recorded = load_dataset([training.bag], config, progress)
         chosen = for_training(recorded, config.preprocessing)
-        model = with_inertia_check(fit(chosen, config.fit, progress))
+        model = with_checks(fit(chosen, config.fit, progress))
         model.save(output / MODEL)
         unseen = test.with_truth(load_dataset([test.bag], config, progress))
         return report(output / REPORT, model, unseen, progress)
@@ -144,7 +142,7 @@ def report(folder: Path, model: TrainedModel, dataset: Dataset, progress: Progre
     predictor = Predictor(model)
     outcome = run(predictor, dataset, progress)
     evaluation = score(outcome)
-    uncertainty = band(predictor, outcome, model.noise_std, progress)
+    uncertainty = band(predictor, outcome, progress)
     facts = (
         ('arm', 'Franka Emika Panda, rigid bodies simulated with pinocchio'),
         ('motion', 'sums of 50 sinusoids up to 1 Hz; training and test drawn independently'),

@@ -15,7 +15,7 @@ import shutil
 import sys
 import time
 
-from lip_id_ros.cli.progress_display import progress_display
+from lip_id_ros.cli.output import progress_display
 from lip_id_ros.demo import topics
 from lip_id_ros.demo.bag_recorder import BagRecorder
 from lip_id_ros.demo.comparison import outcome_of, read_served, Served
@@ -152,7 +152,7 @@ def report(output: Path, progress: Progress) -> Evaluation:
     predictor = Predictor(model)
     outcome = outcome_of(served, arm, predictor)
     evaluation = score(outcome)
-    uncertainty = band(predictor, outcome, model.noise_std, progress)
+    uncertainty = band(predictor, outcome, progress)
     labels = Labels(TITLE, (), facts(model, served))
     write_report(output / REPORT, outcome, evaluation, uncertainty, labels, progress)
     return evaluation

@@ -1,16 +1,17 @@
-"""How good a model is on a data set: figures, tables and plots."""
+"""The quality of a model on a data set: figures, tables, plots and cautions."""
 
-from lip_id_ros.evaluation.consistency import with_inertia_check
-from lip_id_ros.evaluation.evaluation import evaluate, Evaluation, judged, score
+from lip_id_ros.evaluation.cautions import fit_cautions, no_better_than_mean, with_checks
+from lip_id_ros.evaluation.metrics import evaluate, Evaluation, score
 from lip_id_ros.evaluation.outcome import matched, Outcome, run
 
 __all__ = [
     'Evaluation',
     'Outcome',
     'evaluate',
-    'judged',
+    'fit_cautions',
     'matched',
+    'no_better_than_mean',
     'run',
     'score',
-    'with_inertia_check',
+    'with_checks',
 ]

@@ -1,19 +1,56 @@
-"""What a user should know before relying on a fit."""
+"""What a user should know before relying on a model."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+import math
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 
-def of_fit(summary: Mapping[str, Any]) -> list[str]:
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.evaluation.metrics import not_positive_definite_percent
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.serving import Predictor
+
+USELESS_PERCENT = 90.0
+"""A joint whose nMSE reaches this is predicted no better than by the mean of its torque."""
+
+
+def with_checks(model: TrainedModel) -> TrainedModel:
     """
-    Say what was unusual about a fit.
+    Add checks to the summary of a model, computed at its own samples.
+
+    `inertia_not_pd_percent` is the share of samples at which M(q) is not positive definite,
+    `inertia_min_eigenvalue` its smallest eigenvalue at any of them [kg m^2 or kg], and
+    `unexplained_percent` the noise variance of each joint in percent of the variance of its
+    torque (None where that is constant).
+
+    """
+    smallest = np.linalg.eigvalsh(Predictor(model).inertia_matrix(model.states.q))[:, 0]
+    variance = model.tau.var(axis=0)
+    checks = {
+        'inertia_not_pd_percent': not_positive_definite_percent(smallest),
+        'inertia_min_eigenvalue': float(smallest.min()),
+        'unexplained_percent': [
+            100.0 * float(noise) ** 2 / float(total) if total > 0.0 else None
+            for noise, total in zip(model.noise_std, variance, strict=True)
+        ],
+    }
+    return replace(model, summary={**model.summary, **checks})
+
+
+def fit_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:
+    """
+    Return what was unusual about a fit.
 
     Parameters
     ----------
+    joint_names : sequence of str
     summary : mapping
-        Of the model.
+        Of the model, after `with_checks`.
 
     Returns
     -------
@@ -22,16 +59,94 @@ def of_fit(summary: Mapping[str, Any]) -> list[str]:
 
     """
     texts = [note] if (note := summary.get('device_note')) else []
-    if at_bounds := summary['at_bounds']:
+    texts += no_better_than_mean(joint_names, summary.get('unexplained_percent', ()))
+    if at_bounds := summary.get('at_bounds'):
         some = ', '.join(at_bounds[:4])
         texts.append(
             f'{len(at_bounds)} hyperparameters ran to a bound ({some}): the fit may interpolate '
-            'the recording; judge it on unseen data before you trust it.'
+            'the recording; evaluate it on unseen data before you trust it.'
         )
     if share := summary.get('inertia_not_pd_percent'):
         texts.append(
             f'The inertia matrix is not positive definite at {share:.3g} % of the training '
-            'samples: accelerations were too small, or a light joint too well hidden, to tell it. '
-            'Torques are not concerned; do not invert M(q).'
+            'samples: accelerations were too small to identify it, or a light joint is hidden in '
+            'the noise. Torques are not affected; do not invert M(q).'
         )
     return texts
+
+
+def no_better_than_mean(
+    joint_names: Sequence[str], nmse_percent: Sequence[float | None]
+) -> list[str]:
+    """
+    Return a warning where a model predicts a torque no better than the torque's mean would.
+
+    Parameters
+    ----------
+    joint_names : sequence of str, n of them
+    nmse_percent : sequence of float or None
+        Mean squared error per joint in percent of the variance of the torque; nan or None where
+        the torque is constant. Empty where it is unknown.
+
+    """
+    useless = [
+        (name, value)
+        for name, value in zip(joint_names, nmse_percent, strict=False)
+        if value is not None and not math.isnan(value) and value >= USELESS_PERCENT
+    ]
+    if not useless:
+        return []
+    errors = ', '.join(f'{name} ({value:.3g} %)' for name, value in useless)
+    return [
+        f'The model predicts no better than the mean of the torque at {len(useless)} of '
+        f'{len(joint_names)} joints (error in % of the variance): {errors}. Do not serve it; '
+        'check the efforts, the order and the types of the joints with lip_id inspect, and '
+        'record more motion.'
+    ]
+
+
+def training_data_warnings(model: Any, dataset: Dataset) -> list[str]:
+    """
+    Return a warning where a data set is, or may be, the training data of a model.
+
+    Parameters
+    ----------
+    model : TorqueModel
+        With `provenance`, and `states` where it keeps samples.
+    dataset : Dataset
+        With the model's joints in the model's order.
+
+    Returns
+    -------
+    list of str
+        Sentences; none where the data are new to the model.
+
+    """
+    own = _rows(model.states) if hasattr(model, 'states') else _rows(dataset)[:0]
+    n_shared = int(np.isin(own, _rows(dataset)).sum())
+    if n_shared:
+        return [
+            f'These are training data: {n_shared} of the {len(own)} samples of the model '
+            f'are among the {dataset.n_samples} evaluated; the errors say little about other '
+            'motions.'
+        ]
+    known = _recordings(model.provenance)
+    if any(recording in known for recording in _recordings(dataset.provenance)):
+        return [
+            'The model was fitted on samples of the same recording; '
+            'the errors may be smaller than on other motions.'
+        ]
+    return []
+
+
+def _rows(states: Any) -> NDArray[np.void]:
+    """View the positions and velocities of each sample as one value that can be compared."""
+    motion = np.ascontiguousarray(np.hstack([states.q, states.dq]))
+    return motion.view(np.dtype((np.void, motion.itemsize * motion.shape[1]))).ravel()
+
+
+def _recordings(provenance: Mapping[str, Any]) -> list[str]:
+    """Return the digests of the recordings' contents, since files are renamed and moved."""
+    sources = provenance.get('sources', ())
+    known = [source for source in sources if isinstance(source, Mapping)]
+    return [digest for source in known if (digest := source.get('content'))]

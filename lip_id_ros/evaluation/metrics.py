@@ -1,15 +1,23 @@
-"""Error measures, each over the samples of a data set."""
+"""The errors of a model on a data set."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import Any
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.evaluation.outcome import Outcome, run
+from lip_id_ros.model import TorqueModel
+from lip_id_ros.progress import Progress, silent
 
 
 def nmse_percent(estimate: Array, truth: Array) -> Array:
     """
-    Compute the normalized mean squared error, 100 mean((estimate - truth)^2) / var(truth).
+    Compute the normalised mean squared error, 100 mean((estimate - truth)^2) / var(truth).
 
     Parameters
     ----------
@@ -18,14 +26,14 @@ def nmse_percent(estimate: Array, truth: Array) -> Array:
     Returns
     -------
     ndarray, shape () or (n,)
-        Percent; nan where the truth does not vary.
+        Percent; nan where the truth is constant.
 
     """
     return _relative(np.mean(np.square(estimate - truth), axis=0), truth)
 
 
 def nmse_percent_without_offset(estimate: Array, truth: Array) -> Array:
-    """Compute `nmse_percent` after removing the mean error: for what is known up to a constant."""
+    """Compute `nmse_percent` after removing the mean error, where a constant is free."""
     return _relative(np.var(estimate - truth, axis=0), truth)
 
 
@@ -38,6 +46,126 @@ def rmse(estimate: Array, truth: Array) -> Array:
 def not_positive_definite_percent(smallest_eigenvalue: Array) -> float:
     """Share [percent] of inertia matrices whose smallest eigenvalue (N,) is not positive."""
     return 100.0 * float(np.mean(smallest_eigenvalue <= 0))
+
+
+def mean_of_known(values: tuple[float, ...]) -> float:
+    """Mean over the joints whose torque varies; nan where there is none."""
+    known = [value for value in values if not math.isnan(value)]
+    return sum(known) / len(known) if known else math.nan
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """
+    Errors of a model on a data set.
+
+    Attributes
+    ----------
+    joint_names, joint_types : tuple of str
+    n_samples : int
+    nmse_percent : tuple of float
+        Per joint; nan where the torque is constant.
+    rmse : tuple of float
+        Per joint [N m or N].
+    torque_std : tuple of float
+        Standard deviation of the reference torques [N m or N].
+    against_truth : bool
+        Whether the reference is the true torques of a simulation, or the measured ones.
+    kinetic_nmse_percent, potential_nmse_percent : float or None
+        None where the true energies are unknown, or the model has none.
+    inertia_not_pd_percent : float or None
+        Share of samples at which the estimated inertia matrix is not positive definite; None
+        where the model has none.
+    inertia_min_eigenvalue : float or None
+        Smallest eigenvalue of that matrix over all samples [kg m^2 or kg].
+
+    """
+
+    joint_names: tuple[str, ...]
+    joint_types: tuple[str, ...]
+    n_samples: int
+    nmse_percent: tuple[float, ...]
+    rmse: tuple[float, ...]
+    torque_std: tuple[float, ...]
+    against_truth: bool
+    kinetic_nmse_percent: float | None
+    potential_nmse_percent: float | None
+    inertia_not_pd_percent: float | None = None
+    inertia_min_eigenvalue: float | None = None
+
+    @property
+    def nmse_percent_mean(self) -> float:
+        """Mean over the joints whose torque varies; nan where there is none."""
+        return mean_of_known(self.nmse_percent)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the keys of docs/interfaces.md; nan becomes None."""
+        return {
+            'joint_names': list(self.joint_names),
+            'n_samples': self.n_samples,
+            'nmse_percent': [_number(value) for value in self.nmse_percent],
+            'nmse_percent_mean': _number(self.nmse_percent_mean),
+            'rmse': list(self.rmse),
+            'kinetic_nmse_percent': _number(self.kinetic_nmse_percent),
+            'potential_nmse_percent': _number(self.potential_nmse_percent),
+            'inertia_not_pd_percent': self.inertia_not_pd_percent,
+            'inertia_min_eigenvalue': self.inertia_min_eigenvalue,
+        }
+
+
+def evaluate(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Evaluation:
+    """
+    Compare a model's torques and energies with a data set.
+
+    Parameters
+    ----------
+    model : TorqueModel
+    dataset : Dataset
+        Of the model's joints, in its order (`matched`).
+    progress : Progress
+
+    Returns
+    -------
+    Evaluation
+
+    """
+    return score(run(model, dataset, progress))
+
+
+def score(outcome: Outcome) -> Evaluation:
+    """
+    Compute the errors of an outcome.
+
+    Torques are compared with `tau_noiseless` where the data set has it; the potential energy
+    after removing the mean error, since its constant is free.
+
+    """
+    dataset, estimate, reference = outcome.dataset, outcome.prediction, outcome.reference
+    kinetic = potential = not_pd = smallest = None
+    if dataset.kinetic is not None and estimate.kinetic is not None:
+        kinetic = float(nmse_percent(estimate.kinetic, dataset.kinetic))
+    if dataset.potential is not None and estimate.potential is not None:
+        potential = float(nmse_percent_without_offset(estimate.potential, dataset.potential))
+    if outcome.smallest_eigenvalue is not None:
+        not_pd = not_positive_definite_percent(outcome.smallest_eigenvalue)
+        smallest = float(outcome.smallest_eigenvalue.min())
+    return Evaluation(
+        joint_names=dataset.joint_names,
+        joint_types=dataset.joint_types,
+        n_samples=dataset.n_samples,
+        nmse_percent=tuple(nmse_percent(estimate.tau, reference).tolist()),
+        rmse=tuple(rmse(estimate.tau, reference).tolist()),
+        torque_std=tuple(np.std(reference, axis=0).tolist()),
+        against_truth=dataset.tau_noiseless is not None,
+        kinetic_nmse_percent=kinetic,
+        potential_nmse_percent=potential,
+        inertia_not_pd_percent=not_pd,
+        inertia_min_eigenvalue=smallest,
+    )
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or math.isnan(value) else value
 
 
 def _relative(squared_error: Array, truth: Array) -> Array:

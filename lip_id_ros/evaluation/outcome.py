@@ -1,43 +1,44 @@
-"""What a model says of a data set, computed once for figures, tables and plots."""
+"""Predictions beside the samples that they are for, computed once for figures and plots."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError
-from lip_id_ros.evaluation.estimator import Described, Estimator, Uncertain
-from lip_id_ros.model import Prediction, StandardDeviation
+from lip_id_ros.model import DynamicsModel, StandardDeviation, TorqueModel, TorquePrediction
 from lip_id_ros.progress import Progress, silent
 
 BLOCK = 500
-UNCERTAIN_BLOCK = 50  # standard deviations need far more memory per sample
+STD_BLOCK = 50  # standard deviations need far more memory per sample
+
+Blocks = TypeVar('Blocks', bound=Any)
 
 
 @dataclass(frozen=True)
 class Outcome:
     """
-    Estimates beside the samples they are for.
+    Predictions beside the samples that they are for.
 
     Attributes
     ----------
     dataset : Dataset
         N samples.
-    prediction : Prediction
-        Estimates at the same N samples.
-    smallest_eigenvalue : ndarray, shape (N,)
-        Of the estimated inertia matrix [kg m^2 or kg].
+    prediction : TorquePrediction
+        At the same N samples.
+    smallest_eigenvalue : ndarray, shape (N,), or None
+        Of the predicted inertia matrix [kg m^2 or kg]; None where the model has none.
 
     """
 
     dataset: Dataset
-    prediction: Prediction
-    smallest_eigenvalue: Array
+    prediction: TorquePrediction
+    smallest_eigenvalue: Array | None = None
 
     @property
     def reference(self) -> Array:
@@ -46,7 +47,7 @@ class Outcome:
         return self.dataset.tau if known is None else known
 
 
-def matched(dataset: Dataset, model: Described) -> Dataset:
+def matched(dataset: Dataset, model: TorqueModel | Dataset) -> Dataset:
     """
     Return a data set with the joints of a model, in its order.
 
@@ -70,73 +71,63 @@ def matched(dataset: Dataset, model: Described) -> Dataset:
     return ordered
 
 
-def run(estimator: Estimator, dataset: Dataset, progress: Progress = silent) -> Outcome:
+def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Outcome:
     """
-    Estimate torques, energies and inertia at every sample.
+    Predict torques, energies and, where the model has it, the inertia matrix at every sample.
 
     Parameters
     ----------
-    estimator : Estimator
-        Such as a `Predictor`.
+    model : TorqueModel
     dataset : Dataset
-        Of the estimator's joints, in its order.
+        Of the model's joints, in its order.
     progress : Progress
-        Told after every block of samples.
-
-    Returns
-    -------
-    Outcome
+        Called after every block of samples.
 
     """
     predictions, eigenvalues = [], []
     for begin in range(0, dataset.n_samples, BLOCK):
         rows = slice(begin, begin + BLOCK)
-        predictions.append(estimator.predict(dataset.q[rows], dataset.dq[rows], dataset.ddq[rows]))
-        matrices = estimator.inertia_matrix(dataset.q[rows])
-        eigenvalues.append(np.linalg.eigvalsh(matrices)[:, 0])
+        predictions.append(model.predict(dataset.q[rows], dataset.dq[rows], dataset.ddq[rows]))
+        if isinstance(model, DynamicsModel):
+            matrices = model.inertia_matrix(dataset.q[rows])
+            eigenvalues.append(np.linalg.eigvalsh(matrices)[:, 0])
         progress('predict', min(begin + BLOCK, dataset.n_samples), dataset.n_samples)
-    return Outcome(dataset, _joined(predictions), np.concatenate(eigenvalues))
+    smallest = np.concatenate(eigenvalues) if eigenvalues else None
+    return Outcome(dataset, _joined(predictions), smallest)
 
 
-def deviation(
-    estimator: Uncertain, dataset: Dataset, progress: Progress = silent
+def standard_deviation(
+    model: DynamicsModel, dataset: Dataset, progress: Progress = silent
 ) -> StandardDeviation:
     """
     Compute the standard deviations of torques and energies at every sample.
 
     Parameters
     ----------
-    estimator : Uncertain
-        Such as a `Predictor`.
+    model : DynamicsModel
     dataset : Dataset
-        Of the estimator's joints, in its order.
+        Of the model's joints, in its order.
     progress : Progress
-        Told after every block of samples.
-
-    Returns
-    -------
-    StandardDeviation
+        Called after every block of samples.
 
     """
     blocks = []
-    for begin in range(0, dataset.n_samples, UNCERTAIN_BLOCK):
-        rows = slice(begin, begin + UNCERTAIN_BLOCK)
-        blocks.append(
-            estimator.standard_deviation(dataset.q[rows], dataset.dq[rows], dataset.ddq[rows])
+    for begin in range(0, dataset.n_samples, STD_BLOCK):
+        rows = slice(begin, begin + STD_BLOCK)
+        found = model.predict(
+            dataset.q[rows], dataset.dq[rows], dataset.ddq[rows], return_std=True
         )
-        done = min(begin + UNCERTAIN_BLOCK, dataset.n_samples)
+        if found.std is not None:
+            blocks.append(found.std)
+        done = min(begin + STD_BLOCK, dataset.n_samples)
         progress('standard deviation', done, dataset.n_samples)
-    return StandardDeviation(**_columns(blocks, ('tau', 'kinetic', 'potential')))
+    return _joined(blocks)
 
 
-def _joined(blocks: list[Prediction]) -> Prediction:
-    names = ('tau', 'inertial', 'coriolis', 'gravity', 'friction', 'kinetic', 'potential')
-    return Prediction(**_columns(blocks, names))
-
-
-def _columns(blocks: Sequence[object], names: Sequence[str]) -> dict[str, Any]:
-    columns = {name: [getattr(block, name) for block in blocks] for name in names}
-    return {
-        name: None if parts[0] is None else np.concatenate(parts)
-        for name, parts in columns.items()
-    }
+def _joined(blocks: Sequence[Blocks]) -> Blocks:
+    columns = {}
+    for field in fields(blocks[0]):
+        parts = [getattr(block, field.name) for block in blocks]
+        columns[field.name] = None if parts[0] is None else np.concatenate(parts)
+    joined: Blocks = type(blocks[0])(**columns)
+    return joined

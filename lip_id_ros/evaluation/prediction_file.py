@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.evaluation.estimator import Uncertain
-from lip_id_ros.evaluation.outcome import deviation, Outcome
-from lip_id_ros.files import write_npz
+from lip_id_ros.evaluation.outcome import Outcome, standard_deviation
+from lip_id_ros.files import read_header, write_npz
+from lip_id_ros.model import DynamicsModel, TorqueModel
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.bag_writer import JointStateTrack, NumberTrack, Track, write_mcap
 
 FORMAT = 'lip_id_ros prediction'
 VERSION = 1
+SUMMARY_BYTES = 2**16
 MEASURED_TOPIC, PREDICTED_TOPIC, STD_TOPIC = '/measured', '/predicted', '/predicted_std'
 TORQUES = ('tau', 'inertial', 'coriolis', 'gravity', 'friction')
 ENERGIES = ('kinetic', 'potential')
@@ -29,14 +31,14 @@ UNITS = {
 }
 
 
-Values = Mapping[str, Array | None]
-"""Estimates by the names of docs/interfaces.md; None, or left out, where a model has none."""
+Values = Mapping[str, Array]
+"""Predictions by the names of docs/interfaces.md."""
 Writer = Callable[[str, Dataset, Values], None]
 
 
 def writer_for(path: str | os.PathLike[str]) -> Writer:
     """
-    Choose how a prediction is written by the suffix of its file.
+    Return the writer of a prediction file for its suffix.
 
     Raises
     ------
@@ -48,24 +50,37 @@ def writer_for(path: str | os.PathLike[str]) -> Writer:
     if suffix not in WRITERS:
         raise ConfigError(
             f'{os.fspath(path)} must end in {" or ".join(WRITERS)}, '
-            'which chooses the format of the prediction; give it one of these endings.'
+            'the format of the prediction; rename it.'
         )
     return WRITERS[suffix]
 
 
-def estimates(estimator: Uncertain, outcome: Outcome, progress: Progress = silent) -> Values:
-    """Return torques, their parts, energies and standard deviations of all of these."""
-    estimate = outcome.prediction
-    std = deviation(estimator, outcome.dataset, progress)
-    return {
-        **{name: getattr(estimate, name) for name in (*TORQUES, *ENERGIES)},
-        **{f'{name}_std': getattr(std, name) for name in ('tau', *ENERGIES)},
-    }
+def is_prediction(path: Path) -> bool:
+    """Whether a file is a prediction: npz with its format, or MCAP with its topics."""
+    if path.suffix == '.mcap':
+        # The summary at the end of an MCAP file names its topics in plain bytes.
+        with open(path, 'rb') as file:
+            file.seek(-min(SUMMARY_BYTES, path.stat().st_size), os.SEEK_END)
+            end = file.read()
+        return all(topic.encode() in end for topic in (MEASURED_TOPIC, PREDICTED_TOPIC))
+    try:
+        return read_header(path).get('format') == FORMAT
+    except ValueError:
+        return False
+
+
+def predicted_values(model: TorqueModel, outcome: Outcome, progress: Progress = silent) -> Values:
+    """Return torques, and the parts, energies and standard deviations that the model has."""
+    found = {name: getattr(outcome.prediction, name, None) for name in (*TORQUES, *ENERGIES)}
+    if isinstance(model, DynamicsModel):
+        std = standard_deviation(model, outcome.dataset, progress)
+        found |= {f'{name}_std': getattr(std, name) for name in ('tau', *ENERGIES)}
+    return {name: values for name, values in found.items() if values is not None}
 
 
 def write_prediction_npz(path: str | os.PathLike[str], data: Dataset, found: Values) -> None:
     """
-    Write estimates beside what was measured; see docs/interfaces.md.
+    Write predictions beside the measurement; see docs/interfaces.md.
 
     Raises
     ------
@@ -73,8 +88,8 @@ def write_prediction_npz(path: str | os.PathLike[str], data: Dataset, found: Val
         If the file cannot be written.
 
     """
-    arrays = {'t': data.t, 'segment': data.segment, 'tau_measured': data.tau}
-    arrays |= {name: each for name, each in found.items() if each is not None}
+    arrays: dict[str, Any] = {'t': data.t, 'segment': data.segment, 'tau_measured': data.tau}
+    arrays |= found
     units = {name: unit for name, unit in UNITS.items() if name in arrays}
     names = {'joint_names': np.array(data.joint_names)}
     write_npz(path, arrays | names, {'format': FORMAT, 'version': VERSION, 'units': units})

@@ -1,16 +1,16 @@
-"""How fast a predictor answers on this machine."""
+"""How long a model takes to answer on this machine."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 import time
-from typing import Protocol
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.evaluation.estimator import Answering, Uncertain
+from lip_id_ros.model import DynamicsModel
 from lip_id_ros.progress import Progress, silent
 
 Call = Callable[[Array, Array, Array], object]
@@ -21,10 +21,6 @@ DEVIATIONS = 30
 BATCH = 1000
 BATCH_SECONDS = 1.0
 SEED = 0
-
-
-class Timed(Answering, Uncertain, Protocol):
-    """What is timed, such as a `Predictor`."""
 
 
 @dataclass(frozen=True)
@@ -44,21 +40,20 @@ class CallTimes:
 @dataclass(frozen=True)
 class Speed:
     """
-    Times of a predictor.
+    Times of a model.
 
     Attributes
     ----------
     one_query : CallTimes
-        Torque, kinetic and potential energy: they come out of one evaluation, so that none of
-        them alone costs less.
+        Torque, kinetic and potential energy, which are computed together.
     parts : CallTimes
         The same, with the torque split into inertial, Coriolis, gravity and friction torques.
     deviation : CallTimes
         Standard deviations of torques and energies.
     factorise_s : float
-        What the first standard deviation takes beside [s].
+        Additional time of the first standard deviation [s].
     batch_per_second : float
-        Samples per second where many are asked at once, with parts.
+        Samples per second of one call with many samples, with parts.
     n_joints, n_samples : int
         Size of the model.
 
@@ -83,28 +78,23 @@ class Speed:
         return flat
 
 
-def measure(predictor: Timed, n_samples: int, progress: Progress = silent) -> Speed:
+def measure(model: DynamicsModel, n_samples: int, progress: Progress = silent) -> Speed:
     """
-    Time a predictor on states within the range of its training data.
+    Time a model on states within the range of its training data.
 
     Parameters
     ----------
-    predictor : Timed
-        Such as a `Predictor`.
+    model : DynamicsModel
     n_samples : int
         Training samples of the model, for the record.
     progress : Progress
 
-    Returns
-    -------
-    Speed
-
     """
-    low, high = predictor.training_range
+    low, high = model.training_range
     states = np.random.default_rng(SEED).uniform(low, high, (BATCH, *low.shape))
-    one_query = _times('one query', predictor.query, states, QUERIES, progress)
-    parts = _times('with parts', _one(predictor.predict), states, QUERIES, progress)
-    deviate = _one(predictor.standard_deviation)
+    one_query = _times('one query', model.query, states, QUERIES, progress)
+    parts = _times('with parts', _one(model.predict), states, QUERIES, progress)
+    deviate = _one(partial(model.predict, return_std=True))
     progress('factorisation', 0, 0)
     first = _seconds(deviate, *states[0])
     deviation = _times('standard deviations', deviate, states, DEVIATIONS, progress)
@@ -113,14 +103,14 @@ def measure(predictor: Timed, n_samples: int, progress: Progress = silent) -> Sp
         parts=parts,
         deviation=deviation,
         factorise_s=max(0.0, first - 1e-6 * deviation.median),
-        batch_per_second=_batch_rate(predictor, states, progress),
+        batch_per_second=_batch_rate(model, states, progress),
         n_joints=int(low.shape[1]),
         n_samples=n_samples,
     )
 
 
 def _one(call: Call) -> Call:
-    """Ask a call for many samples for one."""
+    """Return a call of many samples as a call of one."""
     return lambda q, dq, ddq: call(q[None], dq[None], ddq[None])
 
 
@@ -142,12 +132,12 @@ def _times(what: str, call: Call, states: Array, calls: int, progress: Progress)
     return CallTimes.of(1e6 * seconds)
 
 
-def _batch_rate(predictor: Answering, states: Array, progress: Progress) -> float:
+def _batch_rate(model: DynamicsModel, states: Array, progress: Progress) -> float:
     q, dq, ddq = (np.ascontiguousarray(states[:, order]) for order in range(3))
-    predictor.predict(q, dq, ddq)
+    model.predict(q, dq, ddq)
     begin, n_answered, elapsed = time.perf_counter(), 0, 0.0
     while elapsed < BATCH_SECONDS:
-        predictor.predict(q, dq, ddq)
+        model.predict(q, dq, ddq)
         n_answered += len(q)
         elapsed = time.perf_counter() - begin
         progress('batch', round(100 * min(1.0, elapsed / BATCH_SECONDS)), 100)

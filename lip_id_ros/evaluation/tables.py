@@ -2,23 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import math
+from typing import Literal
 
-from lip_id_ros.evaluation.evaluation import Evaluation
+from rich.console import Console
+import rich.table
+from rich.text import Text
+
+from lip_id_ros.escaping import printable
+from lip_id_ros.evaluation.metrics import Evaluation
 
 LEAST_PERCENT = 0.0001
+POSITION_UNITS = {'revolute': 'rad', 'prismatic': 'm'}
 TORQUE_UNITS = {'revolute': 'N m', 'prismatic': 'N'}
+WIDE = 1000  # more than any table needs
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of text: what it shows, the names of its columns, its rows."""
+    """A table of text: title, names of the columns, rows."""
 
     title: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+
+
+def show(table: Table, console: Console) -> None:
+    """
+    Print a table.
+
+    Parameters
+    ----------
+    table : Table
+    console : rich.console.Console
+        Plain text in lines as long as necessary where it is not a terminal.
+
+    """
+    drawn = rich.table.Table(title=_cell(table.title), title_justify='left', title_style='bold')
+    for number, name in enumerate(table.header):
+        justify: Literal['left', 'right'] = 'right' if number else 'left'
+        drawn.add_column(_cell(name), justify=justify, no_wrap=number == 0, overflow='fold')
+    for row in table.rows:
+        drawn.add_row(*(_cell(text) for text in row))
+    if console.is_terminal:
+        console.print(drawn)
+    else:
+        Console(file=console.file, width=WIDE, highlight=False).print(drawn)
+
+
+def show_lines(texts: Iterable[str], console: Console) -> None:
+    """Print texts, one per line, without any markup that they may contain."""
+    for text in texts:
+        console.print(_cell(text), soft_wrap=not console.is_terminal)
 
 
 def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
@@ -46,7 +83,7 @@ def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
 
 
 def notes(evaluation: Evaluation) -> list[str]:
-    """Say what the errors are measured against, and whether the inertia matrix makes sense."""
+    """Return the reference of the errors, and whether the inertia matrix is positive definite."""
     against = 'true torques of the simulation' if evaluation.against_truth else 'measured torques'
     texts = [
         f'{evaluation.n_samples} samples, compared with the {against}; '
@@ -62,10 +99,14 @@ def notes(evaluation: Evaluation) -> list[str]:
     ]
 
 
-def percent(value: float) -> str:
+def percent(value: float | None) -> str:
     """Return a percentage in four decimals or digits, or a dash where there is none."""
-    if math.isnan(value):
+    if value is None or math.isnan(value):
         return '-'
     if value < LEAST_PERCENT:
         return f'<{LEAST_PERCENT}'
     return f'{value:.4f}' if value < 10 else f'{value:.4g}'
+
+
+def _cell(text: str) -> Text:
+    return Text(printable(text))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.errors import ModelError
-from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.files import read_header, read_npz, write_npz
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -64,6 +64,7 @@ def read_checked(
             'fit again or copy the file anew.'
         ) from error
     _check(path, schema, version, arrays, header)
+    _check_contents(path, arrays, header)
     return arrays, header
 
 
@@ -78,7 +79,7 @@ def schema_of(path: str | os.PathLike[str]) -> str | None:
 
     """
     try:
-        return read_npz(path)[1].get('schema')
+        return read_header(path).get('schema')
     except ValueError:
         return None
 
@@ -120,6 +121,18 @@ def _check(
             f'{os.fspath(path)} is damaged: its contents do not match their hash; '
             'fit again or copy the file anew.'
         )
+
+
+def _check_contents(
+    path: str | os.PathLike[str], arrays: Arrays, header: Mapping[str, Any]
+) -> None:
+    # A hash can be computed anew for any contents.
+    for name, values in arrays.items():
+        if values.dtype.kind in 'fc' and not np.isfinite(values).all():
+            raise contradiction(path, ValueError(f'{name!r}, which is not finite'))
+    for name in ('summary', 'provenance'):
+        if not isinstance(header.get(name, {}), dict):
+            raise contradiction(path, TypeError(f'{name!r}, which is not a mapping'))
 
 
 def _digest(arrays: Arrays, header: Mapping[str, Any]) -> str:

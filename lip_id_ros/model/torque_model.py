@@ -119,6 +119,10 @@ class TorqueModel(Protocol):
     def has_potential(self) -> bool:
         """Whether the model predicts potential energy."""
 
+    @property
+    def size(self) -> int:
+        """Number of numbers that the model keeps in order to predict."""
+
     def predict(self, q: Array, dq: Array, ddq: Array) -> TorquePrediction:
         """Torques [N m or N], and energies [J] where the model has them, at N joint states."""
 

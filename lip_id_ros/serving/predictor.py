@@ -68,6 +68,12 @@ class Predictor:
         return self.model.has_potential
 
     @property
+    def size(self) -> int:
+        """Number of numbers that the model keeps in order to predict."""
+        states = self.model.states
+        return states.q.size + states.dq.size + states.ddq.size + self.model.alpha.size
+
+    @property
     def noise_std(self) -> Array:
         """Standard deviation of the measured torques' noise, shape (n,) [N m or N]."""
         return self.model.noise_std

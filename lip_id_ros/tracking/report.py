@@ -6,8 +6,7 @@ import os
 from pathlib import Path
 
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.folder import picture, write_folder
-from lip_id_ros.evaluation.report.page import page, Picture
+from lip_id_ros.evaluation.report.page import page, Picture, picture, write_folder
 from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.tracking import plots
 from lip_id_ros.tracking.experiment import Experiment, LEARNED, Trial

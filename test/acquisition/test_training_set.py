@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lip_id_ros.acquisition.findings import Findings
 from lip_id_ros.acquisition.recording_file import keep
 from lip_id_ros.acquisition.training_set import training_set
 from lip_id_ros.errors import DataError
+from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.progress import silent
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
@@ -77,13 +77,13 @@ def test_what_is_used_is_shown_raw_and_judged(tmp_path: Path) -> None:
     stuck = samples(500)
     stuck.effort[:, 1] = 0.0
     bag = keep(tmp_path / 'b.mcap', samples(500, 2000.0), '/states')
-    findings = Findings(RECORDING)
+    findings = RecordingHealth(RECORDING)
     training_set([samples(1), stuck], [str(bag)], CONFIG, silent, findings)
     assert any(
-        text.startswith('error effort_constant: the effort of b') for text in findings.sentences
+        text.startswith('error effort_constant: the effort of b') for text in findings.lines
     )
     assert not any(
-        text.startswith('error effort_constant: the effort of a') for text in findings.sentences
+        text.startswith('error effort_constant: the effort of a') for text in findings.lines
     )
 
 

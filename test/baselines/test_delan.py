@@ -16,8 +16,7 @@ import torch
 
 pytest.importorskip('pinocchio')
 
-from lip_id_ros.baselines.delan import Delan
-from lip_id_ros.baselines.delan_network import DelanNetwork
+from lip_id_ros.baselines.delan import Delan, DelanNetwork
 
 
 def network() -> DelanNetwork:

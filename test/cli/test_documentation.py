@@ -16,7 +16,7 @@ from lip_id_ros.comparison import Cell, Score
 from lip_id_ros.comparison.run import Results
 from lip_id_ros.comparison.summary import to_json
 from lip_id_ros.evaluation import evaluate, run
-from lip_id_ros.evaluation.prediction_file import estimates, write_prediction_npz
+from lip_id_ros.evaluation.prediction_file import predicted_values, write_prediction_npz
 from lip_id_ros.evaluation.speed import CallTimes, Speed
 from lip_id_ros.files import read_npz
 from lip_id_ros.tracking import Figures, INFORMED, LEARNED, NOMINAL
@@ -92,7 +92,7 @@ def test_arrays_of_a_data_set(tmp_path: Path) -> None:
 
 
 def test_arrays_of_a_prediction(tmp_path: Path) -> None:
-    found = estimates(Knowing(), run(Knowing(), swing(1)))
+    found = predicted_values(Knowing(), run(Knowing(), swing(1)))
     write_prediction_npz(tmp_path / 'out.npz', swing(1), found)
     arrays, _ = read_npz(tmp_path / 'out.npz')
     text = section('Prediction (`.npz` or `.mcap`)')

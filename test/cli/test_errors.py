@@ -268,7 +268,7 @@ def test_interruption_is_quiet(
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr('lip_id_ros.cli.models.run', interrupt)
+    monkeypatch.setattr('lip_id_ros.evaluation.run', interrupt)
     status = main(['predict', str(workshop.model), str(workshop.bag), '-o', 'out.npz'])
 
     assert status == 130

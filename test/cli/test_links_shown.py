@@ -27,9 +27,9 @@ def test_a_fit_tells_the_length_of_a_link(tmp_path: Path, capsys: Capture) -> No
     run('fit', tmp_path / 'arm.npz', '-o', tmp_path / 'model.npz')
     output = ' '.join(capsys.readouterr().out.split())
     assert 'articulated kernel' in output
-    assert 'each axis to the one before it, found in the data' in output
+    assert 'each axis to the previous one, found in the data' in output
     assert re.search(r' 0\.50[01] m', output)
-    assert 'Rigid links and friction explain the torques as well as more would.' in output
+    assert 'a Gaussian process would not improve it' in output
 
     run('inspect', tmp_path / 'model.npz')
     output = ' '.join(capsys.readouterr().out.split())

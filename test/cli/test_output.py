@@ -11,11 +11,11 @@ from cli.conftest import Workshop
 import pytest
 from rich.console import Console
 
-from lip_id_ros.cli import outline, output, progress_display
+from lip_id_ros.cli import output, show
 from lip_id_ros.cli.main import one_line
 from lip_id_ros.errors import DataError
-from lip_id_ros.evaluation.cautions import of_fit
-from lip_id_ros.evaluation.health_text import notable
+from lip_id_ros.evaluation import fit_cautions
+from lip_id_ros.evaluation.recording_health import serious_lines
 from lip_id_ros.model import TrainedModel
 
 Capture = pytest.CaptureFixture[str]
@@ -37,25 +37,25 @@ def test_no_json_is_asked_for(capsys: Capture) -> None:
     assert capsys.readouterr().out == ''
 
 
-def test_quick_work_says_nothing_and_slow_work_now_and_then() -> None:
-    times = iter([0.0, 1.0, 11.0, 12.0, 22.5])
+def test_every_stage_has_a_line_and_slow_ones_a_line_now_and_then() -> None:
+    times = iter([0.0, 1.0, 2.0, 11.5, 11.6, 30.0, 31.0])
     stream = io.StringIO()
-    lines = progress_display.Lines(stream, clock=lambda: next(times))
+    lines = output.Lines(stream, clock=lambda: next(times))
 
     lines('fit', 1, 10)
     lines('fit', 2, 10)
     lines('fit', 3, 10)
     lines('reading', 0, 0)
+    lines('reading', 0, 0)
+    lines('fit', 3, 10)
 
-    assert stream.getvalue() == 'fit: 2 of 10\nreading\n'
+    assert stream.getvalue() == 'fit\nfit: 3 of 10\nreading\n'
 
 
 def test_bars_are_shown_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = io.StringIO()
-    monkeypatch.setattr(
-        progress_display, 'Console', lambda stderr: Console(file=shown, force_terminal=True)
-    )
-    with progress_display.progress_display() as progress:
+    monkeypatch.setattr(output, 'Console', lambda stderr: Console(file=shown, force_terminal=True))
+    with output.progress_display() as progress:
         progress('reading', 0, 0)
         progress('hyperparameters', 3, 60)
 
@@ -82,7 +82,7 @@ def test_outline_of_a_nested_description(capsys: Capture) -> None:
         'ranges': {'x': {'position': [-1.0, 2.5], 'velocity': None}},
     }
 
-    outline.described(description, Console(width=80))
+    show.described(description, Console(width=80))
 
     lines = capsys.readouterr().out.splitlines()
     assert lines[:12] == [
@@ -110,17 +110,17 @@ def test_findings_of_one_kind_share_a_line(capsys: Capture) -> None:
     ]
     health = {'findings': findings, 'joints': joints}
 
-    outline.described({'health': health}, Console(width=80))
-    outline.described({'health': {**health, 'findings': findings[:2]}}, Console(width=80))
-    outline.described({'health': {**health, 'findings': []}}, Console(width=80))
+    show.described({'health': health}, Console(width=80))
+    show.described({'health': {**health, 'findings': findings[:2]}}, Console(width=80))
+    show.described({'health': {**health, 'findings': []}}, Console(width=80))
 
     lines = capsys.readouterr().out.splitlines()
-    said = [line for line in lines if 'slow' in line or 'nothing' in line]
+    said = [line for line in lines if 'slow' in line or 'no findings' in line]
     assert said == [
         'warning slow: a is slow; hurry. Likewise b, c.',
         'warning slow: a is slow; hurry.',
         'warning slow: b is slow; hurry.',
-        'nothing suspicious was found',
+        'no findings',
     ]
 
 
@@ -131,7 +131,7 @@ def test_a_fit_tells_notes_by_their_number() -> None:
             {'code': 'stale', 'severity': 'note', 'joint': '', 'text': 'stale; leave it.'},
         ]
     }
-    assert notable([health, health]) == [
+    assert serious_lines(2 * health['findings']) == [
         'warning slow: a is slow; hurry.',
         'warning slow: a is slow; hurry.',
         'Notes not shown here: 2; see them with lip_id inspect.',
@@ -142,8 +142,12 @@ def test_hyperparameters_at_a_bound_are_a_caution(workshop: Workshop) -> None:
     model = TrainedModel.load(workshop.model)
     free = replace(model, summary={**model.summary, 'at_bounds': []})
     stuck = replace(model, summary={**model.summary, 'at_bounds': ['noise_variance[0]']})
-    assert not any('ran to a bound' in text for text in of_fit(free.summary))
-    (found,) = (text for text in of_fit(stuck.summary) if 'ran to a bound' in text)
+    assert not any(
+        'ran to a bound' in text for text in fit_cautions(model.joint_names, free.summary)
+    )
+    (found,) = (
+        text for text in fit_cautions(model.joint_names, stuck.summary) if 'ran to a bound' in text
+    )
     assert '1 hyperparameters ran to a bound (noise_variance[0])' in found
 
 
@@ -151,6 +155,6 @@ def test_an_indefinite_inertia_is_a_caution(workshop: Workshop) -> None:
     model = TrainedModel.load(workshop.model)
     good = replace(model, summary={**model.summary, 'inertia_not_pd_percent': 0.0})
     bad = replace(model, summary={**model.summary, 'inertia_not_pd_percent': 12.5})
-    assert not any('inertia' in text for text in of_fit(good.summary))
-    (found,) = (text for text in of_fit(bad.summary) if 'inertia' in text)
+    assert not any('inertia' in text for text in fit_cautions(model.joint_names, good.summary))
+    (found,) = (text for text in fit_cautions(model.joint_names, bad.summary) if 'inertia' in text)
     assert 'is not positive definite at 12.5 % of the training samples' in found

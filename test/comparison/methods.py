@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines import Answer, Estimator
+from lip_id_ros.baselines import Baseline
+from lip_id_ros.baselines.interface import State
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
+from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
 
@@ -19,23 +21,29 @@ class Scaled:
         self.factor = factor
         self.fits = 0
 
-    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Estimator:
+    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Baseline:
         self.fits += 1
         progress('a stage', 1, 1)
-        return Multiple(self.factor)
+        return Multiple(dataset, self.factor)
 
 
-class Multiple:
-    def __init__(self, factor: float) -> None:
-        self.size = 1
+class Multiple(Baseline):
+    size = 1
+
+    def __init__(self, dataset: Dataset, factor: float) -> None:
+        super().__init__(dataset.joint_names, dataset.joint_types)
         self._factor = factor
 
-    def predict(self, q: Array, dq: Array, ddq: Array) -> Answer:
-        return Answer(self._factor * q, self._factor * np.square(dq).sum(axis=1))
+    def predict(self, q: Array, dq: Array, ddq: Array) -> TorquePrediction:
+        kinetic = self._factor * np.square(dq).sum(axis=1)
+        return TorquePrediction(self._factor * q, kinetic, None)
+
+    def state(self) -> State:
+        return {'factor': self._factor}
 
 
 class Refusing:
     """Never has enough data."""
 
-    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Estimator:
+    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Baseline:
         raise DataError('more is needed.')

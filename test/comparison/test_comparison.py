@@ -14,10 +14,9 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.baselines import Method
-from lip_id_ros.comparison import Case, Cell, compare, plots, Store, summary, thinned
-from lip_id_ros.comparison.code_version import code_version, source_digest
+from lip_id_ros.comparison import Case, Cell, compare, report, Results, Store, summary, thinned
+from lip_id_ros.comparison.cell import code_version, source_digest
 from lip_id_ros.comparison.report import write_comparison
-from lip_id_ros.comparison.run import Results
 from lip_id_ros.comparison.summary import remarks, tables
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
@@ -187,7 +186,7 @@ def test_one_unseen_motion_is_drawn_as_points_and_several_as_boxes(tmp_path: Pat
     drawn = []
     for each in (one, case()):
         cells = run(tmp_path, methods, [each]).cells
-        panel = plots.boxes(summary.groups(cells)['pendulums']).axes[0]
+        panel = report.boxes(summary.groups(cells)['pendulums']).axes[0]
         drawn.append((len(panel.patches), len(panel.get_lines())))
         assert [tick.get_text() for tick in panel.get_xticklabels()] == ['half', 'good']
     (no_boxes, points), (boxes, lines) = drawn

@@ -40,7 +40,10 @@ START_NS = 1_700_000_000_000_000_000
 
 
 class Silent:
-    """A predictor that knows nothing: what is judged must come from the bag."""
+    """A model that predicts zeros: the evaluated values must come from the bag."""
+
+    joint_names, joint_types = panda().joint_names, panda().joint_types
+    n_joints, size, has_potential = 7, 0, True
 
     def predict(self, q: Any, dq: Any, ddq: Any) -> Prediction:
         zero, still = np.zeros_like(q), np.zeros(len(q))

@@ -1,22 +1,26 @@
-"""An estimator that knows the truth, but for errors that a test can compute by hand."""
+"""A model that has the truth, but for errors that a test can compute by hand."""
 
 from __future__ import annotations
 
 import numpy as np
-from simulation.pendulums import INERTIA, Pendulums, WEIGHT
+from simulation.pendulums import INERTIA, Pendulums, swing, WEIGHT
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.model import Prediction, StandardDeviation
+from lip_id_ros.model import Prediction, Query, StandardDeviation
 
 
 class Knowing:
     """
-    The pendulums' own formulas.
+    The pendulums' own formulas, a `lip_id_ros.model.DynamicsModel`.
 
     `torque_error` is added to the torques, `energy_error` to the kinetic energy, `offset` to the
     potential energy (None: it has none), `inertia` takes the place of the true one.
 
     """
+
+    joint_names, joint_types = swing(0).joint_names, swing(0).joint_types
+    n_joints = size = 3
+    training_range = (-np.ones((3, 3)), np.array([[1.0] * 3, [2.0] * 3, [3.0] * 3]))
 
     def __init__(
         self,
@@ -29,9 +33,11 @@ class Knowing:
         self.energy_error = energy_error
         self.offset = offset
         self.inertia = inertia
+        self.has_potential = offset is not None
+        self.noise_std = np.full(3, 0.4)
         self.calls: list[int] = []
 
-    def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
+    def predict(self, q: Array, dq: Array, ddq: Array, *, return_std: bool = False) -> Prediction:
         self.calls.append(len(q))
         arm = Pendulums()
         inertial, gravity = INERTIA * ddq, WEIGHT * np.sin(q)
@@ -44,13 +50,18 @@ class Knowing:
             friction=friction,
             kinetic=arm.kinetic(q, dq) + self.energy_error,
             potential=None if self.offset is None else arm.potential(q) + self.offset,
+            std=self._standard_deviation(q) if return_std else None,
         )
+
+    def query(self, q: Array, dq: Array, ddq: Array) -> Query:
+        found = self.predict(q[None], dq[None], ddq[None])
+        potential = np.nan if found.potential is None else float(found.potential[0])
+        return Query(found.tau[0], float(found.kinetic[0]), potential, found.gravity[0])
 
     def inertia_matrix(self, q: Array) -> Array:
         return np.tile(np.diag(self.inertia), (len(q), 1, 1))
 
-    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> StandardDeviation:
-        self.calls.append(len(q))
+    def _standard_deviation(self, q: Array) -> StandardDeviation:
         energy = 0.1 * np.ones(len(q))
         return StandardDeviation(
             tau=0.3 * np.ones_like(q),

@@ -9,7 +9,7 @@ from evaluation.models import small_model, training
 import numpy as np
 import pytest
 
-from lip_id_ros.evaluation import evaluate, with_inertia_check
+from lip_id_ros.evaluation import evaluate, with_checks
 from lip_id_ros.model import TrainedModel
 from lip_id_ros.serving import Predictor
 
@@ -18,7 +18,7 @@ from lip_id_ros.serving import Predictor
 def test_the_summary_has_what_an_evaluation_finds(sign: float, tmp_path: Path) -> None:
     """Weights of the other sign turn the inertia around: positive definite nowhere."""
     model = replace(small_model(), alpha=sign * small_model().alpha)
-    with_inertia_check(model).save(tmp_path / 'model.npz')
+    with_checks(model).save(tmp_path / 'model.npz')
     summary = TrainedModel.load(tmp_path / 'model.npz').summary
     own = [np.flatnonzero((training().q == q).all(axis=1))[0] for q in model.states.q]
     expected = evaluate(Predictor(model), training().select(np.array(own)))

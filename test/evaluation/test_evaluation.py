@@ -13,7 +13,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.errors import DataError, ModelError
 from lip_id_ros.evaluation import evaluate, matched, run
-from lip_id_ros.evaluation.outcome import deviation
+from lip_id_ros.evaluation.outcome import standard_deviation
 from lip_id_ros.evaluation.tables import error_table, notes, percent
 
 KEYS = {
@@ -119,12 +119,12 @@ def test_work_is_done_in_blocks_and_reported() -> None:
 
 def test_deviations_are_joined_too() -> None:
     data = swing(1).select(range(120))
-    std = deviation(Knowing(), data)
+    std = standard_deviation(Knowing(), data)
 
     assert std.tau.shape == (120, 3)
     assert std.potential is not None
     assert std.potential.shape == (120,)
-    assert deviation(Knowing(offset=None), data).potential is None
+    assert standard_deviation(Knowing(offset=None), data).potential is None
 
 
 def test_joints_are_matched_by_name() -> None:

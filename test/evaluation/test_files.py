@@ -16,7 +16,7 @@ from simulation.pendulums import swing
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation import run
 from lip_id_ros.evaluation.prediction_file import (
-    estimates,
+    predicted_values,
     write_prediction_mcap,
     write_prediction_npz,
     writer_for,
@@ -74,7 +74,7 @@ def test_a_failure_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.Mon
 def test_npz_holds_everything_predicted(tmp_path: Path) -> None:
     data, estimator, path = swing(1), Knowing(torque_error=0.1), tmp_path / 'out.npz'
 
-    write_prediction_npz(path, data, estimates(estimator, run(estimator, data)))
+    write_prediction_npz(path, data, predicted_values(estimator, run(estimator, data)))
 
     arrays, header = read_npz(path)
     expected = estimator.predict(data.q, data.dq, data.ddq)
@@ -93,7 +93,7 @@ def test_npz_without_potential_energy(tmp_path: Path) -> None:
     estimator = Knowing(offset=None)
 
     write_prediction_npz(
-        tmp_path / 'out.npz', swing(1), estimates(estimator, run(estimator, swing(1)))
+        tmp_path / 'out.npz', swing(1), predicted_values(estimator, run(estimator, swing(1)))
     )
 
     arrays, _ = read_npz(tmp_path / 'out.npz')
@@ -103,7 +103,9 @@ def test_npz_without_potential_energy(tmp_path: Path) -> None:
 def test_mcap_shows_measured_beside_predicted(tmp_path: Path) -> None:
     data, estimator = swing(1), Knowing(torque_error=0.1)
 
-    write_prediction_mcap(tmp_path / 'out.mcap', data, estimates(estimator, run(estimator, data)))
+    write_prediction_mcap(
+        tmp_path / 'out.mcap', data, predicted_values(estimator, run(estimator, data))
+    )
 
     found = messages(tmp_path / 'out.mcap')
     measured = [message for topic, message in found if topic == '/measured']
@@ -121,11 +123,14 @@ def test_mcap_shows_measured_beside_predicted(tmp_path: Path) -> None:
 def test_mcap_has_energies_and_standard_deviations(tmp_path: Path) -> None:
     data, estimator = swing(1), Knowing(torque_error=0.1)
 
-    write_prediction_mcap(tmp_path / 'out.mcap', data, estimates(estimator, run(estimator, data)))
+    write_prediction_mcap(
+        tmp_path / 'out.mcap', data, predicted_values(estimator, run(estimator, data))
+    )
 
     found = messages(tmp_path / 'out.mcap')
     expected = estimator.predict(data.q, data.dq, data.ddq)
-    std = estimator.standard_deviation(data.q, data.dq, data.ddq)
+    std = estimator.predict(data.q, data.dq, data.ddq, return_std=True).std
+    assert std is not None
     numbers = {
         '/kinetic_energy': expected.kinetic,
         '/kinetic_energy_std': std.kinetic,
@@ -147,7 +152,7 @@ def test_mcap_without_potential_energy(tmp_path: Path) -> None:
     estimator = Knowing(offset=None)
 
     write_prediction_mcap(
-        tmp_path / 'out.mcap', swing(1), estimates(estimator, run(estimator, swing(1)))
+        tmp_path / 'out.mcap', swing(1), predicted_values(estimator, run(estimator, swing(1)))
     )
 
     topics = {topic for topic, _ in messages(tmp_path / 'out.mcap')}
@@ -157,7 +162,7 @@ def test_mcap_without_potential_energy(tmp_path: Path) -> None:
 
 def test_mcap_says_what_plotting_tools_need(tmp_path: Path) -> None:
     """PlotJuggler and Foxglove decode by profile, schema and encoding, without ROS."""
-    found = estimates(Knowing(), run(Knowing(), swing(1)))
+    found = predicted_values(Knowing(), run(Knowing(), swing(1)))
     write_prediction_mcap(tmp_path / 'out.mcap', swing(1), found)
 
     with (tmp_path / 'out.mcap').open('rb') as file:

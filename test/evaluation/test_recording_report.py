@@ -9,22 +9,21 @@ from health.recordings import column, sound
 import numpy as np
 import pytest
 
-from lip_id_ros.evaluation.report import recording_plots
-from lip_id_ros.evaluation.report.recording_report import write_recording_report
+from lip_id_ros.evaluation.report.recording_report import coverage, signals, write_recording_report
 from lip_id_ros.health import evidence_of, health
 from lip_id_ros.recording import JointSamples
 
 
 def test_pictures_show_every_joint_as_it_was_recorded() -> None:
     samples = sound()
-    figure = recording_plots.signals(evidence_of(samples))
+    figure = signals(evidence_of(samples))
     assert len(figure.axes) == 3 * 7
     for number, panel in enumerate(figure.axes):
-        joint, signal = divmod(number, 3)
-        values = (samples.position, samples.velocity, samples.effort)[signal][:, joint]
+        joint, column_ = divmod(number, 3)
+        values = (samples.position, samples.velocity, samples.effort)[column_][:, joint]
         (line,) = panel.get_lines()
         assert set(np.asarray(line.get_ydata())) <= set(values)
-    covered = recording_plots.coverage(evidence_of(samples))
+    covered = coverage(evidence_of(samples))
     assert [panel.get_title(loc='left') for panel in covered.axes if panel.get_visible()] == list(
         samples.joint_names
     )
@@ -32,7 +31,7 @@ def test_pictures_show_every_joint_as_it_was_recorded() -> None:
 
 def test_what_was_not_recorded_is_said_in_the_picture() -> None:
     samples = column(sound(), 'effort', 0, np.nan)
-    panel = recording_plots.signals(evidence_of(samples)).axes[2]
+    panel = signals(evidence_of(samples)).axes[2]
     assert [text.get_text() for text in panel.texts] == ['not recorded']
 
 

@@ -15,25 +15,18 @@ from simulation.pendulums import swing
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import Outcome, run, score
-from lip_id_ros.evaluation.report import (
-    Band,
-    band,
-    energy_plots,
-    error_plot,
-    Labels,
-    torque_plots,
-    write_report,
-)
+from lip_id_ros.evaluation.report import Band, band, Labels, plots, write_report
 from lip_id_ros.evaluation.report.style import broken_at, MOST_POINTS, shown_rows
 
 PICTURES = ('torque', 'errors', 'residual', 'energies', 'torque_split')
 PNG = b'\x89PNG\r\n\x1a\n'
-NOISE = np.array([0.4, 0.4, 0.4])
 
 
 def assessed(data: Dataset, estimator: Knowing) -> tuple[Outcome, Band]:
     outcome = run(estimator, data)
-    return outcome, band(estimator, outcome, NOISE)
+    uncertainty = band(estimator, outcome)
+    assert uncertainty is not None
+    return outcome, uncertainty
 
 
 class Links(HTMLParser):
@@ -85,17 +78,17 @@ def test_an_older_report_is_replaced(tmp_path: Path) -> None:
 def test_every_axis_has_a_unit() -> None:
     data = replace(swing(1), joint_types=('revolute', 'prismatic', 'revolute'))
     outcome, uncertainty = assessed(data, Knowing())
-    figure = torque_plots.torque(outcome, score(outcome), uncertainty)
+    figure = plots.torque(outcome, score(outcome), uncertainty)
 
     assert texts(figure) == {'shoulder', 'elbow', 'wrist', 'torque [N m]', 'torque [N]'}
-    energies = energy_plots.energies(outcome, score(outcome), uncertainty)
+    energies = plots.energies(outcome, score(outcome), uncertainty)
     assert texts(energies) == {'kinetic energy', 'potential energy', 'energy [J]'}
 
 
 def test_curves_are_the_samples() -> None:
     data = swing(1)
     outcome, uncertainty = assessed(data, Knowing(torque_error=0.1))
-    panel = torque_plots.torque(outcome, score(outcome), uncertainty).axes[0]
+    panel = plots.torque(outcome, score(outcome), uncertainty).axes[0]
     curves = {line.get_label(): line for line in panel.get_lines()}
 
     np.testing.assert_array_equal(curves['measured'].get_ydata(), data.tau[:, 0])
@@ -106,18 +99,18 @@ def test_curves_are_the_samples() -> None:
 def test_true_potential_energy_is_moved_onto_the_estimate() -> None:
     data = swing(1)
     outcome, uncertainty = assessed(data, Knowing(offset=30.0))
-    panel = energy_plots.energies(outcome, score(outcome), uncertainty).axes[1]
+    panel = plots.energies(outcome, score(outcome), uncertainty).axes[1]
     curves = {line.get_label(): line for line in panel.get_lines()}
 
     np.testing.assert_allclose(
-        np.asarray(curves['true'].get_ydata()), np.asarray(curves['estimated'].get_ydata())
+        np.asarray(curves['true'].get_ydata()), np.asarray(curves['predicted'].get_ydata())
     )
 
 
 def test_without_truth_or_potential_energy_there_is_one_panel() -> None:
     data = replace(swing(1), kinetic=None, potential=None)
     outcome, uncertainty = assessed(data, Knowing(offset=None))
-    figure = energy_plots.energies(outcome, score(outcome), uncertainty)
+    figure = plots.energies(outcome, score(outcome), uncertainty)
 
     assert texts(figure) == {'kinetic energy', 'energy [J]'}
     assert 'true' not in {line.get_label() for line in figure.axes[0].get_lines()}
@@ -126,7 +119,7 @@ def test_without_truth_or_potential_energy_there_is_one_panel() -> None:
 def test_bars_are_the_errors() -> None:
     outcome, _ = assessed(swing(1), Knowing(torque_error=0.1, energy_error=0.2))
     evaluation = score(outcome)
-    panel = error_plot.errors(evaluation).axes[0]
+    panel = plots.errors(evaluation).axes[0]
     widths = [patch.get_width() for patch in panel.patches]  # type: ignore[attr-defined]
 
     assert widths[:3] == pytest.approx(list(evaluation.nmse_percent))

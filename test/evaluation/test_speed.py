@@ -11,7 +11,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation import speed
-from lip_id_ros.model import Prediction, Query, StandardDeviation
+from lip_id_ros.model import Prediction, Query
 
 
 class Clock:
@@ -30,8 +30,6 @@ class Clock:
 class Sleeper(Knowing):
     """Takes a known time for a query and for a batch."""
 
-    training_range = (-np.ones((3, 3)), np.array([[1.0] * 3, [2.0] * 3, [3.0] * 3]))
-
     def __init__(self, clock: Clock) -> None:
         super().__init__()
         self.wait = clock.wait
@@ -43,14 +41,13 @@ class Sleeper(Knowing):
         self.wait(0.002 if len(self.queries) % 10 else 0.003)
         return Query(q, 0.0, 0.0, q)
 
-    def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
-        self.wait(0.02)
-        return super().predict(q, dq, ddq)
-
-    def standard_deviation(self, q: Array, dq: Array, ddq: Array) -> StandardDeviation:
-        self.factorised, wait = True, 0.005 if self.factorised else 0.105
+    def predict(self, q: Array, dq: Array, ddq: Array, *, return_std: bool = False) -> Prediction:
+        if return_std:
+            self.factorised, wait = True, 0.005 if self.factorised else 0.105
+        else:
+            wait = 0.02
         self.wait(wait)
-        return super().standard_deviation(q, dq, ddq)
+        return super().predict(q, dq, ddq, return_std=return_std)
 
 
 def test_times_and_counts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""A model that is judged on its own training data is found out."""
+"""A model that is evaluated on its own training data is recognised."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from evaluation.models import small_model, training
 from simulation.pendulums import swing
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation.training_data import warnings
+from lip_id_ros.evaluation.cautions import training_data_warnings as warnings
 
-RECORDING = {'source': 'a', 'topic': '/joint_states', 'start_s': 12.5, 'samples': 900}
+RECORDING = {'source': 'a', 'topic': '/joint_states', 'content': '0123', 'samples': 900}
 
 
 def from_recording(data: Dataset, **changes: Any) -> Dataset:
@@ -43,7 +43,7 @@ def test_other_samples_of_the_same_recording_are_told_apart() -> None:
     (warning,) = warnings(model, moved)
 
     assert 'on samples of the same recording' in warning
-    assert warnings(model, from_recording(swing(2), start_s=99.0)) == []
+    assert warnings(model, from_recording(swing(2), content='4567')) == []
 
 
 def test_provenance_that_says_nothing_is_no_reason_to_warn() -> None:

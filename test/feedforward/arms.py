@@ -36,6 +36,10 @@ class Sum:
         return ('revolute',) * self.n_joints
 
     @property
+    def size(self) -> int:
+        return 1
+
+    @property
     def has_potential(self) -> bool:
         return False
 

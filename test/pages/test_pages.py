@@ -14,7 +14,6 @@ from comparison.methods import Scaled
 from evaluation.stubs import Knowing
 from health.recordings import sound
 from matplotlib.image import imread
-import numpy as np
 import pytest
 from simulation.pendulums import swing
 from waiting import run_to_end
@@ -57,7 +56,7 @@ def seen(page: Path) -> dict[str, Any] | None:
 def evaluation(folder: Path) -> Path:
     estimator = Knowing(torque_error=0.1)
     outcome = run(estimator, swing(1))
-    uncertainty = band(estimator, outcome, np.full(3, 0.4))
+    uncertainty = band(estimator, outcome)
     return write_report(folder, outcome, score(outcome), uncertainty, LABELS)
 
 

@@ -1,6 +1,6 @@
 """Plots and one self-contained web page."""
 
-from lip_id_ros.evaluation.report.band import Band, band
-from lip_id_ros.evaluation.report.writing import Labels, write_report
+from lip_id_ros.evaluation.report.evaluation_report import Labels, write_report
+from lip_id_ros.evaluation.report.plots import Band, band
 
 __all__ = ['Band', 'Labels', 'band', 'write_report']

@@ -1,13 +1,27 @@
-"""One HTML page that needs no network and no other file."""
+"""One self-contained HTML page, and the folder of the page and its pictures."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from html import escape
+import io
+import os
+from pathlib import Path
 
+from matplotlib.figure import Figure
+
+from lip_id_ros.escaping import for_page
+from lip_id_ros.evaluation.report.style import styled
 from lip_id_ros.evaluation.tables import Table
+from lip_id_ros.files import write_whole
+from lip_id_ros.progress import Progress
+
+INDEX = 'index.html'
+MAKER = '<meta name="generator" content="lip_id_ros">'
+
+Drawing = tuple[str, str, str, Callable[[], Figure]]
+"""Name, title, caption, and the function that draws the figure."""
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1f2933; background: #f5f7fa; margin: 0; }
@@ -29,7 +43,7 @@ figure img { width: 100%; height: auto; display: block; }
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG image of the page, its heading and what there is to see."""
+    """A PNG image of the page, its heading and its caption."""
 
     name: str
     title: str
@@ -46,7 +60,7 @@ def page(
     facts: Table,
 ) -> str:
     """
-    Write the page.
+    Return the page as HTML.
 
     Parameters
     ----------
@@ -60,26 +74,21 @@ def page(
     pictures : iterable of Picture
         Embedded in the page.
     facts : Table
-        Where model and data come from; its header is not shown.
-
-    Returns
-    -------
-    str
-        HTML.
+        Origin of model and data; its header is not shown.
 
     """
     body = [
-        f'<h1>{escape(title)}</h1>',
-        *(f'<p class="warning">{escape(warning)}</p>' for warning in warnings),
+        f'<h1>{for_page(title)}</h1>',
+        *(f'<p class="warning">{for_page(warning)}</p>' for warning in warnings),
         *(_table(table) for table in tables),
-        *(f'<p>{escape(note)}</p>' for note in notes),
+        *(f'<p>{for_page(note)}</p>' for note in notes),
         *(_figure(picture) for picture in pictures),
         _facts(facts),
     ]
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n'
+        f'{MAKER}\n<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<title>{for_page(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n'
         + '\n'.join(body)
         + '\n</main>\n</body>\n</html>\n'
     )
@@ -87,14 +96,14 @@ def page(
 
 def _table(table: Table) -> str:
     return (
-        f'<h2>{escape(table.title)}</h2>\n<div class="scroll"><table>\n'
+        f'<h2>{for_page(table.title)}</h2>\n<div class="scroll"><table>\n'
         f'{_row("th", table.header)}\n' + _rows(table) + '\n</table></div>'
     )
 
 
 def _facts(table: Table) -> str:
     return (
-        f'<h2>{escape(table.title)}</h2>\n<div class="scroll"><table class="facts">\n'
+        f'<h2>{for_page(table.title)}</h2>\n<div class="scroll"><table class="facts">\n'
         + _rows(table)
         + '\n</table></div>'
     )
@@ -105,8 +114,8 @@ def _rows(table: Table) -> str:
 
 
 def _row(tag: str, cells: Iterable[str]) -> str:
-    texts = (escape(cell) for cell in cells)
-    if tag == 'th':  # long names of joints may break
+    texts = (for_page(cell) for cell in cells)
+    if tag == 'th':  # long joint names may break
         texts = (text.replace('_', '_<wbr>') for text in texts)
     return '<tr>' + ''.join(f'<{tag}>{text}</{tag}>' for text in texts) + '</tr>'
 
@@ -114,7 +123,56 @@ def _row(tag: str, cells: Iterable[str]) -> str:
 def _figure(picture: Picture) -> str:
     image = base64.b64encode(picture.png).decode('ascii')
     return (
-        f'<h2>{escape(picture.title)}</h2>\n<p>{escape(picture.caption)}</p>\n'
-        f'<figure><img alt="{escape(picture.title)}" '
+        f'<h2>{for_page(picture.title)}</h2>\n<p>{for_page(picture.caption)}</p>\n'
+        f'<figure><img alt="{for_page(picture.title)}" '
         f'src="data:image/png;base64,{image}"></figure>'
     )
+
+
+def picture(name: str, title: str, caption: str, figure: Figure) -> Picture:
+    """Turn a figure into a picture of a page."""
+    file = io.BytesIO()
+    figure.savefig(file, format='png')
+    return Picture(name, title, caption, file.getvalue())
+
+
+def drawn(drawings: Iterable[Drawing], progress: Progress) -> list[Picture]:
+    """Draw one after another in the style of the reports."""
+    todo = list(drawings)
+    pictures = []
+    with styled():
+        for number, (name, title, caption, draw) in enumerate(todo, start=1):
+            pictures.append(picture(name, title, caption, draw()))
+            progress('plot', number, len(todo))
+    return pictures
+
+
+def write_folder(folder: str | os.PathLike[str], text: str, pictures: Iterable[Picture]) -> Path:
+    """
+    Write NAME.png for each picture, and index.html.
+
+    Parameters
+    ----------
+    folder : path
+        Created where it does not exist; files of an older report are replaced.
+    text : str
+        The page.
+    pictures : iterable of Picture
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+
+    """
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    for each in pictures:
+        write_whole(target / f'{each.name}.png', each.png)
+    write_whole(target / INDEX, text.encode())
+    return target / INDEX

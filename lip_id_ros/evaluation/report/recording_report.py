@@ -1,4 +1,4 @@
-"""A folder with the plots of a recording and one page that holds them and the findings."""
+"""Plots of a recording as it was read, and the page that shows them with the findings."""
 
 from __future__ import annotations
 
@@ -7,20 +7,28 @@ import os
 from pathlib import Path
 from typing import Any
 
-from lip_id_ros.evaluation.health_text import health_table, lines
-from lip_id_ros.evaluation.report import recording_plots, style
-from lip_id_ros.evaluation.report.folder import picture, write_folder
-from lip_id_ros.evaluation.report.page import page, Picture
-from lip_id_ros.evaluation.tables import Table
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.escaping import for_plot
+from lip_id_ros.evaluation.recording_health import finding_lines, health_table
+from lip_id_ros.evaluation.report import style
+from lip_id_ros.evaluation.report.page import page, Picture, picture, write_folder
+from lip_id_ros.evaluation.tables import POSITION_UNITS, Table, TORQUE_UNITS
 from lip_id_ros.health import Evidence
 from lip_id_ros.progress import Progress, silent
 
+ROW_HEIGHT = 1.5
+COLUMN_TITLES = ('position', 'velocity', 'effort')
+COVERAGE_COLUMNS = 4
 SIGNALS = (
     'Position, velocity and effort as they were recorded (effort scaled where settings say so).'
 )
 COVERAGE = (
-    'Position and velocity of each joint, low-passed. A model knows only what lies near these '
-    'lines.'
+    'Position and velocity of each joint, low-passed. A model is reliable near these lines only.'
 )
 
 
@@ -36,14 +44,14 @@ def write_recording_report(
     Parameters
     ----------
     folder : path
-        Made where it does not exist; files of an older report are replaced. Where there are
+        Created where it does not exist; files of an older report are replaced. Where there are
         several recordings, each gets a folder 1, 2, ... in it.
     source : str
-        Where they come from.
+        Name of their source.
     recordings : sequence of (Evidence, mapping)
         With at least one sample, and their health.
     progress : Progress
-        Told after every recording.
+        Called after every recording.
 
     Returns
     -------
@@ -76,9 +84,9 @@ def _report(target: Path, source: str, evidence: Evidence, health: Mapping[str, 
     )
     text = page(
         'Health of a recording',
-        lines(finding for finding in findings if finding['severity'] != 'note'),
+        finding_lines(finding for finding in findings if finding['severity'] != 'note'),
         [health_table(health['joints'])],
-        lines(finding for finding in findings if finding['severity'] == 'note'),
+        finding_lines(finding for finding in findings if finding['severity'] == 'note'),
         pictures,
         Table('Recording', (), facts),
     )
@@ -87,9 +95,68 @@ def _report(target: Path, source: str, evidence: Evidence, health: Mapping[str, 
 
 def _pictures(evidence: Evidence) -> list[Picture]:
     with style.styled():
-        signals = recording_plots.signals(evidence)
-        pictures = [picture('signals', 'What was recorded', SIGNALS, signals)]
+        drawn = signals(evidence)
+        pictures = [picture('signals', 'Recorded signals', SIGNALS, drawn)]
         if evidence.motion.stretches:
-            drawn = recording_plots.coverage(evidence)
-            pictures.append(picture('coverage', 'Where the joints have been', COVERAGE, drawn))
+            drawn = coverage(evidence)
+            pictures.append(picture('coverage', 'Coverage', COVERAGE, drawn))
     return pictures
+
+
+def signals(evidence: Evidence) -> Figure:
+    """Draw position, velocity and effort of each joint over time, as recorded."""
+    samples = evidence.samples
+    n_joints = samples.n_joints
+    figure = Figure(
+        figsize=(style.WIDTH, ROW_HEIGHT * n_joints + 0.6),
+        layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.04),
+    )
+    grid = figure.subplots(n_joints, 3, sharex=True, squeeze=False)
+    rows = style.shown_rows(samples.n_samples)
+    columns = (samples.position, samples.velocity, samples.effort)
+    colors = (style.TRUE, style.KINETIC, style.PREDICTED)
+    for joint, (name, kind) in enumerate(zip(evidence.names, evidence.joint_types, strict=True)):
+        unit = POSITION_UNITS[kind]
+        units = (unit, f'{unit}/s', TORQUE_UNITS[kind])
+        for panel, values, color, label in zip(grid[joint], columns, colors, units, strict=True):
+            _curve(panel, samples.t[rows], values[rows, joint], color)
+            panel.set_ylabel(f'[{label}]')
+        grid[joint, 0].set_title(for_plot(name), loc='left')
+    for panel, title in zip(grid[0], COLUMN_TITLES, strict=True):
+        panel.set_title(title, loc='right', fontweight='normal')
+    for panel in grid[-1]:
+        panel.set_xlabel('time [s]')
+    figure.align_ylabels()
+    return figure
+
+
+def coverage(evidence: Evidence) -> Figure:
+    """Draw velocity over position of each joint."""
+    n_joints = len(evidence.names)
+    n_columns = min(COVERAGE_COLUMNS, n_joints)
+    n_rows = -(-n_joints // n_columns)
+    figure = Figure(
+        figsize=(style.WIDTH, 2.6 * n_rows + 0.2),
+        layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08),
+    )
+    panels = list(figure.subplots(n_rows, n_columns, squeeze=False).flat)
+    for joint, (name, kind) in enumerate(zip(evidence.names, evidence.joint_types, strict=True)):
+        panel, unit = panels[joint], POSITION_UNITS[kind]
+        for stretch in evidence.motion.stretches:
+            way = stretch.position[:, joint], stretch.velocity[:, joint]
+            panel.plot(*way, color=style.PREDICTED, linewidth=0.8, alpha=0.6)
+        panel.margins(x=0.05)
+        panel.set_title(for_plot(name), loc='left')
+        panel.set_xlabel(f'position [{unit}]')
+        panel.set_ylabel(f'velocity [{unit}/s]')
+    for panel in panels[n_joints:]:
+        panel.set_visible(False)
+    return figure
+
+
+def _curve(panel: Axes, t: Array, values: Array, color: str) -> None:
+    if np.isnan(values).any():
+        panel.text(0.5, 0.5, 'not recorded', ha='center', va='center', transform=panel.transAxes)
+        panel.set_yticks([])
+    else:
+        panel.plot(t, values, color=color, linewidth=0.9)

@@ -1,4 +1,4 @@
-"""How every plot looks: one colour per quantity, units on every axis, legible when small."""
+"""The style of every plot: one colour per quantity, units on every axis, legible when small."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.tables import TORQUE_UNITS
 
 MEASURED = '#9aa5b1'
@@ -26,6 +27,8 @@ INERTIAL = '#2563eb'
 CORIOLIS = '#d97706'
 GRAVITY = '#7c3aed'
 FRICTION = '#dc2626'
+
+LINE = 1.3  # width of a curve [points]
 
 SETTINGS: Any = {
     'font.size': 11,
@@ -43,7 +46,7 @@ SETTINGS: Any = {
     'ytick.color': '#52606d',
     'legend.frameon': False,
     'legend.fontsize': 11,
-    'lines.linewidth': 1.3,
+    'lines.linewidth': LINE,
     'figure.facecolor': 'white',
     'savefig.dpi': 130,
 }
@@ -73,7 +76,7 @@ def joint_grid(
     joint_names, joint_types : sequence of str
         Titles of the panels and units of their vertical axes.
     symbol : str
-        What the vertical axes show.
+        Quantity of the vertical axes.
     draw : callable
         Gets the axes and the number of a joint; its labels make the legend.
 
@@ -88,7 +91,7 @@ def joint_grid(
     grid = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False)
     panels = list(grid.flat)
     for joint, (name, kind) in enumerate(zip(joint_names, joint_types, strict=True)):
-        panels[joint].set_title(name, loc='left')
+        panels[joint].set_title(for_plot(name), loc='left')
         panels[joint].set_ylabel(f'{symbol} [{TORQUE_UNITS[kind]}]')
         draw(panels[joint], joint)
     for panel in panels[len(joint_names) :]:
@@ -123,7 +126,7 @@ def remark(panel: Axes, nmse_percent: float | None) -> None:
 
 
 def shown_rows(n_samples: int) -> IntArray:
-    """Return numbers of evenly spaced samples, at most as many as can be told apart."""
+    """Return the numbers of evenly spaced samples, at most `MOST_POINTS`."""
     n_shown = min(n_samples, MOST_POINTS)
     return np.linspace(0, n_samples - 1, n_shown).round().astype(np.int64)
 

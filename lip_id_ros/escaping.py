@@ -1,0 +1,27 @@
+r"""
+Names as text: what a recording calls its joints and topics is data, wherever it is shown.
+
+`$` begins mathematics in a plot, `[` markup in a terminal, `<` a tag on a page, and control
+characters move a cursor.
+
+"""
+
+import html
+
+
+def printable(text: str) -> str:
+    r"""Return text for a terminal or a log: control and unassigned characters as escapes."""
+    return ''.join(
+        each if each.isprintable() else each.encode('unicode_escape', 'surrogatepass').decode()
+        for each in text
+    )
+
+
+def for_plot(text: str) -> str:
+    """Return text that matplotlib draws as it is, without reading mathematics into it."""
+    return printable(text).replace('$', r'\$')
+
+
+def for_page(text: str) -> str:
+    """Return text that a browser shows as it is."""
+    return html.escape(printable(text))

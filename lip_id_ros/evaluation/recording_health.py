@@ -1,0 +1,144 @@
+"""The health of recordings: gathered while they are read, and shown as tables and lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from lip_id_ros.errors import SourceError
+from lip_id_ros.evaluation.tables import Table
+from lip_id_ros.health import Evidence, evidence_of, health
+from lip_id_ros.progress import Progress
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import RecordingSettings
+
+COLUMNS = {
+    'range': 'range',
+    'velocity_rms': 'velocity rms',
+    'acceleration_p99': 'acceleration',
+    'velocity_scale': 'velocity / dq',
+    'effort_explained': 'effort explained',
+}
+TITLE = (
+    'motion in rad (revolute) or m (prismatic) and seconds; share of the effort that a crude '
+    'model explains'
+)
+MOST_LINES = 2
+SHORT = 'short'
+ENOUGH_S = 60.0
+"""Length of all recordings together from which the length of each one is no concern [s]."""
+
+
+class RecordingHealth:
+    """
+    Examines the raw samples of every recording, as `load_dataset` reads them.
+
+    Parameters
+    ----------
+    recording : RecordingSettings, optional
+        Joint types, and the meaning of efforts.
+    keep_samples : bool
+        Whether `report` will be called, which needs all samples in memory.
+
+    Attributes
+    ----------
+    found : list of dict
+        Health of each recording, in the order of reading.
+
+    """
+
+    def __init__(
+        self, recording: RecordingSettings | None = None, keep_samples: bool = False
+    ) -> None:
+        self._recording = recording
+        self._keep_samples = keep_samples
+        self._seen: list[tuple[Evidence, dict[str, Any]]] = []
+        self._seconds = 0.0
+        self.found: list[dict[str, Any]] = []
+
+    def __call__(self, samples: JointSamples) -> dict[str, Any]:
+        """Examine a recording; returns the addition to its description."""
+        evidence = evidence_of(samples, self._recording)
+        self.found.append(health(evidence))
+        if samples.n_samples:
+            self._seconds += float(samples.t[-1] - samples.t[0])
+            if self._keep_samples:
+                self._seen.append((evidence, self.found[-1]))
+        return {'health': self.found[-1]}
+
+    @property
+    def lines(self) -> list[str]:
+        """A line for each kind of warning and error, and the number of the notes."""
+        findings = [finding for each in self.found for finding in each['findings']]
+        if len(self.found) > 1 and self._seconds >= ENOUGH_S:
+            findings = [finding for finding in findings if finding['code'] != SHORT]
+        return serious_lines(findings)
+
+    def report(self, folder: str, source: str, progress: Progress) -> None:
+        """
+        Write plots and one web page of all recordings.
+
+        Raises
+        ------
+        SourceError
+            If there is none.
+        OSError
+            If the folder cannot be written.
+
+        """
+        from lip_id_ros.evaluation.report.recording_report import write_recording_report
+
+        if not self._seen:
+            raise SourceError(
+                f'--report needs a recording with joint samples, but {source} has none; '
+                'leave --report out, or evaluate a model with it.'
+            )
+        write_recording_report(folder, source, self._seen, progress)
+
+
+def health_table(joints: Mapping[str, Mapping[str, float | None]]) -> Table:
+    """Return the figures of each joint, as `lip_id_ros.health.health` gives them."""
+    known = [name for name in COLUMNS if any(name in figures for figures in joints.values())]
+    rows = [
+        (joint, *(_text(name, figures.get(name)) for name in known))
+        for joint, figures in joints.items()
+    ]
+    return Table(TITLE, ('', *(COLUMNS[name] for name in known)), rows)
+
+
+def finding_lines(findings: Iterable[Mapping[str, Any]]) -> list[str]:
+    """
+    Return a line for each finding.
+
+    Where more than two have one code, only the first is written out, followed by the joints of
+    the others, or by their number where they concern no joint.
+
+    """
+    kinds: dict[str, list[Mapping[str, Any]]] = {}
+    for finding in findings:
+        kinds.setdefault(finding['code'], []).append(finding)
+    return [line for alike in kinds.values() for line in _lines(alike)]
+
+
+def serious_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a line for each kind of warning and error, and the number of the notes."""
+    n_notes = sum(finding['severity'] == 'note' for finding in findings)
+    texts = finding_lines(finding for finding in findings if finding['severity'] != 'note')
+    if n_notes:
+        texts.append(f'Notes not shown here: {n_notes}; see them with lip_id inspect.')
+    return texts
+
+
+def _lines(alike: Sequence[Mapping[str, Any]]) -> list[str]:
+    texts = [f'{each["severity"]} {each["code"]}: {each["text"]}' for each in alike]
+    if len(texts) <= MOST_LINES:
+        return texts
+    joints = list(dict.fromkeys(each['joint'] for each in alike[1:] if each['joint']))
+    others = f'Likewise {", ".join(joints)}' if joints else f'{len(alike) - 1} times more'
+    return [f'{texts[0]} {others}.']
+
+
+def _text(name: str, value: float | None) -> str:
+    if value is None:
+        return '-'
+    return f'{100 * value:.3g} %' if name == 'effort_explained' else f'{value:.3g}'
