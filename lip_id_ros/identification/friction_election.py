@@ -47,7 +47,7 @@ BLOCKS = 6
 MOST_SAMPLES = 20_000
 """Samples that the election looks at; of more, so many evenly chosen."""
 
-SIGN_WIDTHS = (0.01, 0.02, 0.05, 0.1, 0.2)
+SIGN_WIDTHS = (0.01, 0.015, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)
 """Widths of smooth signs that are tried, as shares of each joint's root mean square velocity."""
 
 COMMON_GAIN = 0.03
@@ -119,21 +119,26 @@ def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFr
     """
     election = _Election(dataset, chain, link_std)
     for _ in range(NOISE_ROUNDS):
-        widths = election.sign_widths()
-        plain = [Candidate((term,)) for term in plain_friction(dataset.n_joints, widths).terms]
-        fit = election.fitted(plain, election.no_load)
-        noise = election.reweight(plain, fit, election.no_load)
-    plain_fit = election.fitted(plain, election.no_load)
-    chosen: list[Candidate] = []
+        widths = election.sign_widths([], election.no_load)
+        plain = _plain(widths)
+        plain_fit = election.fitted(plain, election.no_load)
+        election.reweight(plain, plain_fit, election.no_load)
+    fit, chosen = election.fitted(plain, election.no_load), list[Candidate]()
     for _ in range(LOAD_ROUNDS):
-        load = election.links_torque(fit)
-        before, chosen = chosen, election.chosen(plain, chosen, candidates(widths, dataset), load)
+        load, before = election.links_torque(fit), chosen
+        widths = election.sign_widths(chosen, load)
+        plain = _plain(widths)
+        chosen = election.chosen(plain, candidates(widths, dataset), load)
         fit = election.fitted([*plain, *chosen], load)
         noise = election.reweight([*plain, *chosen], fit, load)
         if chosen == before:
             break
     fit = election.fitted([*plain, *chosen], load)
     return election.outcome([*plain, *chosen], fit, plain_fit, noise)
+
+
+def _plain(widths: Array) -> list[Candidate]:
+    return [Candidate((term,)) for term in plain_friction(len(widths), widths).terms]
 
 
 def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
@@ -194,49 +199,45 @@ class _Election:
         self._weights = np.ones_like(dataset.tau)
         self.n_links = link_std.size
 
-    def sign_widths(self) -> Array:
-        """Elect the width of every joint's smooth sign, shape (n,) [rad/s or m/s]."""
+    def sign_widths(self, chosen: Sequence[Candidate], load: Array) -> Array:
+        """Elect the width of every joint's smooth sign beside some terms, (n,) [rad/s or m/s]."""
         n = self._dataset.n_joints
         speed = np.sqrt(np.mean(self._dataset.dq**2, axis=0))
         speed[speed == 0.0] = 1.0
-        plain = [plain_friction(n, share * speed).terms for share in SIGN_WIDTHS]
-        others = [term for term in plain[0] if not isinstance(term.term, Coulomb)]
-        signs = [term for terms in plain for term in terms if isinstance(term.term, Coulomb)]
-        blocks, groups = self._blocks([Candidate((term,)) for term in (*others, *signs)])
+        plain = _plain(speed)
+        others = [each for each in (*plain, *chosen) if not _has_width(each)]
+        wide = [each for each in (*plain, *chosen) if _has_width(each)]
+        signs = [
+            _with_width(wide, joint, float(share * speed[joint]))
+            for share in SIGN_WIDTHS
+            for joint in range(n)
+        ]
+        blocks, groups = self._blocks([*others, *signs], load)
         fixed = np.concatenate([np.arange(self.n_links), *groups[: len(others)]])
-        sign = np.array(groups[len(others) :]).reshape(len(SIGN_WIDTHS), n)
+        sign = groups[len(others) :]
         index = np.full(n, len(SIGN_WIDTHS) // 2)
         for _ in range(2):
-            noise = blocks.noise(np.append(fixed, sign[index, np.arange(n)]))
-            for j in range(n):
-                rest = np.delete(sign[index, np.arange(n)], j)
-                fits = blocks.with_each(np.append(fixed, rest), list(sign[:, j : j + 1]), noise)
-                index[j] = np.argmin([np.log(fit.mean_squares).sum() for fit in fits])
+            noise = blocks.noise(
+                np.concatenate([fixed, *(sign[n * k + joint] for joint, k in enumerate(index))])
+            )
+            for joint in range(n):
+                rest = [sign[n * k + other] for other, k in enumerate(index) if other != joint]
+                fits = blocks.with_each(np.concatenate([fixed, *rest]), sign[joint::n], noise)
+                index[joint] = np.argmin([np.log(fit.mean_squares).sum() for fit in fits])
         return np.asarray(np.array(SIGN_WIDTHS)[index] * speed)
 
     def chosen(
-        self,
-        plain: list[Candidate],
-        chosen: list[Candidate],
-        offers: Sequence[Candidate],
-        load: Array,
+        self, plain: list[Candidate], offers: Sequence[Candidate], load: Array
     ) -> list[Candidate]:
-        """Add candidates one by one while left-out blocks are predicted better."""
-        offers = [*chosen, *(each for each in offers if each not in chosen)]
+        """Add terms one by one while left-out blocks are predicted better, then drop idle ones."""
         blocks, groups = self._blocks([*plain, *offers], load)
         fixed = np.concatenate([np.arange(self.n_links), *groups[: len(plain)]])
-        groups = groups[len(plain) :]
+        ballot = _Ballot(blocks, fixed, groups[len(plain) :], offers)
         taken: list[int] = []
-        while len(taken) < MOST_TERMS:
-            selected = np.concatenate([fixed, *(groups[index] for index in taken)])
-            noise = blocks.noise(selected)
-            now = blocks.fit(selected, noise)
-            rest = [index for index in range(len(offers)) if index not in taken]
-            fits = blocks.with_each(selected, [groups[index] for index in rest], noise)
-            gains = [_gain(now, fit, offers[index]) for index, fit in zip(rest, fits, strict=True)]
-            if not gains or max(gains) <= 0.0:
-                break
-            taken.append(rest[int(np.argmax(gains))])
+        while len(taken) < MOST_TERMS and (more := ballot.best_addition(taken)) is not None:
+            taken.append(more)
+        while (idle := ballot.idle(taken)) is not None:
+            taken.remove(idle)
         return [offers[index] for index in taken]
 
     def fitted(self, terms: Sequence[Candidate], load: Array) -> LeftOutFit:
@@ -314,6 +315,59 @@ class _Election:
         ends = np.cumsum([0, *(sum(term.size for term in each.terms) for each in terms)])
         groups = [self.n_links + np.arange(a, b) for a, b in pairwise(ends)]
         return LeftOutBlocks(blocks, prior, lower, torque_std), groups
+
+
+class _Ballot:
+    """Gains of single candidates, given those that are taken."""
+
+    def __init__(
+        self,
+        blocks: LeftOutBlocks,
+        fixed: IndexArray,
+        groups: Sequence[IndexArray],
+        offers: Sequence[Candidate],
+    ) -> None:
+        self._blocks, self._fixed, self._groups, self._offers = blocks, fixed, groups, offers
+
+    def best_addition(self, taken: list[int]) -> int | None:
+        """Return the candidate that gains most beside those taken, if any does for sure."""
+        selected = self._selected(taken)
+        noise = self._blocks.noise(selected)
+        now = self._blocks.fit(selected, noise)
+        rest = [index for index in range(len(self._offers)) if index not in taken]
+        fits = self._blocks.with_each(selected, [self._groups[index] for index in rest], noise)
+        gains = [
+            _gain(now, fit, self._offers[index]) for index, fit in zip(rest, fits, strict=True)
+        ]
+        return rest[int(np.argmax(gains))] if gains and max(gains) > 0.0 else None
+
+    def idle(self, taken: list[int]) -> int | None:
+        """Return the candidate without which nothing is lost for sure, if there is one."""
+        selected = self._selected(taken)
+        noise = self._blocks.noise(selected)
+        now = self._blocks.fit(selected, noise)
+        for index in taken:
+            without = self._selected([other for other in taken if other != index])
+            if not _gain(self._blocks.fit(without, noise), now, self._offers[index]) > 0.0:
+                return index
+        return None
+
+    def _selected(self, taken: list[int]) -> IndexArray:
+        return np.concatenate([self._fixed, *(self._groups[index] for index in taken)])
+
+
+def _has_width(candidate: Candidate) -> bool:
+    """Return whether a term of a single joint's drive has a smooth sign."""
+    first = candidate.terms[0]
+    return len(first.drive.joints) == 1 and hasattr(first.term, 'width')
+
+
+def _with_width(candidates: Sequence[Candidate], joint: int, width: float) -> Candidate:
+    """Return all such terms of a joint together, with another width."""
+    drive = Drive.of_joint(joint)
+    terms = [each.terms[0].term for each in candidates if each.terms[0].drive == drive]
+    kinds = [type(term) for term in terms]
+    return Candidate(tuple(DriveTerm(drive, kind(width)) for kind in kinds))  # type: ignore[call-arg]
 
 
 def _gain(now: LeftOutFit, fit: LeftOutFit, candidate: Candidate) -> float:

@@ -1,0 +1,174 @@
+"""Friction terms are elected where they are, and not where they are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gp.chains import ChainArm, R, random_arm
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
+from lip_id_ros.friction.terms import (
+    Asymmetric,
+    Coulomb,
+    FrictionTerm,
+    LoadCoulomb,
+    LoadViscous,
+    Offset,
+    PositionCoulomb,
+    QuadraticViscous,
+    Ripple,
+    SaturatingViscous,
+    Spring,
+    Stribeck,
+    Viscous,
+)
+from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
+from lip_id_ros.rigid_body import Chain
+
+N_JOINTS, JOINT = 3, 1
+NOISE, WIDTH = 0.02, 0.05
+LINK_STD = np.tile([5.0, *[2.0] * 3, *[1.0] * 7], (N_JOINTS, 1))
+PLAIN = {'viscous', 'Coulomb', 'offset'}
+COUPLED = Drive((2, 1), (1.0, 1.0))
+
+PRESENT: dict[str, tuple[FrictionTerm, list[float]]] = {
+    'Stribeck': (Stribeck(WIDTH), [0.0, 0.1, 0.0]),
+    'saturating viscous': (SaturatingViscous(WIDTH), [0.0, 0.2, 0.0]),
+    'quadratic viscous': (QuadraticViscous(), [0.1]),
+    'load-dependent Coulomb': (LoadCoulomb(WIDTH), [0.15]),
+    'load-dependent viscous': (LoadViscous(), [0.15]),
+    'asymmetric': (Asymmetric(WIDTH), [0.05, 0.05, 0.0, 0.0]),
+    'position-dependent Coulomb': (PositionCoulomb(WIDTH), [0.1, 0.0, 0.0, 0.0]),
+    'periodic once a turn': (Ripple(1), [0.1, 0.1]),
+    'periodic twice a turn': (Ripple(2), [0.1, 0.1]),
+    'joint spring': (Spring(), [0.1]),
+}
+"""Terms of the second joint, with coefficients in standard deviations of the links' torque."""
+
+
+def motion(rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
+    """Sample a minute of slow sines that reach about half a turn to both sides, at 16 Hz."""
+    t = np.arange(960) / 16.0
+    q, dq, ddq = np.zeros((3, t.size, N_JOINTS))
+    for j in range(N_JOINTS):
+        w = 2.0 * np.pi * rng.uniform(0.03, 0.35, 6)
+        a = rng.standard_normal(6) / (1.0 + 3.0 * w)
+        phase = np.outer(t, w) + rng.uniform(0.0, 2.0 * np.pi, 6)
+        size = 3.5 / np.abs(np.sin(phase) @ a).max()
+        q[:, j], dq[:, j] = size * np.sin(phase) @ a, size * np.cos(phase) @ (a * w)
+        ddq[:, j] = -size * np.sin(phase) @ (a * w**2)
+    return t, q, dq, ddq
+
+
+def recording(seed: int, extra: list[tuple[DriveTerm, list[float]]]) -> tuple[ChainArm, Dataset]:
+    """Simulate an arm with plain friction of every joint and some terms more."""
+    rng = np.random.default_rng(seed)
+    arm = random_arm((R,) * N_JOINTS, seed)
+    t, q, dq, ddq = motion(rng)
+    links = arm.torque(q, dq, ddq)
+    size = links.std(axis=0)
+    parts = [
+        (DriveTerm(Drive.of_joint(j), term), [0.1])
+        for j in range(N_JOINTS)
+        for term in (Viscous(), Coulomb(WIDTH), Offset())
+    ]
+    scaled = []
+    for part, values in [*parts, *extra]:
+        loaded = part.term.name.startswith('load')
+        scaled.append(np.array(values) * (1.0 if loaded else size[part.drive.joints[0]]))
+    basis = FrictionBasis(N_JOINTS, tuple(part for part, _ in [*parts, *extra]))
+    friction = FrictionModel(basis, np.concatenate(scaled))
+    clean = links + friction.torque(q, dq, links)
+    dataset = Dataset(
+        t=t,
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        tau=clean + NOISE * size * rng.standard_normal(clean.shape),
+        joint_names=('a', 'b', 'c'),
+        joint_types=(R,) * N_JOINTS,
+        segment=np.zeros(t.size, dtype=np.int64),
+        tau_noiseless=clean,
+    )
+    return arm, dataset
+
+
+def elected(arm: ChainArm, dataset: Dataset) -> tuple[ElectedFriction, list[set[str]]]:
+    got = elect_friction(dataset, Chain(*arm.links.chain), LINK_STD)
+    return got, [set(names) - PLAIN for names in got.friction.names()]
+
+
+def error(arm: ChainArm, dataset: Dataset, got: ElectedFriction) -> Array:
+    """Return the error of the noiseless torque, in units of the measurement's noise."""
+    regressor = replace(arm.links, deviations=np.ones_like(LINK_STD))
+    state = (dataset.q, dataset.dq, dataset.ddq)
+    links = regressor.torque(*state) @ got.link_parameters.ravel()
+    assert dataset.tau_noiseless is not None
+    tau = links + got.friction.torque(dataset.q, dataset.dq, links)
+    off = np.sqrt(np.mean((tau - dataset.tau_noiseless) ** 2, axis=0))
+    return np.asarray(off / (NOISE * arm.torque(*state).std(axis=0)))
+
+
+def check(extra: list[tuple[DriveTerm, list[float]]], expected: list[set[str]], seed: int) -> int:
+    """Return the number of wrong elections; what is there has to be among the elected."""
+    arm, dataset = recording(seed, extra)
+    got, names = elected(arm, dataset)
+    assert np.all(error(arm, dataset, got) < 1.0)
+    for mine, there in zip(names, expected, strict=True):
+        assert there <= mine
+    return sum(len(mine - there) for mine, there in zip(names, expected, strict=True))
+
+
+@pytest.mark.parametrize('n_seeds', [2, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('name', PRESENT)
+def test_elected_where_it_is(name: str, n_seeds: int) -> None:
+    term, values = PRESENT[name]
+    extra = [(DriveTerm(Drive.of_joint(JOINT), term), values)]
+    wrong = [check(extra, [set(), {name}, set()], seed) for seed in range(n_seeds)]
+    assert np.mean(wrong) <= 0.5
+
+
+@pytest.mark.parametrize('n_seeds', [2, pytest.param(20, marks=pytest.mark.slow)])
+def test_coupled_motors(n_seeds: int) -> None:
+    extra = [(DriveTerm(COUPLED, term), [0.1]) for term in (Viscous(), Coulomb(WIDTH))]
+    expected = [
+        set(),
+        {'viscous coupled with joint 3', 'Coulomb coupled with joint 3'},
+        {'viscous coupled with joint 2', 'Coulomb coupled with joint 2'},
+    ]
+    assert np.mean([check(extra, expected, seed) for seed in range(n_seeds)]) <= 0.5
+
+
+@pytest.mark.parametrize('n_seeds', [3, pytest.param(20, marks=pytest.mark.slow)])
+def test_nothing_is_elected_where_there_is_nothing(n_seeds: int) -> None:
+    assert sum(check([], [set()] * 3, seed) for seed in range(n_seeds)) <= n_seeds // 10
+
+
+def test_sticking_near_rest_spoils_nothing() -> None:
+    """Samples near rest are off by the Coulomb torque: they count for less, not the others."""
+    arm, dataset = recording(0, [])
+    near = np.abs(dataset.dq) < 0.1
+    rng = np.random.default_rng(1)
+    size = arm.torque(dataset.q, dataset.dq, dataset.ddq).std(axis=0)
+    off = np.where(near, 0.3 * size * rng.choice([-1.0, 1.0], near.shape), 0.0)
+    got, names = elected(arm, replace(dataset, tau=dataset.tau + off))
+    assert names == [set()] * N_JOINTS
+    assert np.all(got.noise.ratio >= 4.0)
+    assert np.all(error(arm, dataset, got) < 1.0)
+    plain, _ = elected(arm, dataset)
+    np.testing.assert_array_equal(plain.noise.ratio, 0.0)
+
+
+def test_a_joint_that_nothing_explains_spoils_no_other() -> None:
+    arm, dataset = recording(0, [])
+    tau = dataset.tau.copy()
+    walk = np.cumsum(np.random.default_rng(2).standard_normal(dataset.n_samples))
+    tau[:, 2] += 2.0 * tau[:, 2].std() * walk / walk.std()
+    clean, _ = elected(arm, dataset)
+    spoilt, _ = elected(arm, replace(dataset, tau=tau))
+    before, after = (error(arm, dataset, got)[:2] for got in (clean, spoilt))
+    assert np.all(after < 1.5 * before)
