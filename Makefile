@@ -3,21 +3,25 @@ ENV := . scripts/env.sh &&
 # more arguments for the tool behind a target: make test ARGS='-k bags'
 ARGS ?=
 
-.PHONY: help setup demo test check bench clean distclean
+.PHONY: help setup setup-run demo test check bench clean distclean
 
 help:
 	@echo 'make demo       simulated arm: record, fit, serve, compare with the truth (demo_output/)'
 	@echo 'make test       all tests that this machine can run'
 	@echo 'make check      format, lint, types, direction of imports'
 	@echo 'make bench      how fast and how accurate'
-	@echo 'make setup      what all of them need, under .deps/ (each runs it by itself)'
+	@echo 'make setup      install what all of them need under .deps/ (each does so by itself)'
+	@echo 'make setup-run  install what the package and the demo need: without torch and test tools'
 	@echo 'make clean      remove build products and outputs; keep what was fetched'
 	@echo 'make distclean  remove .deps/ too'
 
 setup:
 	@scripts/setup.sh
 
-demo: setup
+setup-run:
+	@scripts/setup.sh run
+
+demo: setup-run
 	@scripts/run_demo.sh $(ARGS)
 
 test: setup

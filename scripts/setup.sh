@@ -1,5 +1,8 @@
 #!/usr/bin/env bash
-# Make everything that the project needs under .deps/. Safe to repeat, quick when nothing changed.
+# Install what the project needs under .deps/. Safe to repeat, quick when nothing changed.
+#
+#   scripts/setup.sh run      what the package, its nodes and the demo need
+#   scripts/setup.sh          that, and what the tests need: torch, a browser, tools
 #
 #   PYTHON312            the Python 3.12 to use (else it is searched for)
 #   LIP_ID_ROS_JAZZY     folder of an installed ROS 2 Jazzy (else /opt/ros/jazzy, else the wheel)
@@ -8,6 +11,11 @@
 # Why it is done this way: docs/adr/0001-where-ros-comes-from.md
 set -euo pipefail
 
+case ${1:-all} in
+  run) tests='' ;;
+  all) tests=yes ;;
+  *) printf 'setup: expected run or nothing, got %s\n' "$1" >&2 && exit 2 ;;
+esac
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
 deps=$root/.deps
@@ -85,23 +93,41 @@ choose_python() {
 
 # --- the steps ----------------------------------------------------------------------------------
 
+# the packages of a requirements file into the virtual environment
+install() {
+  attempt 'installing Python packages' 'Check the network and the disk, then repeat make setup.' \
+    "$deps/venv/bin/python" -m pip install --disable-pip-version-check --no-input -r "$1"
+}
+
 install_packages() {
-  local requirements=requirements-offline.txt size='a few hundred MB, and torch'
-  [ -z "$ros" ] || requirements=requirements-lock.txt size='8 GB, most of it for torch'
+  local requirements=requirements-offline.txt
+  [ -z "$ros" ] || requirements=requirements-lock.txt
   local stamp
   stamp="$python $root $(digest "$requirements")"
   current venv "$stamp" && return
-  say "Python packages of $requirements into .deps/venv ($size)"
-  say 'some minutes the first time; to watch: tail -f .deps/setup.log'
+  say "Python packages of $requirements into .deps/venv (1.3 GB; to watch: tail -f .deps/setup.log)"
   rm -f "$deps/venv.stamp"
   if ! same_python; then
+    rm -rf "$deps/tests" "$deps/jazzy.stamp"
     attempt 'making the virtual environment' 'Remove .deps and try again.' \
       "$python" -m venv --clear "$deps/venv"
   fi
-  attempt 'installing Python packages' 'Check the network and the disk, then repeat make setup.' \
-    "$deps/venv/bin/python" -m pip install --disable-pip-version-check --no-input \
-    -r "$requirements"
+  install "$requirements"
   finished venv "$stamp"
+}
+
+install_test_packages() {
+  [ -n "$tests" ] || return 0
+  local requirements=requirements-offline-test.txt size='a few hundred MB, and torch'
+  [ -z "$ros" ] || requirements=requirements-test-lock.txt size='6 GB, most of it for torch'
+  local stamp
+  stamp="$(cat "$deps/venv.stamp") $(digest "$requirements")"
+  current tests "$stamp" && return
+  say "Python packages of $requirements ($size); some minutes the first time"
+  rm -rf "$deps/tests"
+  install "$requirements"
+  touch "$deps/tests"
+  finished tests "$stamp"
 }
 
 # whether the environment stands, was made here and from the chosen Python
@@ -168,4 +194,5 @@ install_packages
 install_jazzy
 printf '%s\n' "$ros" >"$deps/ros"
 build
+install_test_packages
 tell

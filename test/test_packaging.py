@@ -115,8 +115,9 @@ def test_requirements_name_what_has_no_rosdep_key() -> None:
         assert any(line.startswith(distribution) for line in lines)
 
 
-def test_lock_file_pins_everything_exactly() -> None:
-    lines = (ROOT / 'requirements-lock.txt').read_text().splitlines()
+def test_lock_files_pin_everything_exactly() -> None:
+    files = ('requirements-lock.txt', 'requirements-test-lock.txt')
+    lines = [line for name in files for line in (ROOT / name).read_text().splitlines()]
     pins = [line.split(';')[0].strip() for line in lines if line and not line.startswith('#')]
     assert all(pin.count('==') == 1 and '*' not in pin for pin in pins)
     assert len({pin.split('==')[0] for pin in pins}) == len(pins)
