@@ -17,11 +17,13 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.control import ComputedTorque, Feedforward
 from lip_id_ros.gp import fit
 from lip_id_ros.model import TrainedModel
-from lip_id_ros.monitoring import external_torques, sudden_part, Thresholds
+from lip_id_ros.monitoring import external_torques, Thresholds
+from lip_id_ros.monitoring.detection import CUTOFF_HZ
 from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
+from lip_id_ros.signals.filters import high_pass
 from lip_id_ros.simulation import (
     no_contact,
     NominalFeedforward,
@@ -101,8 +103,8 @@ def measure(
     thresholds = Thresholds.between(normal, torque)
     _, free = watch(predictor, move(setup, nominal, rng, seconds))
     contacts = Contacts(n_joints, torque)
-    t, sudden = watch(predictor, move(setup, nominal, rng, contacts.duration, contacts))
-    flags = thresholds.exceeded(sudden)
+    t, fast = watch(predictor, move(setup, nominal, rng, contacts.duration, contacts))
+    flags = thresholds.exceeded(fast)
     return {
         'seed': seed,
         'noise': model.noise_std.tolist(),
@@ -137,11 +139,11 @@ def move(
 
 
 def watch(predictor: Predictor, run: Tracking) -> tuple[Array, Array]:
-    """Return times and the sudden part of the external torques as estimated."""
+    """Return times and the high-pass of the estimated external torques."""
     rows = slice(None, None, EVERY)
     t = run.t[rows]
     torque = external_torques(predictor, t, run.q[rows], run.dq[rows], run.tau[rows])
-    return t, sudden_part(t, torque)
+    return t, high_pass(t, torque, CUTOFF_HZ)
 
 
 def delay(t: Array, flagged: BoolArray, begin: float) -> float | None:

@@ -3,28 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 
 from lip_id_ros.feedforward.server import Server
+from lip_id_ros.signals.health import Health, Level
 from lip_id_ros.signals.joints import Refusal
-
-
-class Level(IntEnum):
-    """As in diagnostic_msgs/DiagnosticStatus."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
-
-
-class Health(NamedTuple):
-    """A level and one sentence."""
-
-    level: Level
-    summary: str
 
 
 class ServerDiagnostics:

@@ -17,8 +17,8 @@ from lip_id_ros.signals.joints import by_joint, require_unique
 SMALLEST = 1e-12
 """In place of a range or a standard deviation of zero: whatever differs is beyond it."""
 
-DEFAULT_RATE = 10.0
-"""Rate limit by torque limit [1/s], where none is given: a full swing takes 0.2 s at least."""
+DEFAULT_RATE = 20.0
+"""Rate limit by torque limit [1/s], where none is given: a full swing takes 0.1 s at least."""
 
 
 class Policy(StrEnum):

@@ -39,8 +39,8 @@ class ServeSettings(Settings):
     )
     rate_limits: tuple[float, ...] = setting(
         (),
-        'Largest change of a torque or force; empty: ten times torque_limits per second, so that '
-        f'a full swing takes at least 0.2 s, and no bound without torque_limits. {PER_JOINT}',
+        'Largest change of a torque or force; empty: twenty times torque_limits per second, so '
+        f'that a full swing takes at least 0.1 s, and no bound without torque_limits. {PER_JOINT}',
         unit='N m/s or N/s',
         minimum=0.0,
     )

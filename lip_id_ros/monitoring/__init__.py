@@ -1,16 +1,19 @@
-"""What the learned energies tell while the arm moves: its energy balance, and who touches it."""
+"""Contacts and the balance of energy, from joint states and a learned model."""
 
-from lip_id_ros.monitoring.contact import ContactObserver, external_torques
-from lip_id_ros.monitoring.detection import ContactMonitor, sudden_part, Thresholds, Touch
-from lip_id_ros.monitoring.energy import EnergyBalance, EnergyMonitor
+from lip_id_ros.monitoring.detection import ContactEstimate, ContactMonitor, Thresholds
+from lip_id_ros.monitoring.observers import (
+    ContactObserver,
+    EnergyBalance,
+    EnergyMonitor,
+    external_torques,
+)
 
 __all__ = [
+    'ContactEstimate',
     'ContactMonitor',
     'ContactObserver',
     'EnergyBalance',
     'EnergyMonitor',
     'Thresholds',
-    'Touch',
     'external_torques',
-    'sudden_part',
 ]

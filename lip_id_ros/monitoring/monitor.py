@@ -11,40 +11,43 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.model import TrainedModel
-from lip_id_ros.monitoring import (
-    ContactMonitor,
-    EnergyBalance,
-    EnergyMonitor,
-    Thresholds,
-    Touch,
-)
+from lip_id_ros.monitoring.detection import ContactEstimate, ContactMonitor, Thresholds
+from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor
 from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.serving import Predictor
+from lip_id_ros.signals.health import Health, Level
 from lip_id_ros.signals.joint_states import effort_calibration, JointStateReader, MeasuredState
 from lip_id_ros.signals.joints import by_joint, Refusal, RefusedError, require_joints
+from lip_id_ros.signals.stamps import CONFIRMED_BY, StampWatch
 
 LONGEST_GAP_S = 0.2
+LONGEST_STEP_S = 10.0
 NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
+
+SILENCE_S = 2.0
+"""After so long without a joint state the monitor is blind."""
+
+LEAST_MOTION = 0.2
+"""Share of the training data's range of velocities that calibration must see of every joint."""
 
 
 @dataclass(frozen=True)
 class Watched:
     """
-    What one joint state says.
+    The estimates of one joint state.
 
     Attributes
     ----------
-    touch : Touch
-        External torques, and their sudden part.
+    external : ContactEstimate
     energy : EnergyBalance
     contact : bool, or None
-        Whether anything touches the arm, or did in the last `hold_s`; None without thresholds.
+        Whether there is a contact, or was in the last `hold_s`; None without thresholds.
 
     """
 
-    touch: Touch
+    external: ContactEstimate
     energy: EnergyBalance
     contact: bool | None
 
@@ -64,7 +67,7 @@ class Monitor:
     ModelError
         If it is not a model, or its joints are not those expected.
     ConfigError
-        If a list has not one value per joint.
+        If a joint is named twice, or a list has not one value per joint.
 
     """
 
@@ -84,21 +87,24 @@ class Monitor:
         )
         self._free: FreeMotion | None = None
         self._failure = ''
-        self._told_until = -np.inf
-        self._counts = Counter(watched=0, contacts=0)
+        self._contact_until = -np.inf
+        self._counts = Counter(received=0, watched=0, contacts=0, too_soon=0, after_a_gap=0)
         self._refused: Counter[str] = Counter()
+        self._stamps = StampWatch(LONGEST_STEP_S)
         self._t = -np.inf
-        self._contact = ContactMonitor(self._predictor)
-        self._energy = EnergyMonitor(self._predictor)
+        self._begin_anew()
 
     def calibrate(self) -> str:
         """Watch free motion from now on; return what was begun."""
         self._free = FreeMotion(self._settings.calibration_s, len(self.joint_names))
-        return f'watching {self._settings.calibration_s:g} s of motion; let nothing touch the arm'
+        return (
+            f'watching {self._settings.calibration_s:g} s of motion; move all joints as in use, '
+            'without any contact'
+        )
 
     def take(self, message: JointMessage) -> Watched | None:
         """
-        Watch a joint state.
+        Watch a joint state; it is counted, whatever becomes of it.
 
         Parameters
         ----------
@@ -113,20 +119,25 @@ class Monitor:
         Raises
         ------
         RefusedError
-            If it cannot be used; it is counted.
+            If it cannot be used.
 
         """
-        step = 1e-9 * message.stamp_ns - self._t
-        if 0.0 <= step < NEARLY / self._settings.rate_hz:
-            return None
+        self._counts['received'] += 1
         try:
+            doubt = self._stamps.doubt(message.stamp_ns)
+            if doubt is not None:
+                raise RefusedError(doubt)
+            step = 1e-9 * message.stamp_ns - self._t
+            if 0.0 <= step < NEARLY / self._settings.rate_hz:
+                self._counts['too_soon'] += 1
+                return None
             return self._watch(step, self._reader.read(message))
         except RefusedError as refused:
             self._refused[refused.reason.value] += 1
             raise
 
     def status(self) -> dict[str, Any]:
-        """Return what is told about the node; JSON-able."""
+        """Return what was done so far, JSON-able; received is the sum of the other counts."""
         thresholds = self._thresholds
         return {
             'state': self._state,
@@ -137,47 +148,60 @@ class Monitor:
         }
 
     @property
+    def counts(self) -> Counter[str]:
+        """What became of joint states: a count for each outcome, and for each reason."""
+        return self._counts + self._refused
+
+    @property
     def _state(self) -> str:
         if self._free is not None:
             return 'calibrating'
         return 'watching' if self._thresholds is not None else 'without thresholds'
 
-    def _watch(self, step: float, motion: MeasuredState) -> Watched | None:
-        if motion.tau is None:
+    def _watch(self, step: float, measured: MeasuredState) -> Watched | None:
+        if measured.tau is None:
             raise RefusedError(Refusal.NO_EFFORT)
-        self._t = motion.t
-        follows = 0.0 < step <= max(LONGEST_GAP_S, 2.0 / self._settings.rate_hz)
+        self._t = measured.t
+        follows = 0.0 < step <= self.longest_gap_s
         if not follows:
             self._begin_anew()
-        state = (motion.t, motion.q, motion.dq, motion.tau)
-        touch, energy = self._contact.update(*state), self._energy.update(*state)
-        if not (np.isfinite(touch.torque).all() and np.isfinite(energy.unexplained)):
+        state = (measured.t, measured.q, measured.dq, measured.tau)
+        external, energy = self._contact.update(*state), self._energy.update(*state)
+        if not (np.isfinite(external.torque).all() and np.isfinite(energy.unexplained)):
             self._begin_anew()
             raise RefusedError(Refusal.NOT_FINITE_TORQUE)
         if not follows:
+            self._counts['after_a_gap'] += 1
             return None
         self._counts['watched'] += 1
-        self._learn(step, touch.sudden)
-        return Watched(touch, energy, self._told(motion.t, touch))
+        self._learn(step, measured.dq, external.high_pass)
+        return Watched(external, energy, self._in_contact(measured.t, external))
+
+    @property
+    def longest_gap_s(self) -> float:
+        """Joint states further apart are not watched [s]."""
+        return max(LONGEST_GAP_S, 2.0 / self._settings.rate_hz)
 
     def _begin_anew(self) -> None:
         self._contact = ContactMonitor(self._predictor)
         self._energy = EnergyMonitor(self._predictor)
 
-    def _told(self, t: float, touch: Touch) -> bool | None:
+    def _in_contact(self, t: float, external: ContactEstimate) -> bool | None:
         if self._thresholds is None:
             return None
-        if self._thresholds.exceeded(touch.sudden).any():
-            self._counts['contacts'] += t > self._told_until
-            self._told_until = t + self._settings.hold_s
-        # a clock that was set back must not tell a contact for ever
-        return bool(0.0 <= self._told_until - t <= self._settings.hold_s)
+        if self._thresholds.exceeded(external.high_pass).any():
+            self._counts['contacts'] += t > self._contact_until
+            self._contact_until = t + self._settings.hold_s
+        # a clock that was set back must not hold a contact for ever
+        return bool(0.0 <= self._contact_until - t <= self._settings.hold_s)
 
-    def _learn(self, step: float, sudden: Array) -> None:
-        if self._free is None or not self._free.add(step, sudden):
+    def _learn(self, step: float, dq: Array, high_pass: Array) -> None:
+        if self._free is None or not self._free.add(step, dq, high_pass):
             return
         found, self._free = self._free, None
         try:
+            low, high = self._predictor.training_range
+            found.require_motion(self.joint_names, high[1] - low[1])
             self._thresholds = Thresholds.between(found.largest[np.newaxis], self._smallest)
             self._failure = ''
         except DataError as error:
@@ -191,7 +215,7 @@ class Monitor:
 
 class FreeMotion:
     """
-    What a motion without contact shows.
+    The largest external torques of a motion without contact.
 
     Parameters
     ----------
@@ -202,16 +226,85 @@ class FreeMotion:
     Attributes
     ----------
     largest : ndarray, shape (n,)
-        The largest sudden torques so far [N m or N].
+        Largest high-pass of the external torques so far [N m or N].
 
     """
 
     def __init__(self, seconds: float, n_joints: int) -> None:
-        self._left = seconds
+        self._remaining = seconds
+        self._low, self._high = np.full((2, n_joints), [[np.inf], [-np.inf]])
         self.largest = np.zeros(n_joints)
 
-    def add(self, step: float, sudden: Array) -> bool:
-        """Take a sample, `step` [s] after the one before; tell whether it is enough."""
-        self.largest = np.maximum(self.largest, np.abs(sudden))
-        self._left -= step
-        return self._left <= 0.0
+    def add(self, step: float, dq: Array, high_pass: Array) -> bool:
+        """Take a sample, `step` [s] after the one before; return whether it is enough."""
+        self.largest = np.maximum(self.largest, np.abs(high_pass))
+        self._low, self._high = np.minimum(self._low, dq), np.maximum(self._high, dq)
+        self._remaining -= step
+        return self._remaining <= 0.0
+
+    def require_motion(self, joint_names: tuple[str, ...], trained: Array) -> None:
+        """
+        Refuse a motion that does not show the errors of the model.
+
+        Parameters
+        ----------
+        joint_names : tuple of str
+        trained : ndarray, shape (n,)
+            Range of the velocities of the training data [rad/s or m/s].
+
+        Raises
+        ------
+        DataError
+            If a joint moved by less than `LEAST_MOTION` of that.
+
+        """
+        spanned, needed = self._high - self._low, LEAST_MOTION * trained
+        for name, span, least in zip(joint_names, spanned, needed, strict=True):
+            if span < least:
+                raise DataError(
+                    f'the velocity of {name} must span {least:.2g} rad/s or m/s, a fifth of the '
+                    f'training data, but spanned {span:.2g}; call calibrate and move all joints.'
+                )
+
+
+class MonitorDiagnostics:
+    """
+    Judge a monitor again and again, by what was counted since the last time.
+
+    Parameters
+    ----------
+    monitor : Monitor
+
+    """
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+        self._before = monitor.counts
+        self._received_at: float | None = None
+        self._n_unusable = 0
+
+    def health(self, now: float) -> Health:
+        """Judge at this time [s], on any steady clock."""
+        counts = self._monitor.counts
+        new, self._before = counts - self._before, counts
+        if self._received_at is None or new['received']:
+            self._received_at = now
+        self._n_unusable += new['received'] - new['watched'] - new['too_soon']
+        if new['watched']:
+            self._n_unusable = 0
+        return self._judge(new, now - self._received_at)
+
+    def _judge(self, new: Counter[str], silence: float) -> Health:
+        status = self._monitor.status()
+        refused = ', '.join(f'{key} {new[key]}' for key in sorted(status['refused']) if new[key])
+        if silence > SILENCE_S:
+            return Health(Level.ERROR, f'blind: no joint states for {silence:.0f} s')
+        if self._n_unusable >= CONFIRMED_BY:
+            gap = f'more than {self._monitor.longest_gap_s:g} s apart'
+            trouble = f'refused: {refused}' if refused else gap
+            return Health(Level.ERROR, f'blind: joint states {trouble}')
+        if status['failure']:
+            return Health(Level.ERROR, status['failure'])
+        if refused:
+            return Health(Level.WARN, f'joint states refused: {refused}')
+        return Health(Level.OK, status['state'])

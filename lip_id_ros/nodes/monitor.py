@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 from std_srvs.srv import Trigger
 
-from lip_id_ros.monitoring.monitor import Monitor
+from lip_id_ros.monitoring.monitor import Monitor, MonitorDiagnostics
 from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.nodes import messages, parameters, qos, running
 from lip_id_ros.nodes.guard import GuardedNode
-from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
+from lip_id_ros.nodes.status import Status, StatusPublisher
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings.nodes import parameters_of
 from lip_id_ros.signals.joints import RefusedError
@@ -24,7 +25,7 @@ STATUS_PERIOD_S = 0.5
 
 class MonitorNode(GuardedNode):
     """
-    Tell what the model says of each joint state.
+    Publish what the model estimates of each joint state.
 
     Raises
     ------
@@ -42,7 +43,7 @@ class MonitorNode(GuardedNode):
         table = parameters_of(MonitorSettings)
         parameters.declare(self, table)
         self._monitor = Monitor(MonitorSettings(**parameters.values(self, table)))
-        self._n_refused = 0
+        self._diagnostics = MonitorDiagnostics(self._monitor)
         self._status = StatusPublisher(self)
         self._torque = self.create_publisher(JointState, '~/external_torque', qos.OUTPUT)
         self._contact = self.create_publisher(Bool, '~/contact', qos.OUTPUT)
@@ -67,7 +68,7 @@ class MonitorNode(GuardedNode):
             return
         self._torque.publish(
             messages.torque_message(
-                message.header.stamp, self._monitor.joint_names, watched.touch.torque
+                message.header.stamp, self._monitor.joint_names, watched.external.torque
             )
         )
         self._unexplained.publish(Float64(data=watched.energy.unexplained))
@@ -83,16 +84,8 @@ class MonitorNode(GuardedNode):
         return response
 
     def _publish_status(self) -> None:
-        values = self._monitor.status()
-        n_refused = sum(values['refused'].values())
-        if values['failure']:
-            level, summary = ERROR, values['failure']
-        elif n_refused > self._n_refused:
-            level, summary = WARN, 'joint states were refused'
-        else:
-            level, summary = OK, values['state']
-        self._n_refused = n_refused
-        self._status.publish(Status(level, summary, values))
+        level, summary = self._diagnostics.health(time.monotonic())
+        self._status.publish(Status(bytes([level]), summary, self._monitor.status()))
 
 
 def main() -> int:

@@ -13,11 +13,12 @@ from waiting import wait_until
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.feedforward.deviations import Deviated, Deviations
-from lip_id_ros.feedforward.diagnostics import Level, ServerDiagnostics
+from lip_id_ros.feedforward.diagnostics import ServerDiagnostics
 from lip_id_ros.feedforward.loading import load_model
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.serving import Predictor
+from lip_id_ros.signals.health import Level
 
 
 def wait_for(deviations: Deviations) -> Deviated:

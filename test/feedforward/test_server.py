@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.feedforward.diagnostics import Level, ServerDiagnostics
+from lip_id_ros.feedforward.diagnostics import ServerDiagnostics
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.signals.health import Level
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 POINT = point([1, 2], [3, 4], [5, 6])

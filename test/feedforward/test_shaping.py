@@ -161,12 +161,12 @@ def test_a_setting_that_changes_torques_is_ramped_to(changed: dict[str, Any]) ->
 def test_rates_are_bounded_by_default_where_limits_are() -> None:
     stream = shaper(torque_limits=(40.0,))
     stream.sent = Sent(np.full(3, -40.0), 0.0)
-    np.testing.assert_allclose(stream.sample(np.full(3, 40.0), 0.01), -36.0)
+    np.testing.assert_allclose(stream.sample(np.full(3, 40.0), 0.01), -32.0)
     now, steps = 0.01, 0
     while not (stream.sent.tau == 40.0).all():
         now, steps = now + 0.01, steps + 1
         stream.sample(np.full(3, 40.0), now)
-    assert steps == 19  # a full swing in 0.2 s
+    assert steps == 9  # a full swing in 0.1 s
 
 
 def test_a_missing_bound_is_said() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,10 @@ import numpy as np
 import pytest
 
 from lip_id_ros.errors import ConfigError, ModelError
-from lip_id_ros.monitoring.monitor import Monitor, Watched
+from lip_id_ros.monitoring.monitor import Monitor, MonitorDiagnostics, Watched
 from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.signals.health import Health, Level
 from lip_id_ros.signals.joints import RefusedError
 
 START_NS = 1_700_000_000_000_000_000
@@ -49,7 +51,9 @@ def test_a_contact_is_told_in_time_after_calibration(path: str) -> None:
     watching = monitor(path)
     assert all(each.contact is None for each in take(watching, range(200)))
     assert watching.status()['state'] == 'without thresholds'
-    assert watching.calibrate() == 'watching 5 s of motion; let nothing touch the arm'
+    assert watching.calibrate() == (
+        'watching 5 s of motion; move all joints as in use, without any contact'
+    )
     take(watching, range(200, 701))
     assert watching.status()['state'] == 'watching'
     assert all(0.0 < each < 2.0 for each in watching.status()['thresholds'])
@@ -59,7 +63,7 @@ def test_a_contact_is_told_in_time_after_calibration(path: str) -> None:
     told = [bool(each.contact) for each in pushed]
     assert told.index(True) < 10  # 100 ms
     assert told == sorted(told)  # held
-    np.testing.assert_allclose(pushed[-1].touch.torque, CONTACT, atol=0.3)
+    np.testing.assert_allclose(pushed[-1].external.torque, CONTACT, atol=0.3)
     assert watching.status()['contacts'] == 1
     # let go of: a step too, then told no more
     assert not take(watching, range(1230, 1400))[-1].contact
@@ -91,17 +95,20 @@ def test_what_comes_too_often_is_left_aside(path: str) -> None:
     assert len(take(watching, range(501))) == 50
 
 
-@pytest.mark.parametrize('shift_s', [-3600.0, 10.0])
-def test_a_gap_and_a_clock_set_back_begin_anew(path: str, shift_s: float) -> None:
+@pytest.mark.parametrize(('shift_s', 'n_doubted'), [(-3600.0, 2), (5.0, 0), (20.0, 2)])
+def test_a_gap_and_a_clock_set_back_begin_anew(path: str, shift_s: float, n_doubted: int) -> None:
     watching = monitor(path, thresholds=(0.7,))
     take(watching, range(100))
     assert take(watching, range(100, 120), contact=1.0)[-1].contact
-    after = [watching.take(message(row, 0.0, shift_s)) for row in range(120, 200)]
+    for row in range(120, 120 + n_doubted):
+        with pytest.raises(RefusedError):
+            watching.take(message(row, 0.0, shift_s))
+    after = [watching.take(message(row, 0.0, shift_s)) for row in range(120 + n_doubted, 200)]
     assert after[0] is None
     known = [each for each in after[1:] if each is not None]
-    assert len(known) == 79
+    assert len(known) == 79 - n_doubted
     assert not any(each.contact for each in known)
-    assert np.abs([each.touch.torque for each in known]).max() < 0.3
+    assert np.abs([each.external.torque for each in known]).max() < 0.3
 
 
 @pytest.mark.parametrize(
@@ -124,7 +131,7 @@ def test_what_cannot_be_used_is_counted_and_spoils_nothing(
     assert watching.status()['refused'] == {reason: 1}
     after = take(watching, range(101, 200))
     assert len(after) >= 98
-    assert np.abs([each.touch.torque for each in after]).max() < 0.3
+    assert np.abs([each.external.torque for each in after]).max() < 0.3
 
 
 def test_a_calibration_that_failed_says_why_and_keeps_the_thresholds(path: str) -> None:
@@ -143,3 +150,71 @@ def test_a_model_or_a_list_that_does_not_fit_is_refused(path: str) -> None:
         monitor(path, thresholds=(1.0, 1.0, 1.0))
     with pytest.raises(FileNotFoundError):
         monitor(str(Path(path).with_name('none.npz')))
+
+
+def judged(watching: Monitor, messages: list[JointMessage]) -> Health:
+    """Return the diagnostics after messages within half a second."""
+    diagnostics = MonitorDiagnostics(watching)
+    for each in messages:
+        with contextlib.suppress(RefusedError):
+            watching.take(each)
+    return diagnostics.health(0.5)
+
+
+@pytest.mark.parametrize(
+    ('messages', 'summary'),
+    [
+        (
+            [message(row) for row in range(0, 1000, 25)],
+            'blind: joint states more than 0.2 s apart',
+        ),
+        ([message(100)] * 100, 'blind: joint states refused: stamp repeated 99'),
+        (
+            [message(row)._replace(effort=[]) for row in range(100)],
+            'blind: joint states refused: effort missing 100',
+        ),
+        (
+            [message(row)._replace(stamp_ns=0) for row in range(100)],
+            'blind: joint states refused: stamp missing 100',
+        ),
+    ],
+)
+def test_a_blind_monitor_is_an_error(
+    path: str, messages: list[JointMessage], summary: str
+) -> None:
+    watching = monitor(path)
+    assert judged(watching, messages) == (Level.ERROR, summary)
+    counts = watching.counts
+    assert counts['received'] == len(messages)
+    assert counts.total() == 2 * len(messages)
+
+
+def test_silence_is_an_error(path: str) -> None:
+    watching = monitor(path)
+    diagnostics = MonitorDiagnostics(watching)
+    assert diagnostics.health(10.0).level is Level.OK
+    assert diagnostics.health(13.0) == (Level.ERROR, 'blind: no joint states for 3 s')
+    take(watching, range(50))
+    assert diagnostics.health(14.0) == (Level.OK, 'without thresholds')
+    assert diagnostics.health(17.0) == (Level.ERROR, 'blind: no joint states for 3 s')
+
+
+def test_of_two_clocks_one_is_followed_and_the_other_warned_of(path: str) -> None:
+    watching = monitor(path)
+    pairs = [(message(row), message(row, shift_s=-3.0)) for row in range(300)]
+    health = judged(watching, [each for pair in pairs for each in pair])
+    assert health == (Level.WARN, 'joint states refused: stamp went back 300')
+    assert watching.status()['watched'] == 299
+
+
+def test_calibration_needs_motion(path: str) -> None:
+    watching = monitor(path)
+    watching.calibrate()
+    for number in range(600):
+        stamp = START_NS + 10_000_000 * number
+        watching.take(JointMessage(stamp, toy.JOINTS, [0.1, 0.2], [0.0, 0.0], [0.8, 0.6]))
+    failure = watching.status()['failure']
+    assert failure.startswith('not calibrated: the velocity of shoulder must span ')
+    assert 'but spanned 0; call calibrate and move all joints.' in failure
+    assert watching.status()['thresholds'] is None
+    assert MonitorDiagnostics(watching).health(0.0) == (Level.ERROR, failure)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import cast
 
 from evaluation.stubs import Knowing
 import numpy as np
@@ -13,24 +14,29 @@ from simulation.pendulums import INERTIA, Pendulums, swing, WEIGHT
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
+from lip_id_ros.model import DynamicsModel
 from lip_id_ros.monitoring import (
     ContactMonitor,
     ContactObserver,
     EnergyMonitor,
     external_torques,
-    sudden_part,
     Thresholds,
 )
-from lip_id_ros.monitoring.contact import momentum_and_rate
-from lip_id_ros.monitoring.detection import shown_of_a_step
-from lip_id_ros.monitoring.observer import Observer
+from lip_id_ros.monitoring.detection import CUTOFF_HZ, step_response_peak
+from lip_id_ros.monitoring.observers import DisturbanceObserver, momentum_and_rate
 from lip_id_ros.serving import Predictor
+from lip_id_ros.signals.filters import high_pass
 
 CONTACT = np.array([1.0, -2.0, 0.5])
 
 
 def motion(rate: float = 200.0) -> Dataset:
     return swing(3, duration=10.0, rate=rate, noise=0.0)
+
+
+def knowing(torque_error: float = 0.0, offset: float | None = 0.0) -> DynamicsModel:
+    """Return the pendulums' own formulas, of which a monitor only predicts."""
+    return cast('DynamicsModel', Knowing(torque_error, offset=offset))
 
 
 def pushed(data: Dataset) -> Array:
@@ -41,7 +47,7 @@ def pushed(data: Dataset) -> Array:
 
 @pytest.mark.parametrize('step', [1e-3, 1e-2, 1.0])
 def test_observer_follows_what_is_not_explained(step: float) -> None:
-    observer, gain = Observer(20.0), 20.0
+    observer, gain = DisturbanceObserver(20.0), 20.0
     t = np.arange(0.0, 3.0 + step, step)
     found = [observer.update(time, np.array([5.0 + 4.0 * time]), np.array([1.0])) for time in t]
     assert found[0] == 0
@@ -75,30 +81,30 @@ def test_momentum_and_rate_are_those_of_the_learned_energies(member: str) -> Non
 
 def test_free_motion_shows_no_contact() -> None:
     data = motion()
-    found = external_torques(Knowing(), data.t, data.q, data.dq, data.tau)
+    found = external_torques(knowing(), data.t, data.q, data.dq, data.tau)
     assert np.abs(found).max() < 0.02
 
 
 def test_a_contact_is_found_in_size_and_time() -> None:
     data = motion()
-    found = external_torques(Knowing(), data.t, data.q, data.dq, pushed(data))
+    found = external_torques(knowing(), data.t, data.q, data.dq, pushed(data))
     np.testing.assert_allclose(found[data.t > 5.2], np.tile(CONTACT, (960, 1))[1:], atol=0.02)
     assert np.abs(found[data.t < 5.0]).max() < 0.02
 
 
 def test_sample_by_sample_is_the_same_as_the_whole() -> None:
     data = motion()
-    observer = ContactObserver(Knowing())
+    observer = ContactObserver(knowing())
     rows = zip(data.t, data.q, data.dq, pushed(data), strict=True)
     np.testing.assert_allclose(
         [observer.update(*row) for row in rows],
-        external_torques(Knowing(), data.t, data.q, data.dq, pushed(data)),
+        external_torques(knowing(), data.t, data.q, data.dq, pushed(data)),
     )
 
 
 def test_energy_is_that_of_the_arm_and_its_change_is_explained() -> None:
     data = motion()
-    monitor = EnergyMonitor(Knowing(torque_error=0.0))
+    monitor = EnergyMonitor(knowing(torque_error=0.0))
     rows = zip(data.t, data.q, data.dq, data.tau, strict=True)
     found = [monitor.update(*row) for row in rows]
     arm = Pendulums()
@@ -112,7 +118,7 @@ def test_energy_is_that_of_the_arm_and_its_change_is_explained() -> None:
 
 def test_power_of_a_contact_is_what_is_not_explained() -> None:
     data = motion()
-    monitor = EnergyMonitor(Knowing(), gain=200.0)
+    monitor = EnergyMonitor(knowing(), gain=200.0)
     rows = zip(data.t, data.q, data.dq, pushed(data), strict=True)
     found = np.array([monitor.update(*row).unexplained for row in rows])
     expected = np.where(data.t >= 5.0, data.dq @ CONTACT, 0.0)
@@ -122,14 +128,14 @@ def test_power_of_a_contact_is_what_is_not_explained() -> None:
 
 
 def test_friction_takes_its_share_of_the_power() -> None:
-    rough = EnergyMonitor(Knowing(torque_error=0.7))
+    rough = EnergyMonitor(knowing(torque_error=0.7))
     still = np.zeros(3)
     balance = rough.update(0.0, still, np.ones(3), np.array([1.0, 2.0, 3.0]))
     assert balance.supplied == pytest.approx(6.0 - 3 * 0.7)
 
 
 def test_without_gravity_the_energy_is_kinetic() -> None:
-    monitor = EnergyMonitor(Knowing(offset=None))
+    monitor = EnergyMonitor(knowing(offset=None))
     balance = monitor.update(0.0, np.ones(3), np.ones(3), np.zeros(3))
     assert balance.total == pytest.approx(INERTIA.sum() / 2)
 
@@ -138,8 +144,8 @@ def test_slow_errors_are_left_out_and_a_step_is_not() -> None:
     t = np.arange(0.0, 20.0, 0.01)
     slow = 3.0 * np.sin(2 * np.pi * 0.05 * t)[:, np.newaxis]
     step = np.where(t[:, np.newaxis] >= 10.0, 5.0, 0.0)
-    assert np.abs(sudden_part(t, slow)).max() < 0.1
-    shown = sudden_part(t, slow + step)
+    assert np.abs(high_pass(t, slow, CUTOFF_HZ)).max() < 0.1
+    shown = high_pass(t, slow + step, CUTOFF_HZ)
     assert shown[t < 10.0].max() < 0.1
     assert shown[np.searchsorted(t, 10.0), 0] == pytest.approx(5.0, abs=0.1)
     assert np.abs(shown[t > 11.0]).max() < 0.1  # what lasts is taken for normal
@@ -149,14 +155,14 @@ def test_slow_errors_are_left_out_and_a_step_is_not() -> None:
 def test_a_step_shows_as_much_as_is_said(gain: float, cutoff_hz: float) -> None:
     t = np.arange(0.0, 1.0, 1e-4)
     observed = 1.0 - np.exp(-gain * t)[:, np.newaxis]
-    largest = sudden_part(t, observed, cutoff_hz).max()
-    assert largest == pytest.approx(shown_of_a_step(gain, cutoff_hz), rel=1e-2)
+    largest = high_pass(t, observed, cutoff_hz).max()
+    assert largest == pytest.approx(step_response_peak(gain, cutoff_hz), rel=1e-2)
 
 
 def test_thresholds_lie_between_free_motion_and_contact() -> None:
     free = np.array([[0.1, -0.4], [-0.3, 0.2]])
     thresholds = Thresholds.between(free, 5.0)
-    shown = 5.0 * shown_of_a_step()
+    shown = 5.0 * step_response_peak()
     np.testing.assert_allclose(np.sqrt(thresholds.torque / [0.3, 0.4]), shown / thresholds.torque)
     above = thresholds.torque + 1e-6
     np.testing.assert_array_equal(thresholds.exceeded(above * [-1, 0.5]), [True, False])
@@ -172,11 +178,13 @@ def test_a_contact_that_free_motion_hides_is_refused() -> None:
         Thresholds.between(np.array([[0.1, -0.4]]), [5.0, 0.5])
 
 
-def test_monitor_tells_the_torque_and_its_sudden_part() -> None:
+def test_monitor_tells_the_torque_and_its_high_pass() -> None:
     data = motion()
-    monitor = ContactMonitor(Knowing())
+    monitor = ContactMonitor(knowing())
     rows = zip(data.t, data.q, data.dq, pushed(data), strict=True)
     found = [monitor.update(*row) for row in rows]
-    torque = external_torques(Knowing(), data.t, data.q, data.dq, pushed(data))
+    torque = external_torques(knowing(), data.t, data.q, data.dq, pushed(data))
     np.testing.assert_allclose([each.torque for each in found], torque)
-    np.testing.assert_allclose([each.sudden for each in found], sudden_part(data.t, torque))
+    np.testing.assert_allclose(
+        [each.high_pass for each in found], high_pass(data.t, torque, CUTOFF_HZ)
+    )

@@ -37,7 +37,14 @@ def test_a_silent_stream_gets_zeros_until_it_comes_back_by_a_ramp(
 ) -> None:
     graph, client = ros
     # a clock of simulation that stands still must not keep the safe torque back
-    graph.start('serve', model_path=model_path, stale_timeout_s=1.0, ramp_s=0.5, use_sim_time=True)
+    graph.start(
+        'serve',
+        model_path=model_path,
+        stale_timeout_s=1.0,
+        ramp_s=0.5,
+        safe_ramp_s=0.0,
+        use_sim_time=True,
+    )
     torques = client.listen(JointState, TORQUE)
     publisher = client.speak(JointTrajectory, REFERENCE)
     client.status('serve', lambda status: status['state'] == 'active')

@@ -1,0 +1,62 @@
+"""Whether the stamps of a topic are those of one clock."""
+
+from __future__ import annotations
+
+from lip_id_ros.signals.joints import Refusal
+
+CONFIRMED_BY = 3
+"""So many messages in a row that follow a doubted stamp show that the clock did jump."""
+
+NANOSECONDS = 1_000_000_000
+
+
+class StampWatch:
+    """
+    Judge stamps one after the other.
+
+    A stamp that goes back or far ahead is doubted, so that neither a wrong one nor a second
+    publisher with another clock is followed. When `CONFIRMED_BY` messages in a row follow a
+    doubted one, the clock has jumped: a restarted driver or simulation, or a pause.
+
+    Parameters
+    ----------
+    longest_step_s : float
+        A stamp further ahead is doubted [s].
+
+    Attributes
+    ----------
+    jumps : int
+        How often the clock jumped.
+
+    """
+
+    def __init__(self, longest_step_s: float) -> None:
+        self._longest_ns = round(NANOSECONDS * longest_step_s)
+        self._last_ns = 0
+        self._doubted_ns = 0
+        self._n_doubted = 0
+        self.jumps = 0
+
+    def doubt(self, stamp_ns: int) -> Refusal | None:
+        """Return why a stamp [ns] is not that of the next message, None where it is."""
+        if stamp_ns <= 0:
+            return Refusal.NO_STAMP
+        if stamp_ns == self._last_ns:
+            return Refusal.REPEATED_STAMP
+        if self._last_ns == 0 or self._follows(self._last_ns, stamp_ns):
+            self._accept(stamp_ns)
+            return None
+        follows = self._n_doubted > 0 and self._follows(self._doubted_ns, stamp_ns)
+        self._n_doubted = self._n_doubted + 1 if follows else 1
+        self._doubted_ns = stamp_ns
+        if self._n_doubted == CONFIRMED_BY:
+            self.jumps += 1
+            self._accept(stamp_ns)
+            return None
+        return Refusal.BACKWARD_STAMP if stamp_ns < self._last_ns else Refusal.FAR_STAMP
+
+    def _follows(self, before_ns: int, stamp_ns: int) -> bool:
+        return 0 < stamp_ns - before_ns <= self._longest_ns
+
+    def _accept(self, stamp_ns: int) -> None:
+        self._last_ns, self._n_doubted = stamp_ns, 0
