@@ -1,0 +1,168 @@
+"""Friction in compiled form, for the query of single states: sums of primitives."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, BoolArray, IntArray
+from lip_id_ros.friction.model import Drive, FrictionModel
+from lip_id_ros.friction.terms import (
+    ANYWHERE,
+    ONE,
+    POSITION,
+    Primitive,
+    SIGN,
+    SINE,
+    VELOCITY,
+)
+from lip_id_ros.numba_jit import jit
+
+
+class CompiledFriction(NamedTuple):
+    """
+    Friction of m drives of n joints as a sum of p primitives, ordered by drive.
+
+    Attributes
+    ----------
+    ratios : array, shape (m, n)
+        Of each drive's speed to the joints' velocities.
+    bearing : int array, shape (m,)
+        Joint whose load the drive bears.
+    ends : int array, shape (m,)
+        One past the last primitive of each drive.
+    shape, side, position : int arrays, shape (p,)
+        As in `Primitive`.
+    width, harmonic, factor : arrays, shape (p,)
+        The factor has the coefficient in it.
+    loaded : bool array, shape (p,)
+
+    """
+
+    ratios: Array
+    bearing: IntArray
+    ends: IntArray
+    shape: IntArray
+    side: IntArray
+    position: IntArray
+    width: Array
+    harmonic: Array
+    factor: Array
+    loaded: BoolArray
+
+    @classmethod
+    def of(cls, friction: FrictionModel) -> CompiledFriction:
+        """Compile friction; terms with coefficients of zero cost nothing."""
+        drives = _factors(friction)
+        parts = [
+            (drive, primitive, factor)
+            for drive, primitives in drives.items()
+            for primitive, factor in sorted(primitives.items())
+        ]
+        ratios = np.zeros((len(drives), friction.n_joints))
+        for row, drive in zip(ratios, drives, strict=True):
+            row[list(drive.joints)] = drive.ratios
+        sizes = [len(primitives) for primitives in drives.values()]
+        primitives = [primitive for _, primitive, _ in parts]
+        return cls(
+            ratios,
+            np.array([drive.joints[0] for drive in drives], dtype=np.int64),
+            np.cumsum(sizes, dtype=np.int64),
+            np.array([each.shape for each in primitives], dtype=np.int64),
+            np.array([each.side for each in primitives], dtype=np.int64),
+            np.array([each.position for each in primitives], dtype=np.int64),
+            np.array([each.width for each in primitives], dtype=np.float64),
+            np.array([each.harmonic for each in primitives], dtype=np.float64),
+            np.array([factor for _, _, factor in parts], dtype=np.float64),
+            np.array([each.loaded for each in primitives], dtype=np.bool_),
+        )
+
+
+def _factors(friction: FrictionModel) -> dict[Drive, dict[Primitive, float]]:
+    """Sum the factors of equal primitives of each drive."""
+    drives: dict[Drive, dict[Primitive, float]] = defaultdict(lambda: defaultdict(float))
+    basis = friction.basis
+    for part, place in zip(basis.terms, basis.slices, strict=True):
+        columns = zip(part.term.columns(), friction.coefficients[place], strict=True)
+        for column, coefficient in columns:
+            for factor, primitive in column:
+                if coefficient != 0.0:
+                    drives[part.drive][primitive] += factor * coefficient
+    return drives
+
+
+@jit
+def add_friction(friction: CompiledFriction, q: Array, dq: Array, load: Array, out: Array) -> None:
+    """
+    Add the friction torques of one state.
+
+    Parameters
+    ----------
+    friction : CompiledFriction
+    q, dq : arrays, shape (n,)
+    load : array, shape (n,)
+        Torques or forces of the links on the joints [N m or N].
+    out : array, shape (n,)
+        Torques that friction is added to; another array than `load` [N m or N].
+
+    """
+    first = 0
+    for m in range(len(friction.ends)):
+        position = speed = 0.0
+        for j in range(len(q)):
+            position += friction.ratios[m, j] * q[j]
+            speed += friction.ratios[m, j] * dq[j]
+        torque = drive_friction(
+            friction, first, friction.ends[m], position, speed, abs(load[friction.bearing[m]])
+        )
+        first = friction.ends[m]
+        for j in range(len(q)):
+            out[j] += friction.ratios[m, j] * torque
+
+
+@jit
+def drive_friction(
+    friction: CompiledFriction, first: int, end: int, q: float, dq: float, load: float
+) -> float:
+    """Return the friction torque of one drive."""
+    torque = 0.0
+    width, sign = -1.0, 0.0
+    for p in range(first, end):
+        shape = friction.shape[p]
+        if shape == ONE:
+            value = 1.0
+        elif shape == VELOCITY:
+            value = dq
+        elif shape == SIGN:
+            if friction.width[p] != width:  # primitives of one width follow each other
+                width = friction.width[p]
+                sign = _smooth_sign(dq / width)
+            value = sign
+        else:
+            value = dq * abs(dq)
+        if friction.side[p] * value < 0.0:
+            value = 0.0
+        if friction.loaded[p]:
+            value *= load
+        if friction.position[p] != ANYWHERE:
+            value *= _harmonic(friction.position[p], friction.harmonic[p] * q, q)
+        torque += friction.factor[p] * value
+    return torque
+
+
+@jit
+def _smooth_sign(x: float) -> float:
+    """Return tanh(x) to an absolute error of 1e-16, in a third of the time of `np.tanh`."""
+    return 1.0 - 2.0 / (1.0 + math.exp(2.0 * x))
+
+
+@jit
+def _harmonic(position: int, angle: float, q: float) -> float:
+    if position == POSITION:
+        return q
+    if position == SINE:
+        return math.sin(angle)
+    return math.cos(angle)

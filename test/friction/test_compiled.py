@@ -1,0 +1,90 @@
+"""Compiled friction, against the features in numpy."""
+
+from __future__ import annotations
+
+import timeit
+
+from friction.test_terms import coupled, EVERY
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.friction.compiled import add_friction, CompiledFriction
+from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
+from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, Offset, Stribeck, Viscous
+from lip_id_ros.numba_jit import jit
+
+
+def everything(seed: int) -> FrictionModel:
+    """Every term on one of three joints, or on a motor that turns with two."""
+    rng = np.random.default_rng(seed)
+    drives = [Drive.of_joint(0), Drive.of_joint(2), Drive((1, 2), (1.0, -0.5))]
+    terms = tuple(DriveTerm(drives[rng.integers(3)], term) for term in EVERY)
+    basis = FrictionBasis(3, terms)
+    return FrictionModel(basis, rng.uniform(0.0, 2.0, basis.size))
+
+
+def evaluated(model: FrictionModel, q: Array, dq: Array, load: Array) -> Array:
+    compiled, out = CompiledFriction.of(model), np.zeros_like(q)
+    for row in range(len(q)):
+        add_friction(compiled, q[row], dq[row], load[row], out[row])
+    return out
+
+
+@given(seed=st.integers(0, 10_000))
+def test_same_as_in_numpy(seed: int) -> None:
+    model = everything(seed)
+    q, dq, load = np.random.default_rng(seed).standard_normal((3, 20, 3))
+    dq[:2] = 0.0
+    np.testing.assert_allclose(
+        evaluated(model, q, dq, load), model.torque(q, dq, load), atol=1e-12
+    )
+
+
+def test_added_to_what_is_there() -> None:
+    model = coupled()
+    q, dq, load = np.random.default_rng(0).standard_normal((3, 3))
+    out = load.copy()
+    add_friction(CompiledFriction.of(model), q, dq, load, out)
+    expected = load + model.torque(q[None], dq[None], load[None])[0]
+    np.testing.assert_allclose(out, expected, rtol=1e-12)
+
+
+def test_no_friction_at_all() -> None:
+    model = FrictionModel(FrictionBasis(2, ()), np.zeros(0))
+    np.testing.assert_array_equal(evaluated(model, *np.ones((3, 4, 2))), 0.0)
+
+
+@jit
+def repeated(
+    friction: CompiledFriction, q: Array, dq: Array, load: Array, out: Array, times: int
+) -> None:
+    for _ in range(times):
+        add_friction(friction, q, dq, load, out)
+
+
+@jit
+def tanh_repeated(dq: Array, times: int) -> float:
+    total = 0.0
+    for k in range(times):
+        for j in range(len(dq)):
+            total += np.tanh(dq[j] + 1e-9 * k)
+    return total
+
+
+def test_costs_little_more_than_its_signs() -> None:
+    """Seven joints with four terms and an offset each: a few tanh per joint, and nothing else."""
+    terms = (Viscous(), Coulomb(0.1), Offset(), Stribeck(0.1), LoadCoulomb(0.1))
+    parts = tuple(DriveTerm(Drive.of_joint(j), term) for j in range(7) for term in terms)
+    basis = FrictionBasis(7, parts)
+    compiled = CompiledFriction.of(FrictionModel(basis, np.ones(basis.size)))
+    q, dq, load = np.random.default_rng(0).standard_normal((3, 7))
+    out, times = np.zeros(7), 20_000
+    repeated(compiled, q, dq, load, out, 1)
+    tanh_repeated(dq, 1)
+    spent = min(
+        timeit.repeat(lambda: repeated(compiled, q, dq, load, out, times), number=1, repeat=5)
+    )
+    signs = 4 * min(timeit.repeat(lambda: tanh_repeated(dq, times), number=1, repeat=5))
+    assert spent < 2.0 * signs
