@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from dataclasses import dataclass
+import os
 from pathlib import Path
 import re
 
@@ -11,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from lip_id_ros.errors import ConfigError
+from lip_id_ros.errors import ConfigError, SourceError
 from lip_id_ros.settings import (
     build,
     Config,
@@ -152,9 +153,9 @@ def test_empty_file_means_defaults(config_file: Path) -> None:
         ('fit: 3', r'robot.yaml must hold settings under \'fit\' as "name: value", not 3.$'),
         ('fit:', r'robot.yaml must hold settings under \'fit\' as "name: value", not None.$'),
         ('[1, 2]', r'robot.yaml must hold sections as "name: value", not \[1, 2\].$'),
-        ('fit: {', r'robot.yaml is not YAML that can be read \(.*\); correct it there.$'),
-        ('fit: {seed: 1, seed: 2}', r"robot.yaml is not YAML that can be read \('seed' comes twi"),
-        ('fit: !!python/object:os.system {}', r'robot.yaml is not YAML that can be read \(.*\);'),
+        ('fit: {', r'robot.yaml is not readable YAML \(.*\); correct it there.$'),
+        ('fit: {seed: 1, seed: 2}', r"robot.yaml is not readable YAML \('seed' comes twi"),
+        ('fit: !!python/object:os.system {}', r'robot.yaml is not readable YAML \(.*\);'),
     ],
 )
 def test_wrong_file_gives_one_sentence(config_file: Path, text: str, sentence: str) -> None:
@@ -166,7 +167,7 @@ def test_wrong_file_gives_one_sentence(config_file: Path, text: str, sentence: s
 
 def test_undecodable_file_gives_one_sentence(config_file: Path) -> None:
     config_file.write_bytes(b'\xff\xfe\x00\x01\x80')
-    with pytest.raises(ConfigError, match=r'robot.yaml is not YAML that can be read'):
+    with pytest.raises(ConfigError, match=r'robot.yaml is not readable YAML'):
         read_config(config_file)
 
 
@@ -209,3 +210,39 @@ def test_example_yaml_reads_back(config_file: Path) -> None:
 def test_documented_example_in_the_repository_is_up_to_date() -> None:
     current = (ROOT / 'config' / 'fit.yaml').read_text()
     assert current == example_yaml(Config()), 'write example_yaml(Config()) into config/fit.yaml'
+
+
+@pytest.mark.parametrize(
+    ('text', 'sentence'),
+    [
+        ('fit: {seed: ' + '9' * 5000 + '}', 'is not readable YAML'),
+        ('fit: {seed: 2001-99-99}', 'is not readable YAML'),
+        ('fit: ' + '[' * 3000 + ']' * 3000, 'is not readable YAML'),
+        ('a: &x [1]\nb: *x', 'is not readable YAML .an alias'),
+        ('fit: {seed: !!python/object:os.system {}}', 'is not readable YAML'),
+        ('recording: {effort_scale: [1e308]}', r'recording\.effort_scale in .* <= 1e\+09'),
+        ('recording: {effort_scale: [.inf]}', r'recording\.effort_scale in .*, not \[inf\]'),
+        (
+            'preprocessing: {decimate: 1' + '0' * 400 + '}',
+            r'decimate in .* not 100',
+        ),
+        ('preprocessing: {cutoff_hz: 1' + '0' * 400 + '}', 'cutoff_hz in .* must be a number'),
+        ('#' * 1_000_001, 'more than 1000000 bytes'),
+        ('\udcff', 'is not readable YAML'),
+        ('fit: {seed: 2001-01-01}', 'must be a whole number'),
+    ],
+)
+def test_hostile_settings_are_refused_with_a_sentence(
+    tmp_path: Path, text: str, sentence: str
+) -> None:
+    path = tmp_path / 'fit.yaml'
+    path.write_text(text, errors='surrogateescape')
+    with pytest.raises(ConfigError, match=sentence) as caught:
+        read_config(path)
+    assert len(str(caught.value)) < 1000
+
+
+def test_settings_from_a_pipe_are_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / 'pipe')
+    with pytest.raises(SourceError, match='must be a regular file'):
+        read_config(tmp_path / 'pipe')

@@ -1,15 +1,30 @@
-"""Settings tables gathered under section names, addressed as ``section.name``."""
+"""Settings tables gathered in sections, addressed as ``section.name``, and their YAML files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 import dataclasses
+import json
+import os
+import re
+import textwrap
 from typing import Any, TypeVar
 
+import yaml
+
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.settings.settings import build, Row, rows, Settings, unknown_name
+from lip_id_ros.files import require_regular_file
+from lip_id_ros.settings.settings import build, Row, rows, Settings, shortened, unknown_name
+from lip_id_ros.settings.tables import Config
 
 Sections = TypeVar('Sections')
+
+MOST_BYTES = 1_000_000  # of a YAML file
+BAD_YAML = (yaml.YAMLError, RecursionError, ValueError)
+"""
+Errors of the YAML parser: it lets those of int() and datetime() through, and Unicode errors are
+ValueError too.
+"""
 
 
 def sections(config: Any) -> dict[str, Settings]:
@@ -80,3 +95,107 @@ def override_sections(
         kept = vars(tables[section])
         changed[section] = build(type(tables[section]), {**kept, **some}, section, origin)
     return dataclasses.replace(config, **changed)  # type: ignore[type-var]
+
+
+def read_config(path: str | os.PathLike[str]) -> Config:
+    """
+    Read settings from a YAML file; what it does not name keeps its default.
+
+    Parameters
+    ----------
+    path : path
+        A YAML file with the sections of `Config`.
+
+    Raises
+    ------
+    ConfigError
+        If it is not YAML, or a section, name or value is not allowed; names file and key.
+    SourceError
+        If it is not a regular file.
+    OSError
+        If the file cannot be read.
+
+    """
+    origin = os.fspath(path)
+    content = _load(path)
+    if content is None:
+        return Config()
+    nested = {
+        section: _mapping(values, origin, f'settings under {section!r}')
+        for section, values in _mapping(content, origin, 'sections').items()
+    }
+    return override_sections(Config(), nested, origin)
+
+
+def example_yaml(config: Any) -> str:
+    """Return a YAML file of settings, each with its description, unit and range."""
+    blocks = ['# Settings of a fit; leave out what you do not change.']
+    for section, settings in sections(config).items():
+        lines = [f'# {(type(settings).__doc__ or "").strip()}', f'{section}:']
+        for row in rows(type(settings)):
+            lines += _documented(row, getattr(settings, row.name))
+        blocks.append('\n'.join(lines))
+    return '\n\n'.join(blocks) + '\n'
+
+
+def _documented(row: Row, value: object) -> Iterator[str]:
+    details = ', '.join(part for part in (row.unit, row.range) if part)
+    comment = f'{row.description} [{details}]' if details else row.description
+    for line in textwrap.wrap(comment, 94):
+        yield f'  # {line}'
+    yield f'  {row.name}: {json.dumps(value)}'
+
+
+def _mapping(content: object, origin: str, what: str) -> dict[str, Any]:
+    if not isinstance(content, dict):
+        raise ConfigError(f'{origin} must hold {what} as "name: value", not {shortened(content)}.')
+    return content
+
+
+def _load(path: str | os.PathLike[str]) -> object:
+    require_regular_file(path)
+    with open(path, 'rb') as file:
+        text = file.read(MOST_BYTES + 1)
+    if len(text) > MOST_BYTES:
+        raise ConfigError(
+            f'{os.fspath(path)} must be a file of settings, but has more than {MOST_BYTES} bytes; '
+            'name another file.'
+        )
+    try:
+        return yaml.load(text, _StrictLoader)
+    except BAD_YAML as error:
+        reason = ' '.join(str(error).split())
+        raise ConfigError(
+            f'{os.fspath(path)} is not readable YAML ({reason}); correct it there.'
+        ) from error
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """
+    Safe loader that refuses repeated keys and aliases, and reads 1e-3 as a number like YAML 1.2.
+
+    Settings need no aliases, and nested ones expand without bound.
+
+    """
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.events.AliasEvent):
+            raise yaml.composer.ComposerError(None, None, 'an alias')
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        names = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for name in names:
+            if names.count(name) > 1:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f'{name!r} comes twice', node.start_mark
+                )
+        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return mapping
+
+
+_StrictLoader.add_implicit_resolver(
+    'tag:yaml.org,2002:float',
+    re.compile(r'[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$'),
+    list('-+0123456789'),
+)

@@ -17,6 +17,7 @@ from typing import Any, get_type_hints, TypeVar
 from lip_id_ros.errors import ConfigError
 
 _KEY = 'lip_id_ros.setting'
+MOST_SHOWN = 100  # characters of a value in a message
 
 
 def setting(
@@ -120,10 +121,11 @@ class Row:
         """
         try:
             converted = _CONVERTERS[self.kind](value)
-        except TypeError:
-            raise self._error(value, label) from None
-        elements = converted if isinstance(converted, tuple) else (converted,)
-        if not all(self._allows(element) for element in elements):
+            elements = converted if isinstance(converted, tuple) else (converted,)
+            allowed = all(self._allows(element) for element in elements)
+        except (TypeError, OverflowError):  # an integer beyond the floats overflows
+            allowed = False
+        if not allowed:
             raise self._error(value, label)
         return converted
 
@@ -139,7 +141,7 @@ class Row:
         )
 
     def _error(self, value: object, label: str) -> ConfigError:
-        return ConfigError(f'{label} must be {self.expected}, not {value!r}.')
+        return ConfigError(f'{label} must be {self.expected}, not {shortened(value)}.')
 
 
 def rows(table: type[Settings]) -> tuple[Row, ...]:
@@ -203,6 +205,15 @@ def build(table: type[Table], values: Mapping[str, object], section: str, origin
             raise ConfigError(unknown_name(f'{section}.{name}', name, known, origin))
         checked[name] = known[name].check(value, f'{section}.{name} in {origin}')
     return table(**checked)
+
+
+def shortened(value: object) -> str:
+    """Return a value as text for a message: of a long or deeply nested one only the beginning."""
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):  # an integer of thousands of digits has no text
+        return f'such a {type(value).__name__}'
+    return text if len(text) <= MOST_SHOWN else f'{text[:MOST_SHOWN]}...'
 
 
 def unknown_name(label: str, name: str, known: Mapping[str, object], origin: str) -> str:

@@ -6,10 +6,13 @@ from dataclasses import dataclass, field
 
 from lip_id_ros.settings.settings import setting, Settings
 
+LARGEST = 1e9
+"""Magnitude of factors and offsets of efforts, far beyond any drive: larger ones overflow."""
+
 
 @dataclass(frozen=True)
 class RecordingSettings(Settings):
-    """What is read from a recording, and what its numbers mean."""
+    """The topic and joints of a recording, and the meaning of its efforts."""
 
     topic: str = setting(
         '',
@@ -23,8 +26,8 @@ class RecordingSettings(Settings):
     )
     clock: str = setting(
         'auto',
-        'Which stamps tell the time in bags; auto for those of the headers where they advance, '
-        'else those of reception.',
+        'Time stamps of bags; auto for those of the headers where they advance, else those of '
+        'reception.',
         choices=('auto', 'header', 'receive'),
     )
     joint_types: tuple[str, ...] = setting(
@@ -35,18 +38,24 @@ class RecordingSettings(Settings):
         'Factor from recorded effort to torque or force, per joint (motor constant times gear '
         'ratio where a current is recorded, negative to turn the sign); empty for 1.',
         unit='N m or N per unit of effort',
+        minimum=-LARGEST,
+        maximum=LARGEST,
     )
     effort_offset: tuple[float, ...] = setting(
-        (), 'Added to the scaled effort, per joint; empty for 0.', unit='N m or N'
+        (),
+        'Added to the scaled effort, per joint; empty for 0.',
+        unit='N m or N',
+        minimum=-LARGEST,
+        maximum=LARGEST,
     )
     gravity_compensated: bool = setting(
-        False, 'The recorded effort leaves gravity out, so no potential energy can be learned.'
+        False, 'The recorded effort excludes gravity, so no potential energy can be learned.'
     )
 
 
 @dataclass(frozen=True)
 class PreprocessingSettings(Settings):
-    """How raw samples become a data set."""
+    """The steps from raw samples to a data set."""
 
     cutoff_hz: float = setting(
         4.0,
@@ -57,19 +66,19 @@ class PreprocessingSettings(Settings):
     )
     velocity: str = setting(
         'recorded',
-        'Velocities as recorded, where they were, or the derivative of the positions.',
+        'Velocities as recorded, where they are, or the derivative of the positions.',
         choices=('recorded', 'differentiated'),
     )
     derivative: str = setting(
         'savitzky_golay',
-        'How smooth samples are differentiated: five-point polynomials, or differences of the two '
+        'Derivative of smooth samples: five-point polynomials, or differences of the two '
         'neighbours.',
         choices=('savitzky_golay', 'central_differences'),
     )
     edge_periods: float = setting(
         1.0,
-        'So many periods of the cut-off are left out at each end of a segment, where the low-pass '
-        'knows only one side.',
+        'Periods of the cut-off that are dropped at each end of a segment, where the low-pass has '
+        'samples on one side only.',
         minimum=0.0,
     )
     max_gap_s: float = setting(
@@ -84,21 +93,21 @@ class PreprocessingSettings(Settings):
     decimate: int = setting(
         0,
         'Keep every k-th sample; 0 for about four in each period of the cut-off, since the '
-        'low-pass leaves nothing new in between.',
+        'low-pass removes everything faster.',
         minimum=0,
     )
     min_velocity: float = setting(
         0.05,
         'Fit without the samples at which a joint is slower than this share of its root mean '
-        'square velocity, where friction has no sign; all are kept where a quarter would not be '
-        'left; 0 for none.',
+        'square velocity, where the sign of friction is unclear; all are kept where fewer than a '
+        'quarter would remain; 0 keeps all.',
         minimum=0.0,
     )
     max_samples: int = setting(0, 'Keep at most this many samples; 0 for all.', minimum=0)
     selection: str = setting(
         'time',
-        'Which samples are kept where max_samples leaves some out: evenly in time, or those that '
-        'cover positions, velocities and accelerations best.',
+        'Choice of samples where max_samples drops some: evenly in time, or those that cover '
+        'positions, velocities and accelerations best.',
         choices=('time', 'coverage'),
     )
 
@@ -109,33 +118,33 @@ class FitSettings(Settings):
 
     kernel: str = setting(
         'articulated',
-        'A kernel on energies; articulated finds the places of the joints first, and adds the '
-        'recursive kernel where rigid links leave something over.',
+        'The model: rigid links whose joints are located by the fit, with the recursive kernel '
+        'for the residual where it helps (articulated), or a kernel on energies alone.',
         choices=('articulated', 'lip', 'recursive', 'recursive_per_link'),
     )
     potential: str = setting(
         'kernel',
-        'Potential energy: one product over all joints, one for every link, or as the kernel has '
-        'it (lip the product, the others one for every link).',
+        'Potential energy: one product over all joints, one for every link, or the choice of the '
+        'kernel (product for lip, one for every link for the others).',
         choices=('kernel', 'product', 'per_link'),
     )
     friction: bool = setting(True, 'Add friction per joint, linear in dq and sign(dq).')
     residual: bool = setting(
         False,
-        'Add a squared-exponential term per joint for what the rest leaves over: fits the '
-        'recorded motion more closely, and foreign motions worse.',
+        'Add a squared-exponential term per joint: it fits the recorded motion more closely, and '
+        'usually predicts other motions worse.',
     )
     subset: int = setting(
-        250, 'Samples that hyperparameters are fitted on, well spread over the data.', minimum=1
+        250, 'Samples for the fit of hyperparameters, well spread over the data.', minimum=1
     )
-    max_samples: int = setting(1000, 'Samples that the posterior is conditioned on.', minimum=1)
+    max_samples: int = setting(1000, 'Samples of the posterior.', minimum=1)
     iterations: int = setting(40, 'Most iterations of the optimiser.', minimum=0)
     prior_precision: float = setting(
         0.05, 'Precision of the prior on log hyperparameters; 0 for none.', minimum=0.0
     )
     device: str = setting(
         'cpu',
-        'Where hyperparameters are fitted; cuda needs torch, and is the CPU where that finds no '
+        'Device that fits hyperparameters; cuda needs torch, and falls back to the CPU without a '
         'device.',
         choices=('cpu', 'cuda'),
     )
