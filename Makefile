@@ -2,12 +2,15 @@ SHELL := /bin/bash
 ENV := . scripts/env.sh &&
 # more arguments for the tool behind a target: make test ARGS='-k bags'
 ARGS ?=
+# two workers need 4 GB of memory
+WORKERS ?= -n logical --maxprocesses 4 --dist loadgroup
 
-.PHONY: help setup setup-run demo test check bench clean distclean
+.PHONY: help setup setup-run demo test test-fast check bench clean distclean
 
 help:
 	@echo 'make demo       simulated arm: record, fit, serve, compare with the truth (demo_output/)'
 	@echo 'make test       all tests that this machine can run'
+	@echo 'make test-fast  the tests that take neither long nor ROS'
 	@echo 'make check      format, lint, types, direction of imports'
 	@echo 'make bench      how fast and how accurate'
 	@echo 'make setup      install what all of them need under .deps/ (each does so by itself)'
@@ -25,7 +28,10 @@ demo: setup-run
 	@scripts/run_demo.sh $(ARGS)
 
 test: setup
-	@$(ENV) python -m pytest $(ARGS)
+	@$(ENV) python -m pytest $(WORKERS) $(ARGS)
+
+test-fast: setup
+	@$(ENV) python -m pytest $(WORKERS) -m 'not slow and not ros' $(ARGS)
 
 check: setup
 	@$(ENV) ruff format --check . && ruff check . && mypy && python -m pytest -q test/test_imports.py

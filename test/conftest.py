@@ -1,4 +1,4 @@
-"""What every test shares: where real recordings lie, and which tests this machine can run."""
+"""What all tests share: the real recordings, the tests this machine can run, and their workers."""
 
 from __future__ import annotations
 
@@ -12,6 +12,12 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 os.environ.setdefault('MPLBACKEND', 'Agg')
+
+# Workers of pytest-xdist share the cores; their libraries read this when they are imported.
+if 'PYTEST_XDIST_WORKER_COUNT' in os.environ:
+    share = max(1, (os.cpu_count() or 1) // int(os.environ['PYTEST_XDIST_WORKER_COUNT']))
+    for library in ('NUMBA', 'OMP', 'OPENBLAS', 'MKL'):
+        os.environ.setdefault(f'{library}_NUM_THREADS', str(share))
 
 # The same examples in every run: a red test stays red until it is mended. To look for new ones:
 # pytest --hypothesis-profile=explore
@@ -54,7 +60,11 @@ def pytest_pycollect_makemodule(
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip, with the reason, the tests that need what this machine does not have."""
+    """Skip, with the reason, the tests that this machine cannot run; keep each file together."""
+    for item in items:
+        # a worker makes the fixtures of a module once
+        if not item.get_closest_marker('xdist_group'):
+            item.add_marker(pytest.mark.xdist_group(item.location[0]))
     for marker, missing in (('ros', _no_ros), ('gpu', _no_gpu)):
         marked = [item for item in items if item.get_closest_marker(marker)]
         reason = missing() if marked else None

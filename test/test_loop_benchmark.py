@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+from ros_domain import free_domain
 
 from benchmarks._loop_figures import Timeline
 from benchmarks._panda import run_pair
@@ -71,7 +72,9 @@ def test_late_lost_and_unsafe_answers_are_counted(monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_torques_come_through_the_middleware(tmp_path: Path) -> None:
+def test_torques_come_through_the_middleware(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2')
     from benchmarks.__main__ import main
 
@@ -88,7 +91,9 @@ def test_torques_come_through_the_middleware(tmp_path: Path) -> None:
         '--json',
         str(figures),
     ]
-    assert main(['loop_rate', '--middlewares', 'rmw_fastrtps_cpp', *arguments]) == 0
+    with free_domain() as domain:
+        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+        assert main(['loop_rate', '--middlewares', 'rmw_fastrtps_cpp', *arguments]) == 0
     rows = json.loads(figures.read_text())
     assert [row['route'] for row in rows] == routes
     for row in rows:

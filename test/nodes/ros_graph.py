@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-import itertools
 import json
 import os
 from pathlib import Path
@@ -21,6 +20,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from ros_domain import free_domain
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from waiting import wait_until
@@ -30,12 +30,6 @@ from lip_id_ros.nodes import qos
 
 ROOT = Path(__file__).resolve().parents[2]
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
-_numbers = itertools.count()
-
-
-def free_domain() -> int:
-    """Give another domain for each test of each process; beyond 101 ports may be taken."""
-    return 1 + (17 * os.getpid() + next(_numbers)) % 100
 
 
 class Process:
@@ -178,8 +172,8 @@ class Client:
 class Graph:
     """Nodes and client of one test."""
 
-    def __init__(self, folder: Path) -> None:
-        self.domain = free_domain()
+    def __init__(self, folder: Path, domain: int) -> None:
+        self.domain = domain
         self.folder = folder
         self.environment = {
             **os.environ,
@@ -208,7 +202,19 @@ class Graph:
 @contextmanager
 def graph(folder: Path) -> Iterator[tuple[Graph, Client]]:
     """Give a graph and a client that is spun in a thread; end all processes afterwards."""
-    made = Graph(folder)
+    with free_domain() as domain:
+        made = Graph(folder, domain)
+        with spinning(made) as client:
+            try:
+                yield made, client
+            finally:
+                for process in made.processes:
+                    process.end()
+
+
+@contextmanager
+def spinning(made: Graph) -> Iterator[Client]:
+    """Give a client that is spun in a thread while the block runs."""
     rclpy.init(context=made.context, domain_id=made.domain)
     client = Client(made.context)
     executor = SingleThreadedExecutor(context=made.context)
@@ -216,10 +222,8 @@ def graph(folder: Path) -> Iterator[tuple[Graph, Client]]:
     thread = threading.Thread(target=executor.spin)
     thread.start()
     try:
-        yield made, client
+        yield client
     finally:
-        for process in made.processes:
-            process.end()
         executor.shutdown()
         thread.join()
         rclpy.shutdown(context=made.context)
