@@ -29,8 +29,8 @@ _MIN_FORWARD = 0.25
 _NEIGHBOURS = 11
 _RUN = 20
 _MOSTLY = 0.8
-_LATE_STEPS = 10.0
-_MOST_FAR_BACK = 0.1
+_LATE_PLACES = 5
+_MOST_LATE = 0.1
 _MOST_RESTARTS = 3
 _CANDIDATES = 50_000
 _END_OF_TIME = 2**63 - 1
@@ -105,17 +105,20 @@ def jumps_between_clocks(stamps_ns: IntArray) -> bool:
     """
     Whether stamps that advance are those of several clocks, or of one that begins again and again.
 
-    They are if more than a tenth of the steps go back by more than ten steps, or if the clock goes
-    back for good more than three times.
+    They are if the clock goes back for good more than three times, or if more than a tenth of the
+    messages would have to move by more than five places to be in order.
 
     """
-    steps = np.diff(stamps_ns)
-    back = steps < 0
-    if stamps_ns.size < _RUN or not back.any():
+    if not (np.diff(stamps_ns) < 0).any():
         return False
-    typical = float(np.median(steps[~back]))
-    far_back = (steps < -_LATE_STEPS * typical).mean() > _MOST_FAR_BACK
-    return bool(far_back) or _restarts(stamps_ns).size > _MOST_RESTARTS
+    rows = _plausible(stamps_ns, np.arange(stamps_ns.size), Counter(), is_epoch=True)
+    stamps = stamps_ns[rows]
+    restarts = _restarts(stamps)
+    if restarts.size > _MOST_RESTARTS:
+        return True
+    order = np.argsort(_in_parts(stamps, restarts), kind='stable')
+    places = np.abs(order - np.arange(order.size))
+    return bool((places > _LATE_PLACES).mean() > _MOST_LATE)
 
 
 def arrange(stamps_ns: IntArray, *, is_epoch: bool = True) -> Timeline:
@@ -140,7 +143,7 @@ def arrange(stamps_ns: IntArray, *, is_epoch: bool = True) -> Timeline:
     dropped = Counter[str]()
     in_order = not (np.diff(stamps_ns) <= 0).any() and not (is_epoch and (stamps_ns[:1] < 0).any())
     if not in_order or _far_end(stamps_ns):
-        rows = _plausible(stamps_ns, rows, dropped, is_epoch)
+        rows = _plausible(stamps_ns, rows, dropped, is_epoch=is_epoch)
     stamps = stamps_ns[rows]
     restarts = _restarts(stamps)
     late = 0
@@ -159,7 +162,7 @@ def arrange(stamps_ns: IntArray, *, is_epoch: bool = True) -> Timeline:
 
 
 def _plausible(
-    stamps: IntArray, rows: IndexArray, dropped: Counter[str], is_epoch: bool
+    stamps: IntArray, rows: IndexArray, dropped: Counter[str], *, is_epoch: bool
 ) -> IndexArray:
     negative, zero = (stamps < 0) & is_epoch, (stamps == 0) & is_epoch
     zero[:1] = False

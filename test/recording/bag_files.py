@@ -36,6 +36,7 @@ class State:
     names: Sequence[str] = ('shoulder', 'elbow')
     receive_ns: int | None = None
     topic: str = '/joint_states'
+    frame_id: str = ''
 
 
 def moving(count: int, **fields: Any) -> list[State]:
@@ -210,7 +211,7 @@ def _received(state: State) -> int:
 
 def _message(store: Any, state: State) -> Any:
     return store.types[JOINT_STATE](
-        header=_header(store, state.stamp_ns),
+        header=_header(store, state.stamp_ns, state.frame_id),
         name=list(state.names),
         position=np.array(state.position, float),
         velocity=np.array(state.velocity, float),
@@ -218,9 +219,9 @@ def _message(store: Any, state: State) -> Any:
     )
 
 
-def _header(store: Any, stamp_ns: int) -> Any:
+def _header(store: Any, stamp_ns: int, frame_id: str = '') -> Any:
     stamp = store.types['builtin_interfaces/msg/Time'](
         sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9
     )
     extra = {'seq': 0} if store is ROS1 else {}
-    return store.types['std_msgs/msg/Header'](stamp=stamp, frame_id='', **extra)
+    return store.types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame_id, **extra)
