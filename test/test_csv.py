@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+import time
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +13,7 @@ import pytest
 
 from lip_id_ros.dataset import check_suffix, Dataset
 from lip_id_ros.errors import ConfigError, DataError, LipIdError, SourceError
+from lip_id_ros.health import evidence_of, examine
 from lip_id_ros.preprocessing import describe, load_dataset, preprocess
 from lip_id_ros.recording.csv_log import read_log
 from lip_id_ros.settings import Config, RecordingSettings
@@ -176,3 +178,76 @@ def test_real_log(shared_data: Path, tmp_path: Path) -> None:
     data = load_dataset(log(tmp_path / 'log.csv', '\n'.join(timed)))
     assert data.joint_names == ('0', '1', '2', '3', '4', '5', '6')
     assert data.n_samples > 200
+
+
+def test_times_may_be_negative(tmp_path: Path) -> None:
+    text = 't,q_a,tau_a\n' + ''.join(f'{k / 10 - 5.0},{k},1\n' for k in range(100))
+    samples = read_log(log(tmp_path / 'log.csv', text))
+    assert (samples.n_samples, samples.counts, samples.start_s) == (100, {}, -5.0)
+    np.testing.assert_allclose(samples.t, np.arange(100) / 10, atol=1e-9)
+
+
+@pytest.mark.parametrize('wrong', ['4e9', '1e300', '-3e8', '99999', '1e18'])
+def test_one_wrong_time_costs_one_row(tmp_path: Path, wrong: str) -> None:
+    lines = [f'{k / 10},{k},1' for k in range(100)]
+    lines[40] = f'{wrong},40,1'
+    samples = read_log(log(tmp_path / 'log.csv', '\n'.join(['t,q_a,tau_a', *lines, ''])))
+    np.testing.assert_array_equal(samples.position[:, 0], np.delete(np.arange(100), 40))
+    assert sum(samples.counts.values()) == 1
+
+
+def test_late_rows_are_put_where_they_belong(tmp_path: Path) -> None:
+    lines = [f'{k / 10},{k},1' for k in range(100)]
+    lines.insert(60, lines.pop(20))
+    samples = read_log(log(tmp_path / 'log.csv', '\n'.join(['t,q_a,tau_a', *lines, ''])))
+    np.testing.assert_array_equal(samples.position[:, 0], np.arange(100))
+    assert samples.notes == ('1 messages came late and were put where they belong',)
+
+
+@pytest.mark.parametrize('rest', ['0.05', '5,4.2,', '5,4.2,3e'])
+def test_last_line_that_was_cut_short_is_left_out(tmp_path: Path, rest: str) -> None:
+    text = 't,q_a,tau_a\n' + ''.join(f'{k / 100},{k},1\n' for k in range(6107)) + rest
+    samples = read_log(log(tmp_path / 'log.csv', text))
+    assert samples.n_samples == 6107
+    assert samples.notes == ('line 6109, the last one, was cut short and left out',)
+
+
+def test_two_wrong_lines_are_not_a_cut(tmp_path: Path) -> None:
+    text = 't,q_a,tau_a\n0,1,2\n0.1,x,2\n0.2,1,2\n0.3,1'
+    with pytest.raises(DataError, match=r"^q_a in line 3 of .* must be a number, not 'x'; corre"):
+        read_log(log(tmp_path / 'log.csv', text))
+
+
+def test_very_many_columns_take_a_sentence(tmp_path: Path) -> None:
+    names = ','.join(f'q_{k}' for k in range(100_000))
+    begin = time.process_time()
+    with pytest.raises(DataError, match='must have at most 20000 columns, not 100001; export onl'):
+        load_dataset(log(tmp_path / 'log.csv', f't,{names}\n'))
+    names = ','.join(f'q_{k}' for k in range(10_000))
+    row = ','.join(['0'] * 10_001)
+    with pytest.raises(SourceError, match='must have at most 1000 joints, not 10000; choose some'):
+        load_dataset(log(tmp_path / 'log.csv', f't,{names}\n{row}\n'))
+    assert time.process_time() - begin < 10.0
+
+
+@pytest.mark.parametrize('place', ['header', 'row'])
+def test_very_long_cell_takes_a_sentence(tmp_path: Path, place: str) -> None:
+    cell = 'x' * 200_000
+    text = f't,q_a,{cell}\n0,1,1\n' if place == 'header' else f't,q_a,tau_a\n0,1,{cell}\n'
+    with pytest.raises(DataError) as caught:
+        load_dataset(log(tmp_path / 'log.csv', text))
+    assert len(str(caught.value)) < 1000
+
+
+def test_absurd_rows_are_dropped_and_outliers_found(tmp_path: Path) -> None:
+    rows = np.column_stack([T, recording(T).position, recording(T).effort])
+    rows[40:60, 1] = 1e306
+    rows[[100, 101, 102], 2] = 3e8
+    path = tmp_path / 'log.csv'
+    header = 't,q_shoulder,q_elbow,tau_shoulder,tau_elbow'
+    np.savetxt(path, rows, delimiter=',', header=header, comments='')
+    samples = read_log(path)
+    assert samples.counts == {'value absurdly large': 20}
+    found = {(each.code, each.joint) for each in examine(evidence_of(samples))}
+    assert ('outliers', 'elbow') in found
+    assert ('outliers', 'shoulder') not in found

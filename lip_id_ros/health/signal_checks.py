@@ -21,7 +21,7 @@ MOST_GAPS_PER_MINUTE = 6.0
 COARSE = {'position': 0.01, 'velocity': 0.1, 'effort': 0.1}
 """Largest step in standard deviations of the signal."""
 FROZEN_S = 1.0
-OUTLIER_PERCENT = 0.5
+OUTLIER_PERCENT = 1.0
 OUTLIER_RANGES = 10.0
 LEAST_RANGE = 1e-3
 FROZEN_SHARE = 0.2
@@ -136,14 +136,15 @@ def outliers(evidence: Evidence) -> Iterator[JointText]:
         return
     for signal in evidence.quanta:
         for _, name, values in evidence.columns(signal):
-            low, high = np.percentile(values, [OUTLIER_PERCENT, 100.0 - OUTLIER_PERCENT])
+            low = float(np.percentile(values, OUTLIER_PERCENT, method='higher'))
+            high = float(np.percentile(values, 100.0 - OUTLIER_PERCENT, method='lower'))
             reach = OUTLIER_RANGES * max(high - low, LEAST_RANGE)
             count = int(((values < low - reach) | (values > high + reach)).sum())
             if count:
                 yield (
                     name,
                     f'{count} samples of the {signal} of {name} are outliers (up to '
-                    f'{np.abs(values).max():.3g}, where 99 % lie from {low:.3g} to {high:.3g})',
+                    f'{np.abs(values).max():.3g}, where 98 % lie from {low:.3g} to {high:.3g})',
                 )
 
 

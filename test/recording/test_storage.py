@@ -140,7 +140,9 @@ def test_decompression_makes_no_more_than_it_may() -> None:
     bomb = zstd.compress(bytes(2**28))
     assert len(bomb) < 2**16
     assert len(plain_message(bomb)) == 2**26
-    assert len(unpacked_chunk(bomb, 'zstd', 1000, is_cut=False)) == 1000
+    assert len(unpacked_chunk(bomb, 'zstd', 1000, is_cut=True)) == 1000
+    with pytest.raises(DamageError, match='a chunk has 1001 bytes or more instead of 1000'):
+        unpacked_chunk(bomb, 'zstd', 1000, is_cut=False)
     with pytest.raises(DamageError, match='a chunk claims 1099511627776 bytes'):
         unpacked_chunk(bomb, 'zstd', 2**40, is_cut=False)
     with pytest.raises(DamageError, match='a chunk has 5 bytes instead of 6'):

@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Generator, Iterator
 from dataclasses import replace
 from enum import Enum
 import os
@@ -20,6 +20,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lip_id_ros.recording.storage.contents import Channel, DamageError, LARGEST_CHUNK
+
+_MOST_UNPACKED = 8 * 2**30
+_MOST_RATIO = 64
+"""No recording unpacks to more than these bytes, or so many times its size."""
+_LONGEST_GAP = 4096
+"""So many bytes before the index may be filled up with anything."""
 
 
 class Kind(Enum):
@@ -74,6 +80,8 @@ class ChunkedFile(ABC):
         self._declared: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()
         self._starts: list[int] | None = None
+        self._index_start = 0
+        self._room = 0
         self._stream = open(path, 'rb')  # noqa: SIM115  closed by close()
         try:
             self._size = os.fstat(self._stream.fileno()).st_size
@@ -119,15 +127,20 @@ class ChunkedFile(ABC):
 
     @abstractmethod
     def _chunk_starts(self) -> Iterator[int]:
-        """Yield where chunks begin, as the index at the end of the file has it."""
+        """Yield where the index at the end of the file begins, then where chunks do."""
 
     @abstractmethod
     def _content(self, record: Record) -> bytes:
         """Return the records of a chunk; raise DamageError where they cannot be had."""
 
     @abstractmethod
-    def _items(self, data: bytes, wanted: Collection[int] | None) -> Iterator[Item]:
-        """Yield declarations, and messages of the wanted channels (None for all), of records."""
+    def _items(self, data: bytes, wanted: Collection[int] | None) -> Generator[Item, None, int]:
+        """
+        Yield declarations, and messages of the wanted channels (None for all), of records.
+
+        Returns how many bytes at the end are no whole record.
+
+        """
 
     @abstractmethod
     def _declare(self, item: Item) -> None:
@@ -160,15 +173,21 @@ class ChunkedFile(ABC):
         try:
             if record.end - record.start > LARGEST_CHUNK:
                 raise DamageError('too much for one chunk or message')
+            if self._room < 0:
+                raise DamageError('the chunks before it unpack to more than can be')
             is_chunk = record.kind is Kind.CHUNK
             data = self._content(record) if is_chunk else self._read(record.start, record.end)
-            yield from self._items(data, wanted)
+            self._room -= len(data)
+            rest = yield from self._items(data, wanted)
+            if rest and not record.is_cut:
+                raise DamageError(f'its last {rest} bytes are no record')
         except DamageError as damage:
             self.notes[f'bytes {record.start} to {record.end} are damaged: {damage}'] = None
 
     def _with_counts(self) -> Iterator[tuple[Record, Counter[int]]]:
         """Yield contents, and chunks with the messages of each channel, where that is told."""
         chunk, counts = None, Counter[int]()
+        self._room = max(_MOST_UNPACKED, _MOST_RATIO * self._size)
         for record in self._records():
             if record.kind is Kind.INDEX and chunk is not None:
                 counts[record.channel or 0] += record.messages
@@ -194,7 +213,9 @@ class ChunkedFile(ABC):
                 if resume is None:
                     self._note_cut(position, is_read=record is not None)
                     return
-                self.notes[f'bytes {position} to {resume} are damaged'] = None
+                is_gap = resume == self._index_start and resume - position < _LONGEST_GAP
+                what = 'hold no record' if is_gap else 'are damaged'
+                self.notes[f'bytes {position} to {resume} {what}'] = None
                 position = resume
             else:
                 position = record.end
@@ -202,7 +223,9 @@ class ChunkedFile(ABC):
 
     def _next_chunk(self, position: int) -> int | None:
         if self._starts is None:
-            self._starts = sorted(start for start in self._chunk_starts() if start < self._size)
+            found = [start for start in self._chunk_starts() if start < self._size]
+            self._index_start = found[0] if found else 0
+            self._starts = sorted(found)
         number = bisect_right(self._starts, position)
         return self._starts[number] if number < len(self._starts) else None
 

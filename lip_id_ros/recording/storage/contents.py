@@ -97,9 +97,11 @@ def unpacked_chunk(data: bytes, method: str, size: int, *, is_cut: bool) -> byte
     """
     if size > LARGEST_CHUNK:
         raise DamageError(f'a chunk claims {size} bytes')
-    unpacked = data if method in ('', 'none') else _limited(data, method, size)
+    limit = size if is_cut else size + 1  # one byte more shows that there is more
+    unpacked = data if method in ('', 'none') else _limited(data, method, limit)
     if len(unpacked) != size and not is_cut:
-        raise DamageError(f'a chunk has {len(unpacked)} bytes instead of {size}')
+        more = ' or more' if len(unpacked) > size else ''
+        raise DamageError(f'a chunk has {len(unpacked)} bytes{more} instead of {size}')
     return unpacked
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Generator, Iterator
 import struct
 from typing import NamedTuple
 import zlib
@@ -72,6 +72,8 @@ class McapFile(ChunkedFile):
         if not footer.endswith(MAGIC) or footer[0] != _FOOTER:
             return
         (position,) = struct.unpack_from('<Q', footer, _HEAD.size)
+        if position:
+            yield position
         while position and (record := self._record_at(position)) is not None:
             body = record.start + _HEAD.size
             if self._read(record.start, record.start + 1)[0] == _CHUNK_INDEX:
@@ -95,22 +97,24 @@ class McapFile(ChunkedFile):
             raise DamageError('the checksum of a chunk')
         return content
 
-    def _items(self, data: bytes, wanted: Collection[int] | None) -> Iterator[Item]:
+    def _items(self, data: bytes, wanted: Collection[int] | None) -> Generator[Item, None, int]:
         position, size, head = 0, len(data), _HEAD.size
         while position + head <= size:
             code, length = _HEAD.unpack_from(data, position)
             start = position + head
-            position = start + length
-            if position > size:
-                return
+            end = start + length
+            if end > size:
+                break
             if code == _MESSAGE and length >= _MESSAGE_HEAD.size:
                 channel, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(data, start)
                 if wanted is None:
                     yield Item(channel, time_ns, b'')
                 elif channel in wanted:
-                    yield Item(channel, time_ns, data[start + _MESSAGE_HEAD.size : position])
+                    yield Item(channel, time_ns, data[start + _MESSAGE_HEAD.size : end])
             elif code in (_SCHEMA, _CHANNEL):
-                yield Item(code, None, data[start:position])
+                yield Item(code, None, data[start:end])
+            position = end
+        return size - position
 
     def _declare(self, item: Item) -> None:
         try:

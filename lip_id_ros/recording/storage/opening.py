@@ -136,8 +136,7 @@ def _named(path: Path) -> tuple[list[str], list[str]]:
         return [], [f'{METADATA} is not a file']
     try:
         information: Any = yaml.safe_load(text)['rosbag2_bagfile_information']
-        names = [name for name in information['relative_file_paths'] if isinstance(name, str)]
-        return [PurePath(name).name for name in names], []
+        return [PurePath(name).name for name in information['relative_file_paths']], []
     except Exception as error:  # whatever nonsense makes the parser, or the look-up, raise
         return [], [f'{METADATA} cannot be read ({type(error).__name__})']
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterator, Mapping
 import struct
 
 from lip_id_ros.recording.storage.chunked import ChunkedFile, Item, Kind, Record
@@ -64,6 +64,8 @@ class Ros1File(ChunkedFile):
     def _chunk_starts(self) -> Iterator[int]:
         found = self._fields_at(len(MAGIC))
         position = _number(found[0], b'index_pos') if found else 0
+        if position and self._fields_at(position) is not None:
+            yield position
         while position and (found := self._fields_at(position)) is not None:
             fields, start, length = found
             if _code(fields) == _CHUNK_INFO:
@@ -79,23 +81,23 @@ class Ros1File(ChunkedFile):
         size = _number(fields, b'size')
         return unpacked_chunk(self._read(start, record.end), method, size, is_cut=record.is_cut)
 
-    def _items(self, data: bytes, wanted: Collection[int] | None) -> Iterator[Item]:
+    def _items(self, data: bytes, wanted: Collection[int] | None) -> Generator[Item, None, int]:
         position, size = 0, len(data)
         while position + 4 <= size:
             start = position + 8 + int.from_bytes(data[position : position + 4], 'little')
             fields = _fields(data[position + 4 : start - 4]) if start <= size else None
             if fields is None:
-                return
-            position = start + int.from_bytes(data[start - 4 : start], 'little')
-            if position > size:
-                return
+                break
+            end = start + int.from_bytes(data[start - 4 : start], 'little')
+            if end > size:
+                break
             channel = _number(fields, b'conn')
             if _code(fields) == _CONNECTION:
-                yield Item(channel, None, fields.get(b'topic', b'') + b'\0' + data[start:position])
+                yield Item(channel, None, fields.get(b'topic', b'') + b'\0' + data[start:end])
             elif _code(fields) == _MESSAGE and (wanted is None or channel in wanted):
-                yield Item(
-                    channel, _time_ns(fields), b'' if wanted is None else data[start:position]
-                )
+                yield Item(channel, _time_ns(fields), b'' if wanted is None else data[start:end])
+            position = end
+        return size - position
 
     def _declare(self, item: Item) -> None:
         topic, _, body = item.data.partition(b'\0')

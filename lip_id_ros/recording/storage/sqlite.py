@@ -21,6 +21,7 @@ _HEAD = struct.Struct('>16xH10xI')  # page size and number of pages
 _LAST_NUMBER = 2**62
 _MOST_FAILURES = 1000  # of reading on, and of jumps, each twice as far as the one before
 _LONGEST_VALUE = 64 * 2**20
+_ROW_NUMBERS = ('rowid', '_rowid_', 'oid')
 
 
 class SqliteFile:
@@ -53,8 +54,11 @@ class SqliteFile:
         page_size, pages = _HEAD.unpack(head)
         if (page_size if page_size > 1 else 65536) * pages > size:
             self.notes['the file was cut short: it is smaller than it says'] = None
+        if _is_not_empty(Path(f'{path}-journal')):
+            self.notes[f'{path.name}-journal is left of a write that was never finished'] = None
         self._database = self._connected(path)
         try:
+            self._row = self._checked_tables()
             self._topics = self._read_topics()
             self._counts = self._count()
         except sqlite3.Error as error:
@@ -81,8 +85,8 @@ class SqliteFile:
             self.lost.pop(names[topic], None)
         marks = ','.join('?' * len(ids))
         query = (
-            'SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED '
-            f'WHERE rowid > ? AND topic_id IN ({marks}) ORDER BY rowid LIMIT ?'
+            f'SELECT {self._row}, topic_id, timestamp, data FROM messages NOT INDEXED '
+            f'WHERE {self._row} > ? AND topic_id IN ({marks}) ORDER BY {self._row} LIMIT ?'
         )
         for _, topic, time_ns, data in self._rows(query, tuple(ids)):
             if isinstance(time_ns, int) and isinstance(data, bytes):
@@ -96,7 +100,7 @@ class SqliteFile:
     def _connected(self, path: Path) -> sqlite3.Connection:
         address = f'file:{quote(str(path.resolve()))}'
         log = Path(f'{path}-wal')
-        if log.exists() and log.stat().st_size > 0:
+        if _is_not_empty(log):
             try:
                 return _opened(f'{address}?mode=ro')
             except sqlite3.Error as error:
@@ -105,6 +109,22 @@ class SqliteFile:
             return _opened(f'{address}?immutable=1')
         except sqlite3.Error as error:
             raise DamageError(str(error)) from error
+
+    def _checked_tables(self) -> str:
+        """Return the name of the row number; DamageError where a table is none."""
+        rows = self._database.execute(
+            "SELECT name, type, sql FROM sqlite_master WHERE name IN ('messages', 'topics')"
+        )
+        for name, kind, sql in rows:
+            if kind != 'table' or 'virtual' in str(sql).lower().split()[:2]:
+                raise DamageError(f'its {str(name)!r} is no table')
+        columns = {
+            str(row[1]).lower() for row in self._database.execute('PRAGMA table_info(messages)')
+        }
+        free = [name for name in _ROW_NUMBERS if name not in columns]
+        if not free:
+            raise DamageError('its columns have the names of the row number')
+        return free[0]
 
     def _read_topics(self) -> list[Channel]:
         definitions: dict[str, str] = {}
@@ -130,8 +150,8 @@ class SqliteFile:
             return Counter({topic: count for topic, count in rows if isinstance(topic, int)})
         except sqlite3.DatabaseError:
             query = (
-                'SELECT rowid, topic_id FROM messages NOT INDEXED '
-                'WHERE rowid > ? ORDER BY rowid LIMIT ?'
+                f'SELECT {self._row}, topic_id FROM messages NOT INDEXED '
+                f'WHERE {self._row} > ? ORDER BY {self._row} LIMIT ?'
             )
             return Counter(topic for _, topic in self._rows(query, ()) if isinstance(topic, int))
 
@@ -161,6 +181,10 @@ class SqliteFile:
                     limit = 1
                 else:
                     last, jump = max(last, 0) + jump, 2 * jump
+
+
+def _is_not_empty(path: Path) -> bool:
+    return path.exists() and path.stat().st_size > 0
 
 
 def _opened(address: str) -> sqlite3.Connection:
