@@ -26,9 +26,10 @@ BLOCK_ROWS = 65_536
 _FIRST_ROWS = 1024
 
 
-def row_blocks(size: int, rows: int = BLOCK_ROWS) -> Iterator[slice]:
-    """Yield slices that cover `size` rows, `rows` at a time."""
-    yield from (slice(start, min(start + rows, size)) for start in range(0, size, rows))
+def row_blocks(size: int) -> Iterator[slice]:
+    """Yield slices that cover `size` rows, `BLOCK_ROWS` at a time."""
+    for start in range(0, size, BLOCK_ROWS):
+        yield slice(start, min(start + BLOCK_ROWS, size))
 
 
 def column_array(rows: int, width: int) -> Array:

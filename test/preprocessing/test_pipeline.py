@@ -16,9 +16,9 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError, DataError, SourceError
-from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.recording import JointSamples, read_bag
-from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
+from lip_id_ros.preprocessing import load_dataset, preprocess, smoothing
+from lip_id_ros.recording import JointSamples, read_bag, spill
+from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
 
 T = uniform(1000, 100.0)
 
@@ -366,3 +366,65 @@ def test_real_bags_are_consistent(shared_data: Path) -> None:
             assert np.corrcoef(*pair)[0, 1] > dq_least, name
             pair = (data.ddq[:, joint], positions_only.ddq[:, joint])
             assert np.corrcoef(*pair)[0, 1] > ddq_least, name
+
+
+def test_bursts_are_resampled_at_no_more_than_twice_their_mean_rate() -> None:
+    """Ten messages at once, a microsecond apart, ten times a second: advised is a longer gap."""
+    begins = np.repeat(0.1 * np.arange(300), 10)
+    t = begins + 1e-6 * np.tile(np.arange(10), 300)
+    with pytest.raises(DataError, match=r'raise preprocessing\.max_gap_s'):
+        preprocess(recording(t))
+    data = preprocess(recording(t), PreprocessingSettings(max_gap_s=1.0, decimate=1))
+    (source,) = data.provenance['sources']
+    assert source['rate_hz'] == pytest.approx(200.0, rel=0.01)
+    assert data.n_samples < 2 * t.size
+
+
+@pytest.mark.parametrize('cutoff_hz', [0.0, 4.0, 20.0])
+@pytest.mark.parametrize('velocity', ['recorded', 'differentiated'])
+def test_long_segments_are_smoothed_in_windows_alike(
+    monkeypatch: pytest.MonkeyPatch, cutoff_hz: float, velocity: str
+) -> None:
+    rng = np.random.default_rng(0)
+    t = uniform(6000, 100.0) + rng.uniform(-3e-3, 3e-3, 6000)
+    samples = recording(t)
+    samples = replace(samples, effort=samples.effort + rng.standard_normal(samples.effort.shape))
+    settings = PreprocessingSettings(cutoff_hz=cutoff_hz, velocity=velocity, decimate=3)
+    whole = preprocess(samples, settings)
+    monkeypatch.setattr(smoothing, '_WINDOW', 400)
+    parts = preprocess(samples, settings)
+    np.testing.assert_array_equal(parts.t, whole.t)
+    for name in ('q', 'dq', 'ddq', 'tau'):
+        ours, expected = getattr(parts, name), getattr(whole, name)
+        np.testing.assert_allclose(ours, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_large_recordings_lie_in_files_and_give_the_same_data(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    t = uniform(3000, 100.0)
+    samples = recording(t)
+    names = [f'{signal}_{joint}' for signal in ('q', 'dq', 'tau') for joint in samples.joint_names]
+    columns = np.column_stack([t, samples.position, samples.velocity, samples.effort])
+    path = tmp_path / 'log.csv'
+    np.savetxt(path, columns, delimiter=',', header=','.join(['t', *names]), comments='')
+    scaled = Config(recording=RecordingSettings(effort_scale=(2.0, 3.0)))
+    small = load_dataset(path, scaled)
+    monkeypatch.setattr(spill, 'LARGE_BYTES', 10_000)
+    monkeypatch.setattr(spill, 'BLOCK_ROWS', 700)
+    large = load_dataset(path, scaled)
+    for name in ('t', 'q', 'dq', 'ddq', 'tau'):
+        np.testing.assert_array_equal(getattr(large, name), getattr(small, name))
+
+
+def test_repeated_and_quantised_positions_are_told_in_the_provenance() -> None:
+    samples = recording(T)
+    position = samples.position.copy()
+    position[:, 0] = 0.01 * np.round(position[:, 0] / 0.01)
+    position[1::2] = position[::2]
+    data = preprocess(replace(samples, position=position))
+    (source,) = data.provenance['sources']
+    assert source['repeated']['positions'] >= T.size // 2
+    assert source['repeated']['position_steps'] == {'shoulder': pytest.approx(0.01)}
+    (clean,) = preprocess(samples).provenance['sources']
+    assert clean['repeated'] == {'positions': 0, 'position_steps': {}}
