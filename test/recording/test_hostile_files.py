@@ -9,6 +9,7 @@ import sqlite3
 import struct
 import time
 
+from backports import zstd
 import lz4.frame
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
@@ -29,7 +30,6 @@ from recording.test_damage import chunk_places
 from lip_id_ros.errors import LipIdError, SourceError
 from lip_id_ros.preprocessing import describe, load_dataset
 from lip_id_ros.recording import Bag, read_bag, Reason
-from lip_id_ros.recording.storage.contents import zstd
 
 COUNT = 2000
 
