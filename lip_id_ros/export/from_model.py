@@ -17,9 +17,10 @@ RECORDED = (
     'arm.'
 )
 BASE_PARAMETERS = (
-    'Torques tell masses, centres of mass and inertias only up to sums over links: these are the '
-    'links of one arm among many that have the same torques. Nor do they tell the height of the '
-    'base, its place and its turn about the vertical.'
+    'Torques determine masses, centres of mass and inertias only up to sums over links: these '
+    'are the links of one arm among many with the same torques. They determine neither the place '
+    'and the height of the base nor its turn about the vertical, and an arm and its mirror image '
+    'have the same torques: the first axis points up here. Look whether the arm turns as yours.'
 )
 NO_GRAVITY = (
     'The recorded efforts leave gravity out: masses and centres of mass have no weight here. '

@@ -17,6 +17,8 @@ from lip_id_ros.rigid_body.denavit_hartenberg import table
 ROUNDING = 1e-15
 """Below it a number is rounding of sums of numbers around one, and is written as zero."""
 COLUMNS = 92
+TILTED = 1e-6
+"""Tilt of a frame that is worth a column of the table [rad]."""
 
 
 class FrictionSplit(NamedTuple):
@@ -108,18 +110,31 @@ def left_out_remark(arm: ArmDescription, terms: tuple[DriveTerm, ...], name: str
 def dh_lines(arm: ArmDescription) -> list[str]:
     """Return the table of an arm in standard frames as lines of text."""
     found = table(arm.chain)
-    head = 'Denavit-Hartenberg (Craig): Rot_x(twist) Trans_x(length) Rot_z(angle) Trans_z(offset)'
+    tilted = bool((np.abs(found.tilt) > TILTED).any())
+    turn = ' Rot_y(tilt)' * tilted
+    head = f'Denavit-Hartenberg: Rot_x(twist) Trans_x(length){turn} Rot_z(angle) Trans_z(offset)'
     width = max(len(name) for name in arm.joint_names)
-    lines = [head, f'{"":{width}}  twist [deg]  length [m]  angle [deg]  offset [m]']
+    columns = 'twist [deg]  length [m]  angle [deg]  offset [m]' + '  tilt [deg]' * tilted
+    lines = [head, f'{"":{width}}  {columns}']
     rows: Array = np.column_stack(
-        [np.degrees(found.twist), found.length, np.degrees(found.angle), found.offset]
+        [
+            np.degrees(found.twist),
+            found.length,
+            np.degrees(found.angle),
+            found.offset,
+            np.degrees(found.tilt),
+        ]
     )
-    for name, row in zip(arm.joint_names, np.round(rows, 5) + 0.0, strict=True):
-        twist, length, angle, offset = row
-        lines.append(
-            f'{name:{width}}  {twist:11.3f}  {length:10.5f}  {angle:11.3f}  {offset:10.5f}'
-        )
+    for name, row in zip(arm.joint_names, _rounded(rows), strict=True):
+        twist, length, angle, offset, tilt = row
+        line = f'{name:{width}}  {twist:11.3f}  {length:10.5f}  {angle:11.3f}  {offset:10.5f}'
+        lines.append(f'{line}  {tilt:10.3f}' if tilted else line)
     return lines
+
+
+def _rounded(values: Array) -> Array:
+    """Round, and write minus zero as zero."""
+    return np.round(values, 5) + 0.0
 
 
 def roll_pitch_yaw(rotation: Array) -> Array:

@@ -15,17 +15,20 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.rigid_body.axes import PARALLEL
 from lip_id_ros.rigid_body.chain import Chain
 from lip_id_ros.rigid_body.pseudo_inertia import in_other_frames
 
+PARALLEL = np.sin(np.radians(10.0))
+"""
+Sine of the angle below which two axes count as parallel: their common normal may be far away.
+"""
 COINCIDENT = 1e-3
 """Distance [m] below which two parallel axes count as one: the direction between is uncertain."""
 
 
 class DenavitHartenberg(NamedTuple):
     """
-    Parameters of each joint: Rot_x(twist) Trans_x(length) Rot_z(angle) Trans_z(offset).
+    Rot_x(twist) Trans_x(length) Rot_y(tilt) Rot_z(angle) Trans_z(offset), for each joint.
 
     Attributes
     ----------
@@ -34,12 +37,12 @@ class DenavitHartenberg(NamedTuple):
     length : array, shape (n,)
         Distance of the two axes along the common normal [m].
     angle : array, shape (n,)
-        Turn about the joint's axis at position zero [rad].
+        About the joint's axis at position zero [rad].
     offset : array, shape (n,)
         Shift along the joint's axis at position zero [m].
     tilt : array, shape (n,)
-        Angle about the y axis that the four leave (Hayati 1983) [rad]: zero but where neighbouring
-        axes are parallel within three degrees.
+        Angle about the y axis [rad]: zero but where neighbouring axes are parallel within ten
+        degrees, and the common normal is replaced (Hayati 1983).
 
     """
 
@@ -63,7 +66,9 @@ def with_standard_frames(chain: Chain, parameters: Array) -> tuple[Chain, Array]
 
     The base is turned so that gravity points down its z axis, and its origin lies in that of the
     first link, since torques say nothing of the turn of the base about gravity and of its place.
-    The axis of a prismatic joint is a direction only: it is put through the frame before.
+    The axis of a prismatic joint is a direction only: it is put through the frame before. Of an
+    arm and its mirror image, which have the same torques, the one is taken whose first axis
+    points up.
 
     Parameters
     ----------
@@ -85,18 +90,53 @@ def with_standard_frames(chain: Chain, parameters: Array) -> tuple[Chain, Array]
         moved = _chain(chain, base, new)
     turns = old.axes.transpose(0, 2, 1) @ new.axes
     shifts = np.einsum('iba,ib->ia', old.axes, new.origin - old.origin)
-    return moved, in_other_frames(parameters, turns, shifts)
+    links = in_other_frames(parameters, turns, shifts)
+    first_axis = moved.rotations[0, 2, 2]
+    return (moved, links) if first_axis > -PARALLEL else mirrored(moved, links)
+
+
+def mirrored(chain: Chain, parameters: Array) -> tuple[Chain, Array]:
+    """
+    Return the mirror image of an arm in the plane y = 0 of its base; no torque changes.
+
+    A rotation about an axis becomes one about the opposite of the axis' image, a translation
+    along an axis one along its image. So joints keep their signs, and gravity must have no y
+    component.
+
+    Parameters
+    ----------
+    chain : Chain
+    parameters : array, shape (n, 11)
+
+    Returns
+    -------
+    Chain, array of shape (n, 11)
+
+    """
+    slides = chain.prismatic[:, None]
+    signs = np.where(slides, [1.0, -1.0, 1.0], [1.0, 1.0, -1.0])
+    before = np.vstack([[1.0, -1.0, 1.0], signs[:-1]])
+    image = chain._replace(
+        rotations=before[:, :, None] * chain.rotations * signs[:, None, :],
+        translations=before * chain.translations,
+    )
+    x, y, z = signs.T
+    one = np.ones_like(x)
+    factors = np.stack([one, x, y, z, one, x * y, x * z, one, y * z, one, one], axis=1)
+    return image, factors * parameters
 
 
 def table(chain: Chain) -> DenavitHartenberg:
     """Return the parameters of a chain whose frames follow the convention."""
     r, p = chain.rotations, chain.translations
+    tilt = np.arcsin(np.clip(r[:, 0, 2], -1.0, 1.0))
+    offset = (p[:, 1:] * r[:, 1:, 2]).sum(axis=1) / np.cos(tilt) ** 2
     return DenavitHartenberg(
         twist=np.arctan2(-r[:, 1, 2], r[:, 2, 2]),
-        length=p[:, 0].copy(),
+        length=p[:, 0] - offset * r[:, 0, 2],
         angle=np.arctan2(-r[:, 0, 1], r[:, 0, 0]),
-        offset=np.einsum('ia,ia->i', p, r[:, :, 2]),
-        tilt=np.arcsin(np.clip(r[:, 0, 2], -1.0, 1.0)),
+        offset=offset,
+        tilt=tilt,
     )
 
 
@@ -133,13 +173,15 @@ def _standard_poses(chain: Chain, old: Pose) -> tuple[Pose, Pose]:
     x = None if vertical else normal / np.linalg.norm(normal)
     base_x, at = x, old.origin[0]
     axes, origins = np.empty((n, 3, 3)), np.empty((n, 3))
+    before = up
     for i in range(n):
-        through = at if i == 0 or chain.prismatic[i] else _nearest(old.origin[i], z[i], at)
+        anywhere = i == 0 or chain.prismatic[i]
+        through = at if anywhere else _near(old.origin[i], z[i], at, before)
         next_line = None
         if i + 1 < n:
             next_line = (None if chain.prismatic[i + 1] else old.origin[i + 1]), z[i + 1]
         at, x = _frame(through, z[i], x, next_line)
-        axes[i], origins[i] = _right_handed(x, z[i]), at
+        axes[i], origins[i], before = _right_handed(x, z[i]), at, z[i]
     base_x = _perpendicular(axes[0, :, 0], up) if base_x is None else base_x
     return Pose(_right_handed(base_x, up), origins[0]), Pose(axes, origins)
 
@@ -174,7 +216,7 @@ def _frame(
             along = np.cross(direction, normal) @ (point - through) / sine**2
             foot = through + along * z
         return foot, _along(x, before)
-    aside = _perpendicular_part(point - through, z) if point is not None else np.zeros(3)
+    aside = _near(point, direction, through, z) - through if point is not None else np.zeros(3)
     if np.linalg.norm(aside) <= COINCIDENT:
         return through, fallback
     return through, _along(aside / np.linalg.norm(aside), before)
@@ -185,9 +227,16 @@ def _along(x: Array, before: Array | None) -> Array:
     return -x if before is not None and x @ before < 0.0 else x
 
 
-def _nearest(point: Array, direction: Array, to: Array) -> Array:
-    """Return the point of a line that is nearest to another point."""
-    return point + direction * (direction @ (to - point))
+def _near(point: Array, direction: Array, at: Array, z: Array) -> Array:
+    """
+    Return a point of a line that is near the origin `at` of a frame with the axis z.
+
+    The nearest one, or that in the frame's x-y plane where the line is nearly parallel to z.
+
+    """
+    if np.linalg.norm(np.cross(z, direction)) > PARALLEL:
+        return point + direction * (direction @ (at - point))
+    return point + direction * (z @ (at - point)) / (z @ direction)
 
 
 def _perpendicular_part(a: Array, z: Array) -> Array:

@@ -9,7 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.denavit_hartenberg import table, with_standard_frames
+from lip_id_ros.rigid_body.denavit_hartenberg import (
+    DenavitHartenberg,
+    mirrored,
+    table,
+    with_standard_frames,
+)
 from lip_id_ros.simulation.panda import panda_urdf
 
 
@@ -40,16 +45,49 @@ def test_the_table_says_where_the_joints_are(arm: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     chain, _ = with_standard_frames(random_chain(arm, rng), np.zeros((len(arm), LINK_PARAMETERS)))
     found = table(chain)
-    turns = Rotation.from_rotvec(np.outer(found.twist, [1.0, 0.0, 0.0]))
-    rotations = turns * Rotation.from_rotvec(np.outer(found.angle, [0.0, 0.0, 1.0]))
-    np.testing.assert_allclose(rotations.as_matrix(), chain.rotations, atol=1e-12)
-    shifts = np.outer(found.length, [1.0, 0.0, 0.0])
-    shifts += found.offset[:, None] * chain.rotations[:, :, 2]
-    np.testing.assert_allclose(shifts, chain.translations, atol=1e-12)
+    np.testing.assert_allclose(composed(found).rotations, chain.rotations, atol=1e-12)
+    np.testing.assert_allclose(composed(found).translations, chain.translations, atol=1e-12)
     np.testing.assert_allclose(found.tilt, 0.0, atol=1e-12)
     assert found.angle[-1] == pytest.approx(0.0, abs=1e-12)
     assert (np.abs(found.angle) <= np.pi / 2 + 1e-12).all()
     assert found.offset[0] == found.length[0] == 0.0
+
+
+@pytest.mark.parametrize('arm', ARMS)
+@pytest.mark.parametrize('seed', range(4))
+def test_an_arm_and_its_mirror_image_have_the_same_torques(arm: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    chain = random_chain(arm, rng)
+    links = rng.standard_normal((len(arm), LINK_PARAMETERS))
+    image, of_image = mirrored(chain, links)
+    np.testing.assert_allclose(np.linalg.det(image.rotations), 1.0)
+    assert not np.allclose(image.rotations, chain.rotations) or arm == 'P'
+    state = rng.standard_normal((3, 20, len(arm)))
+    before = torques_and_energies(chain, links, state)
+    after = torques_and_energies(image, of_image, state)
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_allclose(other, one, rtol=0, atol=1e-11 * max(1.0, np.abs(one).max()))
+
+
+def test_the_first_axis_points_up() -> None:
+    rng = np.random.default_rng(0)
+    chain = random_chain('RRR', rng)
+    down = Rotation.from_euler('x', 170, degrees=True).as_matrix()
+    rotations = np.concatenate([down[None], chain.rotations[1:]])
+    moved, _ = with_standard_frames(
+        chain._replace(rotations=rotations), np.zeros((3, LINK_PARAMETERS))
+    )
+    assert moved.rotations[0, 2, 2] == pytest.approx(np.cos(np.radians(10.0)))
+
+
+def composed(found: DenavitHartenberg) -> Chain:
+    """Multiply the transforms that the table names."""
+    x, y, z = np.eye(3)
+    turns = Rotation.from_rotvec(np.outer(found.twist, x))
+    turns *= Rotation.from_rotvec(np.outer(found.tilt, y))
+    rotations = (turns * Rotation.from_rotvec(np.outer(found.angle, z))).as_matrix()
+    translations = np.outer(found.length, x) + found.offset[:, None] * rotations[:, :, 2]
+    return Chain(rotations, translations, np.zeros(len(found.twist), bool), UP)
 
 
 def test_nearly_parallel_axes_get_no_offset() -> None:
@@ -61,9 +99,12 @@ def test_nearly_parallel_axes_get_no_offset() -> None:
         np.zeros(3, bool),
         UP,
     )
-    found = table(with_standard_frames(chain, np.zeros((3, LINK_PARAMETERS)))[0])
+    moved, _ = with_standard_frames(chain, np.zeros((3, LINK_PARAMETERS)))
+    found = table(moved)
     assert np.abs(found.offset).max() < 0.02
     assert np.abs(found.tilt[1]) == pytest.approx(0.02, abs=1e-3)
+    np.testing.assert_allclose(composed(found).rotations, moved.rotations, atol=1e-12)
+    np.testing.assert_allclose(composed(found).translations, moved.translations, atol=1e-12)
 
 
 def test_the_panda_has_the_table_of_its_maker() -> None:
