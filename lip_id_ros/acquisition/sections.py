@@ -7,12 +7,7 @@ from collections.abc import Sequence
 
 from lip_id_ros.recording import JointSamples, Reason, SampleBuffer
 from lip_id_ros.recording.joint_messages import JointMessage
-
-LONGEST_STEP_S = 10.0
-"""A stamp further ahead of the last one may be wrong, and is doubted like one that went back."""
-
-CONFIRMED_BY = 3
-"""So many messages in a row that follow a doubted stamp show that the clock did jump."""
+from lip_id_ros.signals.stamps import CONFIRMED_BY, LONGEST_STEP_S
 
 MOST_SECTIONS = 100
 """When the clock went back more often, it is not followed any more."""

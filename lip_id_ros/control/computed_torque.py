@@ -3,9 +3,45 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.control.feedforward import Feedforward
+from lip_id_ros.model import DynamicsModel
+
+
+class Feedforward(Protocol):
+    """Inverse dynamics of one state; q, dq and ddq have shape (n,)."""
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torques [N m or N], shape (n,), that the motion needs."""
+
+
+class NoFeedforward:
+    """Leave all the work to the feedback."""
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return zeros."""
+        return np.zeros_like(q)
+
+
+class LearnedFeedforward:
+    """
+    Torques of a learned model.
+
+    Parameters
+    ----------
+    model : DynamicsModel
+
+    """
+
+    def __init__(self, model: DynamicsModel) -> None:
+        self._model = model
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torques [N m or N], shape (n,), that the motion needs."""
+        return self._model.query(q, dq, ddq).tau
 
 
 @dataclass(frozen=True)

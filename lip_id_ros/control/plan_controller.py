@@ -13,8 +13,12 @@ from lip_id_ros.control import Gains
 from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
+from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError, require_unique
+from lip_id_ros.signals.stamps import StampWatch
 from lip_id_ros.signals.trajectories import increasing_times, PlannedPoint, stack
+
+LARGEST = 1e6
+"""No position, velocity or effort of an arm is larger, in SI units."""
 
 
 class EffortPoint(PlannedPoint, Protocol):
@@ -29,6 +33,9 @@ class PlanController:
     """
     Follow plans; without one there is no torque.
 
+    Stamps of joint states are the clock of a plan. They are judged as `train` does: one that goes
+    back or far ahead is refused, and where the clock did jump, the plan is dropped.
+
     Parameters
     ----------
     settings : ControlSettings
@@ -36,12 +43,13 @@ class PlanController:
     Raises
     ------
     ConfigError
-        If there is no joint, or a list has another length than there are joints.
+        If there is no joint or one comes twice, or a list has another length than there are.
 
     """
 
     def __init__(self, settings: ControlSettings) -> None:
         n = len(settings.joints)
+        require_unique('joints', settings.joints)
         if n == 0:
             raise ConfigError('joints must name the joints to control, but is empty.')
         for name in ('stiffness', 'damping'):
@@ -52,6 +60,8 @@ class PlanController:
         self._limits = np.array(settings.torque_limits or [np.inf] * n)
         self._planned = JointOrder(settings.joints)
         self._measured = JointOrder(settings.joints)
+        self._stamps = StampWatch()
+        self._jumps = 0
         self._plan: _Plan | None = None
 
     @property
@@ -88,7 +98,9 @@ class PlanController:
         if len(t) < 2:
             raise RefusedError(Refusal.NOT_INCREASING)
         if not np.isfinite(effort).all():
-            raise RefusedError(Refusal.NOT_FINITE_TORQUE)
+            raise RefusedError(Refusal.NOT_FINITE)
+        if max(np.abs(motion[:2]).max(), np.abs(effort).max()) > LARGEST:
+            raise RefusedError(Refusal.TOO_LARGE)
         self._plan = _Plan(t, motion[0], motion[1], effort)
 
     def torques(self, message: JointMessage) -> Array | None:
@@ -109,17 +121,15 @@ class PlanController:
         Raises
         ------
         RefusedError
-            If a joint is missing, or a number is missing or not finite.
+            If its stamp is doubted, a joint is missing, or a number is missing or not finite.
 
         """
+        self._judge(message.stamp_ns)
         if self._plan is None:
             return None
         columns = self._measured.columns(message.names)
-        if not len(message.names) == len(message.position) == len(message.velocity):
-            raise RefusedError(Refusal.WRONG_LENGTH)
-        q, dq = (
-            np.asarray(x, dtype=np.float64)[columns] for x in (message.position, message.velocity)
-        )
+        q = _vector(message.position, message, Refusal.NO_POSITION)[columns]
+        dq = _vector(message.velocity, message, Refusal.NO_VELOCITY)[columns]
         if not (np.isfinite(q).all() and np.isfinite(dq).all()):
             raise RefusedError(Refusal.NOT_FINITE)
         q_wanted, dq_wanted, effort = self._plan.at(message.stamp_ns)
@@ -128,6 +138,13 @@ class PlanController:
         if not np.isfinite(command).all():
             raise RefusedError(Refusal.NOT_FINITE_TORQUE)
         return command
+
+    def _judge(self, stamp_ns: int) -> None:
+        doubt = self._stamps.doubt(stamp_ns)
+        if doubt is not None:
+            raise RefusedError(doubt)
+        if self._stamps.jumps > self._jumps:
+            self._jumps, self._plan = self._stamps.jumps, None
 
 
 class _Plan:
@@ -149,6 +166,12 @@ class _Plan:
         effort = (1 - share) * self._effort[row - 1] + share * self._effort[row]
         dq = self._dq(within) if time == within else np.zeros(self._effort.shape[1])
         return np.asarray(self._q(within)), np.asarray(dq), effort
+
+
+def _vector(row: Sequence[float], message: JointMessage, absent: Refusal) -> Array:
+    if len(row) != len(message.names):
+        raise RefusedError(Refusal.WRONG_LENGTH if len(row) else absent)
+    return np.asarray(row, dtype=np.float64)
 
 
 def _require_length(name: str, values: Sequence[float], n: int) -> None:

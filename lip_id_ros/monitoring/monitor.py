@@ -22,7 +22,6 @@ from lip_id_ros.signals.joints import by_joint, Refusal, RefusedError, require_j
 from lip_id_ros.signals.stamps import CONFIRMED_BY, StampWatch
 
 LONGEST_GAP_S = 0.2
-LONGEST_STEP_S = 10.0
 NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
 
@@ -90,7 +89,7 @@ class Monitor:
         self._contact_until = -np.inf
         self._counts = Counter(received=0, watched=0, contacts=0, too_soon=0, after_a_gap=0)
         self._refused: Counter[str] = Counter()
-        self._stamps = StampWatch(LONGEST_STEP_S)
+        self._stamps = StampWatch()
         self._t = -np.inf
         self._begin_anew()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 import sys
 
+from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -41,7 +42,9 @@ class ComputedTorqueNode(GuardedNode):
             JointTrajectory, '~/joint_trajectory', self._on_plan, qos.REFERENCE
         )
         self.create_subscription(JointState, 'joint_states', self._on_joint_state, qos.NEWEST)
-        self.create_timer(STATUS_PERIOD_S, self._publish_status)
+        # steady: a paused simulation must not silence the diagnostics
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(STATUS_PERIOD_S, self._publish_status, clock=steady)
 
     def stop(self) -> None:
         """Nothing to let go of: an arm that hears no torque takes its brakes."""

@@ -7,6 +7,9 @@ from lip_id_ros.signals.joints import Refusal
 CONFIRMED_BY = 3
 """So many messages in a row that follow a doubted stamp show that the clock did jump."""
 
+LONGEST_STEP_S = 10.0
+"""A stamp further ahead of the last one may be wrong."""
+
 NANOSECONDS = 1_000_000_000
 
 
@@ -30,7 +33,7 @@ class StampWatch:
 
     """
 
-    def __init__(self, longest_step_s: float) -> None:
+    def __init__(self, longest_step_s: float = LONGEST_STEP_S) -> None:
         self._longest_ns = round(NANOSECONDS * longest_step_s)
         self._last_ns = 0
         self._doubted_ns = 0

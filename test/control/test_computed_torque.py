@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from lip_id_ros.control import (
     LearnedFeedforward,
     NoFeedforward,
 )
-from lip_id_ros.model import Query
+from lip_id_ros.model import DynamicsModel, Query
 
 GAINS = Gains(np.array([100.0, 50.0]), np.array([10.0, 5.0]))
 CENTRE = np.array([0.3, -1.0])
@@ -29,7 +31,7 @@ class Doubling:
 def test_command_is_feedforward_plus_feedback() -> None:
     reference = (np.array([1.0, 2.0]), np.array([0.5, 0.0]), np.array([3.0, -4.0]))
 
-    torques = ComputedTorque(LearnedFeedforward(Doubling()), GAINS).torques(
+    torques = ComputedTorque(LearnedFeedforward(cast('DynamicsModel', Doubling())), GAINS).torques(
         reference, np.array([0.9, 2.2]), np.array([0.4, 0.2])
     )
 

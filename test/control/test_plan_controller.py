@@ -127,7 +127,10 @@ def test_limits_are_kept_to_the_last_digit() -> None:
         ([PLAN[0], Point([0, 0], [0, 0], Time(1), [1.0])], 'as long as the joint names'),
         ([PLAN[0], Point([0, 0], [0, 0], Time(1))], 'as long as the joint names'),
         ([PLAN[0], Point([0], [0, 0], Time(1), [1, 1])], 'as long as the joint names'),
-        ([PLAN[0], Point([0, 0], [0, 0], Time(1), [math.nan, 1])], 'torque would not be finite'),
+        ([PLAN[0], Point([0, 0], [0, 0], Time(1), [math.nan, 1])], 'must be finite'),
+        ([PLAN[0], Point([0, 1e300], [0, 0], Time(1), [1, 1])], 'beyond what any arm does'),
+        ([PLAN[0], Point([0, 0], [0, -1e300], Time(1), [1, 1])], 'beyond what any arm does'),
+        ([PLAN[0], Point([0, 0], [0, 0], Time(1), [1e300, 1])], 'beyond what any arm does'),
         ([PLAN[0], Point([0, math.inf], [0, 0], Time(1), [1, 1])], 'must be finite'),
     ],
 )
@@ -146,7 +149,9 @@ def test_a_bad_plan_is_refused_and_the_one_before_goes_on(
     ('message', 'sentence'),
     [
         (measured(0, [0.0], [0.0], ('a',)), 'one is missing'),
-        (measured(0, [0.0, 0.0], [], NAMES), 'as long as the joint names'),
+        (measured(0, [0.0, 0.0], [], NAMES), 'has no velocities'),
+        (measured(0, [0.0, 0.0], [1.0], NAMES), 'as long as the joint names'),
+        (measured(-START * 1e-9, [0.0, 0.0], [0.0, 0.0], NAMES), 'the stamp is zero'),
         (measured(0, [0.0, math.nan], [0.0, 0.0], NAMES), 'must be finite'),
     ],
 )
@@ -171,3 +176,35 @@ def test_a_bad_measurement_is_not_answered(message: JointMessage, sentence: str)
 def test_settings_that_do_not_fit(settings: ControlSettings, sentence: str) -> None:
     with pytest.raises(ConfigError, match=sentence):
         PlanController(settings)
+
+
+@pytest.mark.parametrize(
+    ('wrong_s', 'sentence'), [(-START * 1e-9, 'is zero'), (-3600.0, 'before'), (3600.0, 'ahead')]
+)
+def test_a_wrong_stamp_moves_nothing(wrong_s: float, sentence: str) -> None:
+    controller = following()
+    controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
+    with pytest.raises(RefusedError, match=sentence):
+        controller.torques(measured(wrong_s, [0.25, 1.0], [1.0, 0.0]))
+    torques = controller.torques(measured(0.5, [0.5, 1.0], [1.0, 0.0]))
+    assert torques is not None
+    np.testing.assert_allclose(torques, [3.0, -4.0], atol=1e-6)
+
+
+def test_a_clock_that_jumped_ends_the_plan() -> None:
+    controller = following()
+    controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
+    for step in (0.0, 0.01):
+        with pytest.raises(RefusedError):
+            controller.torques(measured(-100.0 + step, [0.0, 1.0], [1.0, 0.0]))
+    assert controller.torques(measured(-99.98, [0.0, 1.0], [1.0, 0.0])) is None
+    controller.take(NAMES, PLAN)
+    torques = controller.torques(measured(-99.97, [0.0, 1.0], [1.0, 0.0]))
+    assert torques is not None
+    np.testing.assert_allclose(torques, [2.0, -4.0], atol=1e-6)
+
+
+def test_a_joint_named_twice_is_refused() -> None:
+    twice = replace(SETTINGS, joints=('a', 'a'))
+    with pytest.raises(ConfigError, match=r"^joints must name each joint once, but 'a' comes"):
+        PlanController(twice)
