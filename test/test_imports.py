@@ -85,6 +85,7 @@ FOREIGN = {
     'control_msgs': ROS,
     'diagnostic_msgs': ROS,
     'lifecycle_msgs': ROS,
+    'pal_statistics_msgs': ROS,
     'rcl_interfaces': ROS,
     'sensor_msgs': ROS,
     'std_msgs': ROS,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-import json
 import math
 import threading
 import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -18,12 +18,11 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.nodes import qos
+from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.running import make_executor
 
 ANSWER_SECONDS = 60.0
@@ -54,7 +53,7 @@ class Graph:
         self._lifecycle = node.create_client(ChangeState, '/serve/change_state')
         self._robot = node.create_client(SetParameters, '/simulated_panda/set_parameters')
         self._plans = node.create_publisher(JointTrajectory, '/desired_trajectory', qos.REFERENCE)
-        node.create_subscription(String, '/train/status', self._on_status, qos.LATCHED)
+        node.create_subscription(DiagnosticStatus, '/train/status', self._on_status, qos.LATCHED)
 
     def wait_until(self, condition: Callable[[], bool], what: str, seconds: float) -> None:
         """
@@ -118,8 +117,8 @@ class Graph:
         self.wait_until(answer.done, f'the answer of {client.srv_name}', ANSWER_SECONDS)
         return answer.result()
 
-    def _on_status(self, message: String) -> None:
-        self.train_status = json.loads(message.data)
+    def _on_status(self, message: DiagnosticStatus) -> None:
+        self.train_status = messages.status_values(message)
 
 
 def await_discovery(

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 import time
 
 from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 from rclpy.node import Node
-from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.control import GrowingCosine
@@ -42,20 +41,20 @@ class ReferenceNode(Node):
         self._publisher = self.create_publisher(
             JointTrajectory, 'desired_trajectory', qos.REFERENCE
         )
-        self.create_subscription(String, 'serve/status', self._on_serve, qos.LATCHED)
+        self.create_subscription(DiagnosticStatus, 'serve/status', self._on_serve, qos.LATCHED)
         self.create_subscription(
-            String, 'computed_torque/status', self._on_controller, qos.LATCHED
+            DiagnosticStatus, 'computed_torque/status', self._on_controller, qos.LATCHED
         )
         self.create_timer(0.1, self._publish)
 
     def stop(self) -> None:
         """Nothing to let go of."""
 
-    def _on_serve(self, message: String) -> None:
-        self._active = json.loads(message.data).get('state') == 'active'
+    def _on_serve(self, message: DiagnosticStatus) -> None:
+        self._active = messages.status_values(message).get('state') == 'active'
 
-    def _on_controller(self, message: String) -> None:
-        self._taken = json.loads(message.data).get('plans', 0) > 0
+    def _on_controller(self, message: DiagnosticStatus) -> None:
+        self._taken = messages.status_values(message).get('plans', 0) > 0
 
     def _publish(self) -> None:
         due = time.monotonic() - self._published > RETRY_S

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Mapping, Sequence
+import json
+import math
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 import numpy as np
+from pal_statistics_msgs.msg import Statistic, Statistics
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -104,22 +107,61 @@ def _doubles(values: Any) -> array[float]:
     return doubles(np.asarray(values, dtype=np.float64))
 
 
-def diagnostics_message(
-    stamp: Time, name: str, level: bytes, summary: str, values: Mapping[str, Any]
-) -> DiagnosticArray:
-    """Return one diagnostic status; nested values become dotted keys."""
-    status = DiagnosticStatus(name=name, level=level, message=summary, hardware_id='')
-    status.values = [KeyValue(key=key, value=str(value)) for key, value in _flat(values)]
-    message = DiagnosticArray(status=[status])
+def status_message(
+    name: str, hardware: str, level: bytes, summary: str, values: Mapping[str, Any]
+) -> DiagnosticStatus:
+    """
+    Return a status as a message.
+
+    Nested values become dotted keys. Texts stay as they are, all else is JSON.
+
+    """
+    status = DiagnosticStatus(name=name, level=level, message=summary, hardware_id=hardware)
+    status.values = [KeyValue(key=key, value=_text(value)) for key, value in _flat(values)]
+    return status
+
+
+def status_values(status: DiagnosticStatus) -> dict[str, Any]:
+    """Return the values of a status as they were before `status_message`, and its summary."""
+    values: dict[str, Any] = {'summary': status.message}
+    for pair in status.values:
+        *outer, last = pair.key.split('.')
+        place = values
+        for key in outer:
+            place = place.setdefault(key, {})
+        place[last] = _value(pair.value)
+    return values
+
+
+def energies_message(stamp: Time, energies: Mapping[str, float]) -> Statistics:
+    """Return the energies that are finite [J], by name, with a stamp."""
+    message = Statistics()
     message.header.stamp = stamp
+    message.statistics = [
+        Statistic(name=name, value=value)
+        for name, value in energies.items()
+        if math.isfinite(value)
+    ]
     return message
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
 
 
 def _flat(values: Mapping[str, Any], prefix: str = '') -> list[tuple[str, Any]]:
     pairs: list[tuple[str, Any]] = []
     for key, value in values.items():
-        if isinstance(value, Mapping):
-            pairs += _flat(value, f'{prefix}{key}.')
+        name = prefix + str(key).replace('.', '_')
+        if isinstance(value, Mapping) and value:
+            pairs += _flat(value, f'{name}.')
         else:
-            pairs.append((f'{prefix}{key}', value))
+            pairs.append((name, value))
     return pairs

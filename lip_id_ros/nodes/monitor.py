@@ -6,6 +6,7 @@ import math
 import sys
 import time
 
+from pal_statistics_msgs.msg import Statistics
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
@@ -49,6 +50,7 @@ class MonitorNode(GuardedNode):
         self._contact = self.create_publisher(Bool, '~/contact', qos.OUTPUT)
         self._total = self.create_publisher(Float64, '~/total_energy', qos.OUTPUT)
         self._unexplained = self.create_publisher(Float64, '~/power_unexplained', qos.OUTPUT)
+        self._energy = self.create_publisher(Statistics, '~/energy', qos.OUTPUT)
         self.create_service(Trigger, '~/calibrate', self._on_calibrate)
         self.create_subscription(JointState, 'joint_states', self._on_joint_state, qos.NEWEST)
         # steady: a paused simulation must not silence the diagnostics
@@ -74,6 +76,13 @@ class MonitorNode(GuardedNode):
         self._unexplained.publish(Float64(data=watched.energy.unexplained))
         if math.isfinite(watched.energy.total):
             self._total.publish(Float64(data=watched.energy.total))
+        if self._energy.get_subscription_count():
+            energies = {
+                'total_energy': watched.energy.total,
+                'power_supplied': watched.energy.supplied,
+                'power_unexplained': watched.energy.unexplained,
+            }
+            self._energy.publish(messages.energies_message(message.header.stamp, energies))
         if watched.contact is not None:
             self._contact.publish(Bool(data=watched.contact))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,6 +21,16 @@ from lip_id_ros.settings.nodes import AT_START
 from lip_id_ros.settings.settings import unknown_name
 
 _LARGEST_INTEGER = 2**63 - 1
+
+TYPES = {
+    'bool': Parameter.Type.BOOL,
+    'int': Parameter.Type.INTEGER,
+    'float': Parameter.Type.DOUBLE,
+    'str': Parameter.Type.STRING,
+    'list of str': Parameter.Type.STRING_ARRAY,
+    'list of float': Parameter.Type.DOUBLE_ARRAY,
+}
+"""The type of a parameter by the kind of its row."""
 
 
 def declare(node: Node, table: Mapping[str, Row]) -> None:
@@ -43,9 +54,19 @@ def declare(node: Node, table: Mapping[str, Row]) -> None:
 
     """
     node.add_on_set_parameters_callback(lambda changed: _check(table, changed))
-    _mend_empty_lists(node, table)
+    node.add_pre_set_parameters_callback(
+        lambda changed: (
+            [_typed(table[each.name], each) for each in changed if each.name in table]
+            + [each for each in changed if each.name not in table]
+        )
+    )
+    overrides = node._parameter_overrides
+    for name in table.keys() & overrides.keys():
+        overrides[name] = _typed(table[name], overrides[name])
     for name, row in table.items():
         node.declare_parameter(name, row.default, descriptor(row))
+        node._parameters[name] = _typed(row, node._parameters[name])
+        node._descriptors[name].type = node._parameters[name].type_.value
     _refuse_unknown(node, table)
 
 
@@ -57,10 +78,15 @@ def values(node: Node, table: Mapping[str, Row]) -> dict[str, Any]:
 def changed_values(table: Mapping[str, Row], changed: Sequence[Parameter]) -> dict[str, Any]:
     """Return the values of those changed parameters that belong to a table, checked."""
     return {
-        parameter.name: table[parameter.name].check(parameter.value, parameter.name)
+        parameter.name: table[parameter.name].check(_plain(parameter.value), parameter.name)
         for parameter in changed
         if parameter.name in table
     }
+
+
+def _plain(value: Any) -> Any:
+    """Return a list for an array, which a refusal would print as such."""
+    return value.tolist() if isinstance(value, array) else value
 
 
 def refused(error: Exception) -> SetParametersResult:
@@ -110,13 +136,23 @@ def _check(table: Mapping[str, Row], changed: Sequence[Parameter]) -> SetParamet
     return SetParametersResult(successful=True)
 
 
-def _mend_empty_lists(node: Node, table: Mapping[str, Row]) -> None:
-    """Give ``[]`` of a file or the command line its value: rcl hands it on as none at all."""
-    overrides = node._parameter_overrides
-    for name in table.keys() & overrides.keys():
-        unset = overrides[name].type_ == Parameter.Type.NOT_SET
-        if unset and table[name].kind.startswith('list'):
-            overrides[name] = Parameter(name, value=[])
+def _typed(row: Row, parameter: Parameter) -> Parameter:
+    """
+    Return a parameter with the type of its row where ROS cannot know it.
+
+    An empty list has the type of a list of bytes, or none at all where it comes from a file or
+    the command line; a whole number is no double.
+
+    """
+    kind, value = TYPES[row.kind], parameter.value
+    listed = isinstance(value, (list, tuple, array))
+    if row.kind.startswith('list') and (value is None or (listed and not value)):
+        return Parameter(parameter.name, kind, [])
+    if row.kind == 'float' and type(value) is int:
+        return Parameter(parameter.name, kind, float(value))
+    if row.kind == 'list of float' and listed and all(type(each) is int for each in value):
+        return Parameter(parameter.name, kind, [float(each) for each in value])
+    return parameter
 
 
 def _refuse_unknown(node: Node, table: Mapping[str, Row]) -> None:

@@ -1,6 +1,14 @@
 """Quality of service of every topic, each with its reason."""
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    qos_check_compatible,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 
 SENSOR_STREAM = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=2000
@@ -37,3 +45,15 @@ DIAGNOSTICS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=10
 )
 """/diagnostics, as everybody else publishes it."""
+
+
+def misfits(node: Node) -> list[str]:
+    """Name the publishers that a node does not hear, since their quality of service is lower."""
+    return [
+        f'{publisher.node_name} publishes {subscription.topic_name} with a quality of service '
+        f'that does not fit: {reason}'
+        for subscription in node.subscriptions
+        for publisher in node.get_publishers_info_by_topic(subscription.topic_name)
+        for fit, reason in [qos_check_compatible(publisher.qos_profile, subscription.qos_profile)]
+        if fit == QoSCompatibility.ERROR
+    ]

@@ -9,6 +9,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 import numpy as np
+from pal_statistics_msgs.msg import Statistics
 from rclpy.lifecycle import LifecycleNode
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -32,7 +33,7 @@ INLINE_BYTES = 24 * 1024
 COMPONENTS = ('inertial', 'coriolis', 'gravity', 'friction')
 COMPONENT_TOPICS = tuple(f'torque/{part}' for part in COMPONENTS)
 STD_TOPIC = 'torque_std'
-ENERGY_TOPICS = ('measured/kinetic_energy', 'measured/potential_energy')
+MEASURED_TOPICS = ('measured/kinetic_energy', 'measured/potential_energy', 'measured/energies')
 RESIDUAL_TOPIC = 'torque_residual'
 
 
@@ -51,6 +52,7 @@ class Outputs:
         self._torque = self._publisher(JointState, '~/feedforward_torque')
         self._kinetic = self._publisher(Float64, '~/kinetic_energy')
         self._potential = self._publisher(Float64, '~/potential_energy')
+        self._energies = self._publisher(Statistics, '~/energies')
         self._plan = self._publisher(JointTrajectory, '~/trajectory_with_effort')
         self._optional: dict[str, Any] = {}
 
@@ -63,8 +65,9 @@ class Outputs:
         if settings.publish_std:
             self._add(JointState, STD_TOPIC)
         if settings.follow_joint_states:
-            for topic in ENERGY_TOPICS:
+            for topic in MEASURED_TOPICS[:2]:
                 self._add(Float64, topic)
+            self._add(Statistics, MEASURED_TOPICS[2])
             self._add(JointState, RESIDUAL_TOPIC)
 
     def clean_up(self) -> None:
@@ -84,16 +87,19 @@ class Outputs:
         if 'commands' in self._optional:
             self._optional['commands'].publish(messages.command_message(tau))
 
-    def energies(self, query: Query) -> None:
+    def energies(self, stamp: Time, query: Query) -> None:
         """Publish the energies of a reference."""
         _publish_finite(self._kinetic, query.kinetic)
         _publish_finite(self._potential, query.potential)
+        if self._energies.get_subscription_count():
+            self._energies.publish(_energies(stamp, query))
 
-    def measured_energies(self, query: Query) -> None:
+    def measured_energies(self, stamp: Time, query: Query) -> None:
         """Publish the energies of a measured state."""
-        kinetic, potential = ENERGY_TOPICS
+        kinetic, potential, both = MEASURED_TOPICS
         _publish_finite(self._optional[kinetic], query.kinetic)
         _publish_finite(self._optional[potential], query.potential)
+        self._optional[both].publish(_energies(stamp, query))
 
     def plan(self, plan: JointTrajectory, tau: Array) -> None:
         """Publish a plan with efforts, shape (number of points, n) [N m or N]."""
@@ -247,8 +253,9 @@ class Inputs:
         measured = self._server.measure(from_joint_state(message), time.monotonic())
         if measured is None:
             return
-        if self._outputs.wants(*ENERGY_TOPICS):
-            self._outputs.measured_energies(self._server.measured_energies(measured))
+        if self._outputs.wants(*MEASURED_TOPICS):
+            query = self._server.measured_energies(measured)
+            self._outputs.measured_energies(message.header.stamp, query)
         if self._outputs.wants(RESIDUAL_TOPIC):
             residual = self._server.residual(measured)
             self._publish_vector(RESIDUAL_TOPIC, message.header.stamp, residual)
@@ -271,7 +278,7 @@ class Inputs:
             stamp = self._now()
         served = self._server.sample(names, points, time.monotonic(), stamp)
         self._outputs.torque(stamp, self._server.joint_names, served.tau)
-        self._outputs.energies(served.query)
+        self._outputs.energies(stamp, served.query)
         if self._outputs.wants(*COMPONENT_TOPICS):
             predicted = self._server.components(served)
             self._outputs.components(stamp, self._server.joint_names, predicted)
@@ -302,3 +309,8 @@ def _controller_state() -> Any:
 def _publish_finite(publisher: Any, value: float) -> None:
     if math.isfinite(value):
         publisher.publish(Float64(data=value))
+
+
+def _energies(stamp: Time, query: Query) -> Statistics:
+    energies = {'kinetic_energy': query.kinetic, 'potential_energy': query.potential}
+    return messages.energies_message(stamp, energies)

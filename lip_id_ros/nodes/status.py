@@ -1,15 +1,14 @@
-"""What a node tells about itself: latched JSON on ~/status, and /diagnostics."""
+"""The state of a node: latched on ~/status, and in /diagnostics."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-import json
+from dataclasses import dataclass, field
+import socket
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
-from std_msgs.msg import String
 
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.guard import GuardedNode
@@ -53,28 +52,27 @@ class StatusPublisher:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        # A lifecycle node must tell about itself in every state: these are plain publishers.
-        self._status = node.create_publisher(String, '~/status', qos.LATCHED)
+        # A lifecycle node has a status in every state: these are plain publishers.
+        self._status = node.create_publisher(DiagnosticStatus, '~/status', qos.LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', qos.DIAGNOSTICS)
-        self._last = ''
+        self._name = node.get_fully_qualified_name().lstrip('/')
+        # the robot's name where it has one: nodes of several arms may share a computer
+        self._hardware = node.get_namespace().strip('/') or socket.gethostname()
+        self._last: DiagnosticStatus | None = None
         self._faults = 0
 
     def publish(self, status: Status) -> None:
         """Publish to /diagnostics, and to ~/status if anything changed."""
-        status = self._with_faults(status)
-        text = json.dumps({'summary': status.summary, **status.values})
-        if text != self._last:
-            self._status.publish(String(data=text))
-            self._last = text
-        self._diagnostics.publish(
-            messages.diagnostics_message(
-                self._node.get_clock().now().to_msg(),
-                self._node.get_fully_qualified_name().lstrip('/'),
-                status.level,
-                status.summary,
-                status.values,
-            )
+        status = self._with_misfits(self._with_faults(status))
+        message = messages.status_message(
+            self._name, self._hardware, status.level, status.summary, status.values
         )
+        if message != self._last:
+            self._status.publish(message)
+            self._last = message
+        diagnostics = DiagnosticArray(status=[message])
+        diagnostics.header.stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(diagnostics)
 
     def _with_faults(self, status: Status) -> Status:
         """Add what the node's guard caught."""
@@ -83,6 +81,13 @@ class StatusPublisher:
             return status
         values = {**status.values, 'faults': node.faults}
         new, self._faults = node.faults - self._faults, node.faults
-        if not new:
-            return replace(status, values=values)
-        return Status(ERROR, f'a callback failed: {node.last_fault}', values)
+        if new:
+            return Status(ERROR, f'a callback failed: {node.last_fault}', values)
+        return Status(status.level, status.summary, values)
+
+    def _with_misfits(self, status: Status) -> Status:
+        """Warn of publishers that the node does not hear for their quality of service."""
+        misfits = qos.misfits(self._node)
+        if not misfits or status.level != OK:
+            return status
+        return Status(WARN, f'{status.summary}; {"; ".join(misfits)}', status.values)

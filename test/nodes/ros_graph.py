@@ -13,6 +13,7 @@ import sys
 import threading
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
 import rclpy
@@ -21,12 +22,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from ros_domain import free_domain
-from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from waiting import wait_until
 
 from lip_id_ros.demo.graph import await_discovery
-from lip_id_ros.nodes import qos
+from lip_id_ros.nodes import messages, qos
 
 ROOT = Path(__file__).resolve().parents[2]
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
@@ -157,12 +157,12 @@ class Client:
         """Wait for a status of a node that fulfils a condition."""
         topic = f'/{node}/status'
         if topic not in self.received:
-            self.listen(String, topic, qos.LATCHED)
+            self.listen(DiagnosticStatus, topic, qos.LATCHED)
         found: list[dict[str, Any]] = []
 
         def fulfilled() -> bool:
             for message in self.received[topic][-1:]:
-                found[:] = [json.loads(message.data)]
+                found[:] = [messages.status_values(message)]
             return bool(found and condition(found[0]))
 
         wait_until(fulfilled, f'status of {node}')

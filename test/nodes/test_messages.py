@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -57,11 +58,30 @@ def test_a_plan_keeps_all_but_its_efforts(tau: Array) -> None:
     np.testing.assert_array_equal([point.positions for point in filled.points], -tau)
 
 
-def test_diagnostics_flatten_what_is_nested() -> None:
-    message = messages.diagnostics_message(
-        Time(sec=3), 'train', b'\x01', 'so so', {'rows': 3, 'job': {'state': 'idle'}}
-    )
-    (status,) = message.status
-    assert message.header.stamp.sec == 3
-    assert (status.name, status.level, status.message) == ('train', b'\x01', 'so so')
-    assert {pair.key: pair.value for pair in status.values} == {'rows': '3', 'job.state': 'idle'}
+def test_a_status_comes_back_as_it_was() -> None:
+    values = {
+        'rows': 3,
+        'recording': True,
+        'joint_names': ['a', 'b.c'],
+        'thresholds': None,
+        'refused': {},
+        'job': {'state': 'idle', 'result': {'panda.joint1': {'angle_deg': 90.0}}},
+    }
+    message = messages.status_message('robot/train', 'robot', b'\x01', 'so so', values)
+    arrived = deserialize_message(serialize_message(message), DiagnosticStatus)
+    assert (arrived.name, arrived.hardware_id) == ('robot/train', 'robot')
+    assert (arrived.level, arrived.message) == (b'\x01', 'so so')
+    pairs = {pair.key: pair.value for pair in arrived.values}
+    assert pairs['job.state'] == 'idle'
+    assert pairs['job.result.panda_joint1.angle_deg'] == '90.0'
+    expected = {**values, 'summary': 'so so'}
+    expected['job'] = {'state': 'idle', 'result': {'panda_joint1': {'angle_deg': 90.0}}}
+    assert messages.status_values(arrived) == expected
+
+
+def test_energies_have_a_stamp_and_those_that_are_not_known_are_left_out() -> None:
+    stamp = Time(sec=3, nanosec=4)
+    energies = {'kinetic_energy': 1.5, 'potential_energy': np.nan}
+    message = messages.energies_message(stamp, energies)
+    assert message.header.stamp == stamp
+    assert [(each.name, each.value) for each in message.statistics] == [('kinetic_energy', 1.5)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 import time
 from typing import Any, TYPE_CHECKING
@@ -125,7 +124,8 @@ def test_no_message_is_lost_while_a_fit_runs(ros: tuple[Graph, Client]) -> None:
     assert client.trigger('/train/fit').success
 
     def heard() -> list[dict[str, Any]]:
-        return [json.loads(message.data) for message in list(client.received['/train/status'])]
+        received = list(client.received['/train/status'])
+        return [messages.status_values(message) for message in received]
 
     sent = 1000
     while heard()[-1]['job']['state'] != 'done':
