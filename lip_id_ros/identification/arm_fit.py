@@ -91,9 +91,9 @@ class ArmFitter:
         self.link_std = link_prior_std(dataset)
         self.link_scale = scale_of(float(self.link_std[0, 0]), LENGTH)
         torque = dataset.tau.std(axis=0)
-        self._torque_std = np.where(torque > 0.0, torque, 1.0)
+        self.torque_std = np.where(torque > 0.0, torque, 1.0)
         self._reference = self.some(SEARCH_SAMPLES)
-        self.least_noise = FINEST * self._torque_std
+        self.least_noise = FINEST * self.torque_std
 
     def some(self, count: int) -> Dataset:
         """Return so many of the samples, well spread."""
@@ -166,7 +166,7 @@ class ArmFitter:
     def _friction_std(self, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
         """Return deviations of coefficients that make torques of the measured size, (K,)."""
         size = np.sqrt(np.mean(_features(self._reference, basis, arm) ** 2, axis=0))
-        ratio = self._torque_std[:, None] / np.where(size > 0.0, size, np.nan)
+        ratio = self.torque_std[:, None] / np.where(size > 0.0, size, np.nan)
         # of a drive that is coupled to several joints, the smallest
         return np.nan_to_num(np.fmin.reduce(ratio, axis=0), nan=1.0)
 

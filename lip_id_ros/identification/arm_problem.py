@@ -29,6 +29,9 @@ from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivat
 LINK_PRIOR = 0.3
 """Precision (inverse standard deviation) of the prior on log-Cholesky numbers."""
 
+TURN_PRIOR = 0.1
+"""Precision of the prior on steps of rotations, around no step: some change no torque."""
+
 LOG_PRIOR = 0.3
 """Precision of the prior on logarithms of friction coefficients."""
 
@@ -204,7 +207,7 @@ class ArmProblem:
     def prior_precision(self) -> Array:
         """Return inverse standard deviations of the prior of every entry of a step, (m,)."""
         n = len(self._samples.link_std)
-        placements = np.tile([0.0, 0.0, 0.0, *[1.0 / REACH] * 3], n)
+        placements = np.tile([*[TURN_PRIOR] * 3, *[1.0 / REACH] * 3], n)
         links = np.full(n * LINK_PARAMETERS, LINK_PRIOR)
         friction = np.where(self._positive, LOG_PRIOR, 1.0 / self._samples.friction_std)
         return np.concatenate([placements, links, friction])

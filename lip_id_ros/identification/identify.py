@@ -1,0 +1,99 @@
+"""An arm from its recordings: placements, links, friction and their posterior, in that order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.identification.arm_fit import ArmFitter, MOST_SAMPLES
+from lip_id_ros.identification.arm_posterior import ArmPosterior
+from lip_id_ros.identification.laplace import posterior
+from lip_id_ros.identification.remainder import Remainder
+from lip_id_ros.identification.remainder_election import elect_remainder
+from lip_id_ros.progress import Progress, silent
+
+STAGE = 'links and friction'
+STEPS = 4
+
+LEAST_SAMPLES_PER_JOINT = 2
+"""With fewer samples placements fit anything, and mean nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """
+    An arm that was identified, and how that went.
+
+    Attributes
+    ----------
+    arm : ArmPosterior
+    remainder : Remainder or None
+        What is added to the torques of some joints, or takes their place.
+    searches_agreed : bool
+        Whether both searches for the placements ended in the same minimum.
+    descents : int
+        Of both searches.
+    unexplained : array, shape (n,)
+        Share of each torque's variance that left-out blocks show to be unexplained.
+    inflation : float
+        Factor of the covariance for residuals that are correlated in time.
+
+    """
+
+    arm: ArmPosterior
+    remainder: Remainder | None
+    searches_agreed: bool
+    descents: int
+    unexplained: Array
+    inflation: float
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the torques at joint states of shape (N, n), same shape [N m or N]."""
+        arm = self.arm.torque(q, dq, ddq)
+        if self.remainder is None:
+            return arm
+        return arm * ~self.remainder.replaces + self.remainder.torque(q, dq, ddq)
+
+
+def identify(dataset: Dataset, seed: int = 0, progress: Progress = silent) -> Identified:
+    """
+    Identify chain, links and friction of an arm.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        In the order of time; at least `LEAST_SAMPLES_PER_JOINT` samples per joint.
+    seed : int
+        Of the search for placements.
+    progress : callable
+
+    Raises
+    ------
+    FitError
+        If the data are not finite in units of the noise.
+
+    """
+    fitter = ArmFitter(dataset)
+    calibration = fitter.calibrated(seed, progress)
+    progress(STAGE, 0, STEPS)
+    elected = fitter.elected(calibration.placements.chain)
+    progress(STAGE, 1, STEPS)
+    fit = fitter.best_start([each.chain for each in calibration.candidates], elected)
+    progress(STAGE, 2, STEPS)
+    many = fitter.some(MOST_SAMPLES)
+    fit = fitter.refined(many, fit)
+    progress(STAGE, 3, STEPS)
+    # loads and places are better known by now
+    fit = fitter.refined(many, fitter.with_friction(fit, fitter.elected(fit.chain)))
+    fit, arm, left_out = posterior(fitter, fit)
+    progress(STAGE, STEPS, STEPS)
+    unexplained = left_out.mean_squares / fitter.torque_std**2
+    return Identified(
+        arm=arm,
+        remainder=elect_remainder(fitter, fit),
+        searches_agreed=calibration.agreed,
+        descents=calibration.descents,
+        unexplained=unexplained,
+        inflation=left_out.inflation,
+    )

@@ -1,0 +1,127 @@
+"""
+Torques that links do not explain: a Gaussian process per joint, beside the links or instead.
+
+Squared-exponential covariance in cosines and sines of revolute positions, prismatic positions,
+velocities and accelerations (Rasmussen and Williams 2006, section 5.3).
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from lip_id_ros.arrays import Array, BoolArray
+
+FRICTION_VARIANCE = 10.0
+"""Prior variance of viscous and Coulomb friction and offset, in variances of the torque."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """
+    Joint states as inputs of a covariance.
+
+    Attributes
+    ----------
+    revolute : bool array, shape (n,)
+    centre, scale : arrays, shape (d,)
+        Mean and standard deviation of the training samples.
+    sign_width : array, shape (n,)
+        Of the smooth signs of friction [rad/s or m/s].
+
+    """
+
+    revolute: BoolArray
+    centre: Array
+    scale: Array
+    sign_width: Array
+
+    @classmethod
+    def of(cls, revolute: BoolArray, q: Array, dq: Array, ddq: Array) -> Inputs:
+        """Return the inputs that have unit variance for training samples of shape (N, n)."""
+        raw = _raw(revolute, q, dq, ddq)
+        scale, speed = raw.std(axis=0), np.sqrt(np.mean(dq**2, axis=0))
+        width = 0.05 * np.where(speed > 0.0, speed, 1.0)
+        return cls(revolute, raw.mean(axis=0), np.where(scale > 0.0, scale, 1.0), width)
+
+    def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the inputs of joint states of shape (N, n), shape (N, d)."""
+        return np.asarray((_raw(self.revolute, q, dq, ddq) - self.centre) / self.scale)
+
+    def friction(self, dq: Array) -> Array:
+        """Return smooth sign, velocity in root mean squares and one, shape (N, n, 3)."""
+        ratio = dq / self.sign_width
+        return np.stack([np.tanh(ratio), 0.05 * ratio, np.ones_like(dq)], axis=2)
+
+
+@dataclass(frozen=True, eq=False)
+class Remainder:
+    """
+    Gaussian processes of the torques of some joints.
+
+    Attributes
+    ----------
+    inputs : Inputs
+    x : array, shape (M, d)
+        Of the training samples.
+    length, noise, variance : arrays, shape (n,)
+        Length scales (0 for joints without a process), variances of the noise in those of the
+        process, and these [(N m)^2 or N^2].
+    replaces : bool array, shape (n,)
+        Joints whose process takes the place of links and friction.
+    alpha : array, shape (M, n)
+        Weights of the posterior mean [N m or N].
+    friction : array, shape (n, 3)
+        Coefficients of `Inputs.friction` [N m or N]; zero beside links.
+
+    """
+
+    inputs: Inputs
+    x: Array
+    length: Array
+    noise: Array
+    variance: Array
+    replaces: BoolArray
+    alpha: Array
+    friction: Array
+
+    @property
+    def joints(self) -> BoolArray:
+        """Which joints have a process, shape (n,)."""
+        return np.asarray(self.length > 0.0)
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the posterior mean at joint states of shape (N, n), same shape [N m or N]."""
+        z = self.inputs(q, dq, ddq)
+        out: Array = np.einsum('tik,ik->ti', self.inputs.friction(dq), self.friction)
+        for length in np.unique(self.length[self.joints]):
+            some = self.length == length
+            out[:, some] += correlation(z, self.x, length) @ self.alpha[:, some]
+        return out
+
+    def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return posterior standard deviations, (N, n) [N m or N]; zero without a process."""
+        z = self.inputs(q, dq, ddq)
+        out = np.zeros_like(q)
+        for joint in np.flatnonzero(self.joints):
+            length = self.length[joint]
+            gram = correlation(self.x, self.x, length) + self.noise[joint] * np.eye(len(self.x))
+            cross = correlation(self.x, z, length)
+            known = np.sum(cross * cho_solve(cho_factor(gram, lower=True), cross), axis=0)
+            out[:, joint] = np.sqrt(self.variance[joint] * np.maximum(1.0 - known, 0.0))
+        return out
+
+
+def correlation(x: Array, z: Array, length: float) -> Array:
+    """Return the correlations of inputs, shapes (M, d) and (L, d), shape (M, L)."""
+    squares = np.sum(x**2, axis=1)[:, None] + np.sum(z**2, axis=1) - 2.0 * x @ z.T
+    scale = 2.0 * x.shape[1] * length**2
+    return np.asarray(np.exp(-np.maximum(squares, 0.0) / scale))
+
+
+def _raw(revolute: BoolArray, q: Array, dq: Array, ddq: Array) -> Array:
+    angles = q[:, revolute]
+    return np.concatenate([np.cos(angles), np.sin(angles), q[:, ~revolute], dq, ddq], axis=1)

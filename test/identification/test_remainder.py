@@ -1,0 +1,98 @@
+"""Gaussian processes beside links, or instead of them, where left-out samples ask for them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.identification.remainder import correlation, Inputs, Remainder
+from lip_id_ros.identification.remainder_election import Fold, fold_masks, RemainderElection
+
+N = 240
+
+
+def motion() -> tuple[Array, Array, Array]:
+    t = np.linspace(0.0, 30.0, N)[:, None]
+    rates = np.array([1.0, 1.7])
+    return np.sin(rates * t), rates * np.cos(rates * t), -(rates**2) * np.sin(rates * t)
+
+
+def elected(residual: Array, tau: Array) -> Remainder | None:
+    """Of a model without parameters, which leaves the same residual whatever is left out."""
+    state = motion()
+    masks = fold_masks(state[0], N, np.arange(N))
+    folds = [Fold(out, residual, joint) for out, joint in masks]
+    inputs = Inputs.of(np.ones(2, dtype=bool), *state)
+    return RemainderElection(inputs, state, tau, residual, folds).elect()
+
+
+def test_noise_has_no_process() -> None:
+    for seed in range(10):
+        noise = np.random.default_rng(seed).standard_normal((N, 2))
+        assert elected(noise, 10.0 * noise + motion()[0]) is None
+
+
+def test_noise_that_is_correlated_in_time_has_no_process() -> None:
+    for seed in range(10):
+        noise = np.random.default_rng(seed).standard_normal((N + 20, 2))
+        smooth = np.stack([np.convolve(x, np.ones(21), 'valid') for x in noise.T], axis=1)
+        assert elected(smooth, 10.0 * smooth + motion()[0]) is None
+
+
+def test_a_function_of_the_state_is_learned_beside_the_links() -> None:
+    q, dq, ddq = motion()
+    rng = np.random.default_rng(0)
+    residual = 0.01 * rng.standard_normal((N, 2))
+    residual[:, 1] += 0.3 * np.sin(2.0 * q[:, 1])
+    tau = residual + 20.0 * rng.standard_normal((N, 2))
+    found = elected(residual, tau)
+    assert found is not None
+    np.testing.assert_array_equal(found.joints, [False, True])
+    assert not found.replaces.any()
+    learned = found.torque(q, dq, ddq)
+    assert not learned[:, 0].any()
+    assert np.std(learned[:, 1] - 0.3 * np.sin(2.0 * q[:, 1])) < 0.03
+
+
+def test_links_that_explain_nothing_are_replaced() -> None:
+    q, dq, ddq = motion()
+    tau = np.sin(q + 0.5 * q[:, ::-1]) + 0.2 * np.tanh(20.0 * dq)
+    residual = tau.copy()
+    residual[:, 0] += 5.0 * np.sin(9.0 * q[:, 0] * q[:, 1])
+    residual[:, 1] = 1e-3 * np.random.default_rng(0).standard_normal(N)
+    found = elected(residual, tau)
+    assert found is not None
+    np.testing.assert_array_equal(found.replaces, [True, False])
+    error = found.torque(q, dq, ddq)[:, 0] - tau[:, 0]
+    assert np.mean(error**2) < 0.05 * tau[:, 0].var()
+
+
+def test_the_deviation_grows_away_from_the_samples() -> None:
+    q, dq, ddq = motion()
+    residual = np.zeros((N, 2))
+    residual[:, 1] = 0.3 * np.sin(2.0 * q[:, 1])
+    rng = np.random.default_rng(0)
+    found = elected(residual + 0.01 * rng.standard_normal((N, 2)), 20.0 + residual)
+    assert found is not None
+    near, far = found.torque_std(q, dq, ddq), found.torque_std(q + 1.5, 5.0 * dq, ddq)
+    assert not near[:, 0].any()
+    assert 5.0 * near[:, 1].mean() < far[:, 1].mean()
+    assert far[:, 1].max() <= np.sqrt(found.variance[1]) * (1.0 + 1e-9)
+
+
+def test_extreme_positions_are_left_out_of_their_joint_alone() -> None:
+    q = motion()[0]
+    masks = fold_masks(q, N, np.arange(N))
+    blocks = [out for out, joint in masks if joint < 0]
+    np.testing.assert_array_equal(np.sum(blocks, axis=0), np.ones(N))
+    for joint in (0, 1):
+        low, high = (out for out, number in masks if number == joint)
+        assert q[low, joint].max() < q[~low & ~high, joint].min()
+        assert q[high, joint].min() > q[~low & ~high, joint].max()
+
+
+def test_the_correlation_is_one_of_gaussian_processes() -> None:
+    x = np.random.default_rng(0).standard_normal((50, 6))
+    gram = correlation(x, x, 0.5)
+    np.testing.assert_allclose(np.diagonal(gram), 1.0)
+    assert np.linalg.eigvalsh(gram).min() > -1e-10
