@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from threadpoolctl import threadpool_limits
+
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFitter, MOST_SAMPLES
@@ -74,7 +76,12 @@ def identify(dataset: Dataset, seed: int = 0, progress: Progress = silent) -> Id
         If the data are not finite in units of the noise.
 
     """
-    fitter = ArmFitter(dataset)
+    # Products this small gain nothing from more threads of their own.
+    with threadpool_limits(1):
+        return _identified(ArmFitter(dataset), seed, progress)
+
+
+def _identified(fitter: ArmFitter, seed: int, progress: Progress) -> Identified:
     calibration = fitter.calibrated(seed, progress)
     progress(STAGE, 0, STEPS)
     elected = fitter.elected(calibration.placements.chain)

@@ -42,6 +42,9 @@ NOISES = (0.1, 1.0)
 LEAST_GAIN = 0.1
 """Least decrease of the logarithm of left-out errors for which a joint has a process."""
 
+LEAST_WINS = 2.0 / 3.0
+"""Least share of the folds in which a process beside links has to predict better."""
+
 
 @dataclass(frozen=True, eq=False)
 class Fold:
@@ -164,7 +167,18 @@ class RemainderElection:
         # Links have to earn their place where a process does without them.
         if instead.score < min(alone - LEAST_GAIN, beside.score + LEAST_GAIN):
             return instead
-        return beside if beside.score < alone - LEAST_GAIN else None
+        if beside.score < alone - LEAST_GAIN and self._wins(joint, beside) >= LEAST_WINS:
+            return beside
+        return None
+
+    def _wins(self, joint: int, choice: Choice) -> float:
+        """Return the share of folds that a process predicts better than links alone."""
+        folds = [fold for fold in self._folds if fold.joint in (-1, joint)]
+        wins = [
+            self._left_out(fold, joint, choice) < self._left_out(fold, joint, None)
+            for fold in folds
+        ]
+        return float(np.mean(wins))
 
     def _choices(self, joint: int, replaces: bool) -> Iterator[Choice]:
         for length in LENGTHS:
