@@ -76,7 +76,8 @@ def test_the_deviation_grows_away_from_the_samples() -> None:
     residual = np.zeros((N, 2))
     residual[:, 1] = 0.3 * np.sin(2.0 * q[:, 1])
     rng = np.random.default_rng(0)
-    found = elected(residual + 0.01 * rng.standard_normal((N, 2)), 20.0 + residual)
+    tau = residual + 20.0 * rng.standard_normal((N, 2))
+    found = elected(residual + 0.01 * rng.standard_normal((N, 2)), tau)
     assert found is not None
     near, far = found.torque_std(q, dq, ddq), found.torque_std(q + 3.0, 10.0 * dq, ddq)
     assert not near[:, 0].any()
