@@ -16,12 +16,11 @@ from rich.table import Table
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.control import ComputedTorque, Feedforward
 from lip_id_ros.gp import fit
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring import external_torques, Thresholds
 from lip_id_ros.monitoring.detection import CUTOFF_HZ
 from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.signals.filters import high_pass
 from lip_id_ros.simulation import (
@@ -98,12 +97,11 @@ def measure(
     nominal = NominalFeedforward(setup.arm.with_wrong_masses(0.2, 0.02, rng))
     runs = [move(setup, nominal, rng, seconds) for _ in range(MOTIONS)]
     model = learned(setup, runs, settings)
-    predictor = Predictor(model)
-    _, normal = watch(predictor, move(setup, nominal, rng, seconds))
+    _, normal = watch(model, move(setup, nominal, rng, seconds))
     thresholds = Thresholds.between(normal, torque)
-    _, free = watch(predictor, move(setup, nominal, rng, seconds))
+    _, free = watch(model, move(setup, nominal, rng, seconds))
     contacts = Contacts(n_joints, torque)
-    t, fast = watch(predictor, move(setup, nominal, rng, contacts.duration, contacts))
+    t, fast = watch(model, move(setup, nominal, rng, contacts.duration, contacts))
     flags = thresholds.exceeded(fast)
     return {
         'seed': seed,
@@ -118,7 +116,7 @@ def measure(
     }
 
 
-def learned(setup: Setup, runs: Sequence[Tracking], settings: FitSettings) -> TrainedModel:
+def learned(setup: Setup, runs: Sequence[Tracking], settings: FitSettings) -> InverseDynamicsModel:
     """Learn from what the sensors said."""
     samples = [JointSamples(run.t, run.q, run.dq, run.tau, setup.arm.joint_names) for run in runs]
     return fit(for_training(preprocess(samples, PREPROCESSING), PREPROCESSING), settings)
@@ -138,11 +136,11 @@ def move(
     return track(simulated, controller, trajectory, seconds, contact)
 
 
-def watch(predictor: Predictor, run: Tracking) -> tuple[Array, Array]:
+def watch(model: InverseDynamicsModel, run: Tracking) -> tuple[Array, Array]:
     """Return times and the high-pass of the estimated external torques."""
     rows = slice(None, None, EVERY)
     t = run.t[rows]
-    torque = external_torques(predictor, t, run.q[rows], run.dq[rows], run.tau[rows])
+    torque = external_torques(model, t, run.q[rows], run.dq[rows], run.tau[rows])
     return t, high_pass(t, torque, CUTOFF_HZ)
 
 

@@ -16,8 +16,7 @@ from benchmarks._timing import seconds
 from lip_id_ros.evaluation import evaluate
 from lip_id_ros.gp import fit
 from lip_id_ros.kernels import ARTICULATED, FAMILY
-from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving import Predictor
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
 
 KERNELS = (ARTICULATED, *sorted(FAMILY))
@@ -43,10 +42,9 @@ def measure(kernel: str, n_joints: int, seed: int) -> dict[str, Any]:
     train, test = run_pair(n_joints, seed)
     _check_against_plain(fit(train, FitSettings(kernel=kernel, iterations=1)))
     model = fit(train, FitSettings(kernel=kernel))
-    gram = seconds(lambda: model.prior.gram(model.states))
-    predictor = Predictor(model)
-    query = seconds(lambda: predictor.query(test.q[0], test.dq[0], test.ddq[0]), 2000)
-    evaluation = evaluate(predictor, test)
+    gram = seconds(lambda: model.process.prior.gram(model.process.states))
+    query = seconds(lambda: model.query(test.q[0], test.dq[0], test.ddq[0]), 2000)
+    evaluation = evaluate(model, test)
     return {
         'kernel': kernel,
         'gram_s': gram[len(gram) // 2],
@@ -58,12 +56,16 @@ def measure(kernel: str, n_joints: int, seed: int) -> dict[str, Any]:
     }
 
 
-def _check_against_plain(model: TrainedModel) -> None:
+def _check_against_plain(model: InverseDynamicsModel) -> None:
     # Fast and wrong would not count: the served mean is the textbook one.
-    few = [x[:5] for x in (model.states.q, model.states.dq, model.states.ddq)]
-    states = model.prior.kernel.states(*few)
-    expected = model.prior.cross_gram(states, model.states) @ model.alpha.ravel()
-    got = Predictor(model).predict(*few).tau
+    few = [
+        x[:5] for x in (model.process.states.q, model.process.states.dq, model.process.states.ddq)
+    ]
+    states = model.process.prior.kernel.states(*few)
+    expected = (
+        model.process.prior.cross_gram(states, model.process.states) @ model.process.alpha.ravel()
+    )
+    got = model.predict(*few).tau
     np.testing.assert_allclose(got, expected.reshape(got.shape), rtol=1e-6, atol=1e-6)
 
 

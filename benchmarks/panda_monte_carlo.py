@@ -18,7 +18,6 @@ from benchmarks._panda import run_pair
 from lip_id_ros.evaluation import evaluate
 from lip_id_ros.files import write_whole
 from lip_id_ros.gp import fit
-from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import Config, override
 
 Cell = dict[str, Any]
@@ -50,7 +49,7 @@ def measure(n_joints: int, seed: int, kernel: str, changes: dict[str, str]) -> C
     values = {f'fit.{name}': yaml.safe_load(value) for name, value in changes.items()}
     config = override(Config(), {**values, 'fit.kernel': kernel}, 'the command line')
     model = fit(train, config.fit)
-    evaluation = evaluate(Predictor(model), test)
+    evaluation = evaluate(model, test)
     return {
         'nmse_percent': list(evaluation.nmse_percent),
         'kinetic_nmse_percent': evaluation.kinetic_nmse_percent,

@@ -20,8 +20,7 @@ from rich.table import Table
 from benchmarks._panda import run_pair
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.gp import fit
-from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving import Predictor
+from lip_id_ros.model import InverseDynamicsModel
 
 Call = Callable[[Array, Array, Array], object]
 STATES = 1000
@@ -61,31 +60,31 @@ class Times:
 def main(arguments: list[str]) -> int:
     """Measure, print a table; exit status 1 where memory grew."""
     options = _options(arguments)
-    model = TrainedModel.load(options.model) if options.model else fit(run_pair(7, 0)[0])
-    rows = list(measure(Predictor(model), options.calls))
+    model = InverseDynamicsModel.load(options.model) if options.model else fit(run_pair(7, 0)[0])
+    rows = list(measure(model, options.calls))
     _print(rows, f'{model.n_joints} joints, {model.n_samples} samples')
     if options.json:
         options.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
     return int(rows[0].blocks > ALLOWED_BLOCKS)
 
 
-def measure(predictor: Predictor, calls: int) -> Iterator[Times]:
+def measure(model: InverseDynamicsModel, calls: int) -> Iterator[Times]:
     """Time torque with both energies, with parts, and standard deviations."""
-    low, high = predictor.training_range
+    low, high = model.training_range
     states = np.random.default_rng(0).uniform(low, high, (STATES, *low.shape))
     few = max(1, calls // 10)
 
     def parts(q: Array, dq: Array, ddq: Array) -> object:
-        return predictor.predict(q[None], dq[None], ddq[None])
+        return model.predict(q[None], dq[None], ddq[None])
 
     def deviation(q: Array, dq: Array, ddq: Array) -> object:
-        return predictor.standard_deviation(q[None], dq[None], ddq[None])
+        return model.standard_deviation(q[None], dq[None], ddq[None])
 
-    yield timed('torque and energies', predictor.query, states, calls)
+    yield timed('torque and energies', model.query, states, calls)
     with frozen():
-        yield timed('the same, objects frozen', predictor.query, states, few)
+        yield timed('the same, objects frozen', model.query, states, few)
     with uncollected():
-        yield timed('the same, no collection', predictor.query, states, few)
+        yield timed('the same, no collection', model.query, states, few)
     yield timed('with parts', parts, states, few)
     yield timed('standard deviations', deviation, states, max(1, calls // 10_000))
 

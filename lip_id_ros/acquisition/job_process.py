@@ -21,7 +21,6 @@ from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.gp import fit
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import Progress
-from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import Config, override
 
 SHOWN = ('source', 'samples', 'dropped')
@@ -82,10 +81,10 @@ def _fit(
     if request['holdout'] > 0.0:
         training, held_out = data.split(1.0 - request['holdout'])
     training = for_training(training, config.preprocessing)
-    model = with_checks(fit(training, config.fit, progress))
+    model = with_checks(fit(training, config.fit, progress), training)
     judged = None
     if held_out is not None:
-        judged = evaluate(Predictor(model), held_out, progress).to_json()
+        judged = evaluate(model, held_out, progress).to_json()
     model.save(request['path'])
     return {
         'summary': model.summary,

@@ -15,7 +15,6 @@ from lip_id_ros.errors import ConfigError, LipIdError
 from lip_id_ros.gp import fit
 from lip_id_ros.model import TorqueModel
 from lip_id_ros.progress import Progress
-from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import FitSettings
 
 Urdf = str | os.PathLike[str]
@@ -38,7 +37,7 @@ class Energies:
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> TorqueModel:
         """Fit as `lip_id fit --kernel` does."""
-        return Predictor(fit(dataset, replace(settings, kernel=self.kernel), progress))
+        return fit(dataset, replace(settings, kernel=self.kernel), progress)
 
 
 @dataclass(frozen=True)

@@ -24,12 +24,11 @@ def run(args: argparse.Namespace) -> None:
     """Measure and show."""
     from lip_id_ros.cli import output, show
     from lip_id_ros.evaluation.speed import measure
-    from lip_id_ros.model import TrainedModel
-    from lip_id_ros.serving import Predictor
+    from lip_id_ros.model import InverseDynamicsModel
 
     output.check_file(args.json, [args.model], output.is_json, 'a JSON object', args.force)
-    model = TrainedModel.load(args.model)
+    model = InverseDynamicsModel.load(args.model)
     with output.progress_display() as progress:
-        speed = measure(Predictor(model), model.n_samples, progress)
+        speed = measure(model, model.n_samples, progress)
     show.measured(speed, output.console(args.json))
     output.write_json(args.json, speed.to_json())

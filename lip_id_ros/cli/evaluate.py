@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> None:
     sources = ', '.join(args.sources)
     with output.progress_display() as progress:
         dataset = models.load_for(model, args.sources, args.config, progress)
-        warnings = training_data_warnings(models.trained(model), dataset)
+        warnings = training_data_warnings(model, dataset)
         outcome = predict(model, dataset, progress)
         evaluation = score(outcome)
         if args.report:

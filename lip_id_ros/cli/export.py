@@ -49,8 +49,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.export.c_header import identifier
     from lip_id_ros.export.formats import FORMATS, write
     from lip_id_ros.export.from_model import describe
-    from lip_id_ros.model import TrainedModel
-    from lip_id_ros.serving import Predictor
+    from lip_id_ros.model import InverseDynamicsModel
 
     targets = {name: getattr(args, name) for name in FORMATS if getattr(args, name) is not None}
     if not targets:
@@ -58,7 +57,7 @@ def run(args: argparse.Namespace) -> None:
     for format_name, target in targets.items():
         kind = f'an arm exported as {format_name}'
         output.check_file(target, [args.model], _is_exported, kind, args.force)
-    model = TrainedModel.load(args.model)
+    model = InverseDynamicsModel.load(args.model)
     name = identifier(Path(args.model).stem if args.name is None else args.name)
     exported = describe(model, name)
     console = output.console()
@@ -66,7 +65,7 @@ def run(args: argparse.Namespace) -> None:
         written = write(format_name, target, exported)
         show_lines([f'Written: {target}', *written.warnings], console)
         if args.check:
-            agreement = written.check(Predictor(model), STATES)
+            agreement = written.check(model, STATES)
             of_what = 'the model' if written.is_whole else 'the links and friction in the file'
             show_lines([agreement.sentence(of_what)], console)
             agreement.require(AGREED)

@@ -15,14 +15,13 @@ from lip_id_ros.baselines.serialization import save as save_baseline
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import fit_cautions, matched, with_checks
 from lip_id_ros.gp import fit
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
 from lip_id_ros.preprocessing import load_dataset
 from lip_id_ros.progress import Progress
-from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import Config, FitSettings, override, read_config
 
-Model = Predictor | Baseline
+Model = InverseDynamicsModel | Baseline
 
 SECTIONS = ('recording', 'preprocessing')
 
@@ -32,7 +31,7 @@ def learned(
 ) -> Model:
     """Fit the model that `args.model` names, by default the one of this package."""
     if args.model is None or args.model in OURS:
-        return Predictor(with_checks(fit(training, settings, progress)))
+        return with_checks(fit(training, settings, progress), training)
     return learn(args.model, training, settings, args.urdf, progress)
 
 
@@ -50,7 +49,7 @@ def load(path: str) -> Model:
     """
     if schema_of(path) == COMPARED:
         return load_baseline(path)
-    return Predictor(TrainedModel.load(path))
+    return InverseDynamicsModel.load(path)
 
 
 def save(path: str | os.PathLike[str], model: Model) -> None:
@@ -66,7 +65,7 @@ def save(path: str | os.PathLike[str], model: Model) -> None:
     if isinstance(model, Baseline):
         save_baseline(path, model)
     else:
-        model.model.save(path)
+        model.save(path)
 
 
 def is_model(path: Path) -> bool:
@@ -74,28 +73,23 @@ def is_model(path: Path) -> bool:
     return schema_of(path) in (MODEL, COMPARED)
 
 
-def trained(model: Model) -> TrainedModel | Baseline:
-    """Return the part of a model that knows its training data."""
-    return model if isinstance(model, Baseline) else model.model
-
-
 def provenance(model: Model) -> Mapping[str, Any]:
     """Return the origin of a model's training data."""
-    return trained(model).provenance
+    return model.provenance
 
 
 def facts(model: Model) -> tuple[tuple[str, str], ...]:
     """Return names and values for a report."""
     if isinstance(model, Baseline):
         return ('kind', model.record.method), ('training samples', str(model.record.n_samples))
-    return ('kernel', model.model.kernel), ('samples in the model', str(model.model.n_samples))
+    return ('kernel', model.kernel), ('samples in the model', str(model.n_samples))
 
 
 def cautions(model: Model) -> list[str]:
     """Return what was unusual about the fit of a model of this package."""
     if isinstance(model, Baseline):
         return []
-    return fit_cautions(model.joint_names, model.model.summary)
+    return fit_cautions(model.joint_names, model.summary)
 
 
 def load_for(model: Model, sources: list[str], path: str | None, progress: Progress) -> Dataset:

@@ -26,7 +26,7 @@ from lip_id_ros.evaluation.tables import (
     Table,
     TORQUE_UNITS,
 )
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body.axes import angles_between, distances_between
 
 UNSEEN = (
@@ -48,13 +48,12 @@ def fitted(model: Model, training: Dataset, console: Console) -> None:
         )
         show_lines([text], console)
         return
-    trained = model.model
-    show(_noise_table(trained, training), console)
-    if trained.prior.kernel.links:
-        _show_links(trained, console)
+    show(_noise_table(model, training), console)
+    if model.process.prior.kernel.links:
+        _show_links(model, console)
 
 
-def _noise_table(model: TrainedModel, training: Dataset) -> Table:
+def _noise_table(model: InverseDynamicsModel, training: Dataset) -> Table:
     rows = [
         (name, kind, f'{noise:.3g} {TORQUE_UNITS[kind]}', f'{tau.std():.3g} {TORQUE_UNITS[kind]}')
         for name, kind, noise, tau in zip(
@@ -66,7 +65,7 @@ def _noise_table(model: TrainedModel, training: Dataset) -> Table:
     return Table(title, ('', 'type', 'noise', 'std of torque'), rows)
 
 
-def _show_links(model: TrainedModel, console: Console) -> None:
+def _show_links(model: InverseDynamicsModel, console: Console) -> None:
     rows = [
         (name, f'{angle:.1f} deg', '' if distance is None else f'{distance:.3f} m')
         for name, angle, distance in axes(model)
@@ -74,7 +73,7 @@ def _show_links(model: TrainedModel, console: Console) -> None:
     if rows:
         header = ('', 'angle', 'distance')
         show(Table('each axis to the previous one, found in the data', header, rows), console)
-    energy = model.prior.kernel.energy
+    energy = model.process.prior.kernel.energy
     if energy.is_empty:
         text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
     else:
@@ -82,10 +81,10 @@ def _show_links(model: TrainedModel, console: Console) -> None:
     show_lines([text], console)
 
 
-def axes(model: TrainedModel) -> list[tuple[str, float, float | None]]:
+def axes(model: InverseDynamicsModel) -> list[tuple[str, float, float | None]]:
     """Return angle [deg] and distance [m] of each axis to the previous one, where it has one."""
     found = []
-    for links in model.prior.kernel.links:
+    for links in model.process.prior.kernel.links:
         angles, distances = angles_between(links.chain), distances_between(links.chain)
         for name, angle, distance in zip(model.joint_names[1:], angles, distances, strict=True):
             apart = None if np.isnan(distance) else float(distance)
@@ -110,18 +109,17 @@ def described_model(model: Model) -> dict[str, Any]:
             'numbers_kept': model.size,
             'fit': {'seconds_total': record.seconds},
         }
-    trained = model.model
     return {
-        'kernel': trained.kernel,
-        'samples': trained.n_samples,
+        'kernel': model.kernel,
+        'samples': model.n_samples,
         **common,
-        **_links(trained),
-        'fit': dict(trained.summary),
+        **_links(model),
+        'fit': dict(model.summary),
     }
 
 
-def _links(model: TrainedModel) -> dict[str, Any]:
-    kernel = model.prior.kernel
+def _links(model: InverseDynamicsModel) -> dict[str, Any]:
+    kernel = model.process.prior.kernel
     if not kernel.links:
         return {}
     found = {

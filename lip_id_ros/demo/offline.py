@@ -25,10 +25,9 @@ from lip_id_ros.evaluation import Evaluation, run, score, with_checks
 from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.evaluation.tables import error_table, notes, show
 from lip_id_ros.gp import fit
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training, load_dataset
 from lip_id_ros.progress import Progress
-from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import Config, FitSettings
 from lip_id_ros.simulation import (
     Arm,
@@ -118,7 +117,7 @@ def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
         test = record(output / TEST_BAG, TEST_SEED, size)
         recorded = load_dataset([training.bag], config, progress)
         chosen = for_training(recorded, config.preprocessing)
-        model = with_checks(fit(chosen, config.fit, progress))
+        model = with_checks(fit(chosen, config.fit, progress), chosen)
         model.save(output / MODEL)
         unseen = test.with_truth(load_dataset([test.bag], config, progress))
         return report(output / REPORT, model, unseen, progress)
@@ -137,12 +136,13 @@ def record(bag: Path, seed: int, size: Size) -> Simulation:
     return Simulation(arm, trajectory, bag)
 
 
-def report(folder: Path, model: TrainedModel, dataset: Dataset, progress: Progress) -> Evaluation:
+def report(
+    folder: Path, model: InverseDynamicsModel, dataset: Dataset, progress: Progress
+) -> Evaluation:
     """Evaluate a model and write plots and page."""
-    predictor = Predictor(model)
-    outcome = run(predictor, dataset, progress)
+    outcome = run(model, dataset, progress)
     evaluation = score(outcome)
-    uncertainty = band(predictor, outcome, progress)
+    uncertainty = band(model, outcome, progress)
     facts = (
         ('arm', 'Franka Emika Panda, rigid bodies simulated with pinocchio'),
         ('motion', 'sums of 50 sinusoids up to 1 Hz; training and test drawn independently'),

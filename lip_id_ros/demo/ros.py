@@ -26,10 +26,9 @@ from lip_id_ros.demo.processes import launched
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import Evaluation, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording.bag_writer import RawBag
-from lip_id_ros.serving import Predictor
 from lip_id_ros.simulation import panda
 
 MODEL = 'model.npz'
@@ -146,19 +145,18 @@ def serve(graph: Graph, recorder: BagRecorder, progress: Progress) -> None:
 def report(output: Path, progress: Progress) -> Evaluation:
     """Compare the bag with the truth and write plots and page."""
     arm = panda()
-    model = TrainedModel.load(output / MODEL)
+    model = InverseDynamicsModel.load(output / MODEL)
     served = read_served(output / BAG, arm.joint_names)
     require_efforts(output / BAG)
-    predictor = Predictor(model)
-    outcome = outcome_of(served, arm, predictor)
+    outcome = outcome_of(served, arm, model)
     evaluation = score(outcome)
-    uncertainty = band(predictor, outcome, progress)
+    uncertainty = band(model, outcome, progress)
     labels = Labels(TITLE, (), facts(model, served))
     write_report(output / REPORT, outcome, evaluation, uncertainty, labels, progress)
     return evaluation
 
 
-def facts(model: TrainedModel, served: Served) -> tuple[tuple[str, str], ...]:
+def facts(model: InverseDynamicsModel, served: Served) -> tuple[tuple[str, str], ...]:
     """Say where model and data come from."""
     return (
         ('arm', 'Franka Emika Panda, rigid bodies simulated with pinocchio'),

@@ -12,16 +12,18 @@ from numpy.typing import NDArray
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.metrics import not_positive_definite_percent
-from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving import Predictor
+from lip_id_ros.model import InverseDynamicsModel
+
+MOST_CHECKED = 1000
+"""Samples at which M(q) is checked, at most."""
 
 USELESS_PERCENT = 90.0
 """A joint whose nMSE reaches this is predicted no better than by the mean of its torque."""
 
 
-def with_checks(model: TrainedModel) -> TrainedModel:
+def with_checks(model: InverseDynamicsModel, training: Dataset) -> InverseDynamicsModel:
     """
-    Add checks to the summary of a model, computed at its own samples.
+    Add checks to the summary of a model, computed at samples of its training data.
 
     `inertia_not_pd_percent` is the share of samples at which M(q) is not positive definite,
     `inertia_min_eigenvalue` its smallest eigenvalue at any of them [kg m^2 or kg], and
@@ -29,8 +31,10 @@ def with_checks(model: TrainedModel) -> TrainedModel:
     torque (None where that is constant).
 
     """
-    smallest = np.linalg.eigvalsh(Predictor(model).inertia_matrix(model.states.q))[:, 0]
-    variance = model.tau.var(axis=0)
+    smallest = np.linalg.eigvalsh(
+        model.inertia_matrix(training.q[:: 1 + training.n_samples // MOST_CHECKED])
+    )[:, 0]
+    variance = training.tau.var(axis=0)
     checks = {
         'inertia_not_pd_percent': not_positive_definite_percent(smallest),
         'inertia_min_eigenvalue': float(smallest.min()),
@@ -122,7 +126,7 @@ def training_data_warnings(model: Any, dataset: Dataset) -> list[str]:
         Sentences; none where the data are new to the model.
 
     """
-    own = _rows(model.states) if hasattr(model, 'states') else _rows(dataset)[:0]
+    own = _rows(model.process.states) if hasattr(model, 'states') else _rows(dataset)[:0]
     n_shared = int(np.isin(own, _rows(dataset)).sum())
     if n_shared:
         return [

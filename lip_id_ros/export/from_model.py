@@ -10,7 +10,7 @@ from lip_id_ros.errors import ModelError
 from lip_id_ros.export.arm import ArmDescription, JointRanges
 from lip_id_ros.friction.model import FrictionBasis, plain_friction
 from lip_id_ros.kernels import Friction
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 
 RECORDED = (
     'Position ranges, velocities and efforts are those of the recordings, not the limits of the '
@@ -46,13 +46,13 @@ class Exported:
     remainder: str | None
 
 
-def describe(model: TrainedModel, name: str) -> Exported:
+def describe(model: InverseDynamicsModel, name: str) -> Exported:
     """
     Take links, joints and friction from a model.
 
     Parameters
     ----------
-    model : TrainedModel
+    model : InverseDynamicsModel
     name : str
         Of the arm.
 
@@ -62,7 +62,7 @@ def describe(model: TrainedModel, name: str) -> Exported:
         If the model has no rigid links.
 
     """
-    kernel = model.prior.kernel
+    kernel = model.process.prior.kernel
     if not kernel.links:
         raise ModelError(
             f'rigid links were expected, but the model has the kernel {model.kernel!r} alone, '
@@ -70,13 +70,13 @@ def describe(model: TrainedModel, name: str) -> Exported:
         )
     remainder = _remainder(model)
     left_out = () if remainder is None else (f'Left out: {remainder}.',)
-    links, features = kernel.links[0], model.states.links[0]
+    links, features = kernel.links[0], model.process.states.links[0]
     friction, coefficients = _friction(model)
     arm = ArmDescription(
         name=name,
         joint_names=model.joint_names,
         chain=links.chain,
-        links=links.parameters(features, model.alpha),
+        links=links.parameters(features, model.process.alpha),
         friction=friction,
         coefficients=coefficients,
         ranges=_ranges(model),
@@ -89,8 +89,8 @@ def describe(model: TrainedModel, name: str) -> Exported:
     return Exported(arm.in_standard_frames(), remainder)
 
 
-def _remainder(model: TrainedModel) -> str | None:
-    kernel = model.prior.kernel
+def _remainder(model: InverseDynamicsModel) -> str | None:
+    kernel = model.process.prior.kernel
     parts = (
         [] if kernel.energy.is_empty else [f'the energies of the kernel {kernel.energy.name!r}']
     )
@@ -98,26 +98,26 @@ def _remainder(model: TrainedModel) -> str | None:
     return ' and '.join(parts) or None
 
 
-def _friction(model: TrainedModel) -> tuple[FrictionBasis, np.ndarray]:
+def _friction(model: InverseDynamicsModel) -> tuple[FrictionBasis, np.ndarray]:
     terms = zip(
-        model.prior.kernel.per_joint,
-        model.prior.hyperparameters.per_joint,
-        model.states.per_joint,
+        model.process.prior.kernel.per_joint,
+        model.process.prior.hyperparameters.per_joint,
+        model.process.states.per_joint,
         strict=True,
     )
     for kernel, parameters, inputs in terms:
         if isinstance(kernel, Friction):
-            coefficients = kernel.coefficients(parameters, inputs, model.alpha)
+            coefficients = kernel.coefficients(parameters, inputs, model.process.alpha)
             return plain_friction(model.n_joints, kernel.sign_width.tolist()), coefficients.ravel()
     return FrictionBasis(model.n_joints, ()), np.zeros(0)
 
 
-def _ranges(model: TrainedModel) -> JointRanges:
-    states = model.states
+def _ranges(model: InverseDynamicsModel) -> JointRanges:
+    states = model.process.states
     return JointRanges(
         q_min=states.q.min(axis=0),
         q_max=states.q.max(axis=0),
         dq_max=np.abs(states.dq).max(axis=0),
         ddq_max=np.abs(states.ddq).max(axis=0),
-        tau_max=np.abs(model.tau).max(axis=0),
+        tau_max=np.abs(model.process.tau).max(axis=0),
     )

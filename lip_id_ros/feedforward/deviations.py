@@ -20,9 +20,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.processes import end
-from lip_id_ros.serving import Predictor
 
 LONGEST_VALID_S = 1.0
 
@@ -160,14 +159,14 @@ def main(path: str, queries: BinaryIO, answers: BinaryIO) -> int:
         Exit status.
 
     """
-    predictor = Predictor(TrainedModel.load(path))
-    n = predictor.n_joints
-    predictor.standard_deviation(*np.zeros((3, 1, n)))  # factorises
+    model = InverseDynamicsModel.load(path)
+    n = model.n_joints
+    model.standard_deviation(*np.zeros((3, 1, n)))  # factorises
     answers.write(np.zeros(n).tobytes())
     answers.flush()
     while len(query := queries.read(3 * n * 8)) == 3 * n * 8:
         state = np.frombuffer(query).reshape(3, 1, n)
-        answers.write(predictor.standard_deviation(*state).tau.tobytes())
+        answers.write(model.standard_deviation(*state).tau.tobytes())
         answers.flush()
     return 0
 

@@ -11,9 +11,7 @@ from lip_id_ros.errors import ModelError
 from lip_id_ros.feedforward.deviations import Deviations
 from lip_id_ros.feedforward.rules import make_rules, require_consistent, TrainingRange
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.model import DynamicsModel, TrainedModel
-from lip_id_ros.serving import Predictor
-from lip_id_ros.signals.joint_states import effort_calibration, EffortCalibration
+from lip_id_ros.model import DynamicsModel, EffortCalibration, InverseDynamicsModel
 from lip_id_ros.signals.joints import require_joints
 
 
@@ -69,16 +67,15 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
 
     """
     path = settings.model_path
-    model = TrainedModel.load(path)
+    model = InverseDynamicsModel.load(path)
     require_joints(model.joint_names, joints, path)
-    predictor = Predictor(model)
     rest = np.zeros((1, model.n_joints))
-    predictor.query(rest[0], rest[0], rest[0])
-    predictor.predict(rest, rest, rest)
+    model.query(rest[0], rest[0], rest[0])
+    model.predict(rest, rest, rest)
     return LoadedModel(
-        predictor,
-        TrainingRange(*predictor.training_range),
-        effort_calibration(model.provenance, model.joint_names),
+        model,
+        TrainingRange(*model.training_range),
+        model.effort_calibration,
         Deviations(path, model.n_joints) if settings.needs_deviations else None,
     )
 

@@ -29,11 +29,12 @@ from lip_id_ros.kernels import (
     JointBasis,
     PerJointKernel,
     TorqueKernel,
+    TorquePosterior,
     TorquePrior,
 )
 from lip_id_ros.kernels.program import EnergyKernel, POTENTIALS, recursive, without_potential
-from lip_id_ros.linear_algebra import CholeskyFactor
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import FitSettings
 
@@ -45,7 +46,7 @@ ENERGY_KERNELS = {**FAMILY, ARTICULATED: recursive}
 
 def fit(
     dataset: Dataset, settings: FitSettings | None = None, progress: Progress = silent
-) -> TrainedModel:
+) -> InverseDynamicsModel:
     """
     Fit a model to a data set.
 
@@ -168,21 +169,14 @@ def _tried(
     return guess, maximise(objective, guess.hyperparameters, iterations, progress, stage)
 
 
-def _condition(kernel: TorqueKernel, optimum: Optimum, dataset: Dataset) -> TrainedModel:
+def _condition(kernel: TorqueKernel, optimum: Optimum, dataset: Dataset) -> InverseDynamicsModel:
     prior = TorquePrior(kernel, optimum.hyperparameters)
     states = kernel.states(dataset.q, dataset.dq, dataset.ddq)
-    factor = CholeskyFactor.of(prior.noisy_gram(states))
-    alpha = factor.solve(dataset.tau.ravel()).reshape(dataset.tau.shape)
-    return TrainedModel(
+    return InverseDynamicsModel(
         joint_names=dataset.joint_names,
-        prior=prior,
-        states=states,
-        tau=dataset.tau,
-        alpha=alpha,
-        summary={
-            'jitter': factor.jitter,
-            'potential_reference': dataset.q.mean(axis=0).tolist(),
-        },
+        process=TorquePosterior.condition(prior, states, dataset.tau),
+        potential_reference=dataset.q.mean(axis=0),
+        effort_calibrations=effort_calibrations(dataset.provenance, dataset.joint_names),
     )
 
 

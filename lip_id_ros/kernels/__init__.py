@@ -2,6 +2,7 @@
 
 from lip_id_ros.kernels.features import JointBasis
 from lip_id_ros.kernels.per_joint import Friction, PerJointKernel, Residual
+from lip_id_ros.kernels.posterior import TorquePosterior
 from lip_id_ros.kernels.prior import Hyperparameters, JointStates, TorqueKernel, TorquePrior
 from lip_id_ros.kernels.program import EnergyKernel, FAMILY, Weights
 from lip_id_ros.kernels.rigid_links import ARTICULATED, RigidLinks
@@ -18,6 +19,7 @@ __all__ = [
     'Residual',
     'RigidLinks',
     'TorqueKernel',
+    'TorquePosterior',
     'TorquePrior',
     'Weights',
 ]

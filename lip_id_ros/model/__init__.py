@@ -1,5 +1,7 @@
-"""Trained models: what they answer, in memory and as one file."""
+"""Models of inverse dynamics: what they predict, in memory and as one file."""
 
+from lip_id_ros.model.effort_calibration import EffortCalibration
+from lip_id_ros.model.inverse_dynamics_model import InverseDynamicsModel
 from lip_id_ros.model.torque_model import (
     DynamicsModel,
     Prediction,
@@ -8,14 +10,14 @@ from lip_id_ros.model.torque_model import (
     TorqueModel,
     TorquePrediction,
 )
-from lip_id_ros.model.trained_model import TrainedModel
 
 __all__ = [
     'DynamicsModel',
+    'EffortCalibration',
+    'InverseDynamicsModel',
     'Prediction',
     'Query',
     'StandardDeviation',
     'TorqueModel',
     'TorquePrediction',
-    'TrainedModel',
 ]

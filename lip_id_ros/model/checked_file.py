@@ -17,7 +17,7 @@ from lip_id_ros.files import read_header, read_npz, write_npz
 Arrays = dict[str, NDArray[Any]]
 
 MODEL = 'lip_id_ros/model'
-"""What `TrainedModel` is called in its header."""
+"""What `InverseDynamicsModel` is called in its header."""
 COMPARED = 'lip_id_ros/compared'
 """What a model of the literature is called."""
 

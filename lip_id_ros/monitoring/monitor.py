@@ -10,14 +10,13 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring.detection import ContactEstimate, ContactMonitor, Thresholds
 from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor
 from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.serving import Predictor
 from lip_id_ros.signals.health import Health, Level
-from lip_id_ros.signals.joint_states import effort_calibration, JointStateReader, MeasuredState
+from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState
 from lip_id_ros.signals.joints import by_joint, Refusal, RefusedError, require_joints
 from lip_id_ros.signals.stamps import CONFIRMED_BY, StampWatch
 
@@ -71,15 +70,13 @@ class Monitor:
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
-        model = TrainedModel.load(settings.model_path)
+        model = InverseDynamicsModel.load(settings.model_path)
         require_joints(model.joint_names, settings.joints, settings.model_path)
         self.joint_names = model.joint_names
         self._settings = settings
-        self._predictor = Predictor(model)
+        self._predictor = model
         self._predictor.predict(*np.zeros((3, 1, model.n_joints)))  # compiled now
-        self._reader = JointStateReader(
-            model.joint_names, effort_calibration(model.provenance, model.joint_names)
-        )
+        self._reader = JointStateReader(model.joint_names, model.effort_calibration)
         self._smallest = self._per_joint('smallest_contact')
         self._thresholds = (
             Thresholds(self._per_joint('thresholds')) if settings.thresholds else None

@@ -10,11 +10,10 @@ import numpy as np
 from lip_id_ros.control import ComputedTorque, Feedforward, GrowingCosine, LearnedFeedforward
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import FrictionalArm, NominalFeedforward, placed, track, Tracking
 from lip_id_ros.tracking.setup import Setup
@@ -65,7 +64,7 @@ class Trial:
     ----------
     seed : int
         Of the nominal model's errors and of all noise.
-    model : TrainedModel
+    model : InverseDynamicsModel
     runs : dict
         Keyed by amplitude [rad] and feedforward: `LEARNED`, `NOMINAL`, or `INFORMED`, which is
         the nominal model with the exact friction and rotors added.
@@ -73,7 +72,7 @@ class Trial:
     """
 
     seed: int
-    model: TrainedModel
+    model: InverseDynamicsModel
     runs: dict[tuple[float, str], Tracking]
 
 
@@ -98,7 +97,7 @@ def run_experiment(
     training = _follow(setup, nominal, experiment, experiment.amplitude, chance, progress)
     model = fit(recorded(training, setup, experiment), experiment.fit, progress)
     feedforwards: dict[str, Feedforward] = {
-        LEARNED: LearnedFeedforward(Predictor(model)),
+        LEARNED: LearnedFeedforward(model),
         NOMINAL: nominal,
         INFORMED: NominalFeedforward(
             FrictionalArm(

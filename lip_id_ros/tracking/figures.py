@@ -12,8 +12,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.metrics import nmse_percent, nmse_percent_without_offset
 from lip_id_ros.evaluation.tables import Table
-from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving import Predictor
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.simulation import Tracking
 from lip_id_ros.tracking.experiment import INFORMED, LEARNED, NOMINAL, Trial
 
@@ -164,7 +163,7 @@ def least(of: Figures, name: str, over: str) -> float:
     return float(of.gains(name, over).min())
 
 
-def learned_energies(model: TrainedModel, run: Tracking) -> tuple[Array, Array]:
+def learned_energies(model: InverseDynamicsModel, run: Tracking) -> tuple[Array, Array]:
     """
     Estimate the energies along the measured motion of a run.
 
@@ -179,7 +178,7 @@ def learned_energies(model: TrainedModel, run: Tracking) -> tuple[Array, Array]:
         If the model has no potential energy.
 
     """
-    estimate = Predictor(model).predict(run.q, run.dq, np.zeros_like(run.q))
+    estimate = model.predict(run.q, run.dq, np.zeros_like(run.q))
     if estimate.potential is None:
         raise ModelError(
             'the model must have a potential energy, but has none; learn gravity too.'
@@ -197,7 +196,7 @@ def _of_run(seed: int, amplitude: float, feedforward: str, run: Tracking) -> Run
     )
 
 
-def _energy_errors(model: TrainedModel, run: Tracking) -> tuple[float, float]:
+def _energy_errors(model: InverseDynamicsModel, run: Tracking) -> tuple[float, float]:
     kinetic, potential = learned_energies(model, run)
     return (
         float(nmse_percent(kinetic, run.kinetic)),

@@ -16,7 +16,7 @@ from lip_id_ros.baselines import Baseline, learn, LITERATURE, needs_urdf
 from lip_id_ros.baselines.serialization import flattened, load, rebuilt, save
 from lip_id_ros.errors import ConfigError, ModelError
 from lip_id_ros.files import read_npz, write_npz
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.checked_file import COMPARED, write_checked
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
@@ -77,7 +77,7 @@ def test_serving_refuses_it_and_names_its_kind(saved: Path) -> None:
     with pytest.raises(
         ModelError, match="is a model of the kind 'rigid_body', for lip_id inspect"
     ):
-        TrainedModel.load(saved)
+        InverseDynamicsModel.load(saved)
 
 
 @pytest.mark.parametrize(

@@ -100,8 +100,7 @@ def test_arrays_of_a_prediction(tmp_path: Path) -> None:
 
 
 def test_the_model_can_be_loaded_as_documented(tmp_path: Path) -> None:
-    from lip_id_ros.model import TrainedModel
-    from lip_id_ros.serving import Predictor
+    from lip_id_ros.model import InverseDynamicsModel
 
     small_model().save(tmp_path / 'arm.npz')
-    assert Predictor(TrainedModel.load(tmp_path / 'arm.npz')).n_joints == 3
+    assert InverseDynamicsModel.load(tmp_path / 'arm.npz').n_joints == 3

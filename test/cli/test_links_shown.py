@@ -6,8 +6,8 @@ from pathlib import Path
 import re
 
 from gp.arms import dataset_of, noise_of, random_motion, TwoLinks
+from model.models import random_model
 import pytest
-from serving.models import random_model
 
 from lip_id_ros.cli import main
 

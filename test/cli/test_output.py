@@ -16,7 +16,7 @@ from lip_id_ros.cli.main import one_line
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import fit_cautions
 from lip_id_ros.evaluation.recording_health import serious_lines
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 
 Capture = pytest.CaptureFixture[str]
 
@@ -139,7 +139,7 @@ def test_a_fit_tells_notes_by_their_number() -> None:
 
 
 def test_hyperparameters_at_a_bound_are_a_caution(workshop: Workshop) -> None:
-    model = TrainedModel.load(workshop.model)
+    model = InverseDynamicsModel.load(workshop.model)
     free = replace(model, summary={**model.summary, 'at_bounds': []})
     stuck = replace(model, summary={**model.summary, 'at_bounds': ['noise_variance[0]']})
     assert not any(
@@ -152,7 +152,7 @@ def test_hyperparameters_at_a_bound_are_a_caution(workshop: Workshop) -> None:
 
 
 def test_an_indefinite_inertia_is_a_caution(workshop: Workshop) -> None:
-    model = TrainedModel.load(workshop.model)
+    model = InverseDynamicsModel.load(workshop.model)
     good = replace(model, summary={**model.summary, 'inertia_not_pd_percent': 0.0})
     bad = replace(model, summary={**model.summary, 'inertia_not_pd_percent': 12.5})
     assert not any('inertia' in text for text in fit_cautions(model.joint_names, good.summary))

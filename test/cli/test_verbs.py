@@ -18,8 +18,7 @@ from lip_id_ros.baselines import MODELS
 from lip_id_ros.cli import arguments, main
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.files import read_npz
-from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving import Predictor
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.simulation import write_bag
 
 Capture = pytest.CaptureFixture[str]
@@ -35,7 +34,7 @@ def test_fit_writes_a_model_and_shows_its_joints(
 ) -> None:
     lip_id('fit', workshop.bag, '-o', 'arm.npz', '--config', workshop.settings, '--seed', 3)
 
-    model = TrainedModel.load('arm.npz')
+    model = InverseDynamicsModel.load('arm.npz')
     output = capsys.readouterr()
     assert model.joint_names == ('shoulder', 'elbow', 'wrist')
     assert model.n_samples == 50
@@ -52,7 +51,7 @@ def test_fit_takes_kernel_and_joints_from_the_command_line(workshop: Workshop, h
         '--kernel', 'lip', '--joints', 'wrist,elbow',
     )  # fmt: skip
 
-    model = TrainedModel.load('arm.npz')
+    model = InverseDynamicsModel.load('arm.npz')
     assert model.kernel == 'lip'
     assert model.joint_names == ('wrist', 'elbow')
 
@@ -66,7 +65,7 @@ def test_fit_without_a_device_says_so_and_goes_on(
 
     lines = capsys.readouterr().out.splitlines()
     assert sum(line.startswith('Fitted on the CPU instead of cuda: torch') for line in lines) == 1
-    assert TrainedModel.load('arm.npz').summary['device'] == 'cpu'
+    assert InverseDynamicsModel.load('arm.npz').summary['device'] == 'cpu'
 
 
 def cuda_is_available() -> bool:
@@ -86,8 +85,8 @@ def test_held_out_samples_are_the_last_and_are_not_learned_from(
 
     lip_id('fit', 'data.npz', '-o', 'arm.npz', '--config', workshop.settings, '--holdout', 0.25)
 
-    model, output = TrainedModel.load('arm.npz'), capsys.readouterr().out
-    assert np.isin(model.states.q[:, 0], first.q[:, 0]).all()
+    model, output = InverseDynamicsModel.load('arm.npz'), capsys.readouterr().out
+    assert np.isin(model.process.states.q[:, 0], first.q[:, 0]).all()
     assert 'the last 25 % of the samples' in output
     assert f'{rest.n_samples} samples, compared with the measured torques' in output
 
@@ -224,10 +223,10 @@ def test_fit_says_what_is_wrong_with_its_recordings(
 def test_fit_leaves_out_what_is_nearly_at_rest(workshop: Workshop, here: Path) -> None:
     lip_id('dataset', workshop.bag, '-o', 'data.npz', '--config', workshop.settings)
 
-    data, model = Dataset.load('data.npz'), TrainedModel.load(workshop.model)
+    data, model = Dataset.load('data.npz'), InverseDynamicsModel.load(workshop.model)
     slowest = 0.05 * np.sqrt(np.mean(np.square(data.dq), axis=0))
     assert (np.abs(data.dq) < slowest).any()
-    assert not (np.abs(model.states.dq) < slowest).any()
+    assert not (np.abs(model.process.states.dq) < slowest).any()
 
 
 def test_inspect_tells_a_bag_a_data_set_and_a_model(
@@ -265,7 +264,7 @@ def test_bench_measures_and_writes(workshop: Workshop, here: Path) -> None:
 
     figures = json.loads((here / 'bench.json').read_text())
     assert figures['n_joints'] == 3
-    assert figures['n_samples'] == TrainedModel.load(workshop.model).n_samples
+    assert figures['n_samples'] == InverseDynamicsModel.load(workshop.model).n_samples
     assert 0 < figures['one_query_us_median'] <= figures['one_query_us_p99']
 
 
@@ -273,8 +272,8 @@ def test_the_same_command_gives_the_same_model(workshop: Workshop, here: Path) -
     lip_id('fit', workshop.bag, '-o', 'again.npz', '--config', workshop.settings)
 
     states = np.random.default_rng(0).normal(size=(3, 5, 3))
-    first = Predictor(TrainedModel.load(workshop.model)).predict(*states)
-    again = Predictor(TrainedModel.load('again.npz')).predict(*states)
+    first = InverseDynamicsModel.load(workshop.model).predict(*states)
+    again = InverseDynamicsModel.load('again.npz').predict(*states)
     np.testing.assert_allclose(again.tau, first.tau, rtol=1e-6)
 
 
@@ -346,7 +345,7 @@ def test_models_of_the_literature_are_fitted_evaluated_and_predict(
 
 def test_a_kernel_is_a_model_too(workshop: Workshop, here: Path) -> None:
     lip_id('fit', workshop.bag, '-o', 'a.npz', '--config', workshop.settings, '--model', 'lip')
-    assert TrainedModel.load('a.npz').kernel == 'lip'
+    assert InverseDynamicsModel.load('a.npz').kernel == 'lip'
 
 
 def test_models_of_the_command_line_are_those_there_are() -> None:

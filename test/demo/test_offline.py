@@ -10,7 +10,7 @@ import pytest
 from lip_id_ros.demo import offline
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import Evaluation
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import Config, FitSettings, PreprocessingSettings
 
 Capture = pytest.CaptureFixture[str]
@@ -47,7 +47,7 @@ def test_everything_is_left_for_a_look(evaluation: Evaluation, output: Path) -> 
     written = {path.name for path in output.iterdir()}
     assert written == {'training_bag', 'test_bag', 'panda.npz', 'report'}
     assert 'motion that it has not seen' in (output / 'report' / 'index.html').read_text()
-    assert TrainedModel.load(output / 'panda.npz').n_joints == 3
+    assert InverseDynamicsModel.load(output / 'panda.npz').n_joints == 3
 
 
 def test_training_and_test_are_different_motions(output: Path, evaluation: Evaluation) -> None:

@@ -8,7 +8,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
 
 QUICK = FitSettings(subset=25, max_samples=50, iterations=10, residual=False)
@@ -21,6 +21,6 @@ def training() -> Dataset:
 
 
 @cache
-def small_model() -> TrainedModel:
+def small_model() -> InverseDynamicsModel:
     """Return a model of the pendulums."""
     return fit(training(), QUICK)

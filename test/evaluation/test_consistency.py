@@ -10,18 +10,19 @@ import numpy as np
 import pytest
 
 from lip_id_ros.evaluation import evaluate, with_checks
-from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving import Predictor
+from lip_id_ros.model import InverseDynamicsModel
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 def test_the_summary_has_what_an_evaluation_finds(sign: float, tmp_path: Path) -> None:
     """Weights of the other sign turn the inertia around: positive definite nowhere."""
-    model = replace(small_model(), alpha=sign * small_model().alpha)
-    with_checks(model).save(tmp_path / 'model.npz')
-    summary = TrainedModel.load(tmp_path / 'model.npz').summary
-    own = [np.flatnonzero((training().q == q).all(axis=1))[0] for q in model.states.q]
-    expected = evaluate(Predictor(model), training().select(np.array(own)))
+    process = small_model().process
+    model = replace(small_model(), process=replace(process, alpha=sign * process.alpha))
+    own = [np.flatnonzero((training().q == q).all(axis=1))[0] for q in process.states.q]
+    data = training().select(np.array(own))
+    with_checks(model, data).save(tmp_path / 'model.npz')
+    summary = InverseDynamicsModel.load(tmp_path / 'model.npz').summary
+    expected = evaluate(model, data)
     assert summary['inertia_not_pd_percent'] == pytest.approx(expected.inertia_not_pd_percent)
     assert summary['inertia_min_eigenvalue'] == pytest.approx(expected.inertia_min_eigenvalue)
     assert (summary['inertia_not_pd_percent'] > 50.0) == (sign < 0)

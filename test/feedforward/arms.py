@@ -13,8 +13,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.rules import TrainingRange
-from lip_id_ros.model import Prediction, Query
-from lip_id_ros.signals.joint_states import EffortCalibration
+from lip_id_ros.model import EffortCalibration, Prediction, Query
 
 NAMES = ('a', 'b')
 

@@ -13,9 +13,10 @@ import pytest
 from lip_id_ros.feedforward.arm import ServedArm
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.feedforward.shaping import Sent
+from lip_id_ros.model import EffortCalibration
+from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
-from lip_id_ros.signals.joint_states import effort_calibration, EffortCalibration
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 STEP_S = 0.002
@@ -98,6 +99,7 @@ def test_the_filter_has_the_derivative_of_what_it_gives() -> None:
 
 def test_the_calibration_is_that_of_the_fit() -> None:
     recording = {'joints': ['b', 'a'], 'effort_scale': [2.0, 3.0], 'effort_offset': []}
-    found = effort_calibration({'sources': [{}, {'recording': recording}]}, NAMES)
+    (found,) = effort_calibrations({'sources': [{}, {'recording': recording}]}, NAMES)
     np.testing.assert_array_equal(found.torque(np.array([1.0, 1.0])), [3.0, 2.0])
-    np.testing.assert_array_equal(effort_calibration({}, NAMES).torque(np.ones(2)), [1.0, 1.0])
+    (plain,) = effort_calibrations({}, NAMES)
+    np.testing.assert_array_equal(plain.torque(np.ones(2)), [1.0, 1.0])

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from feedforward.arms import point
+from model.models import random_model
 import numpy as np
 import pytest
-from serving.models import random_model
 from waiting import wait_until
 
 from lip_id_ros.arrays import Array
@@ -17,7 +17,6 @@ from lip_id_ros.feedforward.diagnostics import ServerDiagnostics
 from lip_id_ros.feedforward.loading import load_model
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.serving import Predictor
 from lip_id_ros.signals.health import Level
 
 
@@ -49,7 +48,7 @@ def test_the_newest_reference_gets_its_standard_deviations(tmp_path: Path) -> No
         offer(deviations, state + 1, 'too soon', 10.01)
         done = wait_for(deviations)
         assert done.tag == 'first'
-        expected = Predictor(model).standard_deviation(*state[:, np.newaxis]).tau[0]
+        expected = model.standard_deviation(*state[:, np.newaxis]).tau[0]
         np.testing.assert_allclose(done.std, expected, rtol=1e-9)
         np.testing.assert_array_equal(deviations.std(10.5, 0.1), done.std)
         assert np.isinf(deviations.std(12.0, 0.1)).all()  # of a reference long ago

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from model.models import random_model
 import numpy as np
 import pytest
-from serving.models import random_model
 
 from lip_id_ros.errors import ConfigError, ModelError
 from lip_id_ros.feedforward.loading import load_model, load_successor, require_rules
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.serving import Predictor
 
 MODEL = random_model('recursive')
 JOINTS = MODEL.joint_names
@@ -28,13 +27,14 @@ def settings(tmp_path: Path) -> ServeSettings:
 def test_a_loaded_model_answers_as_its_file(settings: ServeSettings) -> None:
     loaded = load_model(settings, JOINTS[::-1])
     state = np.random.default_rng(0).normal(size=(3, len(JOINTS)))
-    expected = Predictor(MODEL).predict(*state[:, np.newaxis])
+    expected = MODEL.predict(*state[:, np.newaxis])
     query = loaded.model.query(*state)
     np.testing.assert_allclose(query.tau, expected.tau[0], rtol=1e-9)
     np.testing.assert_allclose(query.gravity, expected.gravity[0], rtol=1e-9)
     found = loaded.model.predict(*state[:, np.newaxis])
     np.testing.assert_allclose(found.coriolis, expected.coriolis)
-    inside = np.stack([MODEL.states.q[0], MODEL.states.dq[0], MODEL.states.ddq[0]])
+    x = MODEL.process.states
+    inside = np.stack([x.q[0], x.dq[0], x.ddq[0]])
     assert loaded.training_range.excess(inside) <= 1.0 + 1e-12
 
 

@@ -22,7 +22,6 @@ from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.training import maximise, Objective
 from lip_id_ros.kernels import TorquePrior
-from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import FitSettings
 
 torch = pytest.importorskip('torch', reason='the device path needs torch')
@@ -148,7 +147,7 @@ def test_fit_on_a_gpu() -> None:
     settings, data = FitSettings(iterations=200), motions()
     model, on_cpu = fit(data, replace(settings, device='cuda')), fit(data, settings)
     assert (model.summary['device'], model.summary['device_note']) == ('cuda', '')
-    tau, same_tau = (Predictor(m).predict(data.q, data.dq, data.ddq).tau for m in (on_cpu, model))
+    tau, same_tau = (m.predict(data.q, data.dq, data.ddq).tau for m in (on_cpu, model))
     np.testing.assert_allclose(same_tau, tau, atol=1e-6 * np.abs(tau).max())
 
 
@@ -161,7 +160,7 @@ def test_fit_without_a_gpu_says_so() -> None:
         'Fitted on the CPU instead of cuda: torch finds no CUDA device.'
     )
     assert on_cpu.summary['device_note'] == ''
-    np.testing.assert_array_equal(model.alpha, on_cpu.alpha)
+    np.testing.assert_array_equal(model.process.alpha, on_cpu.process.alpha)
 
 
 def test_without_torch_says_so() -> None:

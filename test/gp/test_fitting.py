@@ -14,7 +14,7 @@ import pytest
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.gp import fit
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
 
 
@@ -27,7 +27,7 @@ def samples(n_samples: int = 40) -> Dataset:
     return dataset_of(arm, motion, tau + noise_of(tau, 0.01))
 
 
-def quick(dataset: Dataset, **settings: Any) -> TrainedModel:
+def quick(dataset: Dataset, **settings: Any) -> InverseDynamicsModel:
     return fit(dataset, FitSettings(**{'iterations': 3, 'residual': False, **settings}))
 
 
@@ -81,7 +81,7 @@ def test_the_model_knows_where_it_comes_from() -> None:
 def test_samples_are_capped() -> None:
     model = quick(samples(), max_samples=15, subset=12)
     assert model.n_samples == 15
-    rows = (samples().q[:, None] == model.states.q).all(axis=2)
+    rows = (samples().q[:, None] == model.process.states.q).all(axis=2)
     assert rows.any(axis=0).all()
 
 
@@ -92,9 +92,11 @@ def test_the_potential_is_zero_at_the_mean_of_the_positions() -> None:
 
 def test_alpha_solves_the_normal_equations() -> None:
     model = quick(samples())
-    gram = model.prior.noisy_gram(model.states)
+    gram = model.process.prior.noisy_gram(model.process.states)
     np.testing.assert_allclose(
-        gram @ model.alpha.ravel(), model.tau.ravel(), atol=1e-8 * abs(model.tau).max()
+        gram @ model.process.alpha.ravel(),
+        model.process.tau.ravel(),
+        atol=1e-8 * abs(model.process.tau).max(),
     )
 
 
@@ -109,7 +111,7 @@ def test_alpha_solves_the_normal_equations() -> None:
 )
 def test_terms_are_switchable(friction: bool, residual: bool, terms: tuple[str, ...]) -> None:
     model = quick(samples(), friction=friction, residual=residual)
-    assert tuple(kernel.name for kernel in model.prior.kernel.per_joint) == terms
+    assert tuple(kernel.name for kernel in model.process.prior.kernel.per_joint) == terms
 
 
 def test_gravity_compensated_torques_have_no_potential() -> None:
@@ -128,7 +130,7 @@ def test_gravity_compensated_torques_have_no_potential() -> None:
 )
 def test_the_potential_is_the_settings(kernel: str, potential: str, links: list[int]) -> None:
     model = quick(samples(), kernel=kernel, potential=potential)
-    np.testing.assert_array_equal(model.prior.kernel.energy.potential_links, links)
+    np.testing.assert_array_equal(model.process.prior.kernel.energy.potential_links, links)
 
 
 def test_gravity_compensation_overrules_the_choice_of_the_potential() -> None:
@@ -138,7 +140,7 @@ def test_gravity_compensation_overrules_the_choice_of_the_potential() -> None:
 
 def test_the_same_data_give_the_same_model() -> None:
     first, second = quick(samples(), subset=20), quick(samples(), subset=20)
-    np.testing.assert_array_equal(first.alpha, second.alpha)
+    np.testing.assert_array_equal(first.process.alpha, second.process.alpha)
     assert first.summary['negative_log_likelihood'] == second.summary['negative_log_likelihood']
 
 
@@ -150,7 +152,7 @@ def test_a_joint_that_rests_is_no_obstacle() -> None:
         x[:, 1] = 0.1 if x is q else 0.0
     tau = arm.torque(q, dq, ddq)
     model = quick(dataset_of(arm, (q, dq, ddq), tau + noise_of(tau, 0.01)))
-    assert np.isfinite(model.alpha).all()
+    assert np.isfinite(model.process.alpha).all()
 
 
 def test_progress_goes_through_all_stages() -> None:

@@ -11,10 +11,8 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.gp import fit
-from lip_id_ros.kernels import Friction, TorquePrior
-from lip_id_ros.linear_algebra import CholeskyFactor
-from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving import Predictor
+from lip_id_ros.kernels import Friction, TorquePosterior, TorquePrior
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
 
 MEMBERS = ('lip', 'recursive')
@@ -26,15 +24,13 @@ VISCOUS, COULOMB = np.array([0.8, 0.3]), np.array([1.5, 0.6])
 
 
 @cache
-def learned(name: str, member: str) -> Predictor:
+def learned(name: str, member: str) -> InverseDynamicsModel:
     """Fit on torques with noise of one part in a thousand."""
     arm = ARMS[name]
     motion = random_motion(arm, N_SAMPLES, seed=0)
     tau = arm.torque(*motion)
     dataset = dataset_of(arm, motion, tau + noise_of(tau))
-    return Predictor(
-        fit(dataset, FitSettings(kernel=member, friction=False, iterations=ITERATIONS))
-    )
+    return fit(dataset, FitSettings(kernel=member, friction=False, iterations=ITERATIONS))
 
 
 def unseen(arm: Arm) -> tuple[Array, Array, Array]:
@@ -77,7 +73,7 @@ def test_energies(name: str, member: str) -> None:
     got = predictor.predict(q, dq, ddq)
     kinetic = arm.kinetic(q, dq)
     assert_close(got.kinetic, kinetic, kinetic.max())
-    reference = predictor.model.potential_reference[None]
+    reference = predictor.potential_reference[None]
     potential = arm.potential(q) - arm.potential(reference)
     assert got.potential is not None
     assert_close(got.potential, potential, abs(potential).max())
@@ -85,7 +81,7 @@ def test_energies(name: str, member: str) -> None:
 
 @pytest.mark.parametrize(('name', 'member'), CASES)
 def test_noise_is_recovered(name: str, member: str) -> None:
-    model = learned(name, member).model
+    model = learned(name, member)
     true = 1e-3 * ARMS[name].torque(*random_motion(ARMS[name], N_SAMPLES, seed=0)).std(axis=0)
     np.testing.assert_allclose(model.noise_std, true, rtol=0.2)
 
@@ -114,18 +110,18 @@ def test_torques_without_noise(name: str, member: str) -> None:
     arm = ARMS[name]
     dataset = dataset_of(arm, random_motion(arm, N_SAMPLES, seed=0))
     model = fit(dataset, FitSettings(kernel=member, friction=False, iterations=0))
-    at = model.prior.hyperparameters
+    at = model.process.prior.hyperparameters
     exact = replace(at, noise_variance=1e-10 * at.noise_variance)
-    prior = TorquePrior(model.prior.kernel, exact)
-    alpha = CholeskyFactor.of(prior.noisy_gram(model.states)).solve(model.tau.ravel())
-    predictor = Predictor(replace(model, prior=prior, alpha=alpha.reshape(model.alpha.shape)))
+    prior = TorquePrior(model.process.prior.kernel, exact)
+    process = TorquePosterior.condition(prior, model.process.states, model.process.tau)
+    predictor = replace(model, process=process)
     tau = arm.torque(*unseen(arm))
     got = predictor.predict(*unseen(arm)).tau
     np.testing.assert_allclose(got, tau, rtol=0.0, atol=1e-6 * abs(tau).max())
 
 
 @cache
-def learned_with_friction(member: str) -> TrainedModel:
+def learned_with_friction(member: str) -> InverseDynamicsModel:
     arm = ARMS['two_links']
     motion = random_motion(arm, 120, seed=0)
     dq = motion[1]
@@ -137,10 +133,10 @@ def learned_with_friction(member: str) -> TrainedModel:
 @pytest.mark.parametrize('member', MEMBERS)
 def test_friction_coefficients_are_recovered(member: str) -> None:
     model = learned_with_friction(member)
-    (friction,) = model.prior.kernel.per_joint
-    (parameters,) = model.prior.hyperparameters.per_joint
+    (friction,) = model.process.prior.kernel.per_joint
+    (parameters,) = model.process.prior.hyperparameters.per_joint
     assert isinstance(friction, Friction)
-    got = friction.coefficients(parameters, model.states.per_joint[0], model.alpha)
+    got = friction.coefficients(parameters, model.process.states.per_joint[0], model.process.alpha)
     np.testing.assert_allclose(got[:, 0], VISCOUS, rtol=0.02)
     np.testing.assert_allclose(got[:, 1], COULOMB, rtol=0.02)
     np.testing.assert_allclose(got[:, 2], 0.0, atol=0.02)
@@ -152,7 +148,7 @@ def test_friction_is_told_from_inertia_and_gravity(member: str) -> None:
     arm = ARMS['two_links']
     q, dq, ddq = motion = unseen(arm)
     fast = (abs(dq) > 0.2).all(axis=1)  # away from where the smooth sign turns
-    got = Predictor(learned_with_friction(member)).predict(*motion)
+    got = learned_with_friction(member).predict(*motion)
     size = abs(arm.torque(*motion)).max()
     assert_close(got.inertial, arm.inertial(q, ddq), size)
     assert_close(got.coriolis, arm.coriolis(q, dq), size)
@@ -167,12 +163,10 @@ def test_torques_without_gravity(member: str) -> None:
     q, dq, ddq = motion = random_motion(arm, N_SAMPLES, seed=0)
     tau = arm.torque(*motion) - arm.gravity(q)
     dataset = dataset_of(arm, motion, tau + noise_of(tau), gravity_compensated=True)
-    predictor = Predictor(
-        fit(dataset, FitSettings(kernel=member, friction=False, iterations=ITERATIONS))
-    )
+    predictor = fit(dataset, FitSettings(kernel=member, friction=False, iterations=ITERATIONS))
     q, dq, ddq = unseen(arm)
     got = predictor.predict(q, dq, ddq)
-    assert not predictor.model.has_potential
+    assert not predictor.has_potential
     assert got.potential is None
     assert np.isnan(predictor.query(q[0], dq[0], ddq[0]).potential)
     assert predictor.standard_deviation(q, dq, ddq).potential is None
@@ -182,15 +176,14 @@ def test_torques_without_gravity(member: str) -> None:
     assert_close(got.coriolis, arm.coriolis(q, dq), abs(got.tau).max())
 
 
-def with_offset_variance(model: TrainedModel, variance: float) -> TrainedModel:
+def with_offset_variance(model: InverseDynamicsModel, variance: float) -> InverseDynamicsModel:
     """Condition on the same samples under another prior of the friction's offset."""
-    at = model.prior.hyperparameters
+    at = model.process.prior.hyperparameters
     friction = at.per_joint[0].copy()
     friction[:, 2] = variance
-    prior = replace(model.prior, hyperparameters=replace(at, per_joint=(friction,)))
-    gram = prior.noisy_gram(model.states)
-    alpha = np.linalg.solve(gram, model.tau.ravel()).reshape(model.tau.shape)
-    return replace(model, prior=prior, alpha=alpha)
+    prior = replace(model.process.prior, hyperparameters=replace(at, per_joint=(friction,)))
+    process = TorquePosterior.condition(prior, model.process.states, model.process.tau)
+    return replace(model, process=process)
 
 
 def test_a_constant_force_of_a_sliding_joint_is_gravity_or_offset() -> None:
@@ -203,7 +196,7 @@ def test_a_constant_force_of_a_sliding_joint_is_gravity_or_offset() -> None:
     weight = arm.gravity(unseen(arm)[0])
     shares = []
     for variance in (1e-6, 1e6):
-        got = Predictor(with_offset_variance(model, variance)).predict(*unseen(arm))
+        got = with_offset_variance(model, variance).predict(*unseen(arm))
         assert_close(got.gravity + got.friction, weight, weight.max())
         shares.append((got.gravity / weight).mean())
     assert shares[0] > 0.9

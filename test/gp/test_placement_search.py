@@ -18,9 +18,8 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp import fit
 from lip_id_ros.gp.placement_search import find_links, FINEST, Samples
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import silent
-from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import FitSettings
 
 NOISE = 1e-3
@@ -35,14 +34,14 @@ def samples_of(arm: ChainArm, n_samples: int = 120, noise: float = NOISE) -> Dat
     return dataset_of(arm, motion, tau + noise_of(tau, noise))
 
 
-def learned(dataset: Dataset, **settings: Any) -> TrainedModel:
+def learned(dataset: Dataset, **settings: Any) -> InverseDynamicsModel:
     return fit(dataset, FitSettings(iterations=25, **settings))
 
 
-def energies(model: TrainedModel) -> str:
+def energies(model: InverseDynamicsModel) -> str:
     """Return the name of the energies beside the links."""
-    assert len(model.prior.kernel.links) == 1
-    return model.prior.kernel.energy.name
+    assert len(model.process.prior.kernel.links) == 1
+    return model.process.prior.kernel.energy.name
 
 
 def assert_close(got: Array | None, expected: Array, share: float = 3e-3) -> None:
@@ -62,7 +61,7 @@ def test_random_arms(joint_types: tuple[str, ...]) -> None:
     noise = NOISE * arm.torque(dataset.q, dataset.dq, dataset.ddq).std(axis=0)
     np.testing.assert_allclose(model.noise_std, noise, rtol=0.25)
     q, dq, ddq = arm.motion(100, seed=1)
-    predictor = Predictor(model)
+    predictor = model
     got = predictor.predict(q, dq, ddq)
     assert_close(got.tau, arm.torque(q, dq, ddq))
     assert_close(got.gravity, arm.gravity(q))
@@ -86,7 +85,7 @@ def test_friction_is_told_from_the_links() -> None:
     model = learned(with_friction())
     assert energies(model) == 'none'
     q, dq, ddq = arm.motion(100, seed=1)
-    got = Predictor(model).predict(q, dq, ddq)
+    got = model.predict(q, dq, ddq)
     assert_close(got.tau - got.friction, arm.torque(q, dq, ddq), 0.01)
     assert_close(got.kinetic, arm.kinetic(q, dq), 0.01)
 
@@ -126,10 +125,10 @@ def test_torques_without_gravity() -> None:
     assert energies(model) == 'none'
     assert not model.has_potential
     q, dq, ddq = arm.motion(100, seed=1)
-    got = Predictor(model).predict(q, dq, ddq)
+    got = model.predict(q, dq, ddq)
     assert got.potential is None
     assert_close(got.tau, arm.torque(q, dq, ddq))
-    assert_close(Predictor(model).inertia_matrix(q), arm.inertia(q))
+    assert_close(model.inertia_matrix(q), arm.inertia(q))
 
 
 @pytest.mark.parametrize('gravity', [1.62, 24.8])
@@ -139,7 +138,7 @@ def test_gravity_of_another_size(gravity: float) -> None:
     model = learned(samples_of(arm), friction=False)
     assert energies(model) == 'none'
     q, dq, ddq = arm.motion(100, seed=1)
-    got = Predictor(model).predict(q, dq, ddq)
+    got = model.predict(q, dq, ddq)
     assert_close(got.tau, arm.torque(q, dq, ddq))
     assert_close(got.kinetic, arm.kinetic(q, dq))
     reference = arm.potential(model.potential_reference[None])
@@ -159,7 +158,7 @@ def test_energies_are_kept_where_no_links_explain_the_torques() -> None:
     model = learned(dataset_of(arm, motion, tau + noise_of(tau)), friction=False)
     assert energies(model) == 'recursive'
     assert model.has_potential
-    assert_close(Predictor(model).predict(*unseen).tau, torque(*unseen))
+    assert_close(model.predict(*unseen).tau, torque(*unseen))
 
 
 def resting(q: Array, dq: Array, ddq: Array) -> None:
@@ -199,7 +198,7 @@ def test_unusual_motions(change: Callable[[Array, Array, Array], None]) -> None:
     change(*unseen)
     tau = arm.torque(*motion)
     model = learned(dataset_of(arm, motion, tau + noise_of(tau)))
-    assert_close(Predictor(model).predict(*unseen).tau, arm.torque(*unseen), 0.01)
+    assert_close(model.predict(*unseen).tau, arm.torque(*unseen), 0.01)
 
 
 @pytest.mark.parametrize('size', [1e-3, 1e4])
@@ -207,8 +206,8 @@ def test_torques_of_any_size(size: float) -> None:
     """Only numbers change with their unit, and where rounding lets a descent end."""
     dataset = with_friction()
     motion = random_arm((R, R, R), seed=2).motion(100, seed=1)
-    expected = Predictor(learned(dataset)).predict(*motion)
-    got = Predictor(learned(replace(dataset, tau=size * dataset.tau))).predict(*motion)
+    expected = learned(dataset).predict(*motion)
+    got = learned(replace(dataset, tau=size * dataset.tau)).predict(*motion)
     assert_close(got.tau, size * expected.tau)
     assert_close(got.kinetic, size * expected.kinetic)
 
@@ -222,7 +221,7 @@ def test_slides_of_any_length(reach: float) -> None:
         x[:, (0, 2)] *= reach
     tau = arm.torque(*motion)
     model = learned(dataset_of(arm, motion, tau + noise_of(tau)))
-    assert_close(Predictor(model).predict(*unseen).tau, arm.torque(*unseen), 0.01)
+    assert_close(model.predict(*unseen).tau, arm.torque(*unseen), 0.01)
 
 
 def test_ten_samples() -> None:
@@ -230,7 +229,7 @@ def test_ten_samples() -> None:
     arm = random_arm((R, R), seed=4)
     model = learned(samples_of(arm, 10))
     tau = arm.torque(*arm.motion(100, seed=1))
-    got = Predictor(model).predict(*arm.motion(100, seed=1)).tau
+    got = model.predict(*arm.motion(100, seed=1)).tau
     assert (np.mean((got - tau) ** 2, axis=0) < tau.var(axis=0)).all()
 
 
@@ -238,8 +237,8 @@ def test_too_few_samples_for_placements() -> None:
     """As if links had not been asked for."""
     dataset = samples_of(random_arm((R,) * 7, seed=4), 13)
     model, expected = learned(dataset), learned(dataset, kernel='recursive')
-    assert model.prior.kernel.links == ()
-    np.testing.assert_array_equal(model.alpha, expected.alpha)
+    assert model.process.prior.kernel.links == ()
+    np.testing.assert_array_equal(model.process.alpha, expected.process.alpha)
 
 
 def test_three_samples_per_joint() -> None:
@@ -249,7 +248,7 @@ def test_three_samples_per_joint() -> None:
     assert energies(model) == 'none'
     motion = arm.motion(100, seed=1)
     tau = arm.torque(*motion)
-    error = np.mean((Predictor(model).predict(*motion).tau - tau) ** 2, axis=0)
+    error = np.mean((model.predict(*motion).tau - tau) ** 2, axis=0)
     assert (error < 0.05 * tau.var(axis=0)).all()
 
 
@@ -259,7 +258,7 @@ def test_exact_torques(friction: bool) -> None:
     arm = random_arm((R, R, R), seed=1)
     model = learned(samples_of(arm, noise=0.0), friction=friction)
     unseen = arm.motion(100, seed=1)
-    assert_close(Predictor(model).predict(*unseen).tau, arm.torque(*unseen), 1e-6)
+    assert_close(model.predict(*unseen).tau, arm.torque(*unseen), 1e-6)
 
 
 def test_a_torque_of_noise_alone() -> None:
@@ -271,7 +270,7 @@ def test_a_torque_of_noise_alone() -> None:
     model = learned(replace(dataset, tau=tau))
     unseen = arm.motion(100, seed=1)
     expected = arm.torque(*unseen)[:, :2]
-    assert_close(Predictor(model).predict(*unseen).tau[:, :2], expected, 0.01)
+    assert_close(model.predict(*unseen).tau[:, :2], expected, 0.01)
 
 
 @pytest.mark.filterwarnings('ignore::RuntimeWarning')

@@ -33,7 +33,7 @@ def with_friction(shares: list[float]) -> Dataset:
 @pytest.mark.parametrize('shares', [[0.01, 0.4], [0.4, 0.01]])
 def test_every_joint_has_a_width_of_its_own(shares: list[float]) -> None:
     model = fit(with_friction(shares), FitSettings(iterations=10))
-    (friction,) = model.prior.kernel.per_joint
+    (friction,) = model.process.prior.kernel.per_joint
     assert isinstance(friction, Friction)
     found = friction.sign_width / USUAL
     narrow, wide = int(np.argmin(shares)), int(np.argmax(shares))

@@ -13,10 +13,7 @@ from gp.cases import P, R
 from hypothesis import given
 from hypothesis import strategies as st
 from kernels.cases import random_states
-import numpy as np
-from numpy.typing import NDArray
-import pytest
-from serving.models import (
+from model.models import (
     BOTH,
     KERNELS,
     random_model,
@@ -24,14 +21,16 @@ from serving.models import (
     random_model_without_gravity,
     random_model_without_potential,
 )
+import numpy as np
+from numpy.typing import NDArray
+import pytest
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.kernels import ARTICULATED
 from lip_id_ros.kernels.program import POTENTIALS
-from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving import Predictor
+from lip_id_ros.model import InverseDynamicsModel
 
 Arrays = dict[str, NDArray[Any]]
 Header = dict[str, Any]
@@ -50,23 +49,23 @@ def saved(path: Path) -> Path:
     return path
 
 
-def assert_same_answers(first: TrainedModel, second: TrainedModel) -> None:
+def assert_same_answers(first: InverseDynamicsModel, second: InverseDynamicsModel) -> None:
     """Compare predictions and deviations to the last bit."""
     x = random_states(5, first.n_joints, np.random.default_rng(3))
     for got, expected in zip(answers(second, x), answers(first, x), strict=True):
         np.testing.assert_array_equal(got, expected)
 
 
-def answers(model: TrainedModel, x: Any) -> list[Any]:
-    predictor = Predictor(model)
+def answers(model: InverseDynamicsModel, x: Any) -> list[Any]:
+    predictor = model
     found = [*vars(predictor.predict(*x)).values()]
     found += vars(predictor.standard_deviation(*x)).values()
     return [*found, predictor.inertia_matrix(x[0])]
 
 
-def assert_same_links(first: TrainedModel, second: TrainedModel) -> None:
+def assert_same_links(first: InverseDynamicsModel, second: InverseDynamicsModel) -> None:
     """Compare what the prior has of rigid links to the last bit."""
-    both = zip(first.prior.kernel.links, second.prior.kernel.links, strict=True)
+    both = zip(first.process.prior.kernel.links, second.process.prior.kernel.links, strict=True)
     for got, expected in both:
         np.testing.assert_array_equal(got.deviations, expected.deviations)
         for part, same in zip(got.chain, expected.chain, strict=True):
@@ -81,11 +80,11 @@ def test_round_trip(member: str, terms: tuple[str, ...], path: Path) -> None:
         provenance={'sources': ['a.mcap'], 'n_samples_available': 9},
     )
     model.save(path)
-    loaded = TrainedModel.load(path)
+    loaded = InverseDynamicsModel.load(path)
     assert_same_answers(model, loaded)
     for name in ('joint_names', 'joint_types', 'kernel', 'n_samples', 'summary', 'provenance'):
         assert getattr(loaded, name) == getattr(model, name)
-    np.testing.assert_array_equal(loaded.tau, model.tau)
+    np.testing.assert_array_equal(loaded.process.tau, model.process.tau)
     np.testing.assert_array_equal(loaded.noise_std, model.noise_std)
     assert_same_links(loaded, model)
     assert os.listdir(path.parent) == [path.name]
@@ -94,16 +93,16 @@ def test_round_trip(member: str, terms: tuple[str, ...], path: Path) -> None:
 def test_round_trip_without_potential(path: Path) -> None:
     model = random_model_without_potential('lip')
     model.save(path)
-    assert not TrainedModel.load(path).has_potential
-    assert_same_answers(model, TrainedModel.load(path))
+    assert not InverseDynamicsModel.load(path).has_potential
+    assert_same_answers(model, InverseDynamicsModel.load(path))
 
 
 def test_round_trip_of_links_without_gravity(path: Path) -> None:
     model = random_model_without_gravity()
     model.save(path)
-    assert TrainedModel.load(path).kernel == ARTICULATED
-    assert not TrainedModel.load(path).has_potential
-    assert_same_answers(model, TrainedModel.load(path))
+    assert InverseDynamicsModel.load(path).kernel == ARTICULATED
+    assert not InverseDynamicsModel.load(path).has_potential
+    assert_same_answers(model, InverseDynamicsModel.load(path))
 
 
 @pytest.mark.parametrize('potential', POTENTIALS)
@@ -111,20 +110,20 @@ def test_round_trip_of_links_without_gravity(path: Path) -> None:
 def test_round_trip_of_every_potential(member: str, potential: str, path: Path) -> None:
     model = random_model_with(POTENTIALS[potential], member)
     model.save(path)
-    loaded = TrainedModel.load(path)
-    restored, links = (it.prior.kernel.energy.potential_links for it in (loaded, model))
+    loaded = InverseDynamicsModel.load(path)
+    restored, links = (it.process.prior.kernel.energy.potential_links for it in (loaded, model))
     np.testing.assert_array_equal(restored, links)
     assert_same_answers(model, loaded)
 
 
 def test_a_model_is_saved_over_an_older_one(saved: Path) -> None:
     random_model('lip').save(saved)
-    assert TrainedModel.load(saved).kernel == 'lip'
+    assert InverseDynamicsModel.load(saved).kernel == 'lip'
 
 
 def test_a_missing_file(path: Path) -> None:
     with pytest.raises(FileNotFoundError, match='model'):
-        TrainedModel.load(path)
+        InverseDynamicsModel.load(path)
 
 
 def test_a_missing_folder(tmp_path: Path) -> None:
@@ -143,7 +142,7 @@ def test_what_cannot_be_written_leaves_nothing(path: Path) -> None:
 def check_refused(path: Path, sentence: str) -> None:
     """The sentence names the file and ends in what to do."""
     with pytest.raises(ModelError, match=sentence) as caught:
-        TrainedModel.load(path)
+        InverseDynamicsModel.load(path)
     text = str(caught.value)
     assert text.startswith(f'{path} ')
     assert re.search(r'; (fit again|pass the file that)[^;]*\.$', text)
@@ -190,8 +189,8 @@ def changed(path: Path, change: Callable[[Arrays, Header], None]) -> Path:
 
 
 def test_a_newer_format(saved: Path) -> None:
-    newer = changed(saved, lambda _, header: header.update(version=3))
-    check_refused(newer, 'has model format 3, but this program reads format 2')
+    newer = changed(saved, lambda _, header: header.update(version=4))
+    check_refused(newer, 'has model format 4, but this program reads format 3')
 
 
 def flip(arrays: Arrays, _: Header) -> None:
@@ -207,7 +206,7 @@ def rename(_: Arrays, header: Header) -> None:
 
 
 def switch(_: Arrays, header: Header) -> None:
-    header['kernel'] = 'recursive_per_link'
+    header['process']['kernel'] = 'recursive_per_link'
 
 
 @pytest.mark.parametrize('change', [flip, drop, rename, switch])
@@ -229,19 +228,19 @@ def test_no_flipped_bit_changes_an_answer(
     content[int(place * len(content))] ^= 1 << bit
     path.write_bytes(content)
     try:
-        loaded = TrainedModel.load(path)
+        loaded = InverseDynamicsModel.load(path)
     except ModelError:
         return
-    np.testing.assert_array_equal(loaded.alpha, model.alpha)
+    np.testing.assert_array_equal(loaded.process.alpha, model.process.alpha)
     assert loaded.summary == model.summary
 
 
 def other_kernel(_: Arrays, header: Header) -> None:
-    header['kernel'] = 'perceptron'
+    header['process']['kernel'] = 'perceptron'
 
 
 def other_joints(_: Arrays, header: Header) -> None:
-    header['joint_types'] = [R, R]
+    header['process']['joint_types'] = [R, R]
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ import re
 from typing import cast
 
 from evaluation.stubs import Knowing
+from model.models import random_model
 import numpy as np
 import pytest
-from serving.models import random_model
 from simulation.pendulums import INERTIA, Pendulums, swing, WEIGHT
 
 from lip_id_ros.arrays import Array
@@ -24,7 +24,6 @@ from lip_id_ros.monitoring import (
 )
 from lip_id_ros.monitoring.detection import CUTOFF_HZ, step_response_peak
 from lip_id_ros.monitoring.observers import DisturbanceObserver, momentum_and_rate
-from lip_id_ros.serving import Predictor
 from lip_id_ros.signals.filters import high_pass
 
 CONTACT = np.array([1.0, -2.0, 0.5])
@@ -58,7 +57,7 @@ def test_observer_follows_what_is_not_explained(step: float) -> None:
 
 @pytest.mark.parametrize('member', ['recursive', 'lip'])
 def test_momentum_and_rate_are_those_of_the_learned_energies(member: str) -> None:
-    predictor = Predictor(random_model(member, terms=('friction',)))
+    predictor = random_model(member, terms=('friction',))
     n = predictor.n_joints
     rng = np.random.default_rng(4)
     q, dq, tau = 0.5 * rng.normal(size=(3, 5, n))

@@ -17,10 +17,9 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording import read_bag, read_sources
-from lip_id_ros.serving import Predictor
 from lip_id_ros.settings import RecordingSettings
 
 if TYPE_CHECKING:
@@ -87,10 +86,10 @@ def test_records_fits_and_saves(ros: tuple[Graph, Client], tmp_path: Path) -> No
     status = client.status('train', lambda status: status['job']['state'] in ('done', 'failed'))
     assert status['job']['state'] == 'done', train.log
     assert status['job']['result']['path'] == 'model.npz'
-    model = TrainedModel.load(tmp_path / 'model.npz')
+    model = InverseDynamicsModel.load(tmp_path / 'model.npz')
     assert model.joint_names == toy.JOINTS
     _, q, dq, ddq = toy.motion(300, seed=5)
-    error = Predictor(model).predict(q, dq, ddq).tau - toy.torque(q, ddq)
+    error = model.predict(q, dq, ddq).tau - toy.torque(q, ddq)
     assert (error.var(axis=0) < 0.05 * toy.torque(q, ddq).var(axis=0)).all()
 
     answer = client.trigger('/train/save_dataset')

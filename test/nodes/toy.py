@@ -7,8 +7,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp import fit
-from lip_id_ros.model import TrainedModel
-from lip_id_ros.serving import Predictor
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
 
 JOINTS = ('shoulder', 'elbow')
@@ -54,8 +53,8 @@ def dataset(joints: tuple[str, ...] = JOINTS) -> Dataset:
     )
 
 
-def model(joints: tuple[str, ...] = JOINTS) -> TrainedModel:
+def model(joints: tuple[str, ...] = JOINTS) -> InverseDynamicsModel:
     """Fit, and compile what answers, so that no node has to while a test waits."""
     fitted = fit(dataset(joints), CHEAP)
-    Predictor(fitted).predict(*np.zeros((3, 1, 2)))
+    fitted.predict(*np.zeros((3, 1, 2)))
     return fitted

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from kernels.cases import MEMBERS
 from kernels.test_family import degree
+from model.models import random_model
 import numpy as np
 import pytest
-from serving.models import random_model
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.serving import Predictor
 
 TYPES = ('revolute',) * 4
 TURN = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
@@ -31,7 +30,7 @@ def harmonics(values: Array) -> Array:
 @pytest.mark.parametrize('member', MEMBERS)
 def test_degree_of_every_entry(member: str, joint: int) -> None:
     """An entry has the harmonics up to its degree, which is zero for the joints before it."""
-    matrix = Predictor(random_model(member, TYPES, terms=())).inertia_matrix(turned(joint))
+    matrix = random_model(member, TYPES, terms=()).inertia_matrix(turned(joint))
     size = abs(matrix).max()
     for j, k in np.ndindex(4, 4):
         found = harmonics(matrix[:, j, k]) / size
@@ -46,7 +45,7 @@ def test_degree_of_the_potential(member: str, joint: int) -> None:
     """A body's height is linear in the sine and cosine of every joint before it."""
     q = turned(joint)
     still = np.zeros_like(q)
-    potential = Predictor(random_model(member, TYPES, terms=())).predict(q, still, still).potential
+    potential = random_model(member, TYPES, terms=()).predict(q, still, still).potential
     assert potential is not None
     found = harmonics(potential) / abs(potential).max()
     assert (found[2:] < 1e-12).all()
@@ -57,5 +56,5 @@ def test_degree_of_the_potential(member: str, joint: int) -> None:
 def test_positive_definiteness_is_not_promised(member: str) -> None:
     """From torques that no arm can have, an inertia matrix that no arm can have is learned."""
     model = random_model(member, terms=())
-    eigenvalues = np.linalg.eigvalsh(Predictor(model).inertia_matrix(model.states.q))
+    eigenvalues = np.linalg.eigvalsh(model.inertia_matrix(model.process.states.q))
     assert eigenvalues.min() < 0.0

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from kernels.cases import random_states
+from model.models import KERNELS, random_model, with_noise
 import numpy as np
 import pytest
-from serving.models import KERNELS, random_model, with_noise
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.energy_covariance import kinetic_covariance, potential_covariance
-from lip_id_ros.model import StandardDeviation, TrainedModel
-from lip_id_ros.serving import Predictor
-from lip_id_ros.serving.uncertainty import BLOCK
+from lip_id_ros.kernels.posterior import BLOCK
+from lip_id_ros.model import InverseDynamicsModel, StandardDeviation
 
 States = tuple[Array, Array, Array]
 
@@ -20,16 +19,16 @@ def queries(n_samples: int) -> States:
     return random_states(n_samples, 3, np.random.default_rng(9))
 
 
-def explained(model: TrainedModel, cross: Array) -> Array:
+def explained(model: InverseDynamicsModel, cross: Array) -> Array:
     """Return diag(k K^-1 k^T)."""
-    gram = model.prior.cross_gram(model.states, model.states)
-    noise = np.tile(model.prior.hyperparameters.noise_variance, model.n_samples)
+    gram = model.process.prior.cross_gram(model.process.states, model.process.states)
+    noise = np.tile(model.process.prior.hyperparameters.noise_variance, model.n_samples)
     return np.asarray(np.diagonal(cross @ np.linalg.solve(gram + np.diag(noise), cross.T)))
 
 
-def prior_energies(model: TrainedModel, x: States) -> tuple[Array, Array]:
+def prior_energies(model: InverseDynamicsModel, x: States) -> tuple[Array, Array]:
     """Return the prior variances of T, and of V less V at the reference, one sample at a time."""
-    kernel, weights = model.prior.kernel, model.prior.hyperparameters.weights
+    kernel, weights = model.process.prior.kernel, model.process.prior.hyperparameters.weights
     reference, _ = kernel.basis.features(model.potential_reference[None])
     kinetic, potential = [], []
     for q, dq in zip(x[0], x[1], strict=True):
@@ -49,15 +48,15 @@ def prior_energies(model: TrainedModel, x: States) -> tuple[Array, Array]:
     return variances
 
 
-def textbook(model: TrainedModel, x: States) -> StandardDeviation:
+def textbook(model: InverseDynamicsModel, x: States) -> StandardDeviation:
     """Return the prior variance less what the data explain, under a square root."""
-    prior = model.prior
+    prior = model.process.prior
     states = prior.kernel.states(*x)
     still = np.zeros((1, model.n_joints))
     rest = prior.kernel.states(model.potential_reference[None], still, still)
-    cross = prior.cross_gram(states, model.states)
-    kinetic, potential = prior.energy_covariance(states, model.states)
-    _, reference = prior.energy_covariance(rest, model.states)
+    cross = prior.cross_gram(states, model.process.states)
+    kinetic, potential = prior.energy_covariance(states, model.process.states)
+    _, reference = prior.energy_covariance(rest, model.process.states)
     tau = np.diagonal(prior.cross_gram(states, states)) - explained(model, cross)
     prior_kinetic, prior_potential = prior_energies(model, x)
     return StandardDeviation(
@@ -72,7 +71,7 @@ def textbook(model: TrainedModel, x: States) -> StandardDeviation:
 def test_against_the_textbook(member: str, terms: tuple[str, ...]) -> None:
     model = random_model(member, terms=terms)
     x = queries(5)
-    got, expected = Predictor(model).standard_deviation(*x), textbook(model, x)
+    got, expected = model.standard_deviation(*x), textbook(model, x)
     assert got.potential is not None
     assert expected.potential is not None
     np.testing.assert_allclose(got.tau, expected.tau, rtol=1e-7)
@@ -83,9 +82,9 @@ def test_against_the_textbook(member: str, terms: tuple[str, ...]) -> None:
 @pytest.mark.parametrize('member', KERNELS)
 def test_nothing_is_uncertain_where_it_was_measured_without_noise(member: str) -> None:
     model = with_noise(random_model(member, terms=()), 1e-10)
-    states = model.states
-    got = Predictor(model).standard_deviation(states.q, states.dq, states.ddq)
-    prior = np.sqrt(model.prior.torque_variance(states))
+    states = model.process.states
+    got = model.standard_deviation(states.q, states.dq, states.ddq)
+    prior = np.sqrt(model.process.prior.torque_variance(states))
     assert (got.tau < 1e-4 * prior).all()
 
 
@@ -93,7 +92,7 @@ def test_nothing_is_uncertain_where_it_was_measured_without_noise(member: str) -
 def test_the_potential_is_certain_at_its_reference(member: str) -> None:
     model = random_model(member)
     q = np.stack([model.potential_reference, model.potential_reference + 0.1])
-    got = Predictor(model).standard_deviation(q, np.ones((2, 3)), np.ones((2, 3)))
+    got = model.standard_deviation(q, np.ones((2, 3)), np.ones((2, 3)))
     assert got.potential is not None
     assert got.potential[0] < 1e-6 * got.potential[1]
 
@@ -101,20 +100,20 @@ def test_the_potential_is_certain_at_its_reference(member: str) -> None:
 @pytest.mark.parametrize('member', KERNELS)
 def test_the_kinetic_energy_is_certain_at_rest(member: str) -> None:
     q, dq, ddq = queries(3)
-    got = Predictor(random_model(member)).standard_deviation(q, 0.0 * dq, ddq)
+    got = random_model(member).standard_deviation(q, 0.0 * dq, ddq)
     np.testing.assert_array_equal(got.kinetic, 0.0)
 
 
 def test_data_only_take_uncertainty_away() -> None:
     model = random_model('recursive')
     x = queries(20)
-    got = Predictor(model).standard_deviation(*x)
-    prior = model.prior.torque_variance(model.prior.kernel.states(*x))
+    got = model.standard_deviation(*x)
+    prior = model.process.prior.torque_variance(model.process.prior.kernel.states(*x))
     assert (got.tau**2 < prior).all()
 
 
 def test_queries_are_independent_of_their_block() -> None:
-    predictor = Predictor(random_model('recursive'))
+    predictor = random_model('recursive')
     x = queries(BLOCK + 3)
     whole = predictor.standard_deviation(*x)
     part = predictor.standard_deviation(*(values[BLOCK - 2 :] for values in x))

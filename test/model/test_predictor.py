@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from kernels.cases import ARMS, MEMBERS, random_states
-import numpy as np
-import pytest
-from serving.models import (
+from model.models import (
     KERNELS,
     random_model,
     random_model_without_gravity,
     random_model_without_potential,
 )
+import numpy as np
+import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.kernels import ARTICULATED
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.posterior_mean import evaluate_many, evaluate_one
 from lip_id_ros.numba_jit import LANES
-from lip_id_ros.serving import Predictor
-from lip_id_ros.serving.evaluator import evaluate_many, evaluate_one
 
 States = tuple[Array, Array, Array]
 CASES = [(member, types) for member in KERNELS for types in ARMS]
@@ -32,16 +31,16 @@ def assert_close(got: Array, expected: Array) -> None:
     np.testing.assert_allclose(got, expected, rtol=1e-10, atol=1e-11 * abs(expected).max())
 
 
-def check_against_covariances(model: TrainedModel) -> None:
+def check_against_covariances(model: InverseDynamicsModel) -> None:
     """Compare with cross-covariances times alpha."""
     x = queries(model.n_joints)
-    prior, alpha = model.prior, model.alpha.ravel()
+    prior, alpha = model.process.prior, model.process.alpha.ravel()
     states = prior.kernel.states(*x)
-    tau = (prior.cross_gram(states, model.states) @ alpha).reshape(x[0].shape)
-    kinetic, potential = (c @ alpha for c in prior.energy_covariance(states, model.states))
+    tau = (prior.cross_gram(states, model.process.states) @ alpha).reshape(x[0].shape)
+    kinetic, potential = (c @ alpha for c in prior.energy_covariance(states, model.process.states))
     rest = prior.kernel.states(model.potential_reference[None], *np.zeros((2, 1, model.n_joints)))
-    _, reference = prior.energy_covariance(rest, model.states)
-    predictor = Predictor(model)
+    _, reference = prior.energy_covariance(rest, model.process.states)
+    predictor = model
     got = predictor.predict(*x)
     assert got.potential is not None
     assert_close(got.tau, tau)
@@ -74,7 +73,7 @@ def test_other_terms(terms: tuple[str, ...]) -> None:
 def test_parts_of_the_torque(member: str) -> None:
     """Each part depends on what it may depend on, and together they are the torque."""
     q, dq, ddq = queries(3)
-    predictor = Predictor(random_model(member))
+    predictor = random_model(member)
     got = predictor.predict(q, dq, ddq)
     assert_close(got.inertial + got.coriolis + got.gravity + got.friction, got.tau)
     faster = predictor.predict(q, 2.0 * dq, -3.0 * ddq)
@@ -92,7 +91,7 @@ def test_parts_of_the_torque(member: str) -> None:
 @pytest.mark.parametrize('member', KERNELS)
 def test_inertia_matrix(member: str) -> None:
     q, dq, ddq = queries(3)
-    predictor = Predictor(random_model(member))
+    predictor = random_model(member)
     matrix = predictor.inertia_matrix(q)
     got = predictor.predict(q, dq, ddq)
     np.testing.assert_array_equal(matrix, matrix.transpose(0, 2, 1))
@@ -103,7 +102,7 @@ def test_inertia_matrix(member: str) -> None:
 @pytest.mark.parametrize('member', KERNELS)
 def test_gravity_is_the_slope_of_the_potential(member: str) -> None:
     q, dq, ddq = queries(3)
-    predictor = Predictor(random_model(member))
+    predictor = random_model(member)
     gravity = predictor.predict(q, dq, ddq).gravity
     for joint, step in enumerate(1e-5 * np.eye(3)):
         up = predictor.predict(q + step, dq, ddq).potential
@@ -125,7 +124,7 @@ def swing(t: Array) -> States:
 @pytest.mark.parametrize('member', KERNELS)
 def test_power_balance(member: str) -> None:
     """d(T + V)/dt = dq . tau for any weights, since torques and energies are of one Lagrangian."""
-    predictor = Predictor(random_model(member))
+    predictor = random_model(member)
     t, step = np.linspace(0.0, 3.0, 40), 1e-3
 
     def energy(steps: int) -> Array:
@@ -142,7 +141,7 @@ def test_power_balance(member: str) -> None:
 
 @pytest.mark.parametrize('member', MEMBERS)
 def test_without_potential(member: str) -> None:
-    predictor = Predictor(random_model_without_potential(member))
+    predictor = random_model_without_potential(member)
     q, dq, ddq = queries(3)
     got = predictor.predict(q, dq, ddq)
     assert got.potential is None
@@ -161,25 +160,27 @@ def test_links_may_have_the_only_potential() -> None:
 def test_links_without_gravity_have_no_potential() -> None:
     q, dq, ddq = queries(3)
     model = random_model_without_gravity()
-    got = Predictor(model).predict(q, dq, ddq)
+    got = model.predict(q, dq, ddq)
     assert got.potential is None
     assert not got.gravity.any()
-    tau = model.prior.cross_gram(model.prior.kernel.states(q, dq, ddq), model.states)
-    assert_close(got.tau.ravel(), tau @ model.alpha.ravel())
+    tau = model.process.prior.cross_gram(
+        model.process.prior.kernel.states(q, dq, ddq), model.process.states
+    )
+    assert_close(got.tau.ravel(), tau @ model.process.alpha.ravel())
 
 
 def test_the_potential_is_zero_at_its_reference() -> None:
     model = random_model('recursive')
-    got = Predictor(model).query(model.potential_reference, *np.ones((2, 3)))
+    got = model.query(model.potential_reference, *np.ones((2, 3)))
     assert got.potential == 0.0
 
 
 def test_nothing_is_compiled_once_a_predictor_stands() -> None:
     """Whatever arrays come: a controller cannot wait for a compiler."""
-    predictor = Predictor(random_model('recursive'))
+    predictor = random_model('recursive')
     states = queries(3)
     predictor.predict(*states)
-    Predictor(random_model(ARTICULATED)).predict(*states)
+    random_model(ARTICULATED).predict(*states)
     before = len(evaluate_one.signatures), len(evaluate_many.signatures)  # type: ignore[attr-defined]
     expected = predictor.predict(*states).tau
     for x in states:
@@ -196,7 +197,7 @@ def test_nothing_is_compiled_once_a_predictor_stands() -> None:
 
 def test_a_query_keeps_its_answer() -> None:
     """The next query does not write over it."""
-    predictor = Predictor(random_model('recursive'))
+    predictor = random_model('recursive')
     q, dq, ddq = queries(3)
     first = predictor.query(q[0], dq[0], ddq[0])
     kept = first.tau.copy()
@@ -205,7 +206,7 @@ def test_a_query_keeps_its_answer() -> None:
 
 
 def test_no_queries_have_no_answers() -> None:
-    predictor = Predictor(random_model('recursive'))
+    predictor = random_model('recursive')
     empty = np.empty((0, 3))
     assert predictor.predict(empty, empty, empty).tau.shape == (0, 3)
     assert predictor.inertia_matrix(empty).shape == (0, 3, 3)
@@ -216,15 +217,17 @@ def test_no_queries_have_no_answers() -> None:
 
 def test_training_range() -> None:
     model = random_model('recursive')
-    low, high = Predictor(model).training_range
-    for row, x in enumerate((model.states.q, model.states.dq, model.states.ddq)):
+    low, high = model.training_range
+    for row, x in enumerate(
+        (model.process.states.q, model.process.states.dq, model.process.states.ddq)
+    ):
         np.testing.assert_array_equal(low[row], x.min(axis=0))
         np.testing.assert_array_equal(high[row], x.max(axis=0))
 
 
 @pytest.mark.parametrize('shapes', [((5, 2),) * 3, ((5, 3), (4, 3), (5, 3)), ((3,),) * 3])
 def test_wrong_shapes(shapes: tuple[tuple[int, ...], ...]) -> None:
-    predictor = Predictor(random_model('recursive'))
+    predictor = random_model('recursive')
     arrays = [np.zeros(shape) for shape in shapes]
     sentence = r'must have shape \(N, 3\), but one has \(.*\); pass one row per sample'
     with pytest.raises(ShapeError, match=sentence):

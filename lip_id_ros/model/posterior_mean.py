@@ -1,4 +1,4 @@
-"""One query of a trained model, compiled: features, energies, links, friction and residual."""
+"""Posterior means at joint states, compiled: energies, links, friction and residual."""
 
 from __future__ import annotations
 
@@ -8,15 +8,20 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.kernels.per_joint import Friction, Residual
+from lip_id_ros.kernels.posterior import TorquePosterior
 from lip_id_ros.kernels.program import kernel_arrays, KernelArrays
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model.contraction import (
+    kinetic_energy,
+    new_scratch,
+    potential_energy,
+    Scratch,
+    TrainingSide,
+)
 from lip_id_ros.numba_jit import jit, LANES
 from lip_id_ros.rigid_body.rnea import NO_LINKS, pack_links, rnea
-from lip_id_ros.serving.contraction import Scratch, TrainingSide
-from lip_id_ros.serving.potential import potential_energy
-from lip_id_ros.serving.squares import energy_of_squares
 
-INERTIAL_AND_CORIOLIS, GRAVITY, FRICTION = 0, 1, 2
+KINETIC, GRAVITY, FRICTION = 0, 1, 2
+"""Parts of the torque: of the kinetic energy (inertial and Coriolis), of the potential, others."""
 
 
 class Arm(NamedTuple):
@@ -65,7 +70,7 @@ class JointTerms(NamedTuple):
 
 
 class Contracted(NamedTuple):
-    """A model's posterior mean, ready to be evaluated."""
+    """A posterior mean, laid out for compiled code."""
 
     arm: Arm
     k: KernelArrays
@@ -74,39 +79,77 @@ class Contracted(NamedTuple):
     terms: JointTerms
 
 
-def contract(model: TrainedModel) -> Contracted:
-    """Lay a model out for `evaluate`."""
-    basis = model.prior.kernel.basis
+class PosteriorMean:
+    """
+    Posterior mean of torques and energies.
+
+    Construction lays it out; `one` is then hot: no checks, and nothing allocated but the result.
+    Not for several threads at once.
+
+    Parameters
+    ----------
+    posterior : TorquePosterior
+
+    """
+
+    def __init__(self, posterior: TorquePosterior) -> None:
+        self._contracted = contract(posterior)
+        n = posterior.tau.shape[1]
+        self._work = new_scratch(self._contracted.k)
+        self._features = np.empty((4, n))
+        self._energies = np.empty(2)
+        self._state = np.zeros((3, n))
+
+    def one(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, float, float]:
+        """Return the parts of the torque, shape (3, n), T and V at one joint state."""
+        energies, state = self._energies, self._state
+        parts = np.empty_like(state)
+        # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
+        state[0], state[1], state[2] = q, dq, ddq
+        evaluate_one(parts, energies, *self._contracted, self._work, self._features, *state)
+        return parts, float(energies[0]), float(energies[1])
+
+    def many(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
+        """Return parts, shape (N, 3, n), and T and V, shape (N, 2), at contiguous (N, n)."""
+        parts, energies = np.empty((len(q), 3, q.shape[1])), np.empty((len(q), 2))
+        work, features = new_scratch(self._contracted.k), np.empty((4, q.shape[1]))
+        evaluate_many(parts, energies, *self._contracted, work, features, q, dq, ddq)
+        return parts, energies
+
+
+def contract(posterior: TorquePosterior) -> Contracted:
+    """Lay a posterior mean out for `evaluate_one`."""
+    basis = posterior.prior.kernel.basis
     return Contracted(
         arm=Arm(basis.prismatic, basis.centre, basis.half_range),
-        k=kernel_arrays(model.prior.kernel.energy, model.prior.hyperparameters.weights),
-        side=_training_side(model),
-        links=_links(model),
-        terms=_joint_terms(model),
+        k=kernel_arrays(posterior.prior.kernel.energy, posterior.prior.hyperparameters.weights),
+        side=_training_side(posterior),
+        links=_links(posterior),
+        terms=_joint_terms(posterior),
     )
 
 
-def _training_side(model: TrainedModel) -> TrainingSide:
+def _training_side(posterior: TorquePosterior) -> TrainingSide:
     # Links and friction are told by their parameters alone.
-    n_samples = 0 if model.prior.kernel.is_linear else model.n_samples
+    n_samples = 0 if posterior.prior.kernel.is_linear else len(posterior.states)
     extent = -(-n_samples // LANES) * LANES
-    packed = model.states.packed
+    packed = posterior.states.packed
     f, g = packed.f[:, :, :extent], packed.g[:, :, :extent]
     dq, ddq = packed.dq[:, :extent], packed.ddq[:, :extent]
-    alpha = np.zeros((model.n_joints, extent))
-    alpha[:, :n_samples] = model.alpha[:n_samples].T
+    alpha = np.zeros((posterior.tau.shape[1], extent))
+    alpha[:, :n_samples] = posterior.alpha[:n_samples].T
     parts = (f, g * dq, g * alpha, dq, ddq, alpha)
     return TrainingSide(*(np.ascontiguousarray(part) for part in parts))
 
 
-def _links(model: TrainedModel) -> Array:
-    for links, features in zip(model.prior.kernel.links, model.states.links, strict=True):
-        return pack_links(links.chain, links.parameters(features, model.alpha))
+def _links(posterior: TorquePosterior) -> Array:
+    for links, features in zip(posterior.prior.kernel.links, posterior.states.links, strict=True):
+        return pack_links(links.chain, links.parameters(features, posterior.alpha))
     return NO_LINKS
 
 
-def _joint_terms(model: TrainedModel) -> JointTerms:
-    n = model.n_joints
+def _joint_terms(posterior: TorquePosterior) -> JointTerms:
+    n = posterior.tau.shape[1]
     terms = JointTerms(
         coefficients=np.zeros((n, 3)),
         sign_width=np.ones(n),
@@ -117,22 +160,22 @@ def _joint_terms(model: TrainedModel) -> JointTerms:
         weights=np.zeros((n, 0)),
     )
     kernels = zip(
-        model.prior.kernel.per_joint,
-        model.prior.hyperparameters.per_joint,
-        model.states.per_joint,
+        posterior.prior.kernel.per_joint,
+        posterior.prior.hyperparameters.per_joint,
+        posterior.states.per_joint,
         strict=True,
     )
     for kernel, parameters, inputs in kernels:
         if isinstance(kernel, Friction):
-            coefficients = kernel.coefficients(parameters, inputs, model.alpha)
+            coefficients = kernel.coefficients(parameters, inputs, posterior.alpha)
             terms = terms._replace(coefficients=coefficients, sign_width=kernel.sign_width)
         if isinstance(kernel, Residual):
             terms = terms._replace(
                 scales=kernel.scales,
                 precision=np.ascontiguousarray(0.5 / parameters[:, 1:] ** 2),
-                dq=np.ascontiguousarray((model.states.dq / kernel.scales[0]).T),
-                ddq=np.ascontiguousarray((model.states.ddq / kernel.scales[1]).T),
-                weights=np.ascontiguousarray((model.alpha * parameters[:, 0]).T),
+                dq=np.ascontiguousarray((posterior.states.dq / kernel.scales[0]).T),
+                ddq=np.ascontiguousarray((posterior.states.ddq / kernel.scales[1]).T),
+                weights=np.ascontiguousarray((posterior.alpha * parameters[:, 0]).T),
             )
     return terms
 
@@ -214,7 +257,7 @@ def evaluate_one(
     f, g = features[:2], features[2:]
     _features(f, g, arm, q)
     parts[:] = 0.0
-    energies[0] = energy_of_squares(parts[0], k, work, side, f, g, dq, ddq)
+    energies[0] = kinetic_energy(parts[0], k, work, side, f, g, dq, ddq)
     energies[1] = potential_energy(parts[1], k, work, side, f, g)
     kinetic, potential = rnea(parts[0], parts[1], links, arm.prismatic, work.links, q, dq, ddq)
     energies[0] += kinetic

@@ -1,24 +1,113 @@
 r"""
-The posterior mean of squares of velocity kernels, contracted over the training samples.
+Posterior means of the energies, contracted over the training samples.
 
-The kinetic energy's posterior mean is
+With alpha fixed, the posterior mean of the kinetic energy is
 
 .. math:: \hat T(q, \dot q) = \sum_t \sum_i 2\lambda_i \left( y_i\, G'_\alpha y_i
           + D' y_i\; \partial'_\alpha y_i \right)
 
 with y the velocity kernel of the program, and G'_alpha, \partial'_alpha the operators of training
-sample t summed with alpha_t (docs/maths.md, section 6). So a query carries only four numbers per
-training sample through the program, and their time derivatives; the torques follow from one pass
-back (reverse differentiation of T by dq and q).
+sample t summed with alpha_t (docs/maths.md, section 6). So a query carries four numbers per
+training sample through the program, and their time derivatives along the query; the torques follow
+from one pass back (reverse differentiation of T by dq and q). The potential energy needs two.
 
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels.program import KernelArrays, Operation
 from lip_id_ros.numba_jit import jit, LANES
-from lip_id_ros.serving.contraction import load_factor, Scratch, TrainingSide
+from lip_id_ros.rigid_body.rnea import WORK_VECTORS
+
+
+class TrainingSide(NamedTuple):
+    """
+    What the training samples contribute, sample last, padded with zeros to a multiple of `LANES`.
+
+    Attributes
+    ----------
+    f, rate, turn : arrays, shape (2, n, P)
+        Joint features, their time derivatives, and their derivatives along alpha.
+    dq, ddq, alpha : arrays, shape (n, P)
+
+    """
+
+    f: Array
+    rate: Array
+    turn: Array
+    dq: Array
+    ddq: Array
+    alpha: Array
+
+
+class Scratch(NamedTuple):
+    """
+    Working memory of one query.
+
+    Attributes
+    ----------
+    x, dx : arrays, shape (4, LANES)
+        The numbers at hand and their time derivatives along the query.
+    adj, dadj : arrays, shape (4, LANES)
+        Adjoints of x and their time derivatives.
+    tape, dtape : arrays, shape (n_steps, 4, LANES)
+        x and dx before every step.
+    a : array, shape (n_steps, 6, LANES)
+        Of every factor: a, D'a, d'_alpha a, and their derivatives by the query's q_b.
+    links : array, shape (n, WORK_VECTORS, 3)
+        What `rnea` keeps for the way to the base.
+
+    """
+
+    x: Array
+    dx: Array
+    adj: Array
+    dadj: Array
+    tape: Array
+    dtape: Array
+    a: Array
+    links: Array
+
+
+@jit
+def new_scratch(k: KernelArrays) -> Scratch:
+    """Allocate working memory for a kernel."""
+    n_steps = max(k.steps.shape[0], k.potential_scales.shape[0])
+    return Scratch(
+        np.zeros((4, LANES)),
+        np.zeros((4, LANES)),
+        np.zeros((4, LANES)),
+        np.zeros((4, LANES)),
+        np.zeros((n_steps, 4, LANES)),
+        np.zeros((n_steps, 4, LANES)),
+        np.zeros((n_steps, 6, LANES)),
+        np.zeros((k.potential_scales.shape[0], WORK_VECTORS, 3)),
+    )
+
+
+@jit
+def load_factor(
+    a: Array, w: Array, f: Array, g: Array, side: TrainingSide, u: int, b: int
+) -> None:
+    """Evaluate the factor of joint b, of weights w, at a query's features f and slopes g."""
+    w0 = w[0]
+    wf1, wf2 = w[1] * f[0, b], w[2] * f[1, b]
+    wg1, wg2 = w[1] * g[0, b], w[2] * g[1, b]
+    f1, f2 = side.f[0, b, u : u + LANES], side.f[1, b, u : u + LANES]
+    r1, r2 = side.rate[0, b, u : u + LANES], side.rate[1, b, u : u + LANES]
+    t1, t2 = side.turn[0, b, u : u + LANES], side.turn[1, b, u : u + LANES]
+    for m in range(LANES):
+        a[0, m] = w0 + wf1 * f1[m] + wf2 * f2[m]
+        a[1, m] = wf1 * r1[m] + wf2 * r2[m]
+        a[2, m] = wf1 * t1[m] + wf2 * t2[m]
+        a[3, m] = wg1 * f1[m] + wg2 * f2[m]
+        a[4, m] = wg1 * r1[m] + wg2 * r2[m]
+        a[5, m] = wg1 * t1[m] + wg2 * t2[m]
 
 
 @jit
@@ -119,7 +208,7 @@ def _square_back(adj: Array, dadj: Array, x: Array, dx: Array, scale: float) -> 
 
 
 @jit
-def energy_of_squares(
+def kinetic_energy(
     tau: Array,
     k: KernelArrays,
     work: Scratch,
@@ -129,7 +218,7 @@ def energy_of_squares(
     dq: Array,
     ddq: Array,
 ) -> float:
-    """Return the squares' part of T; add d/dt dT/d(dq) - dT/dq to tau."""
+    """Return T; add d/dt dT/d(dq) - dT/dq to tau."""
     total = 0.0
     for run in range(len(k.bounds) - 1):
         steps = k.steps[k.bounds[run] : k.bounds[run + 1]]
@@ -191,3 +280,54 @@ def _backward(
             tau[b] -= _multiply_back(work.adj, work.dadj, work.tape[s], work.a[s], dq[b])
         elif operation == Operation.SQUARE:
             _square_back(work.adj, work.dadj, work.tape[s], work.dtape[s], k.kinetic_scales[link])
+
+
+@jit
+def potential_energy(
+    tau: Array, k: KernelArrays, work: Scratch, side: TrainingSide, f: Array, g: Array
+) -> float:
+    """Return V and add dV/dq to tau, for one query with features f and slopes g."""
+    total = 0.0
+    if not k.potential_scales.any():
+        return total
+    for u in range(0, side.dq.shape[1], LANES):
+        total += _potential_forward(k, work, side, f, g, u)
+        _potential_backward(tau, k, work)
+    return total
+
+
+@jit
+def _potential_forward(
+    k: KernelArrays, work: Scratch, side: TrainingSide, f: Array, g: Array, u: int
+) -> float:
+    # x[0] is the product of the factors, x[1] its derivative along alpha.
+    x = work.x
+    x[0] = 1.0
+    x[1] = 0.0
+    total = 0.0
+    for b in range(k.potential_scales.shape[0]):
+        a = work.a[b]
+        work.tape[b] = x
+        load_factor(a, k.potential_factors[b], f, g, side, u, b)
+        for m in range(LANES):
+            x[1, m] = a[0, m] * x[1, m] + a[2, m] * x[0, m]
+            x[0, m] *= a[0, m]
+        total += k.potential_scales[b] * x[1].sum()
+    return total
+
+
+@jit
+def _potential_backward(tau: Array, k: KernelArrays, work: Scratch) -> None:
+    adj = work.adj
+    adj[0] = 0.0
+    adj[1] = 0.0
+    for b in range(k.potential_scales.shape[0] - 1, -1, -1):
+        adj[1] += k.potential_scales[b]
+        a, x = work.a[b], work.tape[b]
+        total = 0.0
+        for m in range(LANES):
+            total += adj[0, m] * a[3, m] * x[0, m]
+            total += adj[1, m] * (a[3, m] * x[1, m] + a[5, m] * x[0, m])
+            adj[0, m] = a[0, m] * adj[0, m] + a[2, m] * adj[1, m]
+            adj[1, m] *= a[0, m]
+        tau[b] += total

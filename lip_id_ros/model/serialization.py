@@ -1,11 +1,15 @@
-"""What of a trained model goes into its file, and how it comes out again."""
+"""Parts of models as arrays and JSON, for model files."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 import os
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+import numpy as np
+
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import LipIdError, ShapeError
 from lip_id_ros.kernels import (
     EnergyKernel,
@@ -16,57 +20,79 @@ from lip_id_ros.kernels import (
     Residual,
     RigidLinks,
     TorqueKernel,
+    TorquePosterior,
     TorquePrior,
     Weights,
 )
 from lip_id_ros.kernels.program import ENERGIES, with_potential_after
-from lip_id_ros.model.checked_file import (
-    Arrays,
-    contradiction,
-    MODEL,
-    read_checked,
-    write_checked,
-)
+from lip_id_ros.model.checked_file import Arrays, contradiction
+from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 
-if TYPE_CHECKING:
-    from lip_id_ros.model.trained_model import TrainedModel
 
-VERSION = 2
-
-
-def write(path: str | os.PathLike[str], model: TrainedModel) -> None:
-    """Write a model; see `TrainedModel.save`."""
-    header = {
-        'kernel': model.prior.kernel.energy.name,
-        'potential_links': model.prior.kernel.energy.potential_links.tolist(),
-        'joint_names': list(model.joint_names),
-        'joint_types': list(model.joint_types),
-        'per_joint': [kernel.name for kernel in model.prior.kernel.per_joint],
-        'rigid_links': bool(model.prior.kernel.links),
-        'summary': dict(model.summary),
-        'provenance': dict(model.provenance),
-    }
-    write_checked(path, MODEL, VERSION, _arrays(model), header)
-
-
-def read(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the arguments of `TrainedModel`; see `TrainedModel.load`."""
-    arrays, header = read_checked(path, MODEL, VERSION)
+@contextmanager
+def contradictions(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Raise ModelError where contents do not fit together."""
     try:
-        return _restore(arrays, header)
+        yield
     except (KeyError, TypeError, ValueError, LipIdError) as error:
         raise contradiction(path, error) from error
 
 
-def _arrays(model: TrainedModel) -> Arrays:
-    prior = model.prior
+def finite(values: Any, names: Sequence[str]) -> Array:
+    """
+    Return one finite number per joint.
+
+    Raises
+    ------
+    ValueError
+        If there are others.
+
+    """
+    array = np.array(values, dtype=np.float64)
+    if array.shape != (len(names),) or not np.isfinite(array).all():
+        raise ValueError(f'numbers for {len(names)} joints that are not: {values}')
+    return array
+
+
+def calibrations_to_json(calibrations: Sequence[EffortCalibration]) -> list[dict[str, Any]]:
+    """Return effort calibrations for a header."""
+    return [{'scale': x.scale.tolist(), 'offset': x.offset.tolist()} for x in calibrations]
+
+
+def calibrations_from_json(
+    entries: Sequence[Mapping[str, Any]], names: Sequence[str]
+) -> tuple[EffortCalibration, ...]:
+    """Return the effort calibrations that `calibrations_to_json` gave; ValueError if damaged."""
+    if not entries:
+        raise ValueError('effort_calibrations, of which there are none')
+    return tuple(
+        EffortCalibration(finite(entry['scale'], names), finite(entry['offset'], names))
+        for entry in entries
+    )
+
+
+def process_to_json(process: TorquePosterior) -> dict[str, Any]:
+    """Return what of a Gaussian process posterior goes into a header."""
+    kernel = process.prior.kernel
+    return {
+        'kernel': kernel.energy.name,
+        'potential_links': kernel.energy.potential_links.tolist(),
+        'joint_types': list(kernel.basis.joint_types),
+        'per_joint': [term.name for term in kernel.per_joint],
+        'rigid_links': bool(kernel.links),
+    }
+
+
+def process_to_arrays(process: TorquePosterior) -> Arrays:
+    """Return the arrays of a Gaussian process posterior."""
+    prior = process.prior
     arrays: Arrays = {
-        'q': model.states.q,
-        'dq': model.states.dq,
-        'ddq': model.states.ddq,
-        'tau': model.tau,
-        'alpha': model.alpha,
+        'q': process.states.q,
+        'dq': process.states.dq,
+        'ddq': process.states.ddq,
+        'tau': process.tau,
+        'alpha': process.alpha,
         'noise_variance': prior.hyperparameters.noise_variance,
         'basis_centre': prior.kernel.basis.centre,
         'basis_half_range': prior.kernel.basis.half_range,
@@ -88,8 +114,19 @@ def _arrays(model: TrainedModel) -> Arrays:
     return arrays
 
 
-def _restore(arrays: Arrays, header: Mapping[str, Any]) -> dict[str, Any]:
+def process_from(arrays: Arrays, header: Mapping[str, Any], n_joints: int) -> TorquePosterior:
+    """
+    Return the Gaussian process posterior of arrays and header.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError, LipIdError
+        If they contradict each other.
+
+    """
     types = tuple(str(kind) for kind in header['joint_types'])
+    if len(types) != n_joints:
+        raise ShapeError(f'{len(types)} joint types for {n_joints} joints')
     basis = JointBasis(types, arrays['basis_centre'], arrays['basis_half_range'])
     per_joint = tuple(_per_joint(name, basis, arrays) for name in header['per_joint'])
     links = (_links(basis, arrays),) if header['rigid_links'] else ()
@@ -99,15 +136,12 @@ def _restore(arrays: Arrays, header: Mapping[str, Any]) -> dict[str, Any]:
         per_joint=tuple(arrays[f'{name}_parameters'] for name in header['per_joint']),
         noise_variance=arrays['noise_variance'],
     )
-    return {
-        'joint_names': tuple(str(name) for name in header['joint_names']),
-        'prior': TorquePrior(kernel, hyperparameters),
-        'states': kernel.states(arrays['q'], arrays['dq'], arrays['ddq']),
-        'tau': arrays['tau'],
-        'alpha': arrays['alpha'],
-        'summary': header['summary'],
-        'provenance': header['provenance'],
-    }
+    states = kernel.states(arrays['q'], arrays['dq'], arrays['ddq'])
+    for name in ('tau', 'alpha'):
+        if arrays[name].shape != states.q.shape:
+            raise ShapeError(f'{name} of shape {arrays[name].shape} for {states.q.shape}')
+    prior = TorquePrior(kernel, hyperparameters)
+    return TorquePosterior(prior, states, arrays['tau'], arrays['alpha'])
 
 
 def _energy_kernel(header: Mapping[str, Any], n_joints: int) -> EnergyKernel:

@@ -1,0 +1,80 @@
+"""How the effort of a recording was turned into torques."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class EffortCalibration:
+    """
+    Torque = scale * effort + offset, per joint of the model.
+
+    Attributes
+    ----------
+    scale : ndarray, shape (n,)
+        [N m or N per unit of effort].
+    offset : ndarray, shape (n,)
+        [N m or N].
+
+    """
+
+    scale: Array
+    offset: Array
+
+    @classmethod
+    def identity(cls, n_joints: int) -> EffortCalibration:
+        """Return the calibration of efforts that are torques."""
+        return cls(np.ones(n_joints), np.zeros(n_joints))
+
+    def torque(self, effort: Array) -> Array:
+        """Return torques [N m or N] of efforts, shape (n,)."""
+        return self.scale * effort + self.offset
+
+
+def effort_calibrations(
+    provenance: Mapping[str, Any], joint_names: Sequence[str]
+) -> tuple[EffortCalibration, ...]:
+    """
+    Read the calibration of each recording that a data set comes from.
+
+    Parameters
+    ----------
+    provenance : mapping
+        Of the data set; one that was made elsewhere names no calibration: effort is torque.
+    joint_names : sequence of str
+        The joints of the model.
+
+    Returns
+    -------
+    tuple of EffortCalibration
+        One for each recording; one that changes nothing where no recording is named.
+
+    """
+    sources = provenance.get('sources', [])
+    recordings = [each['recording'] for each in sources if 'recording' in each]
+    return tuple(_of_recording(each, joint_names) for each in recordings or [{}])
+
+
+def _of_recording(recording: Mapping[str, Any], joint_names: Sequence[str]) -> EffortCalibration:
+    joints = recording.get('joints') or joint_names
+    return EffortCalibration(
+        _by_joint(recording.get('effort_scale'), joints, joint_names, 1.0),
+        _by_joint(recording.get('effort_offset'), joints, joint_names, 0.0),
+    )
+
+
+def _by_joint(
+    values: Sequence[float] | None,
+    named: Sequence[str],
+    joint_names: Sequence[str],
+    default: float,
+) -> Array:
+    value_of = dict(zip(named, values or (), strict=False))
+    return np.array([value_of.get(name, default) for name in joint_names])
