@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
 import json
 import os
 from pathlib import Path
 import stat
+import sys
 from typing import BinaryIO
+import zipfile
 
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.files import HEADER, read_npz, write_atomically, write_npz
+from lip_id_ros import files
+from lip_id_ros.errors import SourceError
+from lip_id_ros.files import (
+    HEADER,
+    read_header,
+    read_npz,
+    write_atomically,
+    write_npz,
+    write_or_rescue,
+)
 
 ARRAYS = {'q': np.arange(6.0).reshape(3, 2), 'names': np.array(['a', 'bc'])}
 
@@ -165,3 +177,139 @@ def test_random_bytes_are_refused(
 def test_a_missing_file_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r'nothing\.npz'):
         read_npz(tmp_path / 'nothing.npz')
+
+
+def test_a_link_is_followed_and_the_mode_is_kept(tmp_path: Path) -> None:
+    target, link = tmp_path / 'target', tmp_path / 'link'
+    target.write_bytes(b'old')
+    target.chmod(0o600)
+    link.symlink_to('target')
+    write_atomically(link, write_new)
+    assert link.is_symlink()
+    assert target.read_bytes() == b'new'
+    assert stat.S_IMODE(target.stat().st_mode) == 0o600
+
+
+def test_a_link_to_nothing_creates_its_target(tmp_path: Path) -> None:
+    (tmp_path / 'link').symlink_to('target')
+    write_atomically(tmp_path / 'link', write_new)
+    assert (tmp_path / 'target').read_bytes() == b'new'
+
+
+def test_a_pipe_is_written_to(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / 'pipe')
+    reader = os.open(tmp_path / 'pipe', os.O_RDONLY | os.O_NONBLOCK)
+    write_atomically(tmp_path / 'pipe', write_new)
+    assert os.read(reader, 10) == b'new'
+    os.close(reader)
+    assert stat.S_ISFIFO((tmp_path / 'pipe').stat().st_mode)
+    assert os.listdir(tmp_path) == ['pipe']
+
+
+def test_standard_output_is_written_to_even_where_it_is_a_file(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    sys.stdout.write('before\n')
+    write_atomically('/dev/stdout', write_new)
+    assert capfd.readouterr().out == 'before\nnew'
+
+
+def test_an_npz_file_goes_through_a_pipe(capfdbinary: pytest.CaptureFixture[bytes]) -> None:
+    write_npz('/dev/stdout', ARRAYS, {'version': 1})
+    with np.load(io.BytesIO(capfdbinary.readouterr().out)) as found:
+        np.testing.assert_array_equal(found['q'], ARRAYS['q'])
+
+
+def test_temporary_files_of_killed_writes_are_swept(tmp_path: Path) -> None:
+    name = f'.file.{"0123456789abcdef" * 2}'
+    left, in_use, young, foreign, other = (
+        tmp_path / each
+        for each in (name, f'{name[:-1]}e', f'{name[:-1]}d', '.file.notes', f'.other{name[5:]}')
+    )
+    for path in (left, in_use, young, foreign, other):
+        path.write_bytes(b'half')
+        if path != young:
+            os.utime(path, (0, 0))
+    with open(in_use, 'rb') as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        write_atomically(tmp_path / 'file', write_new)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        'file', in_use.name, young.name, foreign.name, other.name
+    }  # fmt: skip
+
+
+def test_a_name_of_the_greatest_length_can_be_written(tmp_path: Path) -> None:
+    path = tmp_path / ('é' * 127)
+    write_atomically(path, write_new)
+    assert path.read_bytes() == b'new'
+
+
+def test_a_result_is_rescued_where_the_disk_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
+
+    def write(path: str | os.PathLike[str]) -> None:
+        if Path(path).parent == tmp_path:
+            raise OSError(28, 'No space left on device')
+        Path(path).write_bytes(b'model')
+
+    sentence = write_or_rescue(tmp_path / 'model.npz', write)
+    (kept,) = tmp_path.glob('*/model.npz')
+    assert sentence == (
+        f'{tmp_path}/model.npz cannot be written (No space left on device); the result is kept '
+        f'in {kept}.'
+    )
+    assert kept.read_bytes() == b'model'
+    assert write_or_rescue(kept, write) is None
+
+
+def claimed(shape: str) -> bytes:
+    """Return an npz file with an array whose header claims a shape."""
+    member = io.BytesIO()
+    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}"
+    header = text.encode().ljust(117) + b'\n'
+    member.write(b'\x93NUMPY\x01\x00' + len(header).to_bytes(2, 'little') + header + bytes(64))
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, 'w') as packed:
+        packed.writestr('q.npy', member.getvalue())
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ('content', 'sentence'),
+    [
+        (claimed('(1000000000000,)'), r'an array of shape .1000000000000,. in only'),
+        (claimed('(1000000, 1000000, 1000000)'), 'an array of shape'),
+        (claimed('(-5,)'), 'negative dimensions'),
+        (archive(header_json=np.array('[' * 100_000), **ARRAYS), 'nested too deeply|not a JSON'),
+        (archive(header_json=np.array('5'), **ARRAYS), 'not a JSON object'),
+        (archive(header_json=np.array('{"a": ' + '9' * 5000 + '}'), **ARRAYS), 'digit'),
+        (b'', 'not an npz archive'),
+    ],
+)
+def test_hostile_archives_are_refused(tmp_path: Path, content: bytes, sentence: str) -> None:
+    (tmp_path / 'file.npz').write_bytes(content)
+    with pytest.raises(ValueError, match=sentence):
+        read_npz(tmp_path / 'file.npz')
+
+
+def test_an_archive_that_expands_beyond_measure_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / 'file.npz').write_bytes(archive(q=np.zeros(1_000_000)))
+    assert len(read_npz(tmp_path / 'file.npz')[0]['q']) == 1_000_000
+    monkeypatch.setattr(files, 'LARGE_BYTES', 1_000_000)
+    with pytest.raises(ValueError, match='that expand to 8000'):
+        read_npz(tmp_path / 'file.npz')
+
+
+def test_an_archive_in_a_pipe_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / 'pipe.npz')
+    with pytest.raises(SourceError, match='must be a regular file'):
+        read_npz(tmp_path / 'pipe.npz')
+
+
+def test_the_header_alone_is_read(tmp_path: Path) -> None:
+    (tmp_path / 'file.npz').write_bytes(GOOD)
+    assert read_header(tmp_path / 'file.npz') == {'version': 1}

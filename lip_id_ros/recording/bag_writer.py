@@ -16,6 +16,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.files import move_into_place
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -143,11 +144,11 @@ def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
         If the file cannot be written.
 
     """
-    target = Path(path)
+    target = Path(os.path.realpath(path))
 
     def keep(bag: Path) -> None:
         (storage,) = bag.glob('*.mcap')
-        storage.replace(target)
+        move_into_place(storage, target)
 
     _in_scratch(target, tracks, keep)
 

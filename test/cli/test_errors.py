@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import os
 from pathlib import Path
+import shutil
 from typing import Any
 import zipfile
 
@@ -14,6 +16,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.cli import main
 from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.model import TrainedModel
 from lip_id_ros.recording.bag_writer import JointStateTrack, write_bag_folder
 from lip_id_ros.simulation import write_bag
 
@@ -78,7 +81,7 @@ SETTINGS: dict[str, tuple[str, str]] = {
     'wrong key': ('fit: {kernal: lip}', "fit.kernal in .*arm.yaml .* did you mean 'kernel'"),
     'wrong type': ('fit: {subset: many}', 'fit.subset in .*arm.yaml must be a whole number'),
     'out of range': ('preprocessing: {cutoff_hz: -1}', r'preprocessing.cutoff_hz .* >= 0'),
-    'not YAML': ('fit: [', 'arm.yaml is not YAML'),
+    'not YAML': ('fit: [', 'arm.yaml is not readable YAML'),
     'unknown kernel': ('fit: {kernel: magic}', 'fit.kernel in .*lip or recursive'),
     'wrong topic': ('recording: {topic: /elsewhere}', "recording.topic .* not '/elsewhere'"),
     'unknown joint': ('recording: {joints: [knee]}', 'knee'),
@@ -87,15 +90,15 @@ SETTINGS: dict[str, tuple[str, str]] = {
 
 
 def failure(arguments: list[str], capsys: Capture) -> str:
-    """Return the one line on stderr of a command that fails as it should."""
+    """Return the error of a command: the last line on stderr, the only one but for progress."""
     capsys.readouterr()
     assert main(arguments) == 1
     output = capsys.readouterr()
-    assert output.out == ''
-    lines = output.err.splitlines()
-    assert len(lines) == 1
-    assert lines[0].startswith('lip_id: error: ')
-    return lines[0]
+    assert output.out == '' or 'kept in' in output.err
+    *progress, line = output.err.splitlines()
+    assert not any('error' in stage or 'Traceback' in stage for stage in progress)
+    assert line.startswith('lip_id: error: ')
+    return line
 
 
 def check(line: str, pattern: str) -> None:
@@ -245,21 +248,64 @@ def test_a_report_in_the_place_of_a_file(here: Path, capsys: Capture) -> None:
     check(line, 'report: Not a directory')
 
 
-def test_a_fit_that_breaks_leaves_the_older_model(
+def test_where_the_disk_fails_the_model_is_kept_elsewhere(
     workshop: Workshop, here: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (here / 'out.npz').write_text('precious')
+    old = workshop.model.read_bytes()
+    (here / 'out.npz').write_bytes(old)
+    replace = os.replace
 
-    def fail(*_: Any) -> None:
-        raise OSError(28, 'No space left on device', 'out.npz')
+    def fail(source: Path, target: Path) -> None:
+        if Path(target).parent == here:
+            raise OSError(28, 'No space left on device', str(target))
+        replace(source, target)
 
-    monkeypatch.setattr('lip_id_ros.model.model_file.write', fail)
+    monkeypatch.setattr('os.replace', fail)
+    monkeypatch.setattr('tempfile.tempdir', str(here / 'tmp'))
+    (here / 'tmp').mkdir()
     line = failure(
         ['fit', str(workshop.bag), '-o', 'out.npz', '--config', str(workshop.settings)], capsys
     )
 
-    check(line, 'out.npz: No space left on device')
-    assert (here / 'out.npz').read_text() == 'precious'
+    check(line, r'out.npz cannot be written \(No space left on device\); the result is kept in ')
+    assert (here / 'out.npz').read_bytes() == old
+    (kept,) = (here / 'tmp').glob('*/out.npz')
+    assert str(kept) in line
+    assert TrainedModel.load(kept).joint_names == ('shoulder', 'elbow', 'wrist')
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'pattern'),
+    [
+        (('fit', 'run.mcap', '-o', 'run.mcap'), 'run.mcap is an input and would be replaced'),
+        (('fit', 'run.mcap', '-o', 'link.npz'), 'link.npz is an input and would be replaced'),
+        (('inspect', 'run.mcap', '--json', 'run.mcap'), 'is an input and would be replaced'),
+        (('evaluate', 'm.npz', 'run.mcap', '--json', 'run.mcap'), 'is an input and would'),
+        (('predict', 'm.npz', 'run.mcap', '-o', 'm.npz'), 'm.npz is an input and would be'),
+        (('predict', 'm.npz', 'run.mcap', '-o', 'other.mcap'), 'exists and is not a prediction'),
+        (('dataset', 'run.mcap', '-o', 'm.npz'), 'm.npz exists and is not a data set'),
+        (('dataset', 'run.mcap', '-o', 'letter.csv'), 'letter.csv exists and is not a data set'),
+        (('bench', 'm.npz', '--json', 'letter.csv'), 'letter.csv exists and is not a JSON object'),
+        (('evaluate', 'm.npz', 'run.mcap', '--report', 'photos'), 'photos is not empty and has'),
+        (('compare', 'run.mcap', '-o', 'photos'), 'photos is not empty and has no report'),
+    ],
+)
+def test_an_output_never_replaces_an_input_or_a_foreign_file(
+    workshop: Workshop, here: Path, capsys: Capture, arguments: tuple[str, ...], pattern: str
+) -> None:
+    (storage,) = workshop.bag.glob('*.mcap')
+    for name in ('run.mcap', 'other.mcap'):
+        shutil.copy(storage, name)
+    shutil.copy(workshop.model, 'm.npz')
+    Path('link.npz').symlink_to('run.mcap')
+    Path('letter.csv').write_text('Dear all, this is text')
+    Path('photos').mkdir()
+    Path('photos/a.jpg').write_text('precious')
+    before = {path: path.read_bytes() for path in here.rglob('*') if path.is_file()}
+
+    check(failure(list(arguments), capsys), f'{pattern}.*--force')
+
+    assert {path: path.read_bytes() for path in here.rglob('*') if path.is_file()} == before
 
 
 def test_interruption_is_quiet(
@@ -272,7 +318,7 @@ def test_interruption_is_quiet(
     status = main(['predict', str(workshop.model), str(workshop.bag), '-o', 'out.npz'])
 
     assert status == 130
-    assert capsys.readouterr().err == 'lip_id: interrupted\n'
+    assert capsys.readouterr().err.splitlines()[-1] == 'lip_id: interrupted'
     assert list(here.iterdir()) == []
 
 
@@ -290,6 +336,8 @@ def test_interruption_is_quiet(
         ('fit', 'bag', '-o', 'out.npz', '--holdout', 'half'),
         ('fit', 'bag', '-o', 'out.npz', '--joints', 'a,,b'),
         ('bench',),
+        ('inspect', ''),
+        ('fit', '', '-o', 'out.npz'),
     ],
 )
 def test_wrong_usage(arguments: tuple[str, ...], capsys: Capture) -> None:

@@ -1,0 +1,100 @@
+"""A model that explains nothing is called that, wherever it is shown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+from pathlib import Path
+
+from evaluation.models import small_model
+from evaluation.stubs import Knowing
+import numpy as np
+import pytest
+from simulation.pendulums import swing
+
+from lip_id_ros.evaluation import (
+    evaluate,
+    fit_cautions,
+    no_better_than_mean,
+    run,
+    score,
+    with_checks,
+)
+from lip_id_ros.evaluation.recording_health import finding_lines, RecordingHealth
+from lip_id_ros.evaluation.report import Labels, write_report
+from lip_id_ros.model import TrainedModel
+from lip_id_ros.recording import JointSamples
+
+NAMES = ('shoulder', 'elbow', 'wrist')
+
+
+def test_joints_predicted_no_better_than_by_their_mean_are_named() -> None:
+    (sentence,) = no_better_than_mean(NAMES, (99.0, 3.0, 162.0))
+    assert 'no better than the mean of the torque at 2 of 3 joints' in sentence
+    assert 'shoulder (99 %), wrist (162 %)' in sentence
+    assert 'elbow' not in sentence
+    assert 'Do not serve it' in sentence
+
+
+@pytest.mark.parametrize('errors', [(89.0, 0.1, math.nan), (None, 0.0, 5.0), ()])
+def test_a_model_that_explains_something_is_not_warned_of(
+    errors: tuple[float | None, ...],
+) -> None:
+    assert no_better_than_mean(NAMES, errors) == []
+
+
+def test_noise_as_large_as_the_torque_is_a_caution_of_the_fit(tmp_path: Path) -> None:
+    model = small_model()
+    prior = model.prior
+    noisy = replace(
+        prior,
+        hyperparameters=replace(
+            prior.hyperparameters, noise_variance=0.95 * model.tau.var(axis=0)
+        ),
+    )
+    with_checks(replace(model, prior=noisy)).save(tmp_path / 'model.npz')
+    found = TrainedModel.load(tmp_path / 'model.npz').summary
+    np.testing.assert_allclose(found['unexplained_percent'], 95.0)
+    assert any('at 3 of 3 joints' in text for text in fit_cautions(NAMES, found))
+    good = with_checks(model).summary
+    assert not any('no better' in text for text in fit_cautions(NAMES, good))
+
+
+def test_a_constant_torque_is_explained() -> None:
+    model = small_model()
+    tau = np.array(model.tau)
+    tau[:, 1] = 2.0
+    assert with_checks(replace(model, tau=tau)).summary['unexplained_percent'][1] is None
+
+
+def test_the_page_warns_of_joints_that_are_not_explained(tmp_path: Path) -> None:
+    outcome = run(Knowing(torque_error=50.0), swing(1))
+    page = write_report(tmp_path, outcome, score(outcome), None, Labels('Bad'))
+    text = page.read_text(encoding='utf-8')
+    assert 'class="warning">The model predicts no better than the mean' in text
+    assert evaluate(Knowing(), swing(1)).nmse_percent_mean < 1e-9
+
+
+def finding(code: str, joint: str) -> dict[str, str]:
+    return {'code': code, 'severity': 'warning', 'joint': joint, 'text': f'{joint or "it"} is so.'}
+
+
+def test_findings_without_a_joint_are_counted() -> None:
+    lines = finding_lines([finding('short', '')] * 4)
+    assert lines == ['warning short: it is so. 3 times more.']
+
+
+def recording(seconds: float) -> JointSamples:
+    t = np.arange(0.0, seconds, 0.02)
+    phase = np.outer(t, [1.0, 1.7]) * 3.0
+    rows = np.sin(phase)
+    return JointSamples(t, rows, 3.0 * np.cos(phase) * [1.0, 1.7], 5.0 * rows, ('a', 'b'))
+
+
+@pytest.mark.parametrize(('lengths', 'short'), [((18.0,) * 7, False), ((18.0, 18.0), True)])
+def test_short_recordings_are_long_together(lengths: tuple[float, ...], short: bool) -> None:
+    health = RecordingHealth()
+    for seconds in lengths:
+        health(recording(seconds))
+    assert all(any(f['code'] == 'short' for f in each['findings']) for each in health.found)
+    assert any('warning short' in line for line in health.lines) == short
