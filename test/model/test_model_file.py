@@ -245,7 +245,11 @@ def other_joints(_: Arrays, header: Header) -> None:
 
 @pytest.mark.parametrize(
     ('change', 'what'),
-    [(drop, "'alpha'"), (other_kernel, "'perceptron'"), (other_joints, '2 joint types for 3 joints')],
+    [
+        (drop, "'alpha'"),
+        (other_kernel, "'perceptron'"),
+        (other_joints, '2 joint types for 3 joints'),
+    ],
 )
 def test_contents_that_do_not_fit_together(
     saved: Path,
