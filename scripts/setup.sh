@@ -168,6 +168,20 @@ build() {
   finished build "$stamp"
 }
 
+# compile what a first fit needs beside what follows; who needs it first compiles it anyway
+precompile() {
+  local stamp
+  stamp="$(cat "$deps/venv.stamp") $(grep -rl --include '*.py' numba_jit lip_id_ros | sort |
+    xargs cat | cksum)"
+  current precompile.log "$stamp" && return
+  {
+    if PYTHONPATH=$root OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 nice -n 10 \
+      "$deps/venv/bin/python" scripts/precompile.py >"$deps/precompile.log" 2>&1; then
+      finished precompile.log "$stamp"
+    fi
+  } 9>&- </dev/null &  # without the lock
+}
+
 tell() {
   local programs=lip_id
   if [ -n "$ros" ]; then
@@ -191,6 +205,7 @@ fi
 choose_ros
 choose_python
 install_packages
+precompile
 install_jazzy
 printf '%s\n' "$ros" >"$deps/ros"
 build
