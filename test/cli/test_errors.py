@@ -16,7 +16,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.cli import main
 from lip_id_ros.files import read_npz, write_npz
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.recording.bag_writer import JointStateTrack, write_bag_folder
 from lip_id_ros.simulation import write_bag
 
@@ -271,7 +271,7 @@ def test_where_the_disk_fails_the_model_is_kept_elsewhere(
     assert (here / 'out.npz').read_bytes() == old
     (kept,) = (here / 'tmp').glob('*/out.npz')
     assert str(kept) in line
-    assert TrainedModel.load(kept).joint_names == ('shoulder', 'elbow', 'wrist')
+    assert InverseDynamicsModel.load(kept).joint_names == ('shoulder', 'elbow', 'wrist')
 
 
 @pytest.mark.parametrize(

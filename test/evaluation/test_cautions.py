@@ -6,7 +6,7 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
-from evaluation.models import small_model
+from evaluation.models import small_model, training
 from evaluation.stubs import Knowing
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from lip_id_ros.evaluation import (
 )
 from lip_id_ros.evaluation.recording_health import finding_lines, RecordingHealth
 from lip_id_ros.evaluation.report import Labels, write_report
-from lip_id_ros.model import TrainedModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.recording import JointSamples
 
 NAMES = ('shoulder', 'elbow', 'wrist')
@@ -44,27 +44,22 @@ def test_a_model_that_explains_something_is_not_warned_of(
 
 
 def test_noise_as_large_as_the_torque_is_a_caution_of_the_fit(tmp_path: Path) -> None:
-    model = small_model()
-    prior = model.prior
-    noisy = replace(
-        prior,
-        hyperparameters=replace(
-            prior.hyperparameters, noise_variance=0.95 * model.tau.var(axis=0)
-        ),
-    )
-    with_checks(replace(model, prior=noisy)).save(tmp_path / 'model.npz')
-    found = TrainedModel.load(tmp_path / 'model.npz').summary
+    model, data = small_model(), training()
+    standard = (data.tau - data.tau.mean(axis=0)) / data.tau.std(axis=0)
+    hardly_noisier = replace(data, tau=standard * model.noise_std / np.sqrt(0.95))
+    with_checks(model, hardly_noisier).save(tmp_path / 'model.npz')
+    found = InverseDynamicsModel.load(tmp_path / 'model.npz').summary
     np.testing.assert_allclose(found['unexplained_percent'], 95.0)
     assert any('at 3 of 3 joints' in text for text in fit_cautions(NAMES, found))
-    good = with_checks(model).summary
+    good = with_checks(model, data).summary
     assert not any('no better' in text for text in fit_cautions(NAMES, good))
 
 
-def test_a_constant_torque_is_explained() -> None:
-    model = small_model()
-    tau = np.array(model.tau)
+def test_a_constant_torque_has_no_share() -> None:
+    tau = np.array(training().tau)
     tau[:, 1] = 2.0
-    assert with_checks(replace(model, tau=tau)).summary['unexplained_percent'][1] is None
+    checked = with_checks(small_model(), replace(training(), tau=tau))
+    assert checked.summary['unexplained_percent'][1] is None
 
 
 def test_the_page_warns_of_joints_that_are_not_explained(tmp_path: Path) -> None:
