@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ModelError
 from lip_id_ros.friction.model import DriveTerm, FrictionBasis
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.consistent_links import consistent_links
@@ -14,7 +15,9 @@ from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.regressor import potential_regressor, torque_regressor
 
 EXACT = 1e-10
-"""Relative change of torques that is not worth a word."""
+"""Relative change of torques that is rounding."""
+LARGEST_CHANGE = 0.05
+"""Relative change of torques above which links are not those of the fit any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,16 +134,34 @@ class ArmDescription:
         return replace(self, chain=_contiguous(chain), links=np.ascontiguousarray(links))
 
     def with_consistent_links(self) -> ArmDescription:
-        """Return the arm with links that can exist; a remark says where that changes torques."""
+        """
+        Return the arm with links that can exist; a remark says where that changes torques.
+
+        Raises
+        ------
+        ModelError
+            If it changes the torque of a joint by more than 5 %.
+
+        """
         found = consistent_links(self.chain, self.links)
-        remarks = self.remarks
-        if found.torque_change > EXACT:
-            remarks = (
-                *remarks,
-                'No links that can exist have the torques of the fit: the nearest ones change the '
-                f'torque of one joint by {100.0 * found.torque_change:.2g} % (root mean square '
-                'over random states), of the others by less.',
+        worst = int(np.argmax(found.torque_change))
+        change = (
+            f'{100.0 * found.torque_change[worst]:.2g} % at {self.joint_names[worst]} (root mean '
+            'square over random states)'
+        )
+        if found.torque_change[worst] > LARGEST_CHANGE:
+            raise ModelError(
+                'links that can exist were expected, but those of the model cannot, and the '
+                f'nearest ones change torques by up to {change}; export --c, which needs no such '
+                'links, or fit with more motion of that joint.'
             )
+        remarks = self.remarks
+        if found.torque_change[worst] > EXACT:
+            remark = (
+                'No links that can exist have the torques of the fit: the nearest ones change '
+                f'torques by up to {change}.'
+            )
+            remarks = (*remarks, remark)
         return replace(self, links=found.parameters, remarks=remarks)
 
 

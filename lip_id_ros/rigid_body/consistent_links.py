@@ -27,6 +27,7 @@ RELAXATIONS = 10.0 ** -np.arange(0.0, 10.0, 2.0)
 MULTIPLIER_STEPS = 20
 ITERATIONS = 60
 CONVERGED = 1e-9
+JITTER = 1e-14
 
 
 class ConsistentLinks(NamedTuple):
@@ -36,14 +37,14 @@ class ConsistentLinks(NamedTuple):
     Attributes
     ----------
     parameters : array, shape (n, 11)
-    torque_change : float
-        Root mean square of the change of torques over that of the torques of the links, the
-        largest of all joints; zero where parameters with the same torques were found.
+    torque_change : array, shape (n,)
+        Root mean square of the change of each joint's torque over that of its torque; zero where
+        parameters with the same torques were found.
 
     """
 
     parameters: Array
-    torque_change: float
+    torque_change: Array
 
 
 class Directions(NamedTuple):
@@ -90,7 +91,7 @@ def consistent_links(chain: Chain, parameters: Array) -> ConsistentLinks:
 
     """
     if are_consistent(parameters):
-        return ConsistentLinks(parameters, 0.0)
+        return ConsistentLinks(parameters, np.zeros(len(parameters)))
     rods = _rods(chain, parameters)
     states = _states(chain)
     directions = _directions(chain, parameters, rods, states)
@@ -98,7 +99,7 @@ def consistent_links(chain: Chain, parameters: Array) -> ConsistentLinks:
     at = np.linalg.solve(directions.vectors, (rods - parameters).ravel())
     exact = _same_torques(problem, at, directions.gains == 0.0)
     if exact is not None:
-        return ConsistentLinks(problem.parameters(exact), 0.0)
+        return ConsistentLinks(problem.parameters(exact), np.zeros(len(parameters)))
     for relaxation in RELAXATIONS:
         at = problem.minimise(at, directions.gains**2 / relaxation)
     found = problem.parameters(at)
@@ -163,10 +164,11 @@ def _lengths() -> Array:
 
 def _torque_change(
     chain: Chain, before: Array, after: Array, states: tuple[Array, Array, Array]
-) -> float:
+) -> Array:
     regressor = torque_regressor(_contiguous(chain), *states)
     torque, change = regressor @ before.ravel(), regressor @ (after - before).ravel()
-    return float(np.sqrt((np.square(change).mean(axis=0) / np.square(torque).mean(axis=0)).max()))
+    sizes = np.square(torque).mean(axis=0)
+    return np.sqrt(np.square(change).mean(axis=0) / np.where(sizes > 0.0, sizes, 1.0))
 
 
 def _contiguous(chain: Chain) -> Chain:
@@ -210,7 +212,7 @@ class _Divergence:
         for _ in range(ITERATIONS):
             gradient, hessian = self._derivatives(at, weights, slope)
             step = np.zeros(len(at))
-            step[free] = -np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
+            step[free] = newton_step(hessian[np.ix_(free, free)], gradient[free])
             decrease = float(-gradient @ step)
             if decrease < CONVERGED * max(1.0, abs(value)):
                 break
@@ -245,9 +247,13 @@ class _Divergence:
 
     def _value(self, at: Array, weights: Array, slope: Array) -> float:
         blocks, rotors = self._links(at)
-        if np.linalg.eigvalsh(blocks).min() <= 0.0 or rotors.min() <= 0.0:
+        try:
+            diagonals = np.diagonal(np.linalg.cholesky(blocks), axis1=-2, axis2=-1)
+        except np.linalg.LinAlgError:
             return np.inf
-        barrier = np.linalg.slogdet(blocks)[1].sum() + np.log(rotors).sum()
+        if rotors.min() <= 0.0:
+            return np.inf
+        barrier = 2.0 * np.log(diagonals).sum() + np.log(rotors).sum()
         return float(0.5 * weights @ at**2 + (self._linear + slope) @ at - barrier)
 
     def _derivatives(self, at: Array, weights: Array, slope: Array) -> tuple[Array, Array]:
@@ -260,3 +266,10 @@ class _Divergence:
         gradient -= np.trace(inner, axis1=-2, axis2=-1).sum(axis=1) + share.sum(axis=1)
         flat = np.concatenate([inner.reshape(len(at), -1), share], axis=1)
         return gradient, np.diag(weights) + flat @ flat.T
+
+
+def newton_step(hessian: Array, gradient: Array) -> Array:
+    """Solve in units of the diagonal, with as much of it added as rounding takes away."""
+    scale = np.sqrt(np.diagonal(hessian))
+    scaled = hessian / np.multiply.outer(scale, scale) + JITTER * np.eye(len(hessian))
+    return np.asarray(-np.linalg.solve(scaled, gradient / scale) / scale)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 import shutil
 import subprocess
 
 from baselines.panda_runs import runs
 from evaluation.models import small_model
+from export.arms import random_arm
 import numpy as np
 import pytest
 
 from lip_id_ros.cli import main
+from lip_id_ros.errors import ModelError
 from lip_id_ros.gp import fit
+from lip_id_ros.rigid_body.chain import ROTOR
+from lip_id_ros.rigid_body.consistent_links import are_consistent
 from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import SmoothFriction
 
@@ -85,6 +90,22 @@ def test_what_is_refused(
     assert main(['export', str(model), *arguments]) == 1
     assert sentence in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_links_that_cannot_exist_are_refused() -> None:
+    """A negative rotor, which the URDF cannot have; the C header takes it as it is."""
+    arm = random_arm('RRR')
+    links = arm.links.copy()
+    links[2, ROTOR] = -0.5
+    impossible = replace(arm, links=links)
+    with pytest.raises(
+        ModelError, match=r'the nearest ones change torques by up to .* at joint_3'
+    ):
+        impossible.with_consistent_links()
+    links[2, ROTOR] = -1e-3
+    nearly = replace(arm, links=links).with_consistent_links()
+    assert 'No links that can exist have the torques of the fit' in nearly.remarks[-1]
+    assert are_consistent(nearly.links)
 
 
 def test_a_model_without_links_is_refused(

@@ -36,7 +36,7 @@ def test_links_with_the_same_torques_are_found(arm: str, gravity: Array) -> None
     assert not are_consistent(spoilt)
     found = consistent_links(chain, spoilt)
     assert are_consistent(found.parameters)
-    assert found.torque_change == 0.0
+    assert not found.torque_change.any()
     state = rng.standard_normal((3, 30, len(arm)))
     for one, other in zip(
         torques_and_energies(chain, true, state),
@@ -51,7 +51,7 @@ def test_links_that_can_exist_stay_as_they_are() -> None:
     chain, true = random_chain('RRR', rng), random_bodies(3, rng)
     found = consistent_links(chain, true)
     np.testing.assert_array_equal(found.parameters, true)
-    assert found.torque_change == 0.0
+    assert not found.torque_change.any()
 
 
 def test_where_none_has_the_same_torques_the_change_is_given() -> None:
@@ -61,7 +61,7 @@ def test_where_none_has_the_same_torques_the_change_is_given() -> None:
     spoilt[3, ROTOR] = -0.2
     found = consistent_links(chain, spoilt)
     assert are_consistent(found.parameters)
-    assert 1e-4 < found.torque_change < 1.0
+    assert 1e-4 < found.torque_change.max() < 1.0
 
 
 def test_positive_definite_means_that_a_body_exists() -> None:

@@ -1,0 +1,122 @@
+"""What is attached to the last link, on simulated arms."""
+
+from __future__ import annotations
+
+from export.arms import every_friction, random_arm
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import DataError
+from lip_id_ros.identification.payload import identify_payload, KnownArm, Payload
+from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
+from lip_id_ros.rigid_body.regressor import torque_regressor
+
+MASS, CENTRE, GYRATION = 1.0, np.array([0.01, -0.02, 0.05]), 0.03
+NOISE = 0.05
+
+
+def body() -> Array:
+    """Return one kilogram at 5 cm."""
+    inertia = MASS * (
+        GYRATION**2 * np.eye(3) + CENTRE @ CENTRE * np.eye(3) - np.outer(CENTRE, CENTRE)
+    )
+    return np.array([MASS, *(MASS * CENTRE), *inertia[np.triu_indices(3)]])
+
+
+def arm_of(kinds: str, seed: int = 5) -> KnownArm:
+    arm = random_arm(kinds, seed)
+    friction, coefficients = every_friction(len(kinds), np.random.default_rng(0))
+    return KnownArm(arm.chain, arm.links, friction, 0.1 * coefficients)
+
+
+def recorded(
+    arm: KnownArm, payload: Array, seed: int, noise: float, correlated: int = 1
+) -> Dataset:
+    """Simulate 20 s at 100 Hz of sinusoids."""
+    rng = np.random.default_rng(seed)
+    n, t = len(arm.links), np.arange(0.0, 20.0, 0.01)
+    w = 2.0 * np.pi * rng.uniform(0.1, 0.5, (5, n))
+    a, phase = rng.uniform(-0.3, 0.3, (5, n)), rng.uniform(0.0, 6.0, (5, n))
+    angle = w * t[:, None, None] + phase
+    q, dq = (a * np.sin(angle)).sum(1), (a * w * np.cos(angle)).sum(1)
+    ddq = -(a * w**2 * np.sin(angle)).sum(1)
+    links = arm.links.copy()
+    links[-1, :10] += payload
+    load = torque_regressor(arm.chain, q, dq, ddq) @ links.ravel()
+    white = rng.standard_normal((len(t) // correlated, n))
+    tau = load + arm.friction_torque(q, dq, load) + noise * np.repeat(white, correlated, axis=0)
+    names = tuple(f'joint_{i}' for i in range(n))
+    types = tuple('prismatic' if slides else 'revolute' for slides in arm.chain.prismatic)
+    return Dataset(
+        t=t,
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        tau=tau,
+        joint_names=names,
+        joint_types=types,
+        segment=np.zeros(len(t), dtype=np.int64),
+    )
+
+
+@pytest.mark.parametrize('kinds', ['RRRRRR', 'PRRRR', 'RRRRRRR'])
+def test_one_kilogram_at_five_centimetres(kinds: str) -> None:
+    arm = arm_of(kinds)
+    found = identify_payload(arm, recorded(arm, body(), 0, NOISE))
+    assert found.mass == pytest.approx(MASS, rel=0.01)
+    np.testing.assert_allclose(found.centre, CENTRE, atol=2e-3)
+    assert abs(found.mass - MASS) < 4.0 * found.mass_std
+    assert (np.abs(found.centre - CENTRE) < 4.0 * found.centre_std).all()
+    np.testing.assert_allclose(found.inertia, GYRATION**2 * MASS * np.eye(3), atol=5e-3)
+
+
+def test_without_noise_all_ten_numbers_are_found() -> None:
+    """Also the load-dependent friction, which grows with the payload."""
+    arm = arm_of('RRRRRR')
+    found = identify_payload(arm, recorded(arm, body(), 0, 0.0))
+    np.testing.assert_allclose(found.parameters, body(), atol=1e-6)
+
+
+def test_deviations_are_those_of_the_errors() -> None:
+    """Over many recordings, with noise that is correlated over a tenth of a second."""
+    arm = arm_of('RRRRR')
+    errors = []
+    for seed in range(40):
+        found = identify_payload(arm, recorded(arm, body(), seed, NOISE, correlated=10))
+        errors.append((found.parameters - body()) / np.sqrt(np.diagonal(found.covariance)))
+    spread = np.sqrt(np.mean(np.square(errors)))
+    assert 0.8 < spread < 1.4
+
+
+def test_what_the_motion_does_not_show_is_uncertain() -> None:
+    """Arms with parallel vertical axes feel neither a height nor a mass alone."""
+    arm = arm_of('RRR')
+    chain = arm.chain._replace(rotations=np.stack([np.eye(3)] * 3))
+    scara = KnownArm(chain, arm.links, arm.friction, arm.coefficients)
+    found = identify_payload(scara, recorded(scara, body(), 0, NOISE))
+    assert found.centre_std[2] > 1.0
+    assert found.centre_std[:2].max() < 0.1
+
+
+def test_nothing_attached_is_a_body_of_no_mass() -> None:
+    arm = arm_of('RRRRRR')
+    found = identify_payload(arm, recorded(arm, np.zeros(10), 1, NOISE))
+    assert 0.0 < found.mass < 0.02
+    assert np.linalg.eigvalsh(pseudo_inertia(found.parameters))[0] > -1e-12
+
+
+def test_too_few_samples() -> None:
+    arm = arm_of('RRR')
+    with pytest.raises(DataError, match='at least 50 samples were expected to find a payload'):
+        identify_payload(arm, recorded(arm, body(), 0, NOISE).select(np.arange(49)))
+
+
+def test_the_centre_has_the_deviation_of_its_ratio() -> None:
+    rng = np.random.default_rng(0)
+    factor = 0.01 * rng.standard_normal((10, 10))
+    payload = Payload(body(), factor @ factor.T)
+    draws = body() + rng.standard_normal((200_000, 10)) @ factor.T
+    centres = draws[:, 1:4] / draws[:, :1]
+    np.testing.assert_allclose(payload.centre_std, centres.std(axis=0), rtol=0.05)
