@@ -1,16 +1,20 @@
-"""A fit, or the making of a data set, in a process of its own."""
+"""Fits and data sets, each in a process of its own, one at a time, beside everything else."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 import json
 import subprocess
 import sys
+import tempfile
 from typing import Any, IO
 
+from lip_id_ros.acquisition.recording_file import pass_on
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.processes import end
+from lip_id_ros.recording import JointSamples
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,7 @@ class JobState:
     task : str
         'fit' or 'dataset'; 'none' before the first.
     state : str
-        'idle', 'running', 'done' or 'failed'.
+        'idle', 'running', 'done', 'failed' or 'cancelled'.
     stage, done, total
         The last progress; `total` is 0 while it is not known.
     result : mapping
@@ -90,6 +94,7 @@ class Job:
     def __init__(self, task: Task, recording: str) -> None:
         request = json.dumps({**asdict(task), 'recording': recording})
         self.state = started(task)
+        self._cancelled = False
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'lip_id_ros.acquisition.job_process', request],
             stdin=subprocess.DEVNULL,
@@ -110,12 +115,15 @@ class Job:
         Raises
         ------
         LipIdError
-            With the sentence of its failure.
+            With the sentence of its failure, or if it was stopped.
 
         """
         if self._process.stdout is not None:
             self._follow(self._process.stdout)
         status = self._process.wait()
+        if self.state.state == 'running' and self._cancelled:
+            self.state = replace(self.state, state='cancelled')
+            raise LipIdError(f'the {self.state.task} was cancelled.')
         if self.state.state == 'running':
             error = f'the process of the {self.state.task} ended with status {status}.'
             self.state = replace(self.state, state='failed', error=error)
@@ -125,6 +133,7 @@ class Job:
 
     def stop(self) -> None:
         """End the process; what it had not saved is not saved."""
+        self._cancelled = True
         end(self._process)
 
     def _follow(self, lines: IO[str]) -> None:
@@ -155,3 +164,96 @@ def advanced(state: JobState, line: str) -> JobState:
     if 'result' in content:
         return replace(state, state='done', result=content['result'])
     return replace(state, state='failed', error=content['error'])
+
+
+def _pass_on(folder: str, sections: Sequence[JointSamples]) -> None:
+    try:
+        pass_on(folder, sections)
+    except OSError as error:
+        raise LipIdError(
+            f'the samples must be written to {folder} for the job, but cannot be '
+            f'({error.strerror or error}); they are still in memory. Free that disk, or start the '
+            'node with TMPDIR set to another.'
+        ) from error
+
+
+class Jobs:
+    """Run jobs, one after the other."""
+
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='jobs')
+        self._job: Job | None = None
+        self._state = JobState()
+        self._cancelled = False
+
+    @property
+    def state(self) -> JobState:
+        """Where the last job stands."""
+        return self._job.state if self._job else self._state
+
+    def start(self, task: Task, sections: Sequence[JointSamples]) -> Future[Mapping[str, Any]]:
+        """
+        Start a job; returns at once.
+
+        Parameters
+        ----------
+        task : Task
+        sections : sequence of JointSamples
+            What was recorded; may be none where the task names bags.
+
+        Returns
+        -------
+        Future
+            Of the job's result.
+
+        Raises
+        ------
+        LipIdError
+            If another job is running.
+
+        """
+        if self.state.state == 'running':
+            raise LipIdError(f'a {self.state.task} is running; wait until ~/status shows its end.')
+        self._job = None
+        self._cancelled = False
+        self._state = started(task)
+        return self._pool.submit(self._run, task, sections)
+
+    def cancel(self) -> str:
+        """
+        End the job that is running; return which it was.
+
+        Raises
+        ------
+        LipIdError
+            If none is running.
+
+        """
+        state = self.state
+        if state.state != 'running':
+            raise LipIdError('no fit or data set is running.')
+        self._cancelled = True
+        if self._job is not None:
+            self._job.stop()
+        return state.task
+
+    def stop(self) -> None:
+        """End the job that is running, and take no other."""
+        self._cancelled = True
+        if self._job is not None:
+            self._job.stop()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def _run(self, task: Task, sections: Sequence[JointSamples]) -> Mapping[str, Any]:
+        try:
+            with tempfile.TemporaryDirectory(prefix='lip_id_ros_') as folder:
+                _pass_on(folder, sections)
+                self._job = Job(task, folder)
+                if self._cancelled:
+                    self._job.stop()
+                return self._job.wait()
+        except Exception as error:  # whatever it was, nothing is running any more
+            if self.state.state == 'running':
+                self._job = None
+                self._state = replace(self._state, state='failed', error=str(error))
+            raise

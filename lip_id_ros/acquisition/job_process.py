@@ -7,17 +7,19 @@ Started by `Job`; its one argument is a JSON request, what it prints are JSON li
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import json
 import os
 import sys
 from typing import Any, TextIO
 
-from lip_id_ros.acquisition.recording_file import take_over
+from lip_id_ros.acquisition.recording_file import receive
 from lip_id_ros.acquisition.training_set import training_set
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import evaluate, fit_cautions, with_checks
 from lip_id_ros.evaluation.recording_health import RecordingHealth
+from lip_id_ros.files import write_or_rescue
 from lip_id_ros.gp import fit
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import Progress
@@ -57,19 +59,18 @@ def main(arguments: list[str], output: TextIO) -> int:
 
 def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     config = override(Config(), request['settings'], 'the parameters')
-    sections = take_over(request['recording'])
+    sections = receive(request['recording'])
     findings = RecordingHealth(config.recording)
     prepared = training_set(sections, request['bags'], config, progress, findings)
     result: dict[str, Any] = {
-        'path': request['path'],
         'n_samples': prepared.dataset.n_samples,
         'sources': _sources(prepared.dataset),
         'left_out': list(prepared.left_out),
+        'thinned': prepared.n_thinned,
         'findings': findings.lines,
     }
     if request['kind'] == 'dataset':
-        prepared.dataset.save(request['path'])
-        return result
+        return {**result, **_save(prepared.dataset.save, request['path'])}
     return {**result, **_fit(prepared.dataset, request, config, progress)}
 
 
@@ -85,12 +86,21 @@ def _fit(
     judged = None
     if held_out is not None:
         judged = evaluate(model, held_out, progress).to_json()
-    model.save(request['path'])
-    return {
-        'summary': model.summary,
-        'cautions': fit_cautions(model.joint_names, model.summary),
-        'holdout': judged,
-    }
+    saved = _save(model.save, request['path'])
+    cautions = fit_cautions(model.joint_names, model.summary)
+    return {**saved, 'summary': model.summary, 'cautions': cautions, 'holdout': judged}
+
+
+def _save(save: Callable[[str | os.PathLike[str]], None], path: str) -> dict[str, Any]:
+    """Save a result, elsewhere where the disk fails; return where it is, and a sentence then."""
+    places: list[str] = []
+
+    def write(place: str | os.PathLike[str]) -> None:
+        save(place)
+        places.append(os.fspath(place))
+
+    rescue = write_or_rescue(path, write)
+    return {'path': places[-1], 'rescue': [rescue] if rescue else []}
 
 
 def _sources(data: Dataset) -> list[dict[str, Any]]:

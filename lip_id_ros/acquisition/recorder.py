@@ -11,6 +11,9 @@ from lip_id_ros.acquisition.sections import Sections
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.joint_messages import JointMessage
 
+MESSAGE_BYTES, JOINT_BYTES = 100, 48
+"""A bound on the size of a message in a bag."""
+
 MOST_NAMES = 20
 """So many foreign joints are named, where messages have an endless variety."""
 
@@ -63,30 +66,52 @@ class Recorder:
         """Return a copy of what was taken so far, by section."""
         return self._sections.samples(topic)
 
-    def saving(self) -> Callable[[], None]:
-        """Return what to call once all that is kept now has been saved."""
+    def saving(self, sections: Sequence[JointSamples]) -> Callable[[], None]:
+        """
+        Return what to call once these samples have been saved, all of them.
+
+        Messages that came meanwhile stay unsaved, and so does everything where the samples lack
+        some message, since the messages saved could not be told from the others.
+
+        """
         rows, cleared = len(self), self._times_cleared
+        complete = sum(samples.n_samples for samples in sections) == rows
 
         def saved() -> None:
-            if cleared == self._times_cleared:
+            if complete and cleared == self._times_cleared:
                 self._saved_rows = max(self._saved_rows, rows)
 
         return saved
 
     def keep_unsaved(self, path: str, topic: str) -> list[Path]:
         """
-        Write everything to bags, one for each section, unless it is saved already.
+        Write every message to bags, one for each section, unless all are saved already.
 
         Returns
         -------
         list of Path
             The bags, none where there was nothing to keep.
 
+        Raises
+        ------
+        OSError
+            If a bag can be written nowhere.
+
         """
         if len(self) <= self._saved_rows:
             return []
-        sections = [samples for samples in self.samples(topic) if samples.n_samples]
+        sections = self._sections.all_samples(topic)
         return [recording_file.keep(path, samples, topic) for samples in sections]
+
+    def endangered(self, path: str) -> str:
+        """Return why unsaved samples would be lost if the node ended now, empty if safe."""
+        needed = len(self) * (MESSAGE_BYTES + JOINT_BYTES * len(self.joint_names))
+        if len(self) <= self._saved_rows or recording_file.has_room(path, needed):
+            return ''
+        return (
+            f'{len(self)} unsaved samples would be lost, no folder has {needed / 1e6:.0f} MB for '
+            'them: free the disk or change unsaved_path'
+        )
 
     @property
     def n_rejected(self) -> int:

@@ -1,11 +1,13 @@
-"""Samples in memory, handed to another process or kept for later."""
+"""Samples in memory, passed on to another process or kept for later."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 import json
 import os
 from pathlib import Path
+import shutil
 import tempfile
 from typing import Any
 
@@ -18,9 +20,9 @@ from lip_id_ros.recording.bag_writer import JointStateTrack, write_mcap
 _ARRAYS = ('t', 'position', 'velocity', 'effort')
 
 
-def hand_over(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) -> None:
+def pass_on(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) -> None:
     """
-    Write samples for `take_over`, as fast as the disk allows and with the interpreter free.
+    Write samples for `receive`, as fast as the disk allows and with the interpreter free.
 
     Parameters
     ----------
@@ -46,8 +48,8 @@ def _write(path: Path, samples: JointSamples) -> None:
         np.savez(file, **{HEADER: np.array(json.dumps(header)), **arrays})
 
 
-def take_over(folder: str | os.PathLike[str]) -> list[JointSamples]:
-    """Read what `hand_over` wrote."""
+def receive(folder: str | os.PathLike[str]) -> list[JointSamples]:
+    """Read what `pass_on` wrote."""
     files = sorted(Path(folder).iterdir(), key=lambda path: int(path.stem))
     return [_read(path) for path in files]
 
@@ -66,9 +68,9 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
     ----------
     path : path
         Where the file goes; a number is added to its name if there is one already. Where nothing
-        can be written, it goes to the system's temporary folder instead.
+        can be written, it goes to one of the other `folders`.
     samples : JointSamples
-        At least one.
+        At least one. Where a message has NaN, the array of its bag message is empty.
     topic : str
         Topic they are written under.
 
@@ -80,7 +82,7 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
     Raises
     ------
     OSError
-        If it cannot be written there either.
+        If it can be written nowhere.
 
     """
     track = JointStateTrack(
@@ -88,13 +90,31 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
         samples.joint_names,
         samples.start_s + samples.t,
         samples.position,
-        samples.velocity if samples.has_velocity else None,
-        samples.effort if samples.has_effort else None,
+        samples.velocity,
+        samples.effort,
     )
-    try:
-        return _write_beside(Path(path), track)
-    except OSError:
-        return _write_beside(Path(tempfile.gettempdir()) / Path(path).name, track)
+    *others, last = folders(path)
+    for folder in others:
+        with suppress(OSError):
+            return _write_beside(folder / _name(path), track)
+    return _write_beside(last / _name(path), track)
+
+
+def folders(path: str | os.PathLike[str]) -> list[Path]:
+    """Return where samples may be kept, the folder that is asked for first, memory last."""
+    return [Path(path).parent, Path(tempfile.gettempdir()), Path.home(), Path('/dev/shm')]
+
+
+def has_room(path: str | os.PathLike[str], size: int) -> bool:
+    """Return whether one of the folders for a path can take so many bytes."""
+    return any(
+        folder.is_dir() and os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > size
+        for folder in folders(path)
+    )
+
+
+def _name(path: str | os.PathLike[str]) -> str:
+    return Path(path).name or 'unsaved.mcap'
 
 
 def _write_beside(path: Path, track: JointStateTrack) -> Path:

@@ -100,6 +100,14 @@ class Sections:
             if len(section)
         ]
 
+    def all_samples(self, topic: str) -> list[JointSamples]:
+        """Return copies of every message that was taken, NaN where it lacks a value."""
+        return [
+            section.all_samples('recording', topic)
+            for section in (*self._closed, self._current)
+            if len(section)
+        ]
+
     def _doubt(self, stamp: float) -> Reason | None:
         last = self._current.last_stamp_s
         if not len(self._current) or stamp <= 0.0:

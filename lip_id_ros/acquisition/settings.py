@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+import os
 from pathlib import Path
 from typing import Any
 
@@ -120,3 +121,35 @@ def check_together(values: Mapping[str, Any]) -> None:
                 f'bags must be recordings or data sets, but {path} does not exist; correct the '
                 'path, which is relative to the folder in which the node was started.'
             )
+
+
+def require_writable(name: str, path: str) -> None:
+    """
+    Refuse a path at which no file can be written, before work is done for it.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter, for the sentence.
+    path : str
+
+    Raises
+    ------
+    ConfigError
+        With the reason.
+
+    """
+    if not path:
+        raise ConfigError(f'{name} must name a file, but is empty.')
+    target = Path(path).resolve()
+    if target.is_dir():
+        raise ConfigError(f'{name} must name a file, but {path} is a folder.')
+    if not target.parent.is_dir():
+        raise ConfigError(
+            f'{name} must lie in a folder that exists, but {target.parent} does not; make it, or '
+            f'change {name}.'
+        )
+    if not os.access(target.parent, os.W_OK) or (
+        target.exists() and not os.access(target, os.W_OK)
+    ):
+        raise ConfigError(f'{name} must be writable, but {target} is not; change {name}.')

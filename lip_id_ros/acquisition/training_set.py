@@ -18,18 +18,21 @@ from lip_id_ros.settings import Config
 @dataclass(frozen=True)
 class TrainingSet:
     """
-    A data set, and what of the live recording is not in it.
+    A data set, and the part of the live recording that is not in it.
 
     Attributes
     ----------
     dataset : Dataset
     left_out : sequence of str
         One sentence for each section that could not be used.
+    n_thinned : int
+        Samples that the bound `max_samples` left out.
 
     """
 
     dataset: Dataset
     left_out: Sequence[str] = ()
+    n_thinned: int = 0
 
 
 def training_set(
@@ -53,7 +56,7 @@ def training_set(
         Sections `recording` and `preprocessing` are used.
     progress : callable
     watch : callable
-        Shown the raw samples of every recording that is used.
+        Called with the raw samples of every recording that is used.
 
     Raises
     ------
@@ -70,8 +73,9 @@ def training_set(
     parts = (
         [*live, load_dataset(bags, _with_joints(whole, live), progress, watch)] if bags else live
     )
-    dataset = at_most(concatenate(parts), config.preprocessing)
-    return TrainingSet(dataset, left_out)
+    joined = concatenate(parts)
+    dataset = at_most(joined, config.preprocessing)
+    return TrainingSet(dataset, left_out, joined.n_samples - dataset.n_samples)
 
 
 def _of_sections(

@@ -141,7 +141,8 @@ class PlanController:
 
     def _judge(self, stamp_ns: int) -> None:
         doubt = self._stamps.doubt(stamp_ns)
-        if doubt is not None:
+        # a joint state that is published again, since its torque was lost, gets the same
+        if doubt not in (None, Refusal.REPEATED_STAMP):
             raise RefusedError(doubt)
         if self._stamps.jumps > self._jumps:
             self._jumps, self._plan = self._stamps.jumps, None

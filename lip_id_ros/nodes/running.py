@@ -55,7 +55,8 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     Returns
     -------
     int
-        Exit status: 1 if the node could not be made, with one line in the log.
+        Exit status: 1 if the node could not be made or stopped in good order, with one line in
+        the log.
 
     """
     stopped = _stop_event()
@@ -69,9 +70,9 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     _spare_collections()
     try:
         _spin(node, stopped)
-    finally:  # after an error in a callback too: the robot is let go of, the data is kept
-        _stop(node)
-    return 0
+    finally:  # after an error of the executor too: the robot is let go of, the data is kept
+        ended = _stop(node)
+    return ended
 
 
 def _spare_collections() -> None:
@@ -80,12 +81,16 @@ def _spare_collections() -> None:
     gc.freeze()
 
 
-def _stop(node: Node) -> None:
+def _stop(node: Node) -> int:
     try:
         node.stop()
+    except LipIdError as error:
+        get_logger('lip_id_ros').fatal(str(error))
+        return 1
     finally:
         node.destroy_node()
         rclpy.shutdown()
+    return 0
 
 
 def _stop_event() -> threading.Event:

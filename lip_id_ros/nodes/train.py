@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict
 import sys
@@ -15,13 +15,13 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from lip_id_ros.acquisition.job import in_words, JobState, Task
-from lip_id_ros.acquisition.jobs import Jobs
+from lip_id_ros.acquisition.job import in_words, Jobs, JobState, Task
 from lip_id_ros.acquisition.recorder import Recorder
 from lip_id_ros.acquisition.settings import (
     check_together,
     fit_values,
     own_values,
+    require_writable,
     train_parameters,
     TrainSettings,
 )
@@ -55,6 +55,7 @@ class TrainNode(GuardedNode):
         self._jobs = Jobs()
         self._reported = JobState()
         self._rejected_before = 0
+        self._endangered = ''
         self._recorder = self._new_recorder()
         self._recorder.recording = self._settings().record_on_start
         self._status = StatusPublisher(self)
@@ -66,18 +67,33 @@ class TrainNode(GuardedNode):
         self.add_post_set_parameters_callback(self._apply_change)
 
     def stop(self) -> None:
-        """Keep what was recorded, then end the job in hand."""
+        """
+        Keep what was recorded, then end the job that is running.
+
+        Raises
+        ------
+        LipIdError
+            If the recording can be written nowhere.
+
+        """
+        path = self._settings().unsaved_path
         try:
-            kept = self._recorder.keep_unsaved(self._settings().unsaved_path, self._topic)
+            kept = self._recorder.keep_unsaved(path, self._topic)
             if kept:
                 files = ', '.join(map(str, kept))
                 self.get_logger().info(f'kept {len(self._recorder)} unsaved samples in {files}')
+        except OSError as error:
+            raise LipIdError(
+                f'{len(self._recorder)} unsaved samples are lost: they can be written neither to '
+                f'{path} nor to the folders for temporary files ({error.strerror or error}).'
+            ) from error
         finally:
             self._jobs.stop()
 
     def _make_services(self) -> None:
         self.create_service(SetBool, '~/record', self._on_record)
         self.create_service(Trigger, '~/fit', self._on_fit)
+        self.create_service(Trigger, '~/cancel', self._on_cancel)
         self.create_service(Trigger, '~/clear', self._on_clear)
         own_group = MutuallyExclusiveCallbackGroup()
         self.create_service(
@@ -144,10 +160,18 @@ class TrainNode(GuardedNode):
         self._recorder.clear()
         return self._answer(response, True, text)
 
+    def _on_cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            task = self._jobs.cancel()
+        except LipIdError as error:
+            return self._answer(response, False, str(error))
+        return self._answer(response, True, f'cancelled the {task}')
+
     def _on_fit(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:
             path = self._settings().model_path
-            sources, _ = self._start('fit', path)
+            require_writable('model_path', path)
+            sources, _, _ = self._start('fit', path)
         except LipIdError as error:
             return self._answer(response, False, str(error))
         text = f'fitting {sources} into {path}; progress and outcome are in ~/status'
@@ -156,17 +180,24 @@ class TrainNode(GuardedNode):
     async def _on_save_dataset(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        saved = self._recorder.saving()
         try:
-            _, work = self._start('dataset', self._settings().dataset_path)
+            path = self._settings().dataset_path
+            require_writable('dataset_path', path)
+            _, work, saved = self._start('dataset', path)
             result = await outcome(self, work)
         except (LipIdError, OSError) as error:
             return self._answer(response, False, str(error))
+        text = f'{result["n_samples"]} samples in {result["path"]}'
+        if result['thinned'] or result['left_out']:
+            # the recording is kept when the node ends, since the data set is not all of it
+            return self._answer(response, True, f'{text}; the recording has more than these')
         saved()
-        return self._answer(response, True, f'{result["n_samples"]} samples in {result["path"]}')
+        return self._answer(response, True, text)
 
-    def _start(self, kind: str, path: str) -> tuple[str, Future[Mapping[str, Any]]]:
-        """Start a job; return on what, in words, and its future."""
+    def _start(
+        self, kind: str, path: str
+    ) -> tuple[str, Future[Mapping[str, Any]], Callable[[], None]]:
+        """Start a job; return its sources in words, its future, and what to call once saved."""
         values = self._values()
         sections = self._recorder.samples(self._topic)
         if not sections and not values['bags']:
@@ -180,7 +211,8 @@ class TrainNode(GuardedNode):
             niceness=values['fit_niceness'],
         )
         work = self._jobs.start(task, sections)
-        return in_words(len(self._recorder), values['bags']), work
+        sources = in_words(len(self._recorder), values['bags'])
+        return sources, work, self._recorder.saving(sections)
 
     def _answer(self, response: Any, success: bool, text: str) -> Any:
         self._publish_status()
@@ -192,20 +224,21 @@ class TrainNode(GuardedNode):
 
     def _publish_status(self) -> None:
         job = self._jobs.state
+        self._endangered = self._recorder.endangered(self._settings().unsaved_path)
         values = {**self._recorder.status(), 'job': asdict(job)}
         self._report(job)
         self._status.publish(Status(self._level(job), self._summary(job), values))
 
     def _summary(self, job: JobState) -> str:
         work = f', {job.task} {job.state}' if job.state != 'idle' else ''
-        return self._recorder.summary + work
+        return '; '.join([self._recorder.summary + work, *filter(None, [self._endangered])])
 
     def _level(self, job: JobState) -> bytes:
         rejected = self._recorder.n_rejected
         rose, self._rejected_before = rejected > self._rejected_before, rejected
         if job.state == 'failed':
             return ERROR
-        return WARN if rose or self._recorder.is_full else OK
+        return WARN if rose or self._recorder.is_full or self._endangered else OK
 
     def _report(self, job: JobState) -> None:
         """Log the end of a job, once."""
@@ -216,7 +249,7 @@ class TrainNode(GuardedNode):
             self.get_logger().error(f'{job.task} failed: {job.error}')
         elif job.state == 'done':
             self.get_logger().info(f'{job.task} done: {job.result["path"]}')
-            for kind in ('left_out', 'findings', 'cautions'):
+            for kind in ('rescue', 'left_out', 'findings', 'cautions'):
                 for sentence in job.result.get(kind, ()):
                     self.get_logger().warning(sentence)
 

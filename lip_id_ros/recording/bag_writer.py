@@ -81,7 +81,8 @@ class JointStateTrack:
     t : ndarray, shape (N,)
         Stamps [s], not negative; the receive time is the same.
     position, velocity, effort : ndarray, shape (N, n), or None
-        [rad or m, rad/s or m/s, N m or N]; None leaves the array of the message empty.
+        [rad or m, rad/s or m/s, N m or N]; None, or NaN throughout a row, leaves the array of the
+        message empty.
 
     """
 
@@ -188,7 +189,9 @@ def _serialized(store: Typestore, track: Track, stamp: int, row: int) -> memoryv
 
 
 def _row(values: Array | None, row: int) -> Array:
-    return np.empty(0) if values is None else np.ascontiguousarray(values[row], dtype=np.float64)
+    if values is None or np.isnan(values[row]).all():
+        return np.empty(0)
+    return np.ascontiguousarray(values[row], dtype=np.float64)
 
 
 class RawBag:

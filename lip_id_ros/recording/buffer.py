@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 import math
 from typing import Any
 
@@ -50,7 +51,9 @@ class SampleBuffer:
     ) -> None:
         self._wanted = tuple(joint_names)
         self._max_rows = max_rows
-        self._first_rows = max(1, min(expected_rows, max_rows or expected_rows))
+        self._first_rows = max(
+            1, expected_rows if max_rows is None else min(expected_rows, max_rows)
+        )
         self.clear()
 
     def clear(self) -> None:
@@ -116,22 +119,33 @@ class SampleBuffer:
         """
         Return copies of what was taken so far; the buffer goes on.
 
+        Where only some messages have velocities or efforts, those without are left out and
+        counted.
+
         Parameters
         ----------
         source, topic : str
             Noted in the samples.
 
         """
-        stamps, rows = self._stamps[: self._size], self._rows[: self._size]
+        taken = self.all_samples(source, topic)
         counts = Counter(self.counts)
-        keep = np.ones(len(rows), bool)
-        for part, reason in ((1, Reason.NO_VELOCITY), (2, Reason.NO_EFFORT)):
-            empty = np.isnan(rows[:, part, :1]).any(axis=1)
+        keep = np.ones(self._size, bool)
+        for values, reason in (
+            (taken.velocity, Reason.NO_VELOCITY),
+            (taken.effort, Reason.NO_EFFORT),
+        ):
+            empty = np.isnan(values[:, :1]).any(axis=1)
             if not empty.all():
                 counts[reason] += int((keep & empty).sum())
                 keep &= ~empty
-        if not keep.all():
-            stamps, rows = stamps[keep], rows[keep]
+        first = float(taken.t[keep][0]) if keep.any() else 0.0
+        kept = taken.select(keep)
+        return replace(kept, t=kept.t - first, start_s=kept.start_s + first, counts=_plain(counts))
+
+    def all_samples(self, source: str = 'the recording', topic: str = '') -> JointSamples:
+        """Return copies of all that was taken; NaN where a message has no velocity or effort."""
+        stamps, rows = self._stamps[: self._size], self._rows[: self._size]
         start = float(stamps[0]) if stamps.size else 0.0
         position, velocity, effort = (rows[:, part].copy() for part in range(3))
         return JointSamples(
@@ -141,7 +155,7 @@ class SampleBuffer:
             effort=effort,
             joint_names=self.joint_names,
             start_s=start,
-            counts={str(reason): count for reason, count in counts.items() if count},
+            counts=_plain(self.counts),
             source=source,
             topic=topic,
             seen_joints=self.seen_joints,
@@ -166,8 +180,10 @@ class SampleBuffer:
             reason = self._stamp_reason(stamp)
         if reason is not None:
             return reason
-        if self._size == len(self._stamps) and not self._make_room():
+        if self._size == self._max_rows:
             return Reason.BUFFER_FULL
+        if self._size == len(self._stamps):
+            self._make_room()
         return self._store(stamp, order, (position, velocity, effort))
 
     def _store(
@@ -185,17 +201,14 @@ class SampleBuffer:
         self._size += 1
         return None
 
-    def _make_room(self) -> bool:
+    def _make_room(self) -> None:
         capacity = 2 * len(self._stamps)
         if self._max_rows is not None:
             capacity = min(capacity, self._max_rows)
-        if capacity <= self._size:
-            return False
         stamps = np.empty(capacity)
         rows = np.empty((capacity, *self._rows.shape[1:]))
         stamps[: self._size], rows[: self._size] = self._stamps, self._rows
         self._stamps, self._rows = stamps, rows
-        return True
 
     def _adopt(self, names: tuple[str, ...]) -> None:
         self.joint_names = names
@@ -226,3 +239,7 @@ class SampleBuffer:
         if stamp == 0:
             return Reason.ZERO_STAMP
         return Reason.REPEATED_STAMP if stamp == self._last_stamp else Reason.BACKWARD_STAMP
+
+
+def _plain(counts: Mapping[str, int]) -> dict[str, int]:
+    return {str(reason): count for reason, count in counts.items() if count}

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+import errno
+import io
 import json
+import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from lip_id_ros.acquisition.job import advanced, in_words, JobState, Task
-from lip_id_ros.acquisition.jobs import Jobs
+from lip_id_ros.acquisition import job_process
+from lip_id_ros.acquisition.job import advanced, in_words, Jobs, JobState, Task
+from lip_id_ros.acquisition.recording_file import pass_on
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import JointSamples
@@ -64,6 +70,8 @@ def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
         'n_samples': data.n_samples,
         'sources': [{'source': 'the recording', 'samples': 500, 'dropped': source['dropped']}],
         'left_out': [],
+        'thinned': 0,
+        'rescue': [],
     }
     assert data.joint_names == ('a', 'b')
     assert jobs.state == JobState('dataset', 'done', 'start', result=work.result())
@@ -85,9 +93,77 @@ def test_a_job_ends_with_its_owner(jobs: Jobs, tmp_path: Path) -> None:
     settings = flatten(Config()) | {'fit.iterations': 10**6, 'fit.subset': 400}
     work = jobs.start(Task('fit', settings, str(tmp_path / 'model.npz')), [samples(500)])
     jobs.stop()
-    with pytest.raises(LipIdError, match=r'^the process of the fit ended with status -15\.$'):
+    with pytest.raises(LipIdError, match=r'^the fit was cancelled\.$'):
         work.result()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_job_that_is_cancelled_says_so_and_another_may_follow(
+    jobs: Jobs, tmp_path: Path
+) -> None:
+    with pytest.raises(LipIdError, match=r'^no fit or data set is running\.$'):
+        jobs.cancel()
+    settings = flatten(Config()) | {'fit.iterations': 10**6, 'fit.subset': 400}
+    work = jobs.start(Task('fit', settings, str(tmp_path / 'model.npz')), [samples(500)])
+    assert jobs.cancel() == 'fit'
+    with pytest.raises(LipIdError, match=r'^the fit was cancelled\.$'):
+        work.result()
+    assert jobs.state.state == 'cancelled'
+    assert list(tmp_path.iterdir()) == []
+    path = str(tmp_path / 'data.npz')
+    assert (
+        jobs.start(Task('dataset', flatten(Config()), path), [samples(500)]).result()['path']
+        == path
+    )
+    jobs.stop()
+
+
+def test_samples_that_cannot_be_passed_on_stay_and_a_sentence_says_why(
+    jobs: Jobs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*arguments: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr('lip_id_ros.acquisition.job.pass_on', full)
+    work = jobs.start(Task('dataset', flatten(Config()), str(tmp_path / 'd.npz')), [samples(500)])
+    sentence = (
+        r'^the samples must be written to .* but cannot be \(No space left on device\); they'
+    )
+    with pytest.raises(LipIdError, match=sentence):
+        work.result()
+    assert jobs.state.state == 'failed'
+    jobs.stop()
+
+
+def run_job(kind: str, folder: Path, path: Path, **values: object) -> dict[str, Any]:
+    """Run a job in this process and return what it reports."""
+    pass_on(folder, [samples(1000)])
+    cheap = {'fit.subset': 30, 'fit.max_samples': 60, 'fit.iterations': 3, 'fit.kernel': 'lip'}
+    settings = flatten(Config()) | cheap
+    request = {**asdict(Task(kind, settings, str(path))), 'recording': str(folder), **values}
+    output = io.StringIO()
+    assert job_process.main([json.dumps(request)], output) == 0, output.getvalue()
+    result: dict[str, Any] = json.loads(output.getvalue().splitlines()[-1])['result']
+    return result
+
+
+def test_the_last_share_is_held_out(tmp_path: Path) -> None:
+    (tmp_path / 'samples').mkdir()
+    result = run_job('fit', tmp_path / 'samples', tmp_path / 'model.npz', holdout=0.2)
+    assert result['holdout']['n_samples'] == pytest.approx(0.2 * result['n_samples'], abs=1)
+
+
+def test_a_result_whose_disk_fails_is_kept_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / 'samples').mkdir()
+    (tmp_path / 'spare').mkdir()
+    monkeypatch.setattr('tempfile.tempdir', str(tmp_path / 'spare'))
+    result = run_job('dataset', tmp_path / 'samples', tmp_path / 'gone' / 'data.npz')
+    (rescue,) = result['rescue']
+    assert rescue.startswith(f'{tmp_path / "gone" / "data.npz"} cannot be written (No such file')
+    assert Path(result['path']).parent.parent == tmp_path / 'spare'
+    assert Dataset.load(result['path']).n_samples == result['n_samples']
 
 
 def test_sources_are_named_in_words() -> None:

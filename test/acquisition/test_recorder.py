@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from lip_id_ros.acquisition.recorder import Recorder
-from lip_id_ros.acquisition.recording_file import hand_over, take_over
-from lip_id_ros.recording import JointSamples, read_sources
+from lip_id_ros.acquisition.recording_file import pass_on, receive
+from lip_id_ros.recording import Bag, JointSamples, read_sources
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import RecordingSettings
 
@@ -128,7 +129,7 @@ def test_each_section_is_kept_in_a_bag_of_its_own(tmp_path: Path) -> None:
 
 def test_saved_samples_are_not_kept_again(tmp_path: Path) -> None:
     recorder = filled(3)
-    recorder.saving()()
+    recorder.saving(recorder.samples('t'))()
     assert recorder.status()['rows_saved'] == 3
     assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') == []
     recorder.clear()
@@ -138,7 +139,7 @@ def test_saved_samples_are_not_kept_again(tmp_path: Path) -> None:
 
 def test_samples_recorded_after_a_clear_are_not_taken_for_saved(tmp_path: Path) -> None:
     recorder = filled(3)
-    saved = recorder.saving()
+    saved = recorder.saving(recorder.samples('t'))
     recorder.clear()
     recorder.add(message(1.0, [0.0, 0.0]))
     saved()
@@ -151,9 +152,45 @@ def test_samples_handed_over_arrive_unchanged(tmp_path: Path) -> None:
     for row in range(3):
         recorder.add(message(1.0 + row, [0.0, 0.0]))
     sections = recorder.samples('/joint_states')
-    hand_over(tmp_path, sections)
-    arrived = take_over(tmp_path)
+    pass_on(tmp_path, sections)
+    arrived = receive(tmp_path)
     for one, other in zip(sections, arrived, strict=True):
         assert_same(one, other)
     assert (arrived[0].source, arrived[0].topic) == ('recording', '/joint_states')
     assert [section.counts for section in arrived] == [{'position empty': 1}, {}]
+
+
+def test_rows_recorded_during_a_save_are_not_taken_for_saved(tmp_path: Path) -> None:
+    recorder = filled(3)
+    saved = recorder.saving(recorder.samples('t'))
+    recorder.add(message(102.0, [0.0, 0.0], [1.0, 2.0], [3.0, 4.0]))
+    saved()
+    assert recorder.status()['rows_saved'] == 3
+    assert recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't') != []
+
+
+def test_messages_without_velocity_are_neither_lost_nor_taken_for_saved(tmp_path: Path) -> None:
+    recorder = Recorder((), max_rows=1000)
+    recorder.recording = True
+    for row in range(300):
+        velocity = [1.0, 2.0] if row == 7 else []
+        recorder.add(message(100.0 + 0.01 * row, [row, -row], velocity))
+    recorder.saving(recorder.samples('t'))()
+    assert recorder.status()['rows_saved'] == 0
+    (path,) = recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't')
+    with Bag(path) as bag:
+        kept = [recorded for _, recorded in bag.messages('t')]
+    assert len(kept) == 300
+    assert [list(each.position) for each in kept] == [[row, -row] for row in range(300)]
+    assert [list(each.velocity) for each in kept if len(each.velocity)] == [[1.0, 2.0]]
+
+
+def test_a_full_disk_is_said_before_it_costs_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder, path = filled(20), str(tmp_path / 'unsaved.mcap')
+    assert recorder.endangered(path) == ''
+    monkeypatch.setattr('shutil.disk_usage', lambda folder: SimpleNamespace(free=3000))
+    assert recorder.endangered(path).startswith('20 unsaved samples would be lost, no folder has')
+    recorder.saving(recorder.samples('t'))()
+    assert recorder.endangered(path) == ''

@@ -179,3 +179,19 @@ def test_lone_wrong_stamps_cost_only_themselves(wrong: dict[int, float]) -> None
     (samples,) = sections.samples('t')
     np.testing.assert_array_equal(samples.position[:, 0], np.arange(200.0))
     assert sections.counts.total() == len(wrong)
+
+
+@given(
+    st.integers(1, 8),
+    st.lists(st.sampled_from([0.1, 0.1, 0.1, 0.1, -50.0, 30.0]), min_size=1, max_size=60),
+)
+def test_the_bound_holds_wherever_the_clock_goes(max_rows: int, steps: list[float]) -> None:
+    sections = filled(NOW + np.cumsum(steps), max_rows)
+    assert len(sections) <= max_rows
+    assert sum(len(stamps) for stamps in stamps_of(sections)) == len(sections)
+    assert len(sections) + sections.counts.total() == len(steps)
+
+
+def test_a_clock_that_goes_back_at_the_bound_adds_nothing() -> None:
+    falls = [NOW - 100.0 * fall + step for fall in range(8) for step in (0.0, 0.1, 0.2, 0.3)]
+    assert [len(filled(falls, max_rows)) for max_rows in (3, 5, 7, 8)] == [3, 4, 7, 8]

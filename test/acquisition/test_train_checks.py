@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from lip_id_ros.acquisition.settings import check_together, train_parameters
+from lip_id_ros.acquisition.settings import check_together, require_writable, train_parameters
 from lip_id_ros.errors import ConfigError
 
 DEFAULTS = {name: row.default for name, row in train_parameters().items()}
@@ -48,3 +48,25 @@ def test_what_goes_together_is_taken(tmp_path: Path) -> None:
     lists = {'recording.effort_scale': (1.0, -2.0), 'recording.effort_offset': (0.0, 1.0)}
     check_together({**DEFAULTS, **lists})  # as many joints as the first message has
     check_together({**DEFAULTS, **lists, 'recording.joints': ('a', 'b'), 'bags': (str(tmp_path),)})
+
+
+def test_a_path_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    require_writable('model_path', str(tmp_path / 'model.npz'))
+    for path, sentence in (
+        ('', 'model_path must name a file, but is empty'),
+        (str(tmp_path), r'but .* is a folder'),
+        (
+            str(tmp_path / 'absent' / 'model.npz'),
+            r'a folder that exists, but .*absent does not; make',
+        ),
+    ):
+        with pytest.raises(ConfigError, match=sentence):
+            require_writable('model_path', path)
+
+
+def test_a_folder_that_must_not_be_written_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('os.access', lambda place, mode: False)  # root may write everywhere
+    with pytest.raises(ConfigError, match=r'must be writable, but .* is not; change'):
+        require_writable('model_path', str(tmp_path / 'model.npz'))

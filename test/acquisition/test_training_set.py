@@ -98,3 +98,14 @@ def test_the_bound_holds_for_all_sources_together(tmp_path: Path) -> None:
     data = training_set([samples(500)], [str(bag)], config, silent).dataset
     assert data.n_samples == 40
     assert len(set(data.segment)) == 2
+
+
+def test_the_bound_thins_bags_and_live_samples_alike(tmp_path: Path) -> None:
+    bag = keep(tmp_path / 'b.mcap', samples(1000, 5000.0), '/states')
+    bounded = Config(recording=RECORDING, preprocessing=PreprocessingSettings(max_samples=40))
+    everything = training_set([samples(1000)], [str(bag)], CONFIG, silent)
+    thinned = training_set([samples(1000)], [str(bag)], bounded, silent)
+    assert everything.n_thinned == 0
+    assert thinned.n_thinned == everything.dataset.n_samples - thinned.dataset.n_samples
+    of_bag = np.count_nonzero(thinned.dataset.segment == thinned.dataset.segment.max())
+    assert of_bag == pytest.approx(thinned.dataset.n_samples / 2, abs=2)

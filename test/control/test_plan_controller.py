@@ -208,3 +208,12 @@ def test_a_joint_named_twice_is_refused() -> None:
     twice = replace(SETTINGS, joints=('a', 'a'))
     with pytest.raises(ConfigError, match=r"^joints must name each joint once, but 'a' comes"):
         PlanController(twice)
+
+
+def test_a_joint_state_that_comes_again_gets_the_same_torque() -> None:
+    controller = following()
+    controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
+    for _ in range(3):
+        torques = controller.torques(measured(0.5, [0.5, 1.0], [1.0, 0.0]))
+        assert torques is not None
+        np.testing.assert_allclose(torques, [3.0, -4.0], atol=1e-9)

@@ -152,6 +152,10 @@ def test_what_was_recorded_outlives_a_failed_fit_and_one_that_is_cut_off(
 ) -> None:
     graph, client = ros
     train = graph.start('train', record_on_start=True, model_path='absent/model.npz')
+    answer = client.trigger('/train/fit')
+    assert not answer.success
+    assert answer.message.startswith('model_path must lie in a folder that exists, but ')
+    assert client.set_parameter('train', 'model_path', 'model.npz').successful
     publish_motion(client, 300)
     client.status('train', lambda status: status['rows'] == 300)
     assert client.set_parameter('train', 'preprocessing.min_segment_s', 60).successful
@@ -160,6 +164,10 @@ def test_what_was_recorded_outlives_a_failed_fit_and_one_that_is_cut_off(
     assert status['job']['error'].startswith('recording must hold a motion of 60 s without a gap')
     assert status['rows'] == 300
     assert client.set_parameter('train', 'preprocessing.min_segment_s', 1).successful
+    assert client.trigger('/train/fit').success
+    client.status('train', lambda status: status['job']['state'] == 'running')
+    assert client.trigger('/train/cancel').message == 'cancelled the fit'
+    client.status('train', lambda status: status['job']['state'] == 'cancelled')
     assert client.trigger('/train/fit').success
     client.status('train', lambda status: status['job']['state'] == 'running')
     assert train.end(signal.SIGTERM) == 0, train.log
