@@ -1,1 +1,83 @@
-"""Learn a robot arm's inverse dynamics from data; serve feedforward torques and energies."""
+"""
+Inverse dynamics of robot arms, learned from recordings.
+
+`import lip_id_ros as lip` gives what a script or notebook needs (docs/python.md). Names are
+imported when they are first used, so that the import itself is quick.
+
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lip_id_ros.dataset import Dataset
+    from lip_id_ros.errors import (
+        ConfigError,
+        DataError,
+        FitError,
+        LipIdError,
+        ModelError,
+        ShapeError,
+        SourceError,
+    )
+    from lip_id_ros.evaluation import evaluate, Evaluation
+    from lip_id_ros.gp import fit
+    from lip_id_ros.model import InverseDynamicsModel, Prediction
+    from lip_id_ros.preprocessing import load_dataset
+    from lip_id_ros.settings import FitSettings
+
+__version__ = '0.1.0'
+
+_HOMES = {
+    'ConfigError': 'errors',
+    'DataError': 'errors',
+    'Dataset': 'dataset',
+    'Evaluation': 'evaluation',
+    'FitError': 'errors',
+    'FitSettings': 'settings',
+    'InverseDynamicsModel': 'model',
+    'LipIdError': 'errors',
+    'ModelError': 'errors',
+    'Prediction': 'model',
+    'ShapeError': 'errors',
+    'SourceError': 'errors',
+    'evaluate': 'evaluation',
+    'fit': 'gp',
+    'load_dataset': 'preprocessing',
+}
+"""The room of every public name."""
+
+__all__ = [
+    'ConfigError',
+    'DataError',
+    'Dataset',
+    'Evaluation',
+    'FitError',
+    'FitSettings',
+    'InverseDynamicsModel',
+    'LipIdError',
+    'ModelError',
+    'Prediction',
+    'ShapeError',
+    'SourceError',
+    '__version__',
+    'evaluate',
+    'fit',
+    'load_dataset',
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from its room."""
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    value = getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return sorted(__all__)
