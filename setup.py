@@ -16,6 +16,7 @@ setup(
     version='0.1.0',
     description='Inverse dynamics of robot arms, learned from recordings and served as torques',
     license='Apache-2.0',
+    package_data={PACKAGE: ['py.typed']},
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     python_requires='>=3.11',
     data_files=[
