@@ -16,7 +16,6 @@ setup(
     version='0.1.0',
     description='Inverse dynamics of robot arms, learned from recordings and served as torques',
     license='Apache-2.0',
-    package_data={PACKAGE: ['py.typed']},
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     python_requires='>=3.11',
     data_files=[
@@ -49,7 +48,7 @@ setup(
             'pytest>=7.4,<9',
         ],
     },
-    package_data={f'{PACKAGE}.export': ['*.in']},
+    package_data={PACKAGE: ['py.typed'], f'{PACKAGE}.export': ['*.in']},
     zip_safe=True,
     entry_points={
         'console_scripts': [
