@@ -36,6 +36,7 @@ def run(args: argparse.Namespace) -> None:
     """Preprocess and save."""
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.dataset import check_suffix
+    from lip_id_ros.evaluation.cautions import copy_cautions
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.preprocessing import load_dataset
 
@@ -48,7 +49,7 @@ def run(args: argparse.Namespace) -> None:
         dataset.save(place)
     console = output.console(args.output)
     show.prepared(dataset, console)
-    show_lines([f'Written: {args.output}'], console)
+    show_lines([*copy_cautions(dataset.provenance), f'Written: {args.output}'], console)
 
 
 def _is_data_set(path: Path) -> bool:

@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.evaluation import run as predict
     from lip_id_ros.evaluation import score
-    from lip_id_ros.evaluation.cautions import training_data_warnings
+    from lip_id_ros.evaluation.cautions import copy_cautions, training_data_warnings
     from lip_id_ros.evaluation.report import band, Labels, write_report
     from lip_id_ros.evaluation.tables import show_lines
 
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> None:
     sources = ', '.join(args.sources)
     with output.progress_display() as progress:
         dataset = models.load_for(model, args.sources, args.config, progress)
-        warnings = training_data_warnings(model, dataset)
+        warnings = training_data_warnings(model, dataset) + copy_cautions(dataset.provenance)
         outcome = predict(model, dataset, progress)
         evaluation = score(outcome)
         if args.report:

@@ -67,6 +67,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.errors import LipIdError
     from lip_id_ros.evaluation import evaluate
+    from lip_id_ros.evaluation.cautions import copy_cautions
     from lip_id_ros.evaluation.recording_health import RecordingHealth
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
@@ -92,7 +93,8 @@ def run(args: argparse.Namespace) -> None:
     if evaluation is not None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
         show.evaluated(evaluation, title, console)
-    show_lines([*health.lines, *models.cautions(model)], console)
+    copies = copy_cautions(training.provenance)
+    show_lines([*health.lines, *copies, *models.cautions(model)], console)
     if evaluation is None:
         show_lines([show.UNSEEN], console)
     if rescue is not None:

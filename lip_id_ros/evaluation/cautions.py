@@ -79,6 +79,15 @@ def fit_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list
     return texts
 
 
+def copy_cautions(provenance: Mapping[str, Any]) -> list[str]:
+    """Return a sentence for each source that repeats an earlier one."""
+    return [
+        f'{each["repeated"]} of {each["samples"]} samples of {each["source"]} repeat an earlier '
+        'recording and were left out.'
+        for each in provenance.get('copies', ())
+    ]
+
+
 def no_better_than_mean(
     joint_names: Sequence[str], nmse_percent: Sequence[float | None]
 ) -> list[str]:
@@ -126,7 +135,7 @@ def training_data_warnings(model: Any, dataset: Dataset) -> list[str]:
         Sentences; none where the data are new to the model.
 
     """
-    own = _rows(model.process.states) if hasattr(model, 'states') else _rows(dataset)[:0]
+    own = _rows(model.process.states) if hasattr(model, 'process') else _rows(dataset)[:0]
     n_shared = int(np.isin(own, _rows(dataset)).sum())
     if n_shared:
         return [

@@ -7,10 +7,15 @@ from dataclasses import replace
 from itertools import groupby
 import os
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
-from lip_id_ros.errors import SourceError
+from lip_id_ros.errors import DataError, SourceError
+from lip_id_ros.preprocessing.copies import RepeatedSamples
 from lip_id_ros.preprocessing.pipeline import preprocess
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress, silent
@@ -21,6 +26,9 @@ from lip_id_ros.settings import Config
 PathLike = str | os.PathLike[str]
 Watch = Callable[[JointSamples], object]
 
+COPIES = 'copies'
+"""Provenance: source, samples and repeated samples where an earlier source has them too."""
+
 
 def load_dataset(
     sources: PathLike | Sequence[PathLike],
@@ -30,6 +38,9 @@ def load_dataset(
 ) -> Dataset:
     """
     Load bags and data sets and join them, each with segments of its own.
+
+    Samples that an earlier source holds too are left out and noted in the provenance: a copy of a
+    recording must not be on both sides of a split.
 
     Parameters
     ----------
@@ -59,40 +70,71 @@ def load_dataset(
     paths = [sources] if isinstance(sources, (str, os.PathLike)) else list(sources)
     if not paths:
         raise SourceError('at least one recording or data set is needed, but none was named.')
-    data = concatenate(list(_loaded(paths, settings, progress, watch)))
+    loading = _Loading(settings, progress, watch)
+    data = concatenate(list(loading.datasets(paths)))
+    if loading.copies:
+        data = replace(data, provenance={**data.provenance, COPIES: loading.copies})
     return at_most(data, settings.preprocessing)
 
 
-def _loaded(
-    paths: Sequence[PathLike], settings: Config, progress: Progress, watch: Watch
-) -> Iterator[Dataset]:
-    """Yield data sets in the order of the sources; bags side by side may give one together."""
-    for is_bag, some in groupby(paths, _is_bag):
-        if not is_bag:
-            yield from (_of_file(path, settings, progress, watch) for path in some)
-            continue
-        for samples in read_sources(list(some), settings.recording, progress):
-            yield _prepared(samples, settings, progress, watch)
+class _Loading:
+    """Loads sources one after another and leaves out what an earlier one holds already."""
+
+    def __init__(self, settings: Config, progress: Progress, watch: Watch) -> None:
+        self._settings, self._progress, self._watch = settings, progress, watch
+        self._seen = RepeatedSamples()
+        self.copies: list[dict[str, Any]] = []
+
+    def datasets(self, paths: Sequence[PathLike]) -> Iterator[Dataset]:
+        """Yield data sets in the order of the sources; bags side by side may give one together."""
+        recording = self._settings.recording
+        for is_bag, some in groupby(paths, _is_bag):
+            if is_bag:
+                for samples in read_sources(list(some), recording, self._progress):
+                    yield from self._prepared(samples)
+                continue
+            for path in some:
+                if _is_data_set(path):
+                    yield from self._data_set(path)
+                else:
+                    yield from self._prepared(read_log(path, recording.joints))
+
+    def _prepared(self, samples: JointSamples) -> Iterator[Dataset]:
+        self._watch(samples)
+        self._progress('preprocessing', 0, 0)
+        signals = samples.position, samples.effort
+        fresh = self._fresh(samples.source, samples.joint_names, *signals)
+        settings = replace(self._settings.preprocessing, max_samples=0)
+        try:
+            yield preprocess(samples.select(fresh), settings, self._settings.recording)
+        except DataError:
+            if fresh.all():
+                raise
+
+    def _data_set(self, path: PathLike) -> Iterator[Dataset]:
+        data = _with_joints(Dataset.load(path), self._settings)
+        if Path(path).suffix == CSV_SUFFIX:
+            data = _with_types(data, self._settings)
+        fresh = self._fresh(os.fspath(path), data.joint_names, data.q, data.tau)
+        if fresh.any():
+            yield data if fresh.all() else data.select(np.flatnonzero(fresh))
+
+    def _fresh(self, source: str, joint_names: Sequence[str], *signals: Array) -> BoolArray:
+        repeated = self._seen.repeated(joint_names, *signals)
+        if repeated.any():
+            count = int(repeated.sum())
+            self.copies.append({'source': source, 'samples': len(repeated), 'repeated': count})
+        fresh: BoolArray = ~repeated
+        return fresh
 
 
 def _is_bag(path: PathLike) -> bool:
     return Path(path).suffix not in (DATASET_SUFFIX, CSV_SUFFIX)
 
 
-def _of_file(path: PathLike, settings: Config, progress: Progress, watch: Watch) -> Dataset:
-    if Path(path).suffix == DATASET_SUFFIX:
-        return _with_joints(Dataset.load(path), settings)
-    if has_accelerations(path):
-        return _with_types(_with_joints(Dataset.load(path), settings), settings)
-    return _prepared(read_log(path, settings.recording.joints), settings, progress, watch)
-
-
-def _prepared(
-    samples: JointSamples, settings: Config, progress: Progress, watch: Watch
-) -> Dataset:
-    watch(samples)
-    progress('preprocessing', 0, 0)
-    return preprocess(samples, replace(settings.preprocessing, max_samples=0), settings.recording)
+def _is_data_set(path: PathLike) -> bool:
+    """Whether a file is a data set by its suffix and, for CSV, its columns."""
+    return Path(path).suffix == DATASET_SUFFIX or has_accelerations(path)
 
 
 def _with_joints(data: Dataset, settings: Config) -> Dataset:

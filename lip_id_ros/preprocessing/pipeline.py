@@ -20,6 +20,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.preprocessing.cleaning import per_joint, quantum, repeated, stale, torque
+from lip_id_ros.preprocessing.copies import content_digest
 from lip_id_ros.preprocessing.selection import at_most, stride
 from lip_id_ros.preprocessing.smoothing import (
     cut,
@@ -225,6 +226,7 @@ def _provenance(
         'notes': list(samples.notes),
         'start_s': samples.start_s,
         'samples': samples.n_samples,
+        'content': content_digest(samples.joint_names, samples.position, samples.effort),
         'dropped': {str(reason): count for reason, count in dropped.items() if count},
         'rate_hz': rate,
         'filtered': is_filtered(rate, settings.cutoff_hz),
