@@ -8,42 +8,42 @@ from launch_ros.actions import Node
 
 
 def generate_launch_description() -> LaunchDescription:
-    parameters = str(get_package_share_path('lip_id_ros') / 'config' / 'demo.yaml')
+    share = get_package_share_path('lip_id_ros')
     output = LaunchConfiguration('output')
-    model = PathJoinSubstitution([output, 'model.npz'])
+    model = {'model_path': PathJoinSubstitution([output, 'model.npz'])}
+    files = {
+        'dataset_path': PathJoinSubstitution([output, 'training.npz']),
+        'unsaved_path': PathJoinSubstitution([output, 'unsaved.mcap']),
+    }
     return LaunchDescription(
         [
             DeclareLaunchArgument(
                 'output', default_value='.', description='Folder of the model and the data.'
             ),
-            Node(
-                package='lip_id_ros',
-                executable='simulated_panda',
-                name='simulated_panda',
-                parameters=[parameters],
-                output='screen',
+            DeclareLaunchArgument(
+                'params_file',
+                default_value=str(share / 'config' / 'demo.yaml'),
+                description='Parameters of the three nodes.',
             ),
-            Node(
-                package='lip_id_ros',
-                executable='train',
-                name='train',
-                parameters=[
-                    parameters,
-                    {
-                        'model_path': model,
-                        'dataset_path': PathJoinSubstitution([output, 'training.npz']),
-                        'unsaved_path': PathJoinSubstitution([output, 'unsaved.mcap']),
-                    },
-                ],
-                output='screen',
+            DeclareLaunchArgument('namespace', default_value='', description='Of the robot.'),
+            DeclareLaunchArgument(
+                'use_sim_time', default_value='false', description='Follow /clock.'
             ),
-            Node(
-                package='lip_id_ros',
-                executable='serve',
-                name='serve',
-                parameters=[parameters, {'model_path': model}],
-                remappings=[('~/desired_trajectory', 'desired_trajectory')],
-                output='screen',
-            ),
+            node('simulated_panda', {}, {}),
+            node('train', {**model, **files}, {}),
+            node('serve', model, {'~/desired_trajectory': 'desired_trajectory'}),
         ]
+    )
+
+
+def node(name: str, parameters: dict, remappings: dict[str, str]) -> Node:
+    shared = {'use_sim_time': LaunchConfiguration('use_sim_time')}
+    return Node(
+        package='lip_id_ros',
+        executable=name,
+        name=name,
+        namespace=LaunchConfiguration('namespace'),
+        parameters=[LaunchConfiguration('params_file'), {**shared, **parameters}],
+        remappings=list(remappings.items()),
+        output='screen',
     )

@@ -18,7 +18,6 @@ PLAN = 'plan_with_effort'
 
 def generate_launch_description() -> LaunchDescription:
     share = get_package_share_path('lip_id_ros')
-    params_file = LaunchConfiguration('params_file')
     n_joints = {'n_joints': typed('n_joints', int)}
     motion = {name: typed(name, float) for name in ('amplitude', 'horizon')}
     model = {
@@ -31,7 +30,11 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 'params_file',
                 default_value=str(share / 'config' / 'track.yaml'),
-                description='Parameters of the nodes serve and computed_torque.',
+                description='Parameters of the nodes.',
+            ),
+            DeclareLaunchArgument('namespace', default_value='', description='Of the robot.'),
+            DeclareLaunchArgument(
+                'use_sim_time', default_value='false', description='Follow /clock.'
             ),
             DeclareLaunchArgument(
                 'autostart',
@@ -41,14 +44,14 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument('n_joints', default_value='7', description='From the base.'),
             DeclareLaunchArgument('amplitude', default_value='0.6', description='[rad].'),
             DeclareLaunchArgument('horizon', default_value='10.0', description='[s].'),
-            node('simulated_arm', [n_joints], {'command': 'computed_torque/command'}),
-            node('computed_torque', [params_file], {'~/joint_trajectory': PLAN}),
+            node('simulated_arm', n_joints, {'command': 'computed_torque/command'}),
+            node('computed_torque', {}, {'~/joint_trajectory': PLAN}),
             node(
                 'serve',
-                [params_file, model],
+                model,
                 {'~/desired_trajectory': 'desired_trajectory', '~/trajectory_with_effort': PLAN},
             ),
-            node('reference', [n_joints, motion], {}),
+            node('reference', {**n_joints, **motion}, {}),
         ]
     )
 
@@ -57,12 +60,14 @@ def typed(name: str, kind: type) -> ParameterValue:
     return ParameterValue(LaunchConfiguration(name), value_type=kind)
 
 
-def node(name: str, parameters: list, remappings: dict[str, str]) -> Node:
+def node(name: str, parameters: dict, remappings: dict[str, str]) -> Node:
+    shared = {'use_sim_time': LaunchConfiguration('use_sim_time')}
     return Node(
         package='lip_id_ros',
         executable=name,
         name=name,
-        parameters=parameters,
+        namespace=LaunchConfiguration('namespace'),
+        parameters=[LaunchConfiguration('params_file'), {**shared, **parameters}],
         remappings=list(remappings.items()),
         output='screen',
     )

@@ -15,6 +15,8 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from ament_index_python.packages import get_package_share_path, PackageNotFoundError
+from launch import LaunchContext
+from launch.launch_description_sources import AnyLaunchDescriptionSource
 from nodes.test_serve import GOOD
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -139,7 +141,9 @@ def test_both_nodes_of_two_arms_share_a_graph(
         for name in ('left/serve', 'right/serve'):
             client.status(name, lambda status: status['state'] == 'active')
         plan = deepcopy(GOOD)
-        plan.points = [plan.points[0]] * 3
+        plan.points = [deepcopy(plan.points[0]) for _ in range(3)]
+        for number, each in enumerate(plan.points):
+            each.time_from_start.sec = number
         publisher.publish(plan)
         client.wait_until(lambda: plans['left'], 'plan')
         assert all(len(point.effort) == 2 for point in plans['left'][0].points)
@@ -201,3 +205,12 @@ def test_an_arm_is_watched(ros: tuple[Graph, Client], model_path: str) -> None:
         client.speak(JointState, '/cell/states')
         status = client.status('left/monitor', lambda status: True)
         assert status['state'] == 'without thresholds'
+
+
+@pytest.mark.parametrize('name', ['arm', 'demo', 'monitor', 'serve', 'track', 'train'])
+def test_every_launch_file_takes_the_usual_arguments(name: str) -> None:
+    path = get_package_share_path('lip_id_ros') / 'launch' / f'{name}.launch.py'
+    source = AnyLaunchDescriptionSource(str(path))
+    arguments = source.get_launch_description(LaunchContext()).get_launch_arguments()
+    names = {argument.name for argument in arguments}
+    assert {'params_file', 'namespace', 'use_sim_time'} <= names
