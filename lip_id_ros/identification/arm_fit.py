@@ -23,6 +23,7 @@ from lip_id_ros.identification.friction_election import elect_friction, ElectedF
 from lip_id_ros.identification.kinematic_calibration import PlacementProblem, Samples
 from lip_id_ros.identification.noise import TorqueNoise
 from lip_id_ros.identification.placement_search import calibrate, Calibration, FINEST, LENGTH
+from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.log_cholesky import scale_of
@@ -56,6 +57,8 @@ class ArmFit:
     friction : FrictionModel
     noise : TorqueNoise
         Of the residuals of the fit.
+    geometry : Geometry
+        What of the placements is fixed.
 
     """
 
@@ -63,6 +66,7 @@ class ArmFit:
     links: Array
     friction: FrictionModel
     noise: TorqueNoise
+    geometry: Geometry
 
     @property
     def chain(self) -> Chain:
@@ -121,25 +125,30 @@ class ArmFitter:
 
     def with_friction(self, fit: ArmFit, elected: ElectedFriction) -> ArmFit:
         """Return a start with friction terms and noise that have been elected anew."""
-        changed = ArmFit(fit.state, fit.links, elected.friction, elected.noise)
+        changed = replace(fit, friction=elected.friction, noise=elected.noise)
         problem = self.problem(self.some(START_SAMPLES), changed)
         numbers = problem.friction_numbers(elected.friction.coefficients)
         return replace(changed, state=replace(fit.state, friction=numbers))
 
-    def refined(self, dataset: Dataset, fit: ArmFit, free: BoolArray | None = None) -> ArmFit:
+    def with_geometry(self, fit: ArmFit, geometry: Geometry) -> ArmFit:
+        """Return a start whose placements have a geometry."""
+        state = replace(fit.state, chain=geometry.projected(fit.chain))
+        return replace(fit, state=state, geometry=geometry)
+
+    def refined(self, dataset: Dataset, fit: ArmFit, rounds: int = ROUNDS) -> ArmFit:
         """Descend, each round with the noise and the loads that the one before has found."""
-        for round_ in range(ROUNDS):
-            problem = self.problem(dataset, fit, free)
+        for round_ in range(rounds):
+            problem = self.problem(dataset, fit)
             evaluations = EVALUATIONS if round_ else FIRST_EVALUATIONS
             fit = self._measured(dataset, fit, problem, problem.minimised(fit.state, evaluations))
         return fit
 
-    def problem(self, dataset: Dataset, fit: ArmFit, free: BoolArray | None = None) -> ArmProblem:
+    def problem(self, dataset: Dataset, fit: ArmFit) -> ArmProblem:
         """Return the least-squares problem of samples around a fit."""
         basis, noise = fit.friction.basis, fit.noise
         arm = fit.chain, fit.links
         samples = self._samples(dataset, basis, arm, noise.weights(dataset.dq))
-        return ArmProblem(samples, noise.std, is_positive(basis), self.link_scale, free)
+        return ArmProblem(samples, noise.std, is_positive(basis), self.link_scale, fit.geometry)
 
     def _samples(
         self,
@@ -174,7 +183,7 @@ class ArmFitter:
     def at(fit: ArmFit, problem: ArmProblem, state: ArmState) -> ArmFit:
         """Return a fit whose parameters are those of a state."""
         friction = FrictionModel(fit.friction.basis, problem.coefficients(state))
-        return ArmFit(state, problem.links(state), friction, fit.noise)
+        return replace(fit, state=state, links=problem.links(state), friction=friction)
 
     def _starts(
         self, dataset: Dataset, chain: Chain, elected: ElectedFriction
@@ -188,7 +197,8 @@ class ArmFitter:
         links = linear.link_parameters(samples)
         for lift in LIFTS:
             state = problem.start(chain, links, linear.friction_coefficients(samples), lift)
-            yield self.at(ArmFit(state, links, elected.friction, noise), problem, state)
+            start = ArmFit(state, links, elected.friction, noise, problem.geometry)
+            yield self.at(start, problem, state)
 
     def _measured(
         self, dataset: Dataset, fit: ArmFit, problem: ArmProblem, state: ArmState

@@ -17,6 +17,7 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import FitError
 from lip_id_ros.identification.kinematic_calibration import NOT_FINITE, REACH, Samples
 from lip_id_ros.identification.levenberg_marquardt import minimise
+from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.log_cholesky import (
     link_parameter_jacobian,
@@ -81,8 +82,8 @@ class ArmProblem:
         Which friction coefficients must be positive.
     link_scale : array, shape (4,)
         See `lip_id_ros.rigid_body.log_cholesky.scale_of`.
-    free : bool array, shape (6 n,), optional
-        Which directions of placements may change; all where not given.
+    geometry : Geometry, optional
+        What of the placements is fixed; nothing where not given.
 
     """
 
@@ -92,17 +93,18 @@ class ArmProblem:
         noise_std: Array,
         positive: BoolArray,
         link_scale: Array,
-        free: BoolArray | None = None,
+        geometry: Geometry | None = None,
     ) -> None:
         self._samples, self._positive, self.link_scale = samples, positive, link_scale
         self._scale = np.sqrt(samples.weights) / noise_std
-        n = samples.tau.shape[1]
-        self._free = np.ones(DIRECTIONS * n, dtype=bool) if free is None else free
+        self.geometry = geometry or Geometry.free(samples.tau.shape[1])
 
     @property
     def size(self) -> int:
         """Number of entries of a step, m."""
-        return self._free.size + self._samples.link_std.size + self._samples.friction_std.size
+        samples = self._samples
+        placements = DIRECTIONS * len(samples.link_std)
+        return placements + samples.link_std.size + samples.friction_std.size
 
     def start(self, chain: Chain, links: Array, friction: Array, least: float = 1e-3) -> ArmState:
         """
@@ -167,7 +169,8 @@ class ArmProblem:
         """Differentiate the torques of all samples by a step, shape (N, n, m) [N m or N]."""
         samples, n = self._samples, len(state.numbers)
         placements = placement_derivatives(state.chain, self.links(state), *samples.state)
-        placements = placements.reshape(*samples.tau.shape, -1) * self._free
+        placements = placements.reshape(*samples.tau.shape, -1)
+        placements = placements @ self.geometry.projector(state.chain)
         regressor = torque_regressor(state.chain, *samples.state)
         regressor = regressor.reshape(*samples.tau.shape, n, LINK_PARAMETERS)
         by_numbers = link_parameter_jacobian(state.numbers, self.link_scale)
@@ -189,19 +192,22 @@ class ArmProblem:
         hessian = rows.T @ rows
         hessian[np.diag_indices_from(hessian)] += precision**2
         gradient = precision * self.prior_residual(state) - rows.T @ state.residual.ravel()
-        gradient[: self._free.size] *= self._free
+        projector = self.geometry.projector(state.chain)
+        gradient[: len(projector)] = projector @ gradient[: len(projector)]
         return hessian, gradient
 
     def stepped(self, state: ArmState, step: Array) -> ArmState:
         """Return the state that a step leads to."""
-        chain, count = state.chain, self._free.size
-        turn, shift = step[:count].reshape(-1, 2, 3).transpose(1, 0, 2)
+        chain, count = state.chain, DIRECTIONS * len(state.numbers)
+        allowed = self.geometry.projector(chain) @ step[:count]
+        turn, shift = allowed.reshape(-1, 2, 3).transpose(1, 0, 2)
         links = step[count : count + state.numbers.size].reshape(state.numbers.shape)
         moved = chain._replace(
             rotations=chain.rotations @ Rotation.from_rotvec(turn).as_matrix(),
             translations=chain.translations + shift,
         )
         friction = state.friction + step[count + state.numbers.size :]
+        moved = self.geometry.projected(moved)
         return self.evaluated(ArmState(moved, state.numbers + links, friction))
 
     def prior_precision(self) -> Array:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFitter, MOST_SAMPLES
 from lip_id_ros.identification.arm_posterior import ArmPosterior
+from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import posterior
 from lip_id_ros.identification.remainder import Remainder
 from lip_id_ros.identification.remainder_election import elect_remainder
+from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.progress import Progress, silent
 
 STAGE = 'links and friction'
-STEPS = 4
+STEPS = 5
 
 LEAST_SAMPLES_PER_JOINT = 2
 """With fewer samples placements fit anything, and mean nothing."""
@@ -32,6 +35,8 @@ class Identified:
     arm : ArmPosterior
     remainder : Remainder or None
         What is added to the torques of some joints, or takes their place.
+    geometry : Geometry
+        Twists and lengths that were elected to be simple.
     searches_agreed : bool
         Whether both searches for the placements ended in the same minimum.
     descents : int
@@ -45,6 +50,7 @@ class Identified:
 
     arm: ArmPosterior
     remainder: Remainder | None
+    geometry: Geometry
     searches_agreed: bool
     descents: int
     unexplained: Array
@@ -91,16 +97,21 @@ def _identified(fitter: ArmFitter, seed: int, progress: Progress) -> Identified:
     many = fitter.some(MOST_SAMPLES)
     fit = fitter.refined(many, fit)
     progress(STAGE, 3, STEPS)
-    # loads and places are better known by now
+    # Loads and placements are better known by now.
     fit = fitter.refined(many, fitter.with_friction(fit, fitter.elected(fit.chain)))
-    fit, arm, left_out = posterior(fitter, fit)
+    progress(STAGE, 4, STEPS)
+    fit, arm, left_out = posterior(fitter, elect_geometry(fitter, fit))
+    remainder = elect_remainder(fitter, fit)
+    if remainder is not None:
+        std = np.where(remainder.joints, remainder.left_out_std, arm.noise.std)
+        arm = replace(arm, noise=replace(arm.noise, std=std))
     progress(STAGE, STEPS, STEPS)
-    unexplained = left_out.mean_squares / fitter.torque_std**2
     return Identified(
         arm=arm,
-        remainder=elect_remainder(fitter, fit),
+        remainder=remainder,
+        geometry=fit.geometry,
         searches_agreed=calibration.agreed,
         descents=calibration.descents,
-        unexplained=unexplained,
+        unexplained=left_out.mean_squares / fitter.torque_std**2,
         inflation=left_out.inflation,
     )

@@ -26,7 +26,9 @@ from lip_id_ros.identification.statistics import (
     TorqueStatistics,
     triangular,
 )
+from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.log_cholesky import link_parameter_jacobian
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 LEFT_OUT_BLOCKS = 6
 CHUNK = 1000
@@ -196,9 +198,10 @@ def _coordinates(problem: ArmProblem, state: ArmState, root: Array) -> Array:
     """Return the square root of the covariance in the coordinates of `ArmPosterior`."""
     spread: Array = solve_triangular(root[:-1, :-1], np.eye(len(root) - 1))
     n = len(state.numbers)
-    first, last = 6 * n, 17 * n
-    links = spread[first:last].reshape(n, 11, -1)
+    first, last = DIRECTIONS * n, (DIRECTIONS + LINK_PARAMETERS) * n
+    spread[:first] = problem.geometry.projector(state.chain) @ spread[:first]
+    links = spread[first:last].reshape(n, LINK_PARAMETERS, -1)
     by_numbers = link_parameter_jacobian(state.numbers, problem.link_scale)
-    spread[first:last] = np.einsum('ikl,ilr->ikr', by_numbers, links).reshape(11 * n, -1)
+    spread[first:last] = np.einsum('ikl,ilr->ikr', by_numbers, links).reshape(last - first, -1)
     spread[last:] *= problem.coefficient_slopes(state)[:, None]
     return spread

@@ -70,6 +70,8 @@ class Remainder:
     length, noise, variance : arrays, shape (n,)
         Length scales (0 for joints without a process), variances of the noise in those of the
         process, and these [(N m)^2 or N^2].
+    left_out_std : array, shape (n,)
+        Root mean square errors of left-out blocks of time: the noise of measurements [N m or N].
     replaces : bool array, shape (n,)
         Joints whose process takes the place of links and friction.
     alpha : array, shape (M, n)
@@ -84,6 +86,7 @@ class Remainder:
     length: Array
     noise: Array
     variance: Array
+    left_out_std: Array
     replaces: BoolArray
     alpha: Array
     friction: Array

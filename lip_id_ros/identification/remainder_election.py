@@ -11,7 +11,7 @@ joint: a model must also extrapolate.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -75,6 +75,8 @@ class Choice:
     ----------
     replaces : bool
     length, noise : float
+    left_out_std : float
+        Root mean square error of left-out blocks of time [N m or N].
     score : float
         Logarithm of root mean squared errors, averaged over the two kinds of folds.
 
@@ -83,6 +85,7 @@ class Choice:
     replaces: bool
     length: float
     noise: float
+    left_out_std: float
     score: float
 
 
@@ -138,7 +141,7 @@ class RemainderElection:
         """Return the processes that predict better than links and friction alone, if any."""
         n = self._tau.shape[1]
         shape = (len(self._x), n)
-        length, noise, variance = np.zeros((3, n))
+        length, noise, variance, left_out_std = np.zeros((4, n))
         replaces = np.zeros(n, dtype=bool)
         alpha, friction = np.zeros(shape), np.zeros((n, 3))
         for joint in range(n):
@@ -147,6 +150,7 @@ class RemainderElection:
                 continue
             length[joint], noise[joint] = choice.length, choice.noise
             replaces[joint] = choice.replaces
+            left_out_std[joint] = choice.left_out_std
             target = (self._tau if choice.replaces else self._residual)[:, joint]
             gram = self._gram(choice, joint) + choice.noise * np.eye(len(target))
             alpha[:, joint] = cho_solve(cho_factor(gram, lower=True), target)
@@ -159,7 +163,7 @@ class RemainderElection:
 
     def chosen(self, joint: int) -> Choice | None:
         """Return the process of one joint; None where it is better off without."""
-        alone = self._score(joint, None)
+        _, alone = self._measured(joint, None)
         beside, instead = (
             min(self._choices(joint, replaces), key=lambda each: each.score)
             for replaces in (False, True)
@@ -183,16 +187,19 @@ class RemainderElection:
     def _choices(self, joint: int, replaces: bool) -> Iterator[Choice]:
         for length in LENGTHS:
             for noise in NOISES:
-                choice = Choice(replaces, length, noise, np.inf)
-                yield Choice(replaces, length, noise, self._score(joint, choice))
+                choice = Choice(replaces, length, noise, 0.0, 0.0)
+                block_std, score = self._measured(joint, choice)
+                yield replace(choice, left_out_std=block_std, score=score)
 
-    def _score(self, joint: int, choice: Choice | None) -> float:
+    def _measured(self, joint: int, choice: Choice | None) -> tuple[float, float]:
+        """Return the left-out deviation in blocks of time, and the score."""
         squares: dict[bool, list[float]] = {False: [], True: []}
         for fold in self._folds:
             if fold.joint in (-1, joint):
                 squares[fold.joint >= 0].append(self._left_out(fold, joint, choice))
         means = [np.mean(each) for each in squares.values() if each]
-        return float(0.5 * np.mean(np.log(np.maximum(means, 1e-300))))
+        score = 0.5 * np.mean(np.log(np.maximum(means, 1e-300)))
+        return float(np.sqrt(means[0])), float(score)
 
     def _left_out(self, fold: Fold, joint: int, choice: Choice | None) -> float:
         """Return the mean squared error of the samples of a fold."""
