@@ -159,7 +159,8 @@ class RemainderElection:
                 friction[joint] = FRICTION_VARIANCE * self._friction[:, joint].T @ alpha[:, joint]
         if not length.any():
             return None
-        return Remainder(self._inputs, self._x, length, noise, variance, replaces, alpha, friction)
+        scales = length, noise, variance, left_out_std
+        return Remainder(self._inputs, self._x, *scales, replaces, alpha, friction)
 
     def chosen(self, joint: int) -> Choice | None:
         """Return the process of one joint; None where it is better off without."""
