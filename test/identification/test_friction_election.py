@@ -37,11 +37,11 @@ COUPLED = Drive((2, 1), (1.0, 1.0))
 
 PRESENT: dict[str, tuple[FrictionTerm, list[float]]] = {
     'Stribeck': (Stribeck(WIDTH), [0.0, 0.1, 0.0]),
-    'saturating viscous': (SaturatingViscous(WIDTH), [0.0, 0.2, 0.0]),
+    'saturating viscous': (SaturatingViscous(WIDTH), [0.0, 0.4, 0.0]),
     'quadratic viscous': (QuadraticViscous(), [0.1]),
     'load-dependent Coulomb': (LoadCoulomb(WIDTH), [0.15]),
     'load-dependent viscous': (LoadViscous(), [0.15]),
-    'asymmetric': (Asymmetric(WIDTH), [0.05, 0.05, 0.0, 0.0]),
+    'asymmetric': (Asymmetric(WIDTH), [0.1, 0.1, 0.0, 0.0]),
     'position-dependent Coulomb': (PositionCoulomb(WIDTH), [0.1, 0.0, 0.0, 0.0]),
     'periodic once a turn': (Ripple(1), [0.1, 0.1]),
     'periodic twice a turn': (Ripple(2), [0.1, 0.1]),
@@ -113,39 +113,52 @@ def error(arm: ChainArm, dataset: Dataset, got: ElectedFriction) -> Array:
     return np.asarray(off / (NOISE * arm.torque(*state).std(axis=0)))
 
 
-def check(extra: list[tuple[DriveTerm, list[float]]], expected: list[set[str]], seed: int) -> int:
-    """Return the number of wrong elections; what is there has to be among the elected."""
-    arm, dataset = recording(seed, extra)
-    got, names = elected(arm, dataset)
-    assert np.all(error(arm, dataset, got) < 1.0)
-    for mine, there in zip(names, expected, strict=True):
-        assert there <= mine
-    return sum(len(mine - there) for mine, there in zip(names, expected, strict=True))
+Terms = list[tuple[DriveTerm, list[float]]]
 
 
-@pytest.mark.parametrize('n_seeds', [2, pytest.param(20, marks=pytest.mark.slow)])
+def count(extra: Terms, expected: list[set[str]], n_seeds: int) -> tuple[int, float]:
+    """Return how often all that is there was elected, and the mean number of wrong elections."""
+    recovered, wrong = 0, 0
+    for seed in range(n_seeds):
+        arm, dataset = recording(seed, extra)
+        got, names = elected(arm, dataset)
+        pairs = list(zip(names, expected, strict=True))
+        wrong += sum(len(mine - there) for mine, there in pairs)
+        if all(there <= mine for mine, there in pairs):
+            recovered += 1
+            assert np.all(error(arm, dataset, got) < 1.0)
+    return recovered, wrong / n_seeds
+
+
+FEW_OR_MANY = [(2, 2), pytest.param(20, 17, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize(('n_seeds', 'least'), FEW_OR_MANY)
 @pytest.mark.parametrize('name', PRESENT)
-def test_elected_where_it_is(name: str, n_seeds: int) -> None:
+def test_elected_where_it_is(name: str, n_seeds: int, least: int) -> None:
     term, values = PRESENT[name]
     extra = [(DriveTerm(Drive.of_joint(JOINT), term), values)]
-    wrong = [check(extra, [set(), {name}, set()], seed) for seed in range(n_seeds)]
-    assert np.mean(wrong) <= 0.5
+    recovered, wrong = count(extra, [set(), {name}, set()], n_seeds)
+    assert recovered >= least
+    assert wrong <= 0.5
 
 
-@pytest.mark.parametrize('n_seeds', [2, pytest.param(20, marks=pytest.mark.slow)])
-def test_coupled_motors(n_seeds: int) -> None:
+@pytest.mark.parametrize(('n_seeds', 'least'), FEW_OR_MANY)
+def test_coupled_motors(n_seeds: int, least: int) -> None:
     extra = [(DriveTerm(COUPLED, term), [0.1]) for term in (Viscous(), Coulomb(WIDTH))]
     expected = [
         set(),
         {'viscous coupled with joint 3', 'Coulomb coupled with joint 3'},
         {'viscous coupled with joint 2', 'Coulomb coupled with joint 2'},
     ]
-    assert np.mean([check(extra, expected, seed) for seed in range(n_seeds)]) <= 0.5
+    recovered, wrong = count(extra, expected, n_seeds)
+    assert recovered >= least
+    assert wrong <= 0.5
 
 
 @pytest.mark.parametrize('n_seeds', [3, pytest.param(20, marks=pytest.mark.slow)])
 def test_nothing_is_elected_where_there_is_nothing(n_seeds: int) -> None:
-    assert sum(check([], [set()] * 3, seed) for seed in range(n_seeds)) <= n_seeds // 10
+    assert count([], [set()] * N_JOINTS, n_seeds)[1] <= 0.1
 
 
 def test_sticking_near_rest_spoils_nothing() -> None:

@@ -1,0 +1,172 @@
+"""
+Relative scales and signs of the joints' efforts, found in the recording itself.
+
+One set of links has to explain the torques of all joints, since the inertia matrix is symmetric
+and gravity has a potential. So links and one factor per joint, up to a common one, are fitted
+together: alternating least squares where the joints are placed, and the search for the places
+again with efforts that have been divided by the factors. Motor currents and wrong signs show as
+factors other than 1.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.statistics import triangular
+from lip_id_ros.progress import Progress, silent
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.regressor import kinetic_regressor, torque_regressor
+
+SIGN_WIDTH = 0.05
+"""Width of the smooth sign, as a share of each joint's root mean square velocity."""
+
+INITIAL_NOISE = 0.05
+LEAST_NOISE = 1e-4
+ALTERNATIONS, NOISE_ROUNDS = 30, 2
+SEARCHES = 4
+CONVERGED = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class EffortScale:
+    """
+    Efforts as links explain them best.
+
+    Attributes
+    ----------
+    scale : array, shape (n,)
+        Recorded efforts in units of torques that one arm has: negative where the sign is turned;
+        the geometric mean of absolute values is 1.
+    residual : array, shape (n,)
+        Root mean squares of the residuals, as shares of each effort's standard deviation.
+    friction : array, shape (n,)
+        Friction at the usual speed, likewise; negative where it would drive a joint.
+
+    """
+
+    scale: Array
+    residual: Array
+    friction: Array
+
+    @property
+    def mean_residual(self) -> float:
+        """Geometric mean of the residuals over joints."""
+        return float(np.exp(np.mean(np.log(self.residual))))
+
+
+def as_recorded(dataset: Dataset, seed: int, progress: Progress = silent) -> EffortScale:
+    """Explain efforts as they are, by links in places that are searched for; scales are 1."""
+    return _searched(dataset, seed, progress, 1)
+
+
+def find_effort_scale(
+    dataset: Dataset, recorded: EffortScale, seed: int, progress: Progress = silent
+) -> EffortScale:
+    """
+    Find the scales of efforts, the placements of the joints and the links together.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        In the order of time.
+    recorded : EffortScale
+        Efforts as they are; where their friction would drive a joint, the sign is turned first.
+    seed : int
+        Of the searches for placements.
+    progress : callable
+
+    """
+    scale = np.where(recorded.friction < 0.0, -1.0, 1.0)
+    for search in range(SEARCHES):
+        scaled = replace(dataset, tau=dataset.tau / scale)
+        found = _searched(scaled, seed + search, progress, ALTERNATIONS)
+        scale = scale * found.scale
+        if np.allclose(np.abs(found.scale), 1.0, atol=CONVERGED):
+            break
+    return replace(found, scale=scale)
+
+
+def _searched(dataset: Dataset, seed: int, progress: Progress, alternations: int) -> EffortScale:
+    fitter = ArmFitter(dataset)
+    chain = fitter.calibrated(seed, progress).placements.chain
+    return fit_scale(dataset, chain, fitter.link_std, alternations)
+
+
+def fit_scale(
+    dataset: Dataset, chain: Chain, link_std: Array, alternations: int = ALTERNATIONS
+) -> EffortScale:
+    """
+    Fit links, friction and the scales of efforts with the joints in given places.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    chain : Chain
+    link_std : array, shape (n, 11)
+        Prior standard deviations of the links' parameters around zero.
+    alternations : int
+        Of links and scales; with 1 the scales are 1.
+
+    """
+    n, p = link_std.shape[0], link_std.size
+    factors, k = _factors(dataset, chain, link_std)
+    size = _positive(dataset.tau.std(axis=0)) * np.sqrt(dataset.n_samples)
+    own = np.array([factor[k:, k:] for factor in factors])
+    scale, noise = np.ones(n), INITIAL_NOISE * size
+    for alternation in range(alternations + NOISE_ROUNDS):
+        weighted = own.copy()
+        weighted[:, :, :p] *= scale[:, None, None]
+        weighted *= (np.sqrt(dataset.n_samples) / noise)[:, None, None]
+        root = triangular(weighted.reshape(-1, p + 1), np.eye(p, p + 1))
+        links = np.linalg.solve(root[:p, :p], root[:p, p])
+        modelled, measured = own[:, :, :p] @ links, own[:, :, p]
+        if NOISE_ROUNDS <= alternation < alternations + NOISE_ROUNDS - 1:
+            scale = _unit(np.sum(modelled * measured, axis=1), np.sum(modelled**2, axis=1))
+        residual = np.linalg.norm(measured - scale[:, None] * modelled, axis=1)
+        noise = np.maximum(residual, LEAST_NOISE * size)
+    friction = [
+        np.linalg.solve(factor[:k, :k], factor[:k, -1] - factor[:k, k:-1] @ links * s)
+        for factor, s in zip(factors, scale, strict=True)
+    ]
+    usual = np.array([value[0] + value[1] for value in friction])
+    positive = 1.0 if _kinetic_energy(dataset, chain, links * link_std.ravel()) >= 0.0 else -1.0
+    spread = size / np.sqrt(dataset.n_samples)
+    return EffortScale(positive * scale, noise / size, usual / spread)
+
+
+def _factors(dataset: Dataset, chain: Chain, link_std: Array) -> tuple[list[Array], int]:
+    """Return triangular factors [friction, links, effort], and the number of friction terms."""
+    state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
+    links = torque_regressor(chain, *state) * link_std.ravel()
+    speed = _positive(np.sqrt(np.mean(dataset.dq**2, axis=0)))
+    ones = np.ones((dataset.n_samples, 1))
+    factors = []
+    for joint in range(dataset.n_joints):
+        usual = dataset.dq[:, joint : joint + 1] / speed[joint]
+        own = np.hstack([usual, np.tanh(usual / SIGN_WIDTH), ones])
+        effort = dataset.tau[:, joint : joint + 1]
+        ridge = np.eye(own.shape[1], own.shape[1] + links.shape[2] + 1) * LEAST_NOISE
+        factors.append(triangular(np.hstack([own, links[:, joint], effort]), ridge))
+    return factors, 3
+
+
+def _kinetic_energy(dataset: Dataset, chain: Chain, links: Array) -> float:
+    state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq))
+    return float(np.mean(kinetic_regressor(chain, *state) @ links))
+
+
+def _unit(product: Array, power: Array) -> Array:
+    """Return scales with a geometric mean of 1."""
+    scale = product / np.maximum(power, 1e-300)
+    scale = np.where(np.abs(scale) > 1e-6, scale, 1e-6)
+    return np.asarray(scale / np.exp(np.mean(np.log(np.abs(scale)))))
+
+
+def _positive(values: Array) -> Array:
+    return np.where(values > 0.0, values, 1.0)
