@@ -30,7 +30,7 @@ PARTS = {
     'dataset': set(),
     'recording': {'settings'},
     'preprocessing': {'settings', 'dataset', 'recording'},
-    'health': {'settings', 'dataset', 'recording', 'preprocessing'},
+    'health': {'settings', 'dataset', 'recording', 'preprocessing', 'identification'},
     'rigid_body': set(),
     'friction': set(),
     'identification': {'dataset', 'friction', 'linear_algebra', 'rigid_body', 'settings'},
