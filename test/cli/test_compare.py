@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import json
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from cli.conftest import Workshop
 import pytest
 
 from lip_id_ros.cli import main
+from lip_id_ros.comparison import Case, Results
 
 Capture = pytest.CaptureFixture[str]
 
@@ -75,3 +77,26 @@ def test_numbers_of_samples_are_positive(text: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit):
         main(['compare', 'run', '-o', 'out', f'--samples={text}'])
     assert 'expected a whole number above 0' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('share', [0.8, 0.25])
+def test_the_first_share_of_the_samples_is_for_training(
+    workshop: Workshop, here: Path, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Case] = []
+
+    def keep(cases: Sequence[Case], *_: object) -> Results:
+        seen.extend(cases)
+        return Results((), (), ())
+
+    monkeypatch.setattr('lip_id_ros.comparison.compare', keep)
+    monkeypatch.setattr('lip_id_ros.comparison.report.write_comparison', lambda *_: Path('page'))
+    settings = here / 'all.yaml'
+    settings.write_text('preprocessing: {min_velocity: 0.0, decimate: 1}')
+    given = ['compare', str(workshop.bag), '--config', str(settings), '-o', 'out']
+    assert main([*given, '--train-share', str(share)]) == 0
+
+    (case,) = seen
+    (test,) = case.tests.values()
+    assert case.train.n_samples == round(share * (case.train.n_samples + test.n_samples))
+    assert case.train.t.max() < test.t.min()
