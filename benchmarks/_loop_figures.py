@@ -53,6 +53,11 @@ class Timeline:
             self._answered[number] = time.perf_counter()
             self._unsafe += not safe
 
+    @property
+    def n_lost(self) -> int:
+        """Number of ticks without an answer."""
+        return int(np.isnan(self._answered).sum())
+
     def figures(self) -> dict[str, float]:
         """
         Return what the loop saw.

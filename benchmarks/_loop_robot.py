@@ -32,7 +32,7 @@ Motion = tuple[Array, Array, Array]
 
 RATE_HZ = 1000
 PLAN_HZ = 100
-START_SECONDS, LAST_SECONDS = 120.0, 1.0
+START_SECONDS, LAST_SECONDS = 120.0, 5.0
 SETUP = panda_setup()
 NAMES = list(SETUP.arm.joint_names)
 BOUNDS = np.array(LIMITS)
@@ -73,7 +73,7 @@ def main(request: dict[str, Any]) -> dict[str, Any]:
             f'{name}_cpu_percent': 100 * (cpu_seconds(process.pid) - used[name]) / elapsed
             for name, process in others.items()
         }
-        time.sleep(LAST_SECONDS)
+        wait_for_last(timeline)
     return {**request, **cpu, **timeline.figures(), 'rms_error_mrad': 1e3 * error}
 
 
@@ -266,6 +266,15 @@ def wait_for(condition: Callable[[], bool], attempt: Callable[[], None]) -> None
         time.sleep(0.1)
         if time.monotonic() > deadline:
             raise TimeoutError(f'no answer in {START_SECONDS:g} s')
+
+
+def wait_for_last(timeline: Timeline) -> None:
+    """Wait until each tick is answered, or no answer has come for some seconds."""
+    n_lost, since = timeline.n_lost, time.monotonic()
+    while n_lost and time.monotonic() < since + LAST_SECONDS:
+        time.sleep(0.1)
+        if timeline.n_lost < n_lost:
+            n_lost, since = timeline.n_lost, time.monotonic()
 
 
 def controlling() -> AbstractContextManager[subprocess.Popen[bytes]]:

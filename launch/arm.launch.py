@@ -2,58 +2,46 @@
 Both nodes of one arm: ``ros2 launch lip_id_ros arm.launch.py params_file:=panda.yaml``.
 
 The parameter file has a section for each node, as config/panda.yaml. `serve` waits unconfigured
-for the model that `train` makes, unless `autostart` is true.
+for the model that `train` writes, unless `autostart` is true.
 
 """
 
 from ament_index_python.packages import get_package_share_path
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.actions import IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
+
+from lip_id_ros.nodes.launch_arguments import argument, common_arguments, JOINT_STATES
 
 SHARED = ('params_file', 'namespace', 'joint_states', 'use_sim_time')
 OF_SERVE = ('model_path', 'desired_trajectory', 'trajectory_with_effort', 'autostart')
 
 
 def generate_launch_description() -> LaunchDescription:
-    def included(name: str, arguments: tuple[str, ...]) -> IncludeLaunchDescription:
+    def included(name: str, names: tuple[str, ...]) -> IncludeLaunchDescription:
         path = str(get_package_share_path('lip_id_ros') / 'launch' / name)
-        handed_on = {argument: LaunchConfiguration(argument) for argument in arguments}
         return IncludeLaunchDescription(
-            PythonLaunchDescriptionSource(path), launch_arguments=handed_on.items()
+            PythonLaunchDescriptionSource(path),
+            launch_arguments={each: LaunchConfiguration(each) for each in names}.items(),
         )
 
     return LaunchDescription(
         [
-            DeclareLaunchArgument('params_file', description='Parameters of train and serve.'),
-            DeclareLaunchArgument(
-                'model_path',
-                default_value='model.npz',
-                description='Model to serve: what model_path of train says.',
-            ),
-            DeclareLaunchArgument('namespace', default_value='', description='Of the robot.'),
-            DeclareLaunchArgument(
-                'joint_states',
-                default_value='joint_states',
-                description='Topic of the measured joint states.',
-            ),
-            DeclareLaunchArgument(
+            *common_arguments(None, 'train and serve'),
+            argument(*JOINT_STATES),
+            argument('model_path', 'model.npz', 'Model to serve: the model_path of train.'),
+            argument(
                 'desired_trajectory',
-                default_value='~/desired_trajectory',
-                description='Topic of the references and plans.',
+                '~/desired_trajectory',
+                'Topic of the references and plans.',
             ),
-            DeclareLaunchArgument(
+            argument(
                 'trajectory_with_effort',
-                default_value='~/trajectory_with_effort',
-                description='Topic of plans with efforts.',
+                '~/trajectory_with_effort',
+                'Topic of plans with efforts.',
             ),
-            DeclareLaunchArgument(
-                'use_sim_time', default_value='false', description='Follow /clock.'
-            ),
-            DeclareLaunchArgument(
-                'autostart', default_value='false', description='Serve from the start.'
-            ),
+            argument('autostart', 'false', 'Whether serve configures and activates itself.'),
             included('train.launch.py', SHARED),
             included('serve.launch.py', SHARED + OF_SERVE),
         ]

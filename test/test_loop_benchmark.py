@@ -98,5 +98,7 @@ def test_torques_come_through_the_middleware(
     assert [row['route'] for row in rows] == routes
     for row in rows:
         assert (row['ticks'], row['unsafe']) == (1000, 0)
-        assert row['lost'] < 1000
         assert row['rms_error_mrad'] < 100.0
+    # references and their answers are reliable; joint states may be lost
+    assert rows[0]['lost'] == 0
+    assert rows[1]['lost'] < 100

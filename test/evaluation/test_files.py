@@ -84,8 +84,11 @@ def test_npz_holds_everything_predicted(tmp_path: Path) -> None:
         np.testing.assert_array_equal(arrays[name], getattr(expected, name))
     np.testing.assert_array_equal(arrays['tau_measured'], data.tau)
     np.testing.assert_array_equal(arrays['t'], data.t)
-    assert arrays['tau_std'].shape == data.tau.shape
-    assert arrays['kinetic_std'].shape == (data.n_samples,)
+    deviation = estimator.predict(data.q, data.dq, data.ddq, return_std=True).std
+    assert deviation is not None
+    assert deviation.potential is not None
+    for name in ('tau', 'kinetic', 'potential'):
+        np.testing.assert_array_equal(arrays[f'{name}_std'], getattr(deviation, name))
     assert arrays['joint_names'].tolist() == list(data.joint_names)
 
 

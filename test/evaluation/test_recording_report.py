@@ -22,7 +22,14 @@ def test_pictures_show_every_joint_as_it_was_recorded() -> None:
         joint, column_ = divmod(number, 3)
         values = (samples.position, samples.velocity, samples.effort)[column_][:, joint]
         (line,) = panel.get_lines()
-        assert set(np.asarray(line.get_ydata())) <= set(values)
+        t, drawn = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        rows = np.searchsorted(samples.t, t)
+        np.testing.assert_array_equal(samples.t[rows], t)
+        np.testing.assert_array_equal(drawn, values[rows])
+        # from the first sample to the last, evenly: a thousand of them, or all
+        assert (rows[0], rows[-1]) == (0, samples.n_samples - 1)
+        assert len(rows) >= min(1000, samples.n_samples)
+        assert np.ptp(np.diff(rows)) <= 1
     covered = coverage(evidence_of(samples))
     assert [panel.get_title(loc='left') for panel in covered.axes if panel.get_visible()] == list(
         samples.joint_names

@@ -107,10 +107,10 @@ class Client:
         )
         return self.call(SetParameters, f'/{node}/set_parameters', request).results[0]
 
-    def transition(self, number: int) -> bool:
+    def transition(self, number: int, node: str = '/serve') -> bool:
         request = ChangeState.Request()
         request.transition.id = number
-        return bool(self.call(ChangeState, '/serve/change_state', request).success)
+        return bool(self.call(ChangeState, f'{node}/change_state', request).success)
 
     def state(self) -> str:
         return str(self.call(GetState, '/serve/get_state', GetState.Request()).current_state.label)

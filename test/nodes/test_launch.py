@@ -214,3 +214,13 @@ def test_every_launch_file_takes_the_usual_arguments(name: str) -> None:
     arguments = source.get_launch_description(LaunchContext()).get_launch_arguments()
     names = {argument.name for argument in arguments}
     assert {'params_file', 'namespace', 'use_sim_time'} <= names
+
+
+def test_the_demo_runs_in_a_namespace(ros: tuple[Graph, Client], tmp_path: Path) -> None:
+    graph, client = ros
+    with launched(graph, 'demo.launch.py', f'output:={tmp_path}', 'namespace:=cell'):
+        assert client.status('cell/train', lambda status: True)['rows'] == 0
+        assert client.status('cell/serve', lambda status: True)['state'] == 'unconfigured'
+        client.wait_until(
+            lambda: client.node.count_publishers('/cell/joint_states'), 'the simulated arm'
+        )

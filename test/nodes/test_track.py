@@ -64,14 +64,14 @@ def test_the_arm_follows_the_reference_through_serve_and_controller(
 
     with launched(
         graph, 'track.launch.py', f'model_path:={panda_model}', 'n_joints:=2', 'autostart:=false',
-        f'horizon:={HORIZON}', f'params_file:={tmp_path / "two.yaml"}',
+        f'horizon:={HORIZON}', f'params_file:={tmp_path / "two.yaml"}', 'namespace:=cell',
     ):  # fmt: skip
-        states = client.listen(JointState, '/joint_states', ALL)
-        commands = client.listen(JointState, '/computed_torque/command', ALL)
+        states = client.listen(JointState, '/cell/joint_states', ALL)
+        commands = client.listen(JointState, '/cell/computed_torque/command', ALL)
         # the arm stands until `serve` is active, and the motion begins with the stamp it stands at
         client.wait_until(lambda: states, 'the first joint state')
-        assert client.transition(Transition.TRANSITION_CONFIGURE)
-        assert client.transition(Transition.TRANSITION_ACTIVATE)
+        assert client.transition(Transition.TRANSITION_CONFIGURE, '/cell/serve')
+        assert client.transition(Transition.TRANSITION_ACTIVATE, '/cell/serve')
         client.wait_until(lambda: seconds(states)[-1] > HORIZON, 'the end of the motion')
 
     t = seconds(states)

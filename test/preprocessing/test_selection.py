@@ -33,14 +33,24 @@ def with_velocity(dq: list[list[float]]) -> Dataset:
     )
 
 
-@given(st.floats(0.0, 0.3))
-def test_every_sample_for_training_moves_and_no_other_is_left_out(share: float) -> None:
-    data = for_training(DATA, PreprocessingSettings(min_velocity=share))
-    slowest = share * np.sqrt(np.mean(np.square(DATA.dq), axis=0))
-    fast = (np.abs(DATA.dq) >= slowest).all(axis=1)
-    np.testing.assert_array_equal(data.t, DATA.t[fast])
-    left_out = data.provenance.get('moving', {'samples': DATA.n_samples, 'of': DATA.n_samples})
-    assert left_out == {'samples': int(fast.sum()), 'of': DATA.n_samples}
+@pytest.mark.parametrize(
+    ('share', 'kept'),
+    [
+        (0.1, [0, 1, 2, 3, 4, 5]),
+        (0.21, [0, 1, 3, 4, 5]),  # 0.42 rad/s of the first joint
+        (0.26, [0, 1, 3, 5]),  # 1.04 rad/s of the second
+        (0.6, [0, 5]),  # 1.2 rad/s of the first
+    ],
+)
+def test_samples_at_which_a_joint_is_slow_are_left_out(share: float, kept: list[int]) -> None:
+    # root mean squares of 2 and 4 rad/s
+    fast = [[3.0, 6.0], [-1.0, 4.0], [0.4, -2.0], [1.0, -4.0], [2.0, 1.0], [-2.9732, -4.7958]]
+    data = with_velocity(fast)
+    np.testing.assert_allclose(np.sqrt(np.mean(data.dq**2, axis=0)), [2.0, 4.0], rtol=1e-3)
+    chosen = for_training(data, PreprocessingSettings(min_velocity=share))
+    np.testing.assert_array_equal(chosen.t, kept)
+    left = chosen.provenance.get('moving', {'samples': 6, 'of': 6})
+    assert left == {'samples': len(kept), 'of': 6}
 
 
 def test_a_joint_that_never_moves_is_not_asked() -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.simulation import (
     Arm,
     Drives,
@@ -132,18 +135,36 @@ def test_same_seed_same_motion(arm: Arm) -> None:
     assert not np.array_equal(runs[0].q, runs[2].q)
 
 
+class Bodies(NamedTuple):
+    mass: Array
+    centre: Array
+    inertia: Array
+
+
+def bodies(arm: Arm) -> Bodies:
+    """Masses (n,), centres of mass (n, 3) and inertias (n, 3, 3) of the moving bodies."""
+    each = list(arm._model.inertias)[1:]
+    return Bodies(
+        np.array([body.mass for body in each]),
+        np.array([body.lever for body in each]),
+        np.array([body.inertia for body in each]),
+    )
+
+
 def test_wrong_masses_are_wrong_within_bounds(arm: Arm) -> None:
     still, down = np.zeros((1, 7)), np.array([[0.0, 1.5, 0, 0, 0, 0, 0]])
     right = arm.inverse_dynamics(down, still, still)
     wrong = arm.with_wrong_masses(0.2, 0.0, np.random.default_rng(3))
     moved = arm.with_wrong_masses(0.0, 0.02, np.random.default_rng(3))
 
-    # gravity's torque at the second joint is linear in the masses
-    share = wrong.inverse_dynamics(down, still, still)[0, 1] / right[0, 1] - 1
-    assert 0.005 < abs(share) < 0.2
-    weight = 9.81 * 18.0  # all bodies together are lighter than 18 kg
-    shift = moved.inverse_dynamics(down, still, still)[0, 1] - right[0, 1]
-    assert 0.01 < abs(shift) < 0.02 * weight
+    exact, heavy, shifted = (bodies(each) for each in (arm, wrong, moved))
+    share = heavy.mass / exact.mass - 1.0
+    assert 0.1 < np.abs(share).max() <= 0.2
+    np.testing.assert_allclose(heavy.inertia, (1.0 + share)[:, None, None] * exact.inertia)
+    np.testing.assert_array_equal(heavy.centre, exact.centre)
+    assert 0.015 < np.abs(shifted.centre - exact.centre).max() <= 0.02
+    np.testing.assert_array_equal(shifted.mass, exact.mass)
+    np.testing.assert_array_equal(shifted.inertia, exact.inertia)
     np.testing.assert_array_equal(arm.inverse_dynamics(down, still, still), right)
     with_same_seed = arm.with_wrong_masses(0.2, 0.0, np.random.default_rng(3))
     np.testing.assert_array_equal(

@@ -58,15 +58,23 @@ def test_same_seed_same_motion() -> None:
     assert not np.allclose(random(3).sample(t), random(4).sample(t))
 
 
-def test_repeats_after_its_period() -> None:
-    np.testing.assert_allclose(
-        random(2).sample(np.array([1.0])), random(2).sample(np.array([51.0])), atol=1e-9
-    )
+def test_repeats_after_its_period_and_not_before() -> None:
+    first = random(2).sample(np.array([1.0]))
+    np.testing.assert_allclose(first, random(2).sample(np.array([51.0])), atol=1e-9)
+    for fraction in (2, 3, 5):
+        assert not np.allclose(first, random(2).sample(np.array([1.0 + 50.0 / fraction])))
 
 
 def test_limits_of_the_first_joints() -> None:
-    assert MOTION.first(3).n_joints == 3
-    assert SinusoidTrajectory.random(MOTION.first(3), np.random.default_rng(0)).n_joints == 3
+    first = MOTION.first(3)
+    for name in ('q_min', 'q_max', 'dq_max', 'ddq_max'):
+        np.testing.assert_array_equal(getattr(first, name), getattr(MOTION, name)[:3])
+    trajectory = SinusoidTrajectory.random(first, np.random.default_rng(0))
+    q, dq, ddq = trajectory.sample(np.linspace(0.0, trajectory.period, 5000))
+    assert q.shape == (5000, 3)
+    assert np.all((first.q_min <= q) & (q <= first.q_max))
+    assert np.all(np.abs(dq) <= first.dq_max)
+    assert np.all(np.abs(ddq) <= first.ddq_max)
 
 
 def test_limits_of_different_lengths() -> None:
