@@ -5,13 +5,14 @@ ARGS ?=
 # two workers need 4 GB of memory
 WORKERS ?= -n logical --maxprocesses 4 --dist loadgroup
 
-.PHONY: help setup setup-run demo test test-fast check bench clean distclean
+.PHONY: help setup setup-run demo test test-fast check mutants bench clean distclean
 
 help:
 	@echo 'make demo       simulated arm: record, fit, serve, compare with the truth (demo_output/)'
 	@echo 'make test       all tests that this machine can run'
 	@echo 'make test-fast  the tests that take neither long nor ROS'
 	@echo 'make check      format, lint, types, direction of imports'
+	@echo 'make mutants    deliberate bugs that the tests must catch; takes long'
 	@echo 'make bench      how fast and how accurate'
 	@echo 'make setup      install what all of them need under .deps/ (each does so by itself)'
 	@echo 'make setup-run  install what the package and the demo need: without torch and test tools'
@@ -35,6 +36,9 @@ test-fast: setup
 
 check: setup
 	@$(ENV) ruff format --check . && ruff check . && mypy && python -m pytest -q test/test_imports.py
+
+mutants: setup
+	@$(ENV) python scripts/mutants.py $(ARGS)
 
 bench: setup
 	@$(ENV) python -m benchmarks $(ARGS)
