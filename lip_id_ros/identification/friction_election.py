@@ -38,8 +38,12 @@ from lip_id_ros.friction.terms import (
     Viscous,
 )
 from lip_id_ros.identification.left_out import LeftOutBlocks, LeftOutFit
-from lip_id_ros.identification.noise import estimate_noise, TorqueNoise
-from lip_id_ros.identification.statistics import contiguous_blocks, TorqueStatistics
+from lip_id_ros.identification.noise import estimate_noise, outlier_weights, TorqueNoise
+from lip_id_ros.identification.statistics import (
+    contiguous_blocks,
+    leverage_weights,
+    TorqueStatistics,
+)
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
@@ -101,6 +105,24 @@ class ElectedFriction:
     link_parameters: Array
     noise: TorqueNoise
     plain_std: Array
+
+    def weights(self, dataset: Dataset, chain: Chain) -> Array:
+        """
+        Return the weights of samples in a fit, shape (N, n): less near rest, and for bad ones.
+
+        Parameters
+        ----------
+        dataset : Dataset
+            Any of the same arm.
+        chain : Chain
+            That the friction was elected with.
+
+        """
+        state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
+        links = torque_regressor(chain, *state) @ self.link_parameters.ravel()
+        residuals = dataset.tau - links - self.friction.torque(dataset.q, dataset.dq, links)
+        outliers = outlier_weights(residuals, self.noise.std_at(dataset.dq))
+        return np.asarray(self.noise.weights(dataset.dq) * outliers)
 
 
 def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFriction:
@@ -196,7 +218,10 @@ class _Election:
             np.flatnonzero(self._links[:, joint].any(axis=0)) for joint in range(dataset.n_joints)
         ]
         self.no_load = np.zeros_like(dataset.tau)
-        self._weights = np.ones_like(dataset.tau)
+        self._leverage = leverage_weights(
+            [self._links[:, joint, used] for joint, used in enumerate(self._used)]
+        )
+        self._weights = self._leverage
         self.n_links = link_std.size
 
     def sign_widths(self, chosen: Sequence[Candidate], load: Array) -> Array:
@@ -258,7 +283,8 @@ class _Election:
             own = np.sum(rows * thetas[:, self.n_links + column], axis=1)
             residuals[:, joint] = dataset.tau[:, joint] - links - own
         noise = estimate_noise(residuals, dataset.dq)
-        self._weights = noise.weights(dataset.dq)
+        outliers = outlier_weights(residuals, noise.std_at(dataset.dq))
+        self._weights = noise.weights(dataset.dq) * outliers * self._leverage
         return noise
 
     def links_torque(self, fit: LeftOutFit) -> Array:

@@ -9,7 +9,7 @@ present state predicts. Such samples stay in the fit, with the deviation that th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,9 @@ RATIOS = (1.0, 2.0, 4.0, 8.0, 16.0)
 
 VELOCITIES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 """Velocities up to which a joint is near rest that are tried, in root mean square velocities."""
+
+MOST, THRESHOLD = 10.0, 4.0
+"""Standard deviations at which residuals are clipped, and beyond which samples count for less."""
 
 LEAST_GAIN = 0.02
 """Least increase of the log likelihood per sample for which noise near rest differs."""
@@ -62,7 +65,7 @@ class TorqueNoise:
 
 def estimate_noise(residuals: Array, dq: Array) -> TorqueNoise:
     """
-    Choose the noise by its likelihood.
+    Choose the noise by its likelihood, with residuals clipped at `MOST` robust deviations.
 
     Parameters
     ----------
@@ -72,6 +75,35 @@ def estimate_noise(residuals: Array, dq: Array) -> TorqueNoise:
         [rad/s or m/s].
 
     """
+    scale = 1.4826 * np.median(np.abs(residuals), axis=0)
+    bound = np.where(scale > 0.0, MOST * scale, np.inf)
+    clipped = np.clip(residuals, -bound, bound)
+    noise = _likeliest(clipped, dq)
+    weights = noise.weights(dq) * outlier_weights(residuals, noise.std_at(dq))
+    squares = np.sum(weights * residuals**2, axis=0) / np.sum(weights, axis=0)
+    return replace(noise, std=np.sqrt(squares))
+
+
+def outlier_weights(residuals: Array, std: Array) -> Array:
+    """
+    Weights of an iteratively reweighted fit (Huber 1964; beyond twice the threshold redescending).
+
+    Parameters
+    ----------
+    residuals, std : arrays, shape (N, n)
+        [N m or N].
+
+    Returns
+    -------
+    array, shape (N, n)
+        1 up to `THRESHOLD` standard deviations.
+
+    """
+    ratio = THRESHOLD / np.maximum(np.abs(residuals) / np.maximum(std, 1e-300), THRESHOLD)
+    return np.asarray(np.where(ratio < 0.5, 2.0 * ratio**2, ratio))
+
+
+def _likeliest(residuals: Array, dq: Array) -> TorqueNoise:
     speed = np.sqrt(np.mean(dq**2, axis=0))
     best = TorqueNoise.constant(np.sqrt(np.mean(residuals**2, axis=0)))
     best_value = _log_likelihood(best, residuals, dq) + LEAST_GAIN

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from gp.chains import ChainArm, R, random_arm
 import numpy as np
 import pytest
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import (
@@ -185,3 +186,33 @@ def test_a_joint_that_nothing_explains_spoils_no_other() -> None:
     spoilt, _ = elected(arm, replace(dataset, tau=tau))
     before, after = (error(arm, dataset, got)[:2] for got in (clean, spoilt))
     assert np.all(after < 1.5 * before)
+
+
+def with_spikes(dataset: Dataset) -> tuple[Dataset, BoolArray]:
+    """Let 2 % of the torques be off by ten standard deviations of the torque."""
+    rng = np.random.default_rng(9)
+    bad = rng.random(dataset.tau.shape) < 0.02
+    off = 10.0 * dataset.tau.std(axis=0) * rng.choice([-1.0, 1.0], bad.shape)
+    return replace(dataset, tau=dataset.tau + np.where(bad, off, 0.0)), bad
+
+
+def with_absurd_accelerations(dataset: Dataset) -> tuple[Dataset, BoolArray]:
+    """Let one in 200 accelerations be a hundred times too large."""
+    bad = np.arange(dataset.n_samples) % 200 == 0
+    ddq = np.where(bad[:, None], 100.0 * dataset.ddq, dataset.ddq)
+    return replace(dataset, ddq=ddq), np.broadcast_to(bad[:, None], ddq.shape)
+
+
+@pytest.mark.parametrize('spoil', [with_spikes, with_absurd_accelerations])
+def test_bad_samples_change_little(
+    spoil: Callable[[Dataset], tuple[Dataset, BoolArray]],
+) -> None:
+    arm, dataset = recording(0, [])
+    bad_dataset, bad = spoil(dataset)
+    clean, _ = elected(arm, dataset)
+    got, names = elected(arm, bad_dataset)
+    assert names == [set()] * N_JOINTS
+    assert np.all(error(arm, dataset, got) < 1.1 * error(arm, dataset, clean) + 0.01)
+    weights = got.weights(bad_dataset, Chain(*arm.links.chain))
+    assert np.mean(weights[~bad] > 0.9) > 0.99
+    assert np.median(weights[bad]) < 0.01
