@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+import io
 from pathlib import Path
+import struct
 from typing import Any
+import zipfile
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -310,3 +314,164 @@ def test_concatenate_refuses_other_arms(changes: dict[str, Any], sentence: str) 
 def test_concatenate_refuses_nothing() -> None:
     with pytest.raises(DataError, match=r'^at least one data set is needed to concatenate'):
         concatenate([])
+
+
+def test_provenance_that_is_no_mapping_is_refused(tmp_path: Path) -> None:
+    whole = dict.fromkeys(('q', 'dq', 'ddq', 'tau'), np.zeros((2, 1)))
+    write_npz(tmp_path / 'x.npz', whole, {'provenance': 5})
+    with pytest.raises(DataError, match=r"the provenance in .*x.npz must be a mapping, not '5'; "):
+        Dataset.load(tmp_path / 'x.npz')
+
+
+def huge_shape() -> bytes:
+    header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000, 7), }"
+    return b'\x93NUMPY\x01\x00' + struct.pack('<H', len(header) + 1) + header + b'\n'
+
+
+@pytest.mark.parametrize(
+    'member',
+    [
+        ('q.npy', huge_shape()),
+        ('q.npy', bytes(2**29)),
+        ('header_json.npy', None),
+    ],
+    ids=['shape', 'bomb', 'deep'],
+)
+def test_hostile_archive_takes_a_sentence(
+    tmp_path: Path, member: tuple[str, bytes | None]
+) -> None:
+    name, content = member
+    if content is None:
+        deep = io.BytesIO()
+        np.save(deep, np.array('[' * 200_000))
+        content = deep.getvalue()
+    with zipfile.ZipFile(tmp_path / 'x.npz', 'w', zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(name, content)
+    with pytest.raises(DataError, match=r'x.npz is not a data set \(.*\); write one with'):
+        Dataset.load(tmp_path / 'x.npz')
+
+
+def test_from_arrays_fills_in_names_types_and_times() -> None:
+    rng = np.random.default_rng(0)
+    q, dq, ddq, tau = rng.normal(size=(4, 5, 3))
+    data = Dataset.from_arrays(q, dq, ddq.tolist(), tau)
+    np.testing.assert_array_equal(data.ddq, ddq)
+    assert data.joint_names == ('joint_1', 'joint_2', 'joint_3')
+    assert data.joint_types == ('revolute',) * 3
+    np.testing.assert_array_equal(data.t, np.arange(5.0))
+    assert not data.segment.any()
+    assert not data.recording.any()
+    given = Dataset.from_arrays(
+        q,
+        dq,
+        ddq,
+        tau,
+        ['a', 'b', 'c'],
+        ['revolute', 'prismatic', 'revolute'],
+        t=0.1 * np.arange(5),
+    )
+    assert given.joint_names == ('a', 'b', 'c')
+    assert given.joint_types[1] == 'prismatic'
+    assert given.t[-1] == pytest.approx(0.4)
+    one = Dataset.from_arrays(*rng.normal(size=(4, 5)))
+    assert one.q.shape == (5, 1)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'error', 'sentence'),
+    [
+        ({'q': np.zeros((2, 2, 2))}, ShapeError, r'^q must have shape \(samples, joints\) .*not'),
+        ({'q': 1.0}, ShapeError, r'^q must have shape \(samples, joints\) .*not \(\)\.$'),
+        ({'tau': np.zeros((4, 2))}, ShapeError, r'^tau must have shape \(5, 2\) like q, not \(4'),
+        ({'dq': [['x', 'y']] * 5}, DataError, r'^dq must hold numbers, not <U1; convert it first'),
+        (
+            {'joint_names': ['a']},
+            ShapeError,
+            r'^joint_names must name the 2 joints of q, not 1\.$',
+        ),
+        ({'joint_types': ['ball', 'ball']}, DataError, r'^a joint type must be revolute or pris'),
+        ({'t': [0, 1, 2, 1, 4]}, DataError, r'^t must not decrease within a segment, but goes fr'),
+    ],
+)
+def test_from_arrays_names_what_is_wrong(
+    changes: dict[str, Any], error: type[DataError], sentence: str
+) -> None:
+    arrays: dict[str, Any] = dict.fromkeys(('q', 'dq', 'ddq', 'tau'), np.zeros((5, 2)))
+    with pytest.raises(error, match=sentence):
+        Dataset.from_arrays(**(arrays | changes))
+
+
+def of_recordings() -> Dataset:
+    return dataset(segment=[0, 0, 1, 1, 2, 2], recording=[3, 3, 3, 3, 7, 7])
+
+
+@pytest.mark.parametrize('suffix', ['npz', 'csv'])
+def test_the_number_of_the_recording_is_kept(tmp_path: Path, suffix: str) -> None:
+    data = of_recordings()
+    data.save(tmp_path / f'data.{suffix}')
+    again = Dataset.load(tmp_path / f'data.{suffix}')
+    np.testing.assert_array_equal(again.recording, [3, 3, 3, 3, 7, 7])
+    np.testing.assert_array_equal(data.select([0, 4]).recording, [3, 7])
+    np.testing.assert_array_equal(data.split(0.5)[1].recording, [3, 7, 7])
+    np.testing.assert_array_equal(data.with_joints(['elbow']).recording, data.recording)
+    joined = concatenate([data, dataset(), data])
+    np.testing.assert_array_equal(
+        joined.recording, [0] * 4 + [1] * 2 + [2] * 6 + [3] * 4 + [4] * 2
+    )
+    np.testing.assert_array_equal(
+        joined.segment, np.repeat(np.arange(8), [2, 2, 2, 3, 3, 2, 2, 2])
+    )
+
+
+def test_a_segment_of_two_recordings_is_refused() -> None:
+    with pytest.raises(DataError, match=r'^a segment must be of one recording, but segment 0 is '):
+        dataset(recording=[0, 0, 1, 1, 1, 1])
+    with pytest.raises(ShapeError, match=r'^recording must have shape \(6,\) like q, not \(2'):
+        dataset(recording=[0, 1])
+
+
+@given(
+    lengths=st.lists(st.integers(1, 60), min_size=1, max_size=8),
+    count=st.integers(2, 5),
+    guard=st.integers(0, 6),
+)
+def test_blocks_cover_all_and_keep_their_distance(
+    lengths: list[int], count: int, guard: int
+) -> None:
+    segment = np.repeat(np.arange(len(lengths)), lengths)
+    zeros = np.zeros((segment.size, 1))
+    data = Dataset(
+        t=np.arange(segment.size, dtype=float),
+        q=zeros,
+        dq=zeros,
+        ddq=zeros,
+        tau=zeros,
+        joint_names=('a',),
+        joint_types=('revolute',),
+        segment=segment,
+    )
+    try:
+        blocks = data.blocks(count, guard)
+    except DataError:
+        assert segment.size < 3 * count * (guard + 1)
+        return
+    np.testing.assert_array_equal(
+        np.concatenate([block.held_out for block in blocks]), np.arange(segment.size)
+    )
+    for block in blocks:
+        first, last = block.held_out[0], block.held_out[-1]
+        assert not np.intersect1d(block.training, block.held_out).size
+        for row in np.setdiff1d(np.arange(segment.size), block.held_out):
+            near = min(abs(row - first), abs(row - last)) <= guard
+            same = segment[row] == (segment[first] if row < first else segment[last])
+            assert (row in block.training) == (not (near and same))
+
+
+def test_a_block_ends_with_a_segment_that_ends_near() -> None:
+    segment = np.repeat([0, 1, 2], [95, 110, 95])
+    zeros = np.zeros((300, 1))
+    data = Dataset.from_arrays(zeros, zeros, zeros, zeros)
+    data = dataclasses.replace(data, segment=segment)
+    first, second, _ = data.blocks(3)
+    assert (second.held_out[0], second.held_out[-1]) == (95, 204)
+    assert first.training[0] == 95

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+import fcntl
+import glob
 import os
 from pathlib import Path
 import shutil
@@ -16,7 +19,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.files import move_into_place
+from lip_id_ros.files import is_stream, move_into_place
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 NUMBER = 'std_msgs/msg/Float64'
 BAG_VERSION: Literal[8] = 8  # the newest that Humble reads too
+
+_SCRATCH = '.lip_id_ros.'
 
 
 class Track(Protocol):
@@ -134,6 +139,8 @@ def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     """
     Write one MCAP file, in place of any that was there.
 
+    A link is followed, the mode of an existing file is kept, a pipe or a device is written to.
+
     Parameters
     ----------
     path : path
@@ -145,23 +152,42 @@ def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
         If the file cannot be written.
 
     """
-    target = Path(os.path.realpath(path))
+    target = (
+        Path(tempfile.gettempdir(), 'bag') if is_stream(path) else Path(os.path.realpath(path))
+    )
 
     def keep(bag: Path) -> None:
         (storage,) = bag.glob('*.mcap')
-        move_into_place(storage, target)
+        move_into_place(storage, path)
 
     _in_scratch(target, tracks, keep)
 
 
 def _in_scratch(target: Path, tracks: Sequence[Track], keep: Callable[[Path], object]) -> None:
-    scratch = Path(tempfile.mkdtemp(prefix=f'.{target.name}.', dir=target.parent))
+    prefix = f'.{target.name}{_SCRATCH}'
+    for left in target.parent.glob(f'{glob.escape(prefix)}*'):
+        _remove_unlocked(left)
+    scratch = Path(tempfile.mkdtemp(prefix=prefix, dir=target.parent))
+    lock = os.open(scratch, os.O_RDONLY)
     try:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # until it is closed: see _remove_unlocked
         bag = scratch / target.stem
         _write(bag, tracks)
         keep(bag)
     finally:
+        os.close(lock)
         shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _remove_unlocked(scratch: Path) -> None:
+    """Remove what a killed write left: nobody locks it."""
+    with suppress(OSError):
+        lock = os.open(scratch, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(scratch, ignore_errors=True)
+        finally:
+            os.close(lock)
 
 
 def _write(bag: Path, tracks: Sequence[Track]) -> None:

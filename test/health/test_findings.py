@@ -312,3 +312,58 @@ def test_any_recording_can_be_examined(seed: int, count: int, n_joints: int, sca
     for finding in found(JointSamples(t, position, velocity, effort, names)):
         assert 'nan' not in finding.text.split()
         assert finding.text.endswith('.')
+
+
+def cut_off(seconds: float) -> Break:
+    return lambda samples: rows(samples, samples.t <= seconds)
+
+
+def stopped(seconds: float) -> Break:
+    """Freeze an effort where its joint moves most."""
+
+    def stop(samples: JointSamples) -> JointSamples:
+        count = round(seconds * RATE) + 1
+        position = samples.position[:, JOINT]
+        windows = np.lib.stride_tricks.sliding_window_view(position, count)
+        start = int(np.argmax(np.ptp(windows[:-1], axis=1)))
+        effort = samples.effort[:, JOINT].copy()
+        effort[start : start + count] = effort[start]
+        return column(samples, 'effort', JOINT, effort)
+
+    return stop
+
+
+def returning(share: float) -> Break:
+    """Let a joint go this share of its way backward."""
+
+    def go(samples: JointSamples) -> JointSamples:
+        wave = np.sin(2 * np.pi / 4.0 * samples.t)
+        low, high = 0.0, 1.0
+        for _ in range(50):
+            offset = 0.5 * (low + high)
+            dq = offset + wave
+            backward = np.maximum(-dq, 0.0).sum() / np.abs(dq).sum()
+            low, high = (offset, high) if backward > share else (low, offset)
+        dq = 0.5 * dq
+        return moved(samples, JOINT, np.cumsum(dq) / RATE, dq)
+
+    return go
+
+
+LIMITS: dict[str, tuple[Break, Break]] = {
+    'short': (cut_off(20.1), cut_off(19.9)),
+    'velocity_delay': (
+        lambda samples: delayed(samples, 'velocity', 0.008),
+        lambda samples: delayed(samples, 'velocity', 0.012),
+    ),
+    'velocity_scale': (times('velocity', 1.2), times('velocity', 1.3)),
+    'frozen': (stopped(0.9), stopped(1.1)),
+    'one_way': (returning(0.115), returning(0.085)),
+}
+
+
+@pytest.mark.parametrize('code', LIMITS)
+def test_limits_are_those_of_the_documentation(code: str) -> None:
+    inside, beyond = LIMITS[code]
+    assert code not in codes(inside(sound()))
+    assert code in codes(beyond(sound()))

@@ -103,3 +103,20 @@ def test_real_bags_load(shared_data: Path) -> None:
         assert isinstance(data, Dataset)
         assert data.n_joints == n_joints
         assert data.n_samples * data.provenance['sources'][0]['kept_every'] > 600
+
+
+def test_efforts_of_bags_are_scaled_and_offset(bag: Path) -> None:
+    plain = load_dataset(bag)
+    settings = RecordingSettings(effort_scale=(2.0, -3.0), effort_offset=(0.5, 0.0))
+    scaled = load_dataset(bag, Config(recording=settings))
+    expected = plain.tau * [2.0, -3.0] + [0.5, 0.0]
+    np.testing.assert_allclose(scaled.tau, expected, rtol=1e-12, atol=1e-12)
+    assert np.ptp(plain.tau[:, 1]) > 1.0
+
+
+def test_recordings_are_numbered(bag: Path, tmp_path: Path) -> None:
+    data = load_dataset([bag, bag, bag])
+    n = data.n_samples // 3
+    np.testing.assert_array_equal(data.recording, np.repeat([0, 1, 2], n))
+    np.testing.assert_array_equal(data.segment, np.repeat([0, 1, 2], n))
+    np.testing.assert_array_equal(data.tau[2 * n :], data.tau[:n])

@@ -13,7 +13,7 @@ import pytest
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.preprocessing import for_training, preprocess
-from lip_id_ros.preprocessing.selection import at_most, SELECTIONS
+from lip_id_ros.preprocessing.selection import at_most, SELECTIONS, stride
 from lip_id_ros.settings import PreprocessingSettings
 
 DATA = preprocess(recording(uniform(2000, 100.0)), PreprocessingSettings(decimate=1))
@@ -112,3 +112,13 @@ def test_order_of_time_stays(selection: str) -> None:
     chosen = at_most(DATA, PreprocessingSettings(max_samples=50, selection=selection))
     assert np.all(np.diff(chosen.t) > 0)
     assert chosen.n_samples == 50
+
+
+@pytest.mark.parametrize(
+    ('rate', 'cutoff', 'expected'),
+    [(120.0, 4.0, 7), (127.9, 4.0, 7), (128.0, 4.0, 8), (9.0, 4.0, 1)],
+)
+def test_stride_leaves_at_least_four_samples_a_period(
+    rate: float, cutoff: float, expected: int
+) -> None:
+    assert stride(rate, PreprocessingSettings(cutoff_hz=cutoff)) == expected

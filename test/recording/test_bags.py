@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 import sqlite3
+import subprocess
+import sys
 
+import numpy as np
 import pytest
 from recording.bag_files import moving, write_folder, write_raw
 
 from lip_id_ros.errors import SourceError
 from lip_id_ros.recording import Bag, Topic
+from lip_id_ros.recording.bag_writer import NumberTrack, write_mcap
 
 
 def odd_bag(folder: Path, definition: str) -> Path:
@@ -56,3 +60,32 @@ def test_real_ros1_bag_of_a_type_outside_the_standard_ones(shared_data: Path) ->
         messages = [message for _, message in bag.messages(topic.name)]
     assert len(messages) == topic.count == 2206
     assert len(messages[0].actual.positions) == 7
+
+
+def test_what_a_killed_write_left_is_removed_by_the_next(tmp_path: Path) -> None:
+    target = tmp_path / 'a.mcap'
+    program = (
+        'import sys, os, signal\n'
+        'from lip_id_ros.recording import bag_writer\n'
+        'bag_writer._write = lambda bag, tracks: (bag.mkdir(), os.kill(os.getpid(), 9))\n'
+        'bag_writer.write_mcap(sys.argv[1], [])\n'
+    )
+    ran = subprocess.run([sys.executable, '-c', program, str(target)], check=False)
+    assert ran.returncode == -9
+    (left,) = tmp_path.iterdir()
+    foreign = tmp_path / '.a.mcap.mine'
+    foreign.mkdir()
+    write_mcap(target, [NumberTrack('/x', np.arange(3.0), np.zeros(3))])
+    assert not left.exists()
+    assert sorted(tmp_path.iterdir()) == [foreign, target]
+
+
+def test_mcap_keeps_links_and_modes(tmp_path: Path) -> None:
+    target, link = tmp_path / 'a.mcap', tmp_path / 'link.mcap'
+    target.touch(mode=0o600)
+    link.symlink_to(target)
+    write_mcap(link, [NumberTrack('/x', np.arange(3.0), np.zeros(3))])
+    assert link.is_symlink()
+    assert target.stat().st_mode & 0o777 == 0o600
+    with Bag(target) as bag:
+        assert [topic.count for topic in bag.topics] == [3]

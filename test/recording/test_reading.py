@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 import shutil
 import sqlite3
@@ -327,3 +328,13 @@ def test_real_bag_of_a_plan_has_no_samples(shared_data: Path) -> None:
     )
     with pytest.raises(SourceError, match=sentence):
         read_bag(shared_data / 'unisa_ros2_bags' / 'ur10_validation')
+
+
+def test_messages_without_velocity_and_effort_are_counted_once(tmp_path: Path) -> None:
+    states = moving(20)
+    states[5] = replace(states[5], velocity=(), effort=())
+    states[6] = replace(states[6], velocity=())
+    states[7] = replace(states[7], effort=())
+    samples = read_bag(write_folder(tmp_path / 'bag', states))
+    assert samples.n_samples == 17
+    assert samples.counts == {Reason.NO_VELOCITY: 2, Reason.NO_EFFORT: 1}

@@ -101,3 +101,25 @@ def test_headers_are_usable_where_they_advance() -> None:
     assert not stamps_advance(np.repeat(CLEAN, 5))
     assert not stamps_advance(CLEAN[::-1])
     assert not stamps_advance(np.zeros(10, np.int64))
+
+
+@pytest.mark.parametrize(('back_ms', 'restarts'), [(1300, 0), (1450, 1)])
+def test_a_restart_is_more_than_a_second_before_twenty_messages(
+    back_ms: int, restarts: int
+) -> None:
+    """Twenty messages at 100 Hz span 0.19 s on both sides of the step."""
+    later = CLEAN[-1] + STEP * np.arange(1, 301) - back_ms * 1_000_000
+    timeline = arrange(np.concatenate([CLEAN, later]))
+    assert timeline.restarts == restarts
+    assert (timeline.late > 0) == (restarts == 0)
+
+
+def test_restarts_beyond_the_end_of_time_are_dropped() -> None:
+    """Sawtooth stamps never give a time before the first."""
+    teeth = np.concatenate([2**61 * np.linspace(0.0, 1.9, 60).astype(np.int64) + 1] * 6)
+    saw = np.concatenate([np.linspace(1, 2**62 - 1, 60).astype(np.int64) for _ in range(6)])
+    for stamps in (teeth, saw):
+        timeline = arrange(stamps)
+        assert (np.diff(timeline.t_ns) > 0).all()
+        assert (timeline.t_ns >= 0).all()
+        assert timeline.rows.size + timeline.dropped.total() == stamps.size
