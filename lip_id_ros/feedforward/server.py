@@ -277,10 +277,8 @@ class Server:
 
     def measure(self, message: JointMessage, now: float) -> MeasuredState | None:
         """Read a joint state; None, counted by reason, if it cannot be used."""
-        if self._arm is None:
-            return None
         try:
-            measured = self._arm.measured(message)
+            measured = self._active().measured(message)
         except RefusedError as refused:
             self._unmeasured[refused.reason.value] += 1
             return None
@@ -328,7 +326,11 @@ class Server:
     def alarms(self) -> Counter[str]:
         """Return how often something happened that somebody should know of."""
         unwanted = {key: n for key, n in self._refused.items() if key not in ON_PURPOSE}
-        unmeasured = {f'joint states: {key}': n for key, n in self._unmeasured.items()}
+        unmeasured = {
+            f'joint states: {key}': n
+            for key, n in self._unmeasured.items()
+            if key not in ON_PURPOSE
+        }
         doubtful = {key: self._counts[key] for key in ALARMS}
         return Counter(unwanted) + Counter(unmeasured) + Counter(doubtful)
 

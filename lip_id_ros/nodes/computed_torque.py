@@ -34,7 +34,7 @@ class ComputedTorqueNode(GuardedNode):
         table = parameters_of(ControlSettings)
         parameters.declare(self, table)
         self._controller = PlanController(ControlSettings(**parameters.values(self, table)))
-        self._counts = Counter(plans=0, torques=0)
+        self._counts = Counter(plans=0, torques=0, idle=0)
         self._refused: Counter[str] = Counter()
         self._status = StatusPublisher(self)
         self._command = self.create_publisher(JointState, '~/command', qos.OUTPUT)
@@ -63,13 +63,12 @@ class ComputedTorqueNode(GuardedNode):
         except RefusedError as refused:
             self._refuse(refused)
             return
-        if torques is not None:
-            self._counts['torques'] += 1
-            self._command.publish(
-                messages.torque_message(
-                    message.header.stamp, self._controller.joint_names, torques
-                )
-            )
+        if torques is None:
+            self._counts['idle'] += 1
+            return
+        self._counts['torques'] += 1
+        names = self._controller.joint_names
+        self._command.publish(messages.torque_message(message.header.stamp, names, torques))
 
     def _refuse(self, refused: RefusedError) -> None:
         self._refused[refused.reason.value] += 1

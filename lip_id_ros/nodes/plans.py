@@ -73,6 +73,22 @@ def count_points(raw: bytes) -> int:
         raise RefusedError(Refusal.MALFORMED) from None
 
 
+def deserialised(raw: bytes) -> JointTrajectory:
+    """
+    Deserialise a JointTrajectory.
+
+    Raises
+    ------
+    RefusedError
+        If the bytes are none.
+
+    """
+    try:
+        return deserialize_message(raw, JointTrajectory)
+    except Exception:  # the class depends on the middleware
+        raise RefusedError(Refusal.MALFORMED) from None
+
+
 def _aligned(at: int) -> int:
     return (at + 3) & ~3
 
@@ -217,10 +233,7 @@ def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
 
 
 def _with_effort(arm: ServedArm, raw: bytes) -> bytes:
-    try:
-        plan = deserialize_message(raw, JointTrajectory)
-    except Exception:
-        raise RefusedError(Refusal.MALFORMED) from None
+    plan = deserialised(raw)
     with np.errstate(all='ignore'):
         tau = arm.plan(plan.joint_names, plan.points)
     return bytes(serialize_message(messages.with_effort(plan, tau)))

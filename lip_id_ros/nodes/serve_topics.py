@@ -11,7 +11,6 @@ from builtin_interfaces.msg import Time
 import numpy as np
 from pal_statistics_msgs.msg import Statistics
 from rclpy.lifecycle import LifecycleNode
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
@@ -22,7 +21,7 @@ from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.model import Prediction, Query
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.plans import count_points, Planned, PlanWorker
+from lip_id_ros.nodes.plans import count_points, deserialised, Planned, PlanWorker
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.signals.joints import ON_PURPOSE, Refusal, RefusedError
 
@@ -210,15 +209,20 @@ class Inputs:
         self._optional.append(subscription)
 
     def _on_trajectory(self, raw: bytes) -> None:
+        self._unless_refused(lambda: self._answer(raw))
+
+    def _answer(self, raw: bytes) -> None:
         """Answer a plan, or a sample of a stream."""
-        if len(raw) > INLINE_BYTES and count_points(raw) > 1:
-            self._unless_refused(lambda: self._submit(raw))
-            return
-        message = deserialize_message(raw, JointTrajectory)
-        if len(message.points) > 1:
-            self._unless_refused(lambda: self._answer_plan(message))
+        with self._server.refusing():
+            beside = len(raw) > INLINE_BYTES and count_points(raw) > 1
+            message = None if beside else deserialised(raw)
+        if message is None:
+            self._submit(raw)
+        elif len(message.points) > 1:
+            tau = self._server.plan(message.joint_names, message.points)
+            self._outputs.plan(message, tau)
         else:
-            self._on_sample(message.header.stamp, message.joint_names, message.points)
+            self._answer_sample(message.header.stamp, message.joint_names, message.points)
 
     def _submit(self, raw: bytes) -> None:
         """Have a long plan answered beside the stream."""
@@ -246,7 +250,8 @@ class Inputs:
     def _on_controller_state(self, message: Any) -> None:
         # before Jazzy the reference was called desired
         reference = message.reference if hasattr(message, 'reference') else message.desired
-        self._on_sample(message.header.stamp, message.joint_names, [reference])
+        stamp, names = message.header.stamp, message.joint_names
+        self._unless_refused(lambda: self._answer_sample(stamp, names, [reference]))
 
     def _on_joint_state(self, message: JointState) -> None:
         """Publish energies and torque residual to those who listen."""
@@ -259,9 +264,6 @@ class Inputs:
         if self._outputs.wants(RESIDUAL_TOPIC):
             residual = self._server.residual(measured)
             self._publish_vector(RESIDUAL_TOPIC, message.header.stamp, residual)
-
-    def _on_sample(self, stamp: Time, names: Sequence[str], points: Sequence[Any]) -> None:
-        self._unless_refused(lambda: self._answer_sample(stamp, names, points))
 
     def _unless_refused(self, answer: Callable[[], None]) -> None:
         try:
@@ -282,10 +284,6 @@ class Inputs:
         if self._outputs.wants(*COMPONENT_TOPICS):
             predicted = self._server.components(served)
             self._outputs.components(stamp, self._server.joint_names, predicted)
-
-    def _answer_plan(self, message: JointTrajectory) -> None:
-        tau = self._server.plan(message.joint_names, message.points)
-        self._outputs.plan(message, tau)
 
     def _publish_vector(self, topic: str, stamp: Time, tau: Array | None) -> None:
         if tau is not None:

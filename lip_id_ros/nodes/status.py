@@ -79,7 +79,7 @@ class StatusPublisher:
         node = self._node
         if not isinstance(node, GuardedNode):
             return status
-        values = {**status.values, 'faults': node.faults}
+        values = {**status.values, 'faults': node.faults, 'last_fault': node.last_fault}
         new, self._faults = node.faults - self._faults, node.faults
         if new:
             return Status(ERROR, f'a callback failed: {node.last_fault}', values)

@@ -1,0 +1,360 @@
+"""
+Hostile messages and requests to all nodes: none ends, and their counters add up.
+
+Every message that a node receives is used or refused by a reason. Torques are finite and within
+their limits, whatever was asked. Lifecycle transitions, parameters of absurd types and reloads
+come in between.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+import json
+import math
+from pathlib import Path
+import tempfile
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Duration, Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from lifecycle_msgs.srv import ChangeState
+import numpy as np
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
+import rclpy
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from benchmarks._cells import running
+from benchmarks._serve_client import spun
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp import fit
+from lip_id_ros.nodes import messages, qos
+from lip_id_ros.settings import FitSettings
+
+NAMES = ('a', 'b')
+LIMITS = (5.0, 3.0)
+OTHERS = ('', 'c', 'a ', 'ä' * 100, '/')
+ODD = (math.nan, math.inf, -math.inf, 0.0, -0.0, 5e-324, 1e308, -1e300, 1e12)
+START_S = 1_700_000_000
+BATCH, PACE_S, LOST_SECONDS, START_SECONDS = 200, 0.004, 20.0, 120.0
+POINTS, SHARES = (0, 1, 2, 3, 40, 2000), (0.1, 0.6, 0.1, 0.1, 0.095, 0.005)
+Status = Mapping[str, Any]
+
+
+@dataclass
+class Heard:
+    """What came back from the nodes."""
+
+    statuses: dict[str, Status] = field(default_factory=dict)
+    torques: int = 0
+    unsafe: int = 0
+
+    def status(self, name: str, message: DiagnosticStatus) -> None:
+        """Keep the newest status of a node."""
+        self.statuses[name] = messages.status_values(message)
+
+    def torque(self, message: JointState) -> None:
+        """Count a torque, and whether it is unsafe."""
+        effort = np.asarray(message.effort)
+        self.torques += 1
+        self.unsafe += not (effort.shape == (2,) and bool((np.abs(effort) <= LIMITS).all()))
+
+
+def main(arguments: list[str]) -> int:
+    """Send hostile messages to every node; print the counters."""
+    parser = argparse.ArgumentParser(prog='benchmarks fuzz_nodes', description=__doc__)
+    parser.add_argument('--messages', type=int, default=20_000, help='how many are published')
+    parser.add_argument('--seed', type=int, default=0)
+    options = parser.parse_args(arguments)
+    rclpy.init()
+    node = rclpy.create_node('fuzzer')
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        model = str(Path(folder) / 'model.npz')
+        small_model().save(model)
+        processes = {
+            name: stack.enter_context(running(name, parameters))
+            for name, parameters in parameters_of(model, folder).items()
+        }
+        stack.enter_context(spun(node))
+        fuzzer = Fuzzer(node, np.random.default_rng(options.seed))
+        fuzzer.run(options.messages)
+        ended = [name for name, process in processes.items() if process.poll() is not None]
+    return report(fuzzer, ended)
+
+
+def report(fuzzer: Fuzzer, ended: list[str]) -> int:
+    """Print the counters of every node; return 1 where they do not add up, or a node ended."""
+    wrong = len(ended) + fuzzer.heard.unsafe
+    for name, sent in fuzzer.sent.items():
+        status = fuzzer.heard.statuses[name]
+        counted = COUNTED[name](status)
+        total = sum(counted.values())
+        received = status.get('received', total)
+        print(f'{name}: sent {sent}, lost on the way {sent - received}, received {received}:')
+        print(f'  {counted}')
+        print(f'  exceptions caught by the guard: {status["faults"]} {status["last_fault"]}')
+        wrong += received != total or total > sent
+    heard = fuzzer.heard
+    print(f'torques {heard.torques}, unsafe {heard.unsafe}; requests {fuzzer.n_requests}')
+    print(f'nodes that ended: {ended or "none"}')
+    return int(wrong > 0)
+
+
+def small_model() -> Any:
+    """Fit two decoupled pendulums, in a second."""
+    t = 0.01 * np.arange(400)[:, np.newaxis]
+    angle = t * [1.0, 2.3] + [0.3, 1.0]
+    q, dq, ddq = np.sin(angle), np.cos(angle) * [1.0, 2.3], -np.sin(angle) * [1.0, 2.3**2]
+    tau = ddq * [1.5, 0.6] + np.sin(q) * [8.0, 3.0]
+    data = Dataset.from_arrays(q, dq, ddq, tau, joint_names=NAMES, t=t[:, 0])
+    cheap = FitSettings(
+        kernel='recursive', subset=30, max_samples=60, iterations=5, friction=False, residual=False
+    )
+    return fit(data, cheap)
+
+
+def parameters_of(model: str, folder: str) -> dict[str, dict[str, str]]:
+    """Return the parameters of each node."""
+    joints, limits = json.dumps(NAMES), json.dumps(LIMITS)
+    gains = {'stiffness': '[10.0, 10.0]', 'damping': '[1.0, 1.0]'}
+    return {
+        'serve': {'model_path': model, 'joints': joints, 'torque_limits': limits},
+        'train': {
+            'record_on_start': 'true',
+            'unsaved_path': f'{folder}/unsaved.mcap',
+            'max_rows': '3000',
+        },
+        'monitor': {'model_path': model, 'joints': joints},
+        'computed_torque': {'joints': joints, 'torque_limits': limits, **gains},
+    }
+
+
+def _of_serve(status: Status) -> dict[str, int]:
+    unmeasured = {f'state: {key}': n for key, n in status['unmeasured'].items()}
+    return {**status['answered'], **status['refused'], **unmeasured}
+
+
+def _of_train(status: Status) -> dict[str, int]:
+    return {'rows': status['rows'], **status['rejected']}
+
+
+def _of_monitor(status: Status) -> dict[str, int]:
+    used = {key: status[key] for key in ('watched', 'too_soon', 'after_a_gap')}
+    return {**used, **status['refused']}
+
+
+def _of_controller(status: Status) -> dict[str, int]:
+    used = {key: status[key] for key in ('plans', 'torques', 'idle')}
+    return {**used, **status['refused']}
+
+
+COUNTED: Mapping[str, Callable[[Status], dict[str, int]]] = {
+    'serve': _of_serve,
+    'train': _of_train,
+    'monitor': _of_monitor,
+    'computed_torque': _of_controller,
+}
+
+
+class Fuzzer:
+    """
+    Send messages, with requests in between.
+
+    Parameters
+    ----------
+    node : Node
+        Spun by another thread.
+    rng : Generator
+
+    Attributes
+    ----------
+    heard : Heard
+    sent : dict
+        Messages by node.
+    n_requests : int
+
+    """
+
+    def __init__(self, node: Node, rng: np.random.Generator) -> None:
+        self._node, self._rng = node, rng
+        self.heard = Heard()
+        self.sent = dict.fromkeys(COUNTED, 0)
+        self.n_requests = 0
+        for name in COUNTED:
+            node.create_subscription(
+                DiagnosticStatus,
+                f'/{name}/status',
+                lambda message, name=name: self.heard.status(name, message),
+                qos.LATCHED,
+            )
+        for topic in ('/serve/feedforward_torque', '/computed_torque/command'):
+            node.create_subscription(JointState, topic, self.heard.torque, qos.OUTPUT)
+        self._reference = node.create_publisher(
+            JointTrajectory, '/serve/desired_trajectory', qos.REFERENCE
+        )
+        self._plan = node.create_publisher(
+            JointTrajectory, '/computed_torque/joint_trajectory', qos.REFERENCE
+        )
+        self._states = node.create_publisher(JointState, '/joint_states', qos.OUTPUT)
+        self._clients = {
+            '/serve/change_state': node.create_client(ChangeState, '/serve/change_state'),
+            '/serve/enable': node.create_client(SetBool, '/serve/enable'),
+            '/serve/reload_model': node.create_client(Trigger, '/serve/reload_model'),
+            '/monitor/calibrate': node.create_client(Trigger, '/monitor/calibrate'),
+            '/train/cancel': node.create_client(Trigger, '/train/cancel'),
+            **{
+                f'/{name}/set_parameters': node.create_client(
+                    SetParameters, f'/{name}/set_parameters'
+                )
+                for name in COUNTED
+            },
+        }
+
+    def run(self, n_messages: int) -> None:
+        """Send that many messages in all, and requests in between."""
+        self._until(lambda: len(self.heard.statuses) == len(COUNTED), START_SECONDS)
+        self._until(lambda: self._states.get_subscription_count() == len(COUNTED), START_SECONDS)
+        self._until(lambda: self._active(), START_SECONDS)
+        states = hostile_states(self._rng)
+        for number in range(n_messages):
+            self._send(next(states), number)
+            time.sleep(PACE_S)  # joint states are best effort, ten deep
+            if number % BATCH == 0:
+                self._request()
+        self._until(self._all_counted, LOST_SECONDS)
+
+    def _send(self, state: JointState, number: int) -> None:
+        kind = number % 3
+        if kind == 0:
+            self._states.publish(state)
+            for name in COUNTED:
+                self.sent[name] += 1
+        elif kind == 1:
+            self._reference.publish(hostile_trajectory(self._rng, number))
+            self.sent['serve'] += 1
+        else:
+            self._plan.publish(hostile_trajectory(self._rng, number))
+            self.sent['computed_torque'] += 1
+
+    def _all_counted(self) -> bool:
+        return all(
+            sum(COUNTED[name](self.heard.statuses[name]).values()) >= sent
+            for name, sent in self.sent.items()
+        )
+
+    def _active(self) -> bool:
+        return bool(self.heard.statuses['serve']['state'] == 'active')
+
+    def _request(self) -> None:
+        """Call a service with something absurd; leave `serve` active and enabled."""
+        name = str(self._rng.choice(list(self._clients)))
+        answer = self._clients[name].call_async(absurd_request(self._rng, name))
+        self._until(answer.done, LOST_SECONDS)
+        self.n_requests += 1
+        if name == '/serve/enable':
+            self._until(
+                self._clients[name].call_async(SetBool.Request(data=True)).done, LOST_SECONDS
+            )
+
+    def _until(self, condition: Callable[[], bool], seconds: float) -> None:
+        deadline = time.monotonic() + seconds
+        while not condition() and time.monotonic() < deadline:
+            time.sleep(0.01)
+
+
+def absurd_request(rng: np.random.Generator, name: str) -> Any:
+    """Return a request that is wrong, or comes at a wrong time."""
+    if name.endswith('change_state'):
+        request = ChangeState.Request()
+        request.transition.id = int(rng.choice([0, 1, 2, 3, 8, 10, 99, 255]))
+        request.transition.label = str(rng.choice(['', '', 'activate', 'absurd']))
+        return request
+    if name.endswith('set_parameters'):
+        value = ParameterValue(type=int(rng.choice([0, 9, 10, 99, 255])))
+        key = str(rng.choice(['executor', 'model_path', 'ramp_s', '', 'absent', 'a.b']))
+        return SetParameters.Request(parameters=[Parameter(name=key, value=value)])
+    return SetBool.Request(data=bool(rng.integers(2))) if 'enable' in name else Trigger.Request()
+
+
+def hostile_states(rng: np.random.Generator) -> Iterator[JointState]:
+    """Yield joint states as no driver should publish them, and some as it should."""
+    number = 0
+    while True:
+        number += 1
+        names = _names(rng)
+        message = JointState(
+            name=names,
+            position=_values(rng, len(names)),
+            velocity=_values(rng, len(names)),
+            effort=_values(rng, len(names)),
+        )
+        message.header.stamp = _stamp(rng, number)
+        yield message
+
+
+def hostile_trajectory(rng: np.random.Generator, number: int) -> JointTrajectory | bytes:
+    """Return a reference or a plan, usually with something wrong; sometimes damaged bytes."""
+    names = _names(rng)
+    trajectory = JointTrajectory(joint_names=names)
+    trajectory.header.stamp = _stamp(rng, number)
+    n_points = int(rng.choice(POINTS, p=SHARES))
+    trajectory.points = [
+        JointTrajectoryPoint(
+            positions=_values(rng, len(names)),
+            velocities=_values(rng, len(names)),
+            accelerations=_values(rng, len(names)),
+            effort=_values(rng, len(names)) if rng.random() < 0.3 else [],
+            time_from_start=_time(rng, row),
+        )
+        for row in range(n_points)
+    ]
+    return damaged(rng, trajectory) if rng.random() < 0.05 else trajectory
+
+
+def _names(rng: np.random.Generator) -> list[str]:
+    if rng.random() < 0.7:
+        return [str(name) for name in rng.permutation(NAMES)]
+    count = int(rng.choice([0, 1, 2, 3, 50]))
+    return [str(name) for name in rng.choice(NAMES + OTHERS, size=count)]
+
+
+def _values(rng: np.random.Generator, n_names: int) -> list[float]:
+    length = n_names if rng.random() < 0.9 else int(rng.choice([0, 1, 2, 3, 1000]))
+    values = rng.normal(size=length)
+    if rng.random() < 0.1 and length:
+        values[rng.integers(length)] = rng.choice(ODD)
+    return [float(value) for value in values]
+
+
+def _time(rng: np.random.Generator, row: int) -> Duration:
+    if rng.random() < 0.05:
+        return Duration(sec=int(rng.choice([-(2**31), -1, 0, 2**31 - 1])))
+    return Duration(sec=row)
+
+
+def _stamp(rng: np.random.Generator, number: int) -> Time:
+    kind = rng.random()
+    if kind < 0.7:
+        return Time(sec=START_S + number // 100, nanosec=number % 100 * 10_000_000)
+    if kind < 0.8:
+        return Time()
+    if kind < 0.9:
+        return Time(sec=int(rng.choice([-1, -(2**31), 1, 2**31 - 1])))
+    return Time(sec=START_S + number // 100 + int(rng.integers(-5, 15)))
+
+
+def damaged(rng: np.random.Generator, message: Any) -> bytes:
+    """Return the bytes of a message with some of them changed, or cut short."""
+    raw = bytearray(serialize_message(message))
+    for _ in range(int(rng.integers(1, 4))):
+        raw[int(rng.integers(4, len(raw)))] = int(rng.integers(256))
+    return bytes(raw[: int(rng.integers(8, len(raw) + 1))])
