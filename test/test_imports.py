@@ -38,7 +38,10 @@ PARTS = {
     'model': {'kernels', 'rigid_body'},
     'gp': {'settings', 'dataset', 'kernels', 'linear_algebra', 'model', 'rigid_body'},
     'export': {'friction', 'kernels', 'model', 'rigid_body'},
-    'evaluation': {'dataset', 'health', 'model', 'recording', 'settings'},
+    'evaluation': {
+        *('dataset', 'health', 'kernels', 'linear_algebra', 'model', 'recording', 'rigid_body'),
+        'settings',
+    },
     'baselines': {'settings', 'dataset', 'gp', 'kernels', 'linear_algebra', 'model'},
     'comparison': {'baselines', 'settings', 'dataset', 'evaluation', 'model'},
     'signals': {'model', 'recording'},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -32,6 +32,10 @@ from lip_id_ros.rigid_body.axes import angles_between, distances_between
 UNSEEN = (
     'Only data that the model has not seen show how good it is: fit with --holdout, or evaluate '
     'it on another recording.'
+)
+UNIDENTIFIED = (
+    'A distance that is not identified may be anything: other links with the same torques fit as '
+    'well. The torques are not affected.'
 )
 RANGES, HEALTH = 'ranges', 'health'
 UNITS = 'rad or m and per second; effort as recorded, tau in N m or N'
@@ -66,13 +70,12 @@ def _noise_table(model: InverseDynamicsModel, training: Dataset) -> Table:
 
 
 def _show_links(model: InverseDynamicsModel, console: Console) -> None:
-    rows = [
-        (name, f'{angle:.1f} deg', '' if distance is None else f'{distance:.3f} m')
-        for name, angle, distance in axes(model)
-    ]
+    rows = [(axis.joint, f'{axis.angle_deg:.1f} deg', axis.distance) for axis in axes(model)]
     if rows:
         header = ('', 'angle', 'distance')
         show(Table('each axis to the previous one, found in the data', header, rows), console)
+    if any(axis.distance_m is not None and not axis.identified for axis in axes(model)):
+        show_lines([UNIDENTIFIED], console)
     energy = model.process.prior.kernel.energy
     if energy.is_empty:
         text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
@@ -81,14 +84,34 @@ def _show_links(model: InverseDynamicsModel, console: Console) -> None:
     show_lines([text], console)
 
 
-def axes(model: InverseDynamicsModel) -> list[tuple[str, float, float | None]]:
-    """Return angle [deg] and distance [m] of each axis to the previous one, where it has one."""
+class Axis(NamedTuple):
+    """A joint's axis relative to the previous one; the distance is None at prismatic joints."""
+
+    joint: str
+    angle_deg: float
+    distance_m: float | None
+    identified: bool
+
+    @property
+    def distance(self) -> str:
+        """The distance as text."""
+        if self.distance_m is None:
+            return ''
+        return f'{self.distance_m:.3f} m' if self.identified else 'not identified'
+
+
+def axes(model: InverseDynamicsModel) -> list[Axis]:
+    """Return the axis of each joint but the first, where the model has rigid links."""
+    names = model.joint_names[1:]
+    identified = model.summary.get('identified_distances', [True] * len(names))
     found = []
     for links in model.process.prior.kernel.links:
-        angles, distances = angles_between(links.chain), distances_between(links.chain)
-        for name, angle, distance in zip(model.joint_names[1:], angles, distances, strict=True):
-            apart = None if np.isnan(distance) else float(distance)
-            found.append((name, float(np.degrees(angle)), apart))
+        angles = np.degrees(angles_between(links.chain)).tolist()
+        distances = [
+            None if np.isnan(distance) else float(distance)
+            for distance in distances_between(links.chain)
+        ]
+        found += [Axis(*each) for each in zip(names, angles, distances, identified, strict=True)]
     return found
 
 
@@ -123,8 +146,12 @@ def _links(model: InverseDynamicsModel) -> dict[str, Any]:
     if not kernel.links:
         return {}
     found = {
-        joint: {'angle_deg': angle, 'distance_m': distance}
-        for joint, angle, distance in axes(model)
+        axis.joint: {
+            'angle_deg': axis.angle_deg,
+            'distance_m': axis.distance_m,
+            'identified': axis.identified,
+        }
+        for axis in axes(model)
     }
     return {'energies_beside_links': kernel.energy.name, 'axis_to_the_one_before': found}
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.evaluation.identifiability import identified_distances
 from lip_id_ros.evaluation.metrics import not_positive_definite_percent
 from lip_id_ros.model import InverseDynamicsModel
 
@@ -28,14 +29,15 @@ def with_checks(model: InverseDynamicsModel, training: Dataset) -> InverseDynami
     `inertia_not_pd_percent` is the share of samples at which M(q) is not positive definite,
     `inertia_min_eigenvalue` its smallest eigenvalue at any of them [kg m^2 or kg], and
     `unexplained_percent` the noise variance of each joint in percent of the variance of its
-    torque (None where that is constant).
+    torque (None where that is constant). With rigid links, `identified_distances` says which
+    distances between axes the torques identify.
 
     """
     smallest = np.linalg.eigvalsh(
         model.inertia_matrix(training.q[:: 1 + training.n_samples // MOST_CHECKED])
     )[:, 0]
     variance = training.tau.var(axis=0)
-    checks = {
+    checks: dict[str, Any] = {
         'inertia_not_pd_percent': not_positive_definite_percent(smallest),
         'inertia_min_eigenvalue': float(smallest.min()),
         'unexplained_percent': [
@@ -43,6 +45,9 @@ def with_checks(model: InverseDynamicsModel, training: Dataset) -> InverseDynami
             for noise, total in zip(model.noise_std, variance, strict=True)
         ],
     }
+    for links in model.process.prior.kernel.links:
+        known = identified_distances(links, training, model.noise_std)
+        checks['identified_distances'] = known.tolist()
     return replace(model, summary={**model.summary, **checks})
 
 

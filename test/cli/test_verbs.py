@@ -361,3 +361,36 @@ def test_a_model_that_needs_kinematics_says_so(
     assert main(fit) == 1
     assert "'rigid_body' needs the kinematics of the robot" in capsys.readouterr().err
     assert not list(here.iterdir())
+
+
+@pytest.mark.parametrize('target', ['-', '/dev/stdout'])
+def test_a_data_set_goes_to_standard_output_and_its_table_elsewhere(
+    workshop: Workshop, here: Path, capfdbinary: pytest.CaptureFixture[bytes], target: str
+) -> None:
+    lip_id('dataset', workshop.bag, '-o', target, '--config', workshop.settings)
+    output = capfdbinary.readouterr()
+    (here / 'data.npz').write_bytes(output.out)
+    assert Dataset.load(here / 'data.npz').joint_names == ('shoulder', 'elbow', 'wrist')
+    assert b'shoulder' in output.err
+    assert list(here.iterdir()) == [here / 'data.npz']
+
+
+def test_a_model_goes_through_a_pipe_of_the_shell(workshop: Workshop, here: Path) -> None:
+    command = f'{sys.executable} -m lip_id_ros.cli predict {workshop.model} {workshop.bag} -o -'
+    subprocess.run(f'{command} | cat > out.npz', shell=True, check=True)
+    arrays, _ = read_npz(here / 'out.npz')
+    assert {'tau', 'tau_std', 'gravity'} <= set(arrays)
+
+
+def test_an_output_is_replaced_by_its_own_kind_and_with_force_by_any(
+    workshop: Workshop, here: Path
+) -> None:
+    for _ in range(2):
+        lip_id('dataset', workshop.bag, '-o', 'data.npz')
+        lip_id('dataset', workshop.bag, '-o', 'data.csv')
+        lip_id('predict', workshop.model, workshop.bag, '-o', 'p.npz')
+        lip_id('predict', workshop.model, workshop.bag, '-o', 'p.mcap')
+        lip_id('evaluate', workshop.model, workshop.bag, '--json', 'e.json', '--report', 'out')
+    (here / 'letter.txt').write_text('Dear all')
+    lip_id('evaluate', workshop.model, workshop.bag, '--json', 'letter.txt', '--force')
+    assert 'nmse_percent' in json.loads((here / 'letter.txt').read_text())
