@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from lip_id_ros.cli import arguments
+
+if TYPE_CHECKING:
+    from lip_id_ros.health import Finding
+    from lip_id_ros.progress import Progress
 
 HELP = 'describe a recording, a data set or a model'
 EPILOG = """\
 examples:
   lip_id inspect my_bag                  what was recorded, and what is wrong with it
   lip_id inspect my_bag --report out     plots, and out/index.html with all of them
+  lip_id inspect my_bag --efforts        are the efforts torques? (a minute or more)
   lip_id inspect arm.npz --json -
 """
+
+
+UNDISPUTED = 'No other reading of the efforts explains them clearly better than the recorded one.'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,6 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--report', metavar='DIR', help='write plots of a recording and a web page there'
     )
+    parser.add_argument(
+        '--efforts',
+        action='store_true',
+        help='search for what the efforts of a recording are: without gravity, motor currents, '
+        'of another sign or order of joints (a minute or more)',
+    )
+    arguments.add_config(parser, 'default settings; for --efforts')
     arguments.add_force(parser)
 
 
@@ -52,9 +68,23 @@ def run(args: argparse.Namespace) -> None:
             description = {'file': args.file, 'kind': 'model', **show.described_model(model)}
         else:
             description = describe(args.file, progress, health)
+        if args.efforts:
+            efforts = _effort_findings(args, progress)
+            cautions += [finding.text for finding in efforts] or [UNDISPUTED]
         if args.report:
             health.report(args.report, args.file, progress)
     console = output.console(args.json)
     show.described(description, console)
     show_lines(cautions, console)
+    if args.efforts:
+        description['efforts'] = [finding.to_json() for finding in efforts]
     output.write_json(args.json, description)
+
+
+def _effort_findings(args: argparse.Namespace, progress: Progress) -> tuple[Finding, ...]:
+    from lip_id_ros.cli.models import chosen_config
+    from lip_id_ros.health.effort_meaning import diagnose_effort
+    from lip_id_ros.preprocessing import load_dataset
+
+    dataset = load_dataset(args.file, chosen_config(args.config, {}), progress)
+    return diagnose_effort(dataset, progress=progress)

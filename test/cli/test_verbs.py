@@ -10,6 +10,7 @@ import subprocess
 import sys
 
 from cli.conftest import Workshop
+from identification.test_friction_election import recording
 import numpy as np
 import pytest
 from simulation.pendulums import swing
@@ -195,6 +196,21 @@ def test_inspect_says_what_is_wrong(workshop: Workshop, here: Path, capsys: Capt
     assert {path.name for path in (here / 'out').iterdir()} == {
         'index.html', 'signals.png', 'coverage.png'
     }  # fmt: skip
+
+
+def test_inspect_finds_out_what_efforts_are(here: Path, capsys: Capture) -> None:
+    _, dataset = recording(0, [])
+    dataset.save('sound.npz')
+    replace(dataset, tau=-dataset.tau).save('turned.npz')
+
+    lip_id('inspect', 'sound.npz', '--efforts')
+    assert 'No other reading of the efforts' in capsys.readouterr().out
+
+    lip_id('inspect', 'turned.npz', '--efforts', '--json', 'efforts.json')
+    text = ' '.join(capsys.readouterr().out.split())
+    (finding,) = json.loads((here / 'efforts.json').read_text())['efforts']
+    assert finding['code'] == 'effort_sign'
+    assert 'give these joints a negative value in recording.effort_scale.' in text
 
 
 def test_only_recordings_can_be_drawn(here: Path, capsys: Capture) -> None:
