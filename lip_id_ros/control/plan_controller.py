@@ -13,9 +13,16 @@ from lip_id_ros.control import Gains
 from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError, require_unique
+from lip_id_ros.signals.joints import (
+    increasing_times,
+    JointOrder,
+    PlannedPoint,
+    Refusal,
+    RefusedError,
+    require_unique,
+    stack,
+)
 from lip_id_ros.signals.stamps import StampWatch
-from lip_id_ros.signals.trajectories import increasing_times, PlannedPoint, stack
 
 LARGEST = 1e6
 """No position, velocity or effort of an arm is larger, in SI units."""

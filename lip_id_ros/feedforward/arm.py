@@ -18,8 +18,15 @@ from lip_id_ros.model import Prediction, Query
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
 from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState
-from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
-from lip_id_ros.signals.trajectories import increasing_times, PlannedPoint, Point, stack
+from lip_id_ros.signals.joints import (
+    increasing_times,
+    JointOrder,
+    PlannedPoint,
+    Point,
+    Refusal,
+    RefusedError,
+    stack,
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,7 @@ from lip_id_ros.feedforward.shaping import Sent
 from lip_id_ros.model import Prediction, Query
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joint_states import MeasuredState
-from lip_id_ros.signals.joints import ON_PURPOSE, Refusal, RefusedError
-from lip_id_ros.signals.trajectories import PlannedPoint, Point
+from lip_id_ros.signals.joints import ON_PURPOSE, PlannedPoint, Point, Refusal, RefusedError
 
 Result = TypeVar('Result')
 

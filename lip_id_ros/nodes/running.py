@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future as ThreadFuture
 import gc
 import signal
 import threading
 import time
 from types import FrameType
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import rclpy
 from rclpy.exceptions import InvalidParameterValueException
@@ -18,11 +19,12 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.nodes.guard import GuardedNode
 
-EXECUTORS = ('events', 'single_threaded')
+Result = TypeVar('Result')
 
 
 MOST_ERRORS, ERROR_SECONDS = 100, 1.0
@@ -152,7 +154,7 @@ def make_executor(name: str) -> Executor:
     Parameters
     ----------
     name : str
-        One of `EXECUTORS`; events takes less CPU at high rates, and gives way to the default one
+        events or single_threaded; events takes less CPU at high rates, and gives way to the default one
         where this ROS has none.
 
     """
@@ -163,3 +165,37 @@ def make_executor(name: str) -> Executor:
             return SingleThreadedExecutor()
         return EventsExecutor()
     return SingleThreadedExecutor()
+
+
+async def outcome(node: Node, work: ThreadFuture[Result]) -> Result:
+    """
+    Await work that another thread does, while the executor goes on with other callbacks.
+
+    The awaiting callback must be in a callback group of its own, since a group waits for its
+    callbacks.
+
+    Parameters
+    ----------
+    node : Node
+        Whose executor runs the awaiting callback.
+    work : concurrent.futures.Future
+        As a thread pool returns it.
+
+    Returns
+    -------
+    Result
+        What the work returned; what it raised is raised here.
+
+    """
+    done = Future(executor=node.executor)
+    work.add_done_callback(lambda finished: _settle(finished, done))
+    result: Result = await done
+    return result
+
+
+def _settle(finished: ThreadFuture[Any], done: Future) -> None:
+    error = finished.exception()
+    if error is None:
+        done.set_result(finished.result())
+    else:
+        done.set_exception(error)

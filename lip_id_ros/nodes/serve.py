@@ -23,8 +23,8 @@ from lip_id_ros.feedforward.rules import unbounded
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import require_changeable, serve_parameters, ServeSettings
 from lip_id_ros.nodes import parameters, running
-from lip_id_ros.nodes.background import outcome
 from lip_id_ros.nodes.guard import GuardedNode
+from lip_id_ros.nodes.running import outcome
 from lip_id_ros.nodes.serve_topics import Inputs, Outputs
 from lip_id_ros.nodes.status import Status, StatusPublisher
 

@@ -27,8 +27,8 @@ from lip_id_ros.acquisition.settings import (
 )
 from lip_id_ros.errors import ConfigError, DataError, LipIdError
 from lip_id_ros.nodes import parameters, qos, running
-from lip_id_ros.nodes.background import outcome
 from lip_id_ros.nodes.guard import GuardedNode
+from lip_id_ros.nodes.running import outcome
 from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings.nodes import WHILE_EMPTY

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
-from lip_id_ros.signals.trajectories import stack
+from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError, stack
 
 NAMES = ('base', 'shoulder', 'elbow')
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
