@@ -154,8 +154,8 @@ def make_executor(name: str) -> Executor:
     Parameters
     ----------
     name : str
-        events or single_threaded; events takes less CPU at high rates, and gives way to the default one
-        where this ROS has none.
+        events or single_threaded. events takes less CPU at high rates; the default executor is
+        used where this ROS has no events executor.
 
     """
     if name == 'events':
