@@ -33,15 +33,17 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--messages', type=int, default=10_000_000)
     parser.add_argument('--folder', type=Path, help='of the bag, which is deleted afterwards')
     parser.add_argument('--json', type=Path, help='also write the figures here')
+    parser.add_argument('--kernel', default='lip', help='of the fit; a quick one by default')
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
         bag = Path(folder) / 'bag'
         write(bag, options.messages)
         size = sum(file.stat().st_size for file in bag.iterdir()) / 1e9
+        model = str(Path(folder) / 'model.npz')
         verbs = {
             'inspect': ['inspect', str(bag), '--json', str(Path(folder) / 'inspect.json')],
             'dataset': ['dataset', str(bag), '-o', str(Path(folder) / 'data.npz')],
-            'fit': ['fit', str(bag), '-o', str(Path(folder) / 'model.npz')],
+            'fit': ['fit', *(str(bag), '-o', model, '--kernel', options.kernel)],
         }
         rows = [{'verb': name, **measured(verb, folder)} for name, verb in verbs.items()]
     _print(rows, options.messages, size)

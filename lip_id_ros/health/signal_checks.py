@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.health.evidence import Evidence
 from lip_id_ros.health.finding import check, JointText, Severity
 from lip_id_ros.preprocessing.cleaning import quantum
+from lip_id_ros.recording.spill import release
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step
 
 SHORT_S = 20.0
@@ -158,13 +159,12 @@ def outliers(evidence: Evidence) -> Iterator[JointText]:
 def coarse(evidence: Evidence) -> Iterator[JointText]:
     """Find signals that know few values."""
     for signal, quanta in evidence.quanta.items():
-        values = getattr(evidence.samples, signal)
-        for joint, step in enumerate(quanta):
-            if not evidence.moves(joint):
+        for joint, name, values in evidence.columns(signal):
+            step = quanta[joint]
+            if step == 0.0 or not evidence.moves(joint):
                 continue
-            deviation = float(np.std(values[:, joint]))
+            deviation = float(np.std(values))
             if step > COARSE[signal] * deviation:
-                name = evidence.names[joint]
                 yield (
                     name,
                     f'the {signal} of {name} comes in steps of {step:.3g}, '
@@ -185,19 +185,17 @@ def frozen(evidence: Evidence) -> Iterator[JointText]:
     for signal, quanta in evidence.quanta.items():
         if signal == 'position':
             continue
-        for joint, name in enumerate(evidence.names):
-            values = getattr(samples, signal)[:, joint]
+        for joint, name, values in evidence.columns(signal):
             if values.size < 2 or np.ptp(values) == 0.0 or quanta[joint] > 0.0:
                 continue
             first, last = longest_plateau(samples.t, values)
             seconds = float(samples.t[last] - samples.t[first])
             moved = float(np.ptp(samples.position[first : last + 1, joint]))
+            release(samples.position)
+            if not (seconds > FROZEN_S and moved > FROZEN_SHARE * evidence.reach[joint] > 0.0):
+                continue
             is_end = values[first] in (values.min(), values.max()) and clipped_share(values)
-            if (
-                not is_end
-                and seconds > FROZEN_S
-                and moved > FROZEN_SHARE * evidence.reach[joint] > 0.0
-            ):
+            if not is_end:
                 yield (
                     name,
                     f'the {signal} of {name} stays {values[first]:.3g} for {seconds:.3g} s from '
@@ -216,25 +214,27 @@ def position_frozen(evidence: Evidence) -> Iterator[JointText]:
     samples = evidence.samples
     if not samples.has_velocity or samples.n_samples < 2:
         return
-    for joint, name in enumerate(evidence.names):
-        first, last = longest_plateau(samples.t, samples.position[:, joint])
+    for joint, name, values in evidence.columns('position'):
+        first, last = longest_plateau(samples.t, values)
         t = samples.t[first : last + 1]
         speed = np.abs(samples.velocity[first : last + 1, joint])
+        release(samples.velocity)
         seconds = float(t[-1] - t[0])
         way = float(np.median(speed)) * seconds
         if seconds > FROZEN_S and way > max(FROZEN_SHARE * evidence.reach[joint], 0.05):
             yield (
                 name,
-                f'the position of {name} stays {samples.position[first, joint]:.3g} for '
+                f'the position of {name} stays {values[first]:.3g} for '
                 f'{seconds:.3g} s from {t[0]:.3g} s on, while its velocity goes on',
             )
 
 
 def longest_plateau(t: Array, values: Array) -> tuple[int, int]:
     """Return first and last row of the longest time [s] that a signal stays exactly the same."""
-    changes = np.flatnonzero(np.diff(values) != 0.0)
-    starts = np.concatenate([[0], changes + 1])
-    ends = np.concatenate([changes, [values.size - 1]])
+    edges = _edges(values[1:] == values[:-1])
+    if not edges.size:
+        return 0, 0
+    starts, ends = edges[::2], edges[1::2]
     longest = int(np.argmax(t[ends] - t[starts]))
     return int(starts[longest]), int(ends[longest])
 
@@ -251,23 +251,29 @@ def clipped_share(values: Array) -> float:
     values : ndarray, shape (N,)
 
     """
-    return max(_flat_top(values), _flat_top(-values))
-
-
-def _flat_top(values: Array) -> float:
-    extent = float(np.ptp(values))
-    if extent == 0.0:
+    low, high = float(values.min()), float(values.max())
+    if low == high:
         return 0.0
-    width = max(TOP_WIDTH * extent, 0.5 * quantum(values))
-    depth = values.max() - values
-    top = depth <= width
-    following = int((depth <= 3.0 * width).sum() - top.sum())
+    width = max(TOP_WIDTH * (high - low), 0.5 * quantum(values))
+    return max(
+        _flat_end(values >= high - width, values >= high - 3.0 * width),
+        _flat_end(values <= low + width, values <= low + 3.0 * width),
+    )
+
+
+def _flat_end(top: BoolArray, nearby: BoolArray) -> float:
     count = int(top.sum())
-    share = float(count / values.size)
+    following = int(nearby.sum()) - count
+    share = float(count / top.size)
     steep = count >= TOP_OVER_NEXT * (following + 1) and _longest_run(top) >= LEAST_RUN
     return share if steep and share >= LEAST_TOP else 0.0
 
 
 def _longest_run(mask: BoolArray) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    edges = _edges(mask)
     return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _edges(mask: BoolArray) -> IndexArray:
+    """Return where runs of True begin and, one behind, where they end, in turns."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))

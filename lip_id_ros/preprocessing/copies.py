@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.recording.spill import release, row_blocks
 
 WINDOW = 20
 """Consecutive samples that two recordings share only where one repeats the other."""
@@ -46,9 +47,11 @@ class RepeatedSamples:
         ndarray of bool, shape (N,)
 
         """
-        windows, usable = _windows(_row_hashes(joint_names, signals))
+        windows, usable = _windows(_all_row_hashes(joint_names, signals))
         found = usable & np.isin(windows, self._known)
         self._known = np.union1d(self._known, windows[usable])
+        if not found.any():
+            return np.zeros(len(signals[0]), dtype=bool)
         marks = np.zeros(len(signals[0]) + 1, dtype=np.int64)
         np.add.at(marks, np.flatnonzero(found), 1)
         np.add.at(marks, np.flatnonzero(found) + WINDOW, -1)
@@ -57,7 +60,17 @@ class RepeatedSamples:
 
 def content_digest(joint_names: Sequence[str], *signals: Array) -> str:
     """Return a text that identifies the contents of a recording; see `RepeatedSamples`."""
-    return hashlib.sha256(_row_hashes(joint_names, signals).tobytes()).hexdigest()[:16]
+    digest = hashlib.sha256()
+    for block in row_blocks(len(signals[0])):
+        digest.update(_row_hashes(joint_names, [signal[block] for signal in signals]).tobytes())
+    return digest.hexdigest()[:16]
+
+
+def _all_row_hashes(joint_names: Sequence[str], signals: Sequence[Array]) -> Hashes:
+    hashes = np.empty(len(signals[0]), dtype=np.uint64)
+    for block in row_blocks(len(hashes)):
+        hashes[block] = _row_hashes(joint_names, [signal[block] for signal in signals])
+    return hashes
 
 
 def _row_hashes(joint_names: Sequence[str], signals: Sequence[Array]) -> Hashes:
@@ -69,6 +82,7 @@ def _row_hashes(joint_names: Sequence[str], signals: Sequence[Array]) -> Hashes:
     for weight, column in zip(weights, columns, strict=True):
         bits = np.ascontiguousarray(column, dtype=np.float64).view(np.uint64)
         total += (bits ^ (bits >> np.uint64(29))) * weight
+    release(*signals)
     return total ^ (total >> np.uint64(32))
 
 
@@ -76,7 +90,7 @@ def _windows(rows: Hashes) -> tuple[Hashes, BoolArray]:
     """Return a hash of every window, and whether enough changes in it, shape (N - W + 1,)."""
     count = max(0, len(rows) - WINDOW + 1)
     total = np.zeros(count, dtype=np.uint64)
-    moving = np.zeros(count, dtype=np.int64)
+    moving = np.zeros(count, dtype=np.int8)
     changes = np.diff(rows) != 0
     for offset, weight in enumerate(_weights(WINDOW)):
         total += rows[offset : offset + count] * weight

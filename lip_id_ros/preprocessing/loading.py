@@ -70,7 +70,7 @@ def load_dataset(
     paths = [sources] if isinstance(sources, (str, os.PathLike)) else list(sources)
     if not paths:
         raise SourceError('at least one recording or data set is needed, but none was named.')
-    loading = _Loading(settings, progress, watch)
+    loading = _Loading(settings, progress, watch, is_alone=len(paths) == 1)
     data = concatenate(list(loading.datasets(paths)))
     if loading.copies:
         data = replace(data, provenance={**data.provenance, COPIES: loading.copies})
@@ -80,8 +80,11 @@ def load_dataset(
 class _Loading:
     """Loads sources one after another and leaves out what an earlier one holds already."""
 
-    def __init__(self, settings: Config, progress: Progress, watch: Watch) -> None:
+    def __init__(
+        self, settings: Config, progress: Progress, watch: Watch, *, is_alone: bool
+    ) -> None:
         self._settings, self._progress, self._watch = settings, progress, watch
+        self._is_alone = is_alone  # nothing to compare with
         self._seen = RepeatedSamples()
         self.copies: list[dict[str, Any]] = []
 
@@ -120,6 +123,8 @@ class _Loading:
             yield data if fresh.all() else data.select(np.flatnonzero(fresh))
 
     def _fresh(self, source: str, joint_names: Sequence[str], *signals: Array) -> BoolArray:
+        if self._is_alone:
+            return np.ones(len(signals[0]), dtype=bool)
         repeated = self._seen.repeated(joint_names, *signals)
         if repeated.any():
             count = int(repeated.sum())

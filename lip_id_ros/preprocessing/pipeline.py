@@ -207,13 +207,14 @@ def _smooth(
 
 def _repetition(fresh: JointSamples) -> dict[str, Any]:
     """Return which positions repeat although other signals do not, and come in steps."""
-    steps = {
-        name: step
-        for name, column in zip(fresh.joint_names, fresh.position.T, strict=True)
-        if (step := quantum(column)) > 0.0
+    steps = {}
+    for joint, name in enumerate(fresh.joint_names):
+        steps[name] = quantum(fresh.position[:, joint])
+        release(fresh.position)
+    return {
+        'positions': int(repeated(fresh.position).sum()),
+        'position_steps': {name: step for name, step in steps.items() if step > 0.0},
     }
-    release(fresh.position)
-    return {'positions': int(repeated(fresh.position).sum()), 'position_steps': steps}
 
 
 def _provenance(
