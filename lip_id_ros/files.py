@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 
 from lip_id_ros.errors import SourceError
 
+PathLike = str | os.PathLike[str]
+
 HEADER = 'header_json'
 
 HEX_DIGITS = 32  # of the random part of a temporary name
@@ -37,19 +39,13 @@ READ_HEADER = {
 STANDARD_STREAMS = {'/dev/stdout': 1, '/dev/stderr': 2}
 
 DAMAGE = (
-    zipfile.BadZipFile,
-    zlib.error,
-    EOFError,
-    KeyError,
-    MemoryError,
-    NotImplementedError,
-    OSError,
-    RuntimeError,
+    *(zipfile.BadZipFile, zlib.error),
+    *(EOFError, KeyError, MemoryError, NotImplementedError, OSError, RuntimeError),
 )
 """Errors of reading a damaged, truncated or encrypted archive."""
 
 
-def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
+def write_whole(path: PathLike, content: bytes) -> None:
     """
     Write a file at once, as `write_atomically` does.
 
@@ -59,14 +55,10 @@ def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
         If the folder does not exist or cannot be written.
 
     """
-
-    def put(file: BinaryIO) -> None:
-        file.write(content)
-
-    write_atomically(path, put)
+    write_atomically(path, lambda file: file.write(content))
 
 
-def write_atomically(path: str | os.PathLike[str], writer: Callable[[BinaryIO], None]) -> None:
+def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> None:
     """
     Write a file under a temporary name in its folder, then rename it.
 
@@ -110,7 +102,7 @@ def write_atomically(path: str | os.PathLike[str], writer: Callable[[BinaryIO], 
         raise
 
 
-def move_into_place(finished: Path, path: str | os.PathLike[str]) -> None:
+def move_into_place(finished: Path, path: PathLike) -> None:
     """
     Give a finished file of the same folder its name, as `write_atomically` does.
 
@@ -130,9 +122,7 @@ def move_into_place(finished: Path, path: str | os.PathLike[str]) -> None:
     os.replace(finished, target)
 
 
-def write_or_rescue(
-    path: str | os.PathLike[str], write: Callable[[str | os.PathLike[str]], None]
-) -> str | None:
+def write_or_rescue(path: PathLike, write: Callable[[PathLike], None]) -> str | None:
     """
     Write a result; where that fails, keep it in the folder for temporary files.
 
@@ -164,7 +154,7 @@ def write_or_rescue(
     return None
 
 
-def is_stream(path: str | os.PathLike[str]) -> bool:
+def is_stream(path: PathLike) -> bool:
     """Whether a path is a pipe, a device or the like, which is written to but not replaced."""
     if os.fspath(path) in STANDARD_STREAMS:
         return True
@@ -175,7 +165,7 @@ def is_stream(path: str | os.PathLike[str]) -> bool:
     return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
 
 
-def _copy_to_stream(file: IO[bytes], path: str | os.PathLike[str]) -> None:
+def _copy_to_stream(file: IO[bytes], path: PathLike) -> None:
     place: int | str | os.PathLike[str] = path
     if os.fspath(path) in STANDARD_STREAMS:
         # The descriptor itself: a file behind it is then neither truncated nor replaced.
@@ -217,7 +207,7 @@ def _remove_unlocked(path: Path) -> None:
 
 
 def write_npz(
-    path: str | os.PathLike[str],
+    path: PathLike,
     arrays: Mapping[str, NDArray[Any]],
     header: Mapping[str, Any],
 ) -> None:
@@ -244,7 +234,7 @@ def write_npz(
     write_atomically(path, lambda file: np.savez_compressed(file, **named))
 
 
-def read_npz(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def read_npz(path: PathLike) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """
     Read the arrays and the JSON header of an npz file; never unpickles.
 
@@ -271,7 +261,7 @@ def read_npz(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dic
     return _read(path, lambda name: True)
 
 
-def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:
+def read_header(path: PathLike) -> dict[str, Any]:
     """
     Read only the JSON header of an npz file; see `read_npz`.
 
@@ -287,7 +277,7 @@ def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _read(
-    path: str | os.PathLike[str], wanted: Callable[[str], bool]
+    path: PathLike, wanted: Callable[[str], bool]
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     require_regular_file(path)
     with open(path, 'rb') as file:
@@ -312,7 +302,7 @@ def _read(
     return arrays, header
 
 
-def require_regular_file(path: str | os.PathLike[str]) -> None:
+def require_regular_file(path: PathLike) -> None:
     """
     Raise an error unless a path is a regular file, links followed.
 

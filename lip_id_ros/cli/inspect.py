@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='search for what the efforts of a recording are: without gravity, motor currents, '
         'of another sign or order of joints (a minute or more)',
     )
-    arguments.add_config(parser, 'default settings; for --efforts')
+    arguments.add_config(parser, 'default settings; types of joints and meaning of efforts')
     arguments.add_force(parser)
 
 
@@ -59,7 +59,8 @@ def run(args: argparse.Namespace) -> None:
 
     output.check_file(args.json, [args.file], output.is_json, 'a JSON object', args.force)
     output.check_folder(args.report, args.force)
-    health = RecordingHealth(keep_samples=args.report is not None)
+    recording = models.chosen_config(args.config, {}).recording
+    health = RecordingHealth(recording, keep_samples=args.report is not None)
     cautions = []
     with output.progress_display() as progress:
         if Path(args.file).suffix == DATASET_SUFFIX and schema_of(args.file) in (MODEL, COMPARED):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from lip_id_ros.errors import SourceError
-from lip_id_ros.evaluation.tables import Table
+from lip_id_ros.evaluation.tables import POSITION_UNITS, Table
 from lip_id_ros.health import Evidence, evidence_of, health
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import JointSamples
@@ -24,6 +25,8 @@ TITLE = (
     'model explains'
 )
 MOST_LINES = 2
+UNKNOWN_UNITS = dict.fromkeys(POSITION_UNITS, 'rad or m')
+"""Units of positions where the types of the joints are not known."""
 SHORT = 'short'
 ENOUGH_S = 60.0
 """Length of all recordings together from which the length of each one is no concern [s]."""
@@ -44,6 +47,8 @@ class RecordingHealth:
     ----------
     found : list of dict
         Health of each recording, in the order of reading.
+    seen : list of (Evidence, dict)
+        Samples and health of each recording, where they are kept.
 
     """
 
@@ -52,18 +57,18 @@ class RecordingHealth:
     ) -> None:
         self._recording = recording
         self._keep_samples = keep_samples
-        self._seen: list[tuple[Evidence, dict[str, Any]]] = []
+        self.seen: list[tuple[Evidence, dict[str, Any]]] = []
         self._seconds = 0.0
         self.found: list[dict[str, Any]] = []
 
     def __call__(self, samples: JointSamples) -> dict[str, Any]:
         """Examine a recording; returns the addition to its description."""
-        evidence = evidence_of(samples, self._recording)
+        evidence = evidence_of(samples, _settings_for(samples, self._recording))
         self.found.append(health(evidence))
         if samples.n_samples:
             self._seconds += float(samples.t[-1] - samples.t[0])
             if self._keep_samples:
-                self._seen.append((evidence, self.found[-1]))
+                self.seen.append((evidence, self.found[-1]))
         return {'health': self.found[-1]}
 
     @property
@@ -88,12 +93,32 @@ class RecordingHealth:
         """
         from lip_id_ros.evaluation.report.recording_report import write_recording_report
 
-        if not self._seen:
+        if not self.seen:
             raise SourceError(
                 f'--report needs a recording with joint samples, but {source} has none; '
                 'leave --report out, or evaluate a model with it.'
             )
-        write_recording_report(folder, source, self._seen, progress)
+        known = self._recording is not None and bool(self._recording.joint_types)
+        units = POSITION_UNITS if known else UNKNOWN_UNITS
+        write_recording_report(folder, source, self.seen, progress, units)
+
+
+def _settings_for(
+    samples: JointSamples, recording: RecordingSettings | None
+) -> RecordingSettings | None:
+    """Return the settings for all recorded joints, from those for the joints that they name."""
+    if recording is None or recording.joints in ((), samples.joint_names):
+        return recording
+    defaults = {'joint_types': 'revolute', 'effort_scale': 1.0, 'effort_offset': 0.0}
+    per_joint = {
+        name: dict(zip(recording.joints, getattr(recording, name), strict=False))
+        for name in defaults
+    }
+    values: dict[str, Any] = {
+        name: tuple(given.get(joint, defaults[name]) for joint in samples.joint_names)
+        for name, given in per_joint.items()
+    }
+    return replace(recording, joints=samples.joint_names, **values)
 
 
 def health_table(joints: Mapping[str, Mapping[str, float | None]]) -> Table:

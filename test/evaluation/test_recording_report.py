@@ -6,12 +6,15 @@ import json
 from pathlib import Path
 
 from health.recordings import column, sound
+from matplotlib.figure import Figure
 import numpy as np
 import pytest
 
+from lip_id_ros.evaluation.recording_health import RecordingHealth, UNKNOWN_UNITS
 from lip_id_ros.evaluation.report.recording_report import coverage, signals, write_recording_report
 from lip_id_ros.health import evidence_of, health
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import RecordingSettings
 
 
 def test_pictures_show_every_joint_as_it_was_recorded() -> None:
@@ -67,3 +70,22 @@ def test_figures_are_json() -> None:
         'findings', 'joints', 'stale_share', 'effort_lag_s', 'effort_lag_gain'
     }  # fmt: skip
     assert described['joints']['arm_joint1']['velocity_scale'] == pytest.approx(1.0, abs=0.01)
+
+
+def labels(figure: Figure) -> set[str]:
+    return {panel.get_ylabel() for panel in figure.axes} | {
+        panel.get_xlabel() for panel in figure.axes
+    }
+
+
+def test_a_prismatic_joint_is_drawn_in_metres_and_an_unknown_one_in_either() -> None:
+    recording = RecordingSettings(joints=('arm_joint1',), joint_types=('prismatic',))
+    health = RecordingHealth(recording, keep_samples=True)
+    health(sound())
+    (evidence,) = (evidence for evidence, _ in health.seen)
+    assert evidence.joint_types == ('prismatic', *('revolute',) * 6)
+    assert {'[m]', '[rad]', '[m/s]', '[N]', '[N m]'} <= labels(signals(evidence))
+    assert 'position [m]' in labels(coverage(evidence))
+    unknown = labels(signals(evidence, UNKNOWN_UNITS)) | labels(coverage(evidence, UNKNOWN_UNITS))
+    assert {'[rad or m]', 'position [rad or m]'} <= unknown
+    assert not any('[rad]' in label for label in unknown)

@@ -37,6 +37,7 @@ def write_recording_report(
     source: str,
     recordings: Sequence[tuple[Evidence, Mapping[str, Any]]],
     progress: Progress = silent,
+    units: Mapping[str, str] = POSITION_UNITS,
 ) -> Path:
     """
     Write PNG plots and index.html, which embeds them and needs no network.
@@ -52,6 +53,8 @@ def write_recording_report(
         With at least one sample, and their health.
     progress : Progress
         Called after every recording.
+    units : mapping
+        Unit of the positions for each joint type.
 
     Returns
     -------
@@ -67,13 +70,19 @@ def write_recording_report(
     pages = []
     for number, (evidence, health) in enumerate(recordings, start=1):
         target = Path(folder) / str(number) if len(recordings) > 1 else Path(folder)
-        pages.append(_report(target, source, evidence, health))
+        pages.append(_report(target, source, evidence, health, units))
         progress('plot', number, len(recordings))
     return pages[0]
 
 
-def _report(target: Path, source: str, evidence: Evidence, health: Mapping[str, Any]) -> Path:
-    pictures = _pictures(evidence)
+def _report(
+    target: Path,
+    source: str,
+    evidence: Evidence,
+    health: Mapping[str, Any],
+    units: Mapping[str, str],
+) -> Path:
+    pictures = _pictures(evidence, units)
     findings = health['findings']
     samples = evidence.samples
     facts = (
@@ -93,17 +102,17 @@ def _report(target: Path, source: str, evidence: Evidence, health: Mapping[str, 
     return write_folder(target, text, pictures)
 
 
-def _pictures(evidence: Evidence) -> list[Picture]:
+def _pictures(evidence: Evidence, units: Mapping[str, str]) -> list[Picture]:
     with style.styled():
-        drawn = signals(evidence)
+        drawn = signals(evidence, units)
         pictures = [picture('signals', 'Recorded signals', SIGNALS, drawn)]
         if evidence.motion.stretches:
-            drawn = coverage(evidence)
+            drawn = coverage(evidence, units)
             pictures.append(picture('coverage', 'Coverage', COVERAGE, drawn))
     return pictures
 
 
-def signals(evidence: Evidence) -> Figure:
+def signals(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> Figure:
     """Draw position, velocity and effort of each joint over time, as recorded."""
     samples = evidence.samples
     n_joints = samples.n_joints
@@ -116,9 +125,9 @@ def signals(evidence: Evidence) -> Figure:
     columns = (samples.position, samples.velocity, samples.effort)
     colors = (style.TRUE, style.KINETIC, style.PREDICTED)
     for joint, (name, kind) in enumerate(zip(evidence.names, evidence.joint_types, strict=True)):
-        unit = POSITION_UNITS[kind]
-        units = (unit, f'{unit}/s', TORQUE_UNITS[kind])
-        for panel, values, color, label in zip(grid[joint], columns, colors, units, strict=True):
+        unit = units[kind]
+        labels = (unit, f'{unit}/s', TORQUE_UNITS[kind])
+        for panel, values, color, label in zip(grid[joint], columns, colors, labels, strict=True):
             _curve(panel, samples.t[rows], values[rows, joint], color)
             panel.set_ylabel(f'[{label}]')
         grid[joint, 0].set_title(for_plot(name), loc='left')
@@ -130,7 +139,7 @@ def signals(evidence: Evidence) -> Figure:
     return figure
 
 
-def coverage(evidence: Evidence) -> Figure:
+def coverage(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> Figure:
     """Draw velocity over position of each joint."""
     n_joints = len(evidence.names)
     n_columns = min(COVERAGE_COLUMNS, n_joints)
@@ -141,7 +150,7 @@ def coverage(evidence: Evidence) -> Figure:
     )
     panels = list(figure.subplots(n_rows, n_columns, squeeze=False).flat)
     for joint, (name, kind) in enumerate(zip(evidence.names, evidence.joint_types, strict=True)):
-        panel, unit = panels[joint], POSITION_UNITS[kind]
+        panel, unit = panels[joint], units[kind]
         for stretch in evidence.motion.stretches:
             way = stretch.position[:, joint], stretch.velocity[:, joint]
             panel.plot(*way, color=style.PREDICTED, linewidth=0.8, alpha=0.6)
