@@ -42,7 +42,11 @@ SIGN_WIDTH = 0.05
 LIFTS = (1e-1, 1e-2)
 """Least eigenvalues of the scaled pseudo-inertias of the first links that can exist."""
 
-FIRST_EVALUATIONS, EVALUATIONS, ROUNDS = 60, 30, 3
+EVALUATIONS = (60, 30, 30)
+"""Most evaluations of the rounds of a fit."""
+
+FIRST_ROUND, LAST_ROUNDS, KEPT = (40,), (30, 20), 2
+"""Of starts: all go through the first round, the best through the last ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +124,11 @@ class ArmFitter:
         """Fit to some of the samples from several starts, and return the best."""
         some = self.some(START_SAMPLES)
         starts = (start for chain in chains for start in self._starts(some, chain, elected))
-        fits = [self.refined(some, start) for start in starts]
-        return min(fits, key=lambda fit: fit.score)
+        fits = [self.refined(some, start, FIRST_ROUND) for start in starts]
+        best = sorted(fits, key=lambda fit: fit.score)[:KEPT]
+        return min(
+            (self.refined(some, fit, LAST_ROUNDS) for fit in best), key=lambda fit: fit.score
+        )
 
     def with_friction(self, fit: ArmFit, elected: ElectedFriction) -> ArmFit:
         """Return a start with friction terms and noise that have been elected anew."""
@@ -135,11 +142,12 @@ class ArmFitter:
         state = replace(fit.state, chain=geometry.projected(fit.chain))
         return replace(fit, state=state, geometry=geometry)
 
-    def refined(self, dataset: Dataset, fit: ArmFit, rounds: int = ROUNDS) -> ArmFit:
+    def refined(
+        self, dataset: Dataset, fit: ArmFit, rounds: Sequence[int] = EVALUATIONS
+    ) -> ArmFit:
         """Descend, each round with the noise and the loads that the one before has found."""
-        for round_ in range(rounds):
+        for evaluations in rounds:
             problem = self.problem(dataset, fit)
-            evaluations = EVALUATIONS if round_ else FIRST_EVALUATIONS
             fit = self._measured(dataset, fit, problem, problem.minimised(fit.state, evaluations))
         return fit
 

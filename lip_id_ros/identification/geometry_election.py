@@ -12,6 +12,8 @@ MOST_LOSS = 0.01
 """Increase of the logarithm of left-out errors per joint that simple geometry may cost."""
 
 MOST_TRIALS = 8
+ROUNDS = (20,)
+"""Evaluations of the descent of a trial."""
 
 
 def elect_geometry(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
@@ -48,7 +50,7 @@ class _Election:
         fitter = self._fitter
         geometry = together([fit.geometry, *offers], fitter.dataset.n_joints)
         some = fitter.some(MOST_SAMPLES)
-        tried = fitter.refined(some, fitter.with_geometry(fit, geometry), rounds=2)
+        tried = fitter.refined(some, fitter.with_geometry(fit, geometry), ROUNDS)
         if _score(posterior(fitter, tried)[2]) <= self._most:
             return tried
         half = (len(offers) + 1) // 2

@@ -35,6 +35,10 @@ CHUNK = 1000
 """Samples whose Jacobian is in memory at one time."""
 
 MOST_INFLATION = 1e4
+
+LEAST_FREEDOM = 0.1
+"""Least share of the samples that counts as left after the parameters."""
+
 DAMPINGS = (1e-1, 1.0)
 """
 Of the Gauss-Newton steps, in squares of the columns: what the data do not tell must not run away.
@@ -87,8 +91,9 @@ def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Lef
         fit, blocks = _gauss_newton(fitter, fit, blocks)
     problem = fitter.problem(fitter.some(1), fit)
     prior = _prior_rows(problem, fit.state)
-    left_out = measure_left_out(blocks, prior, fit.noise.std)
-    root = _root(blocks[0].merge(*blocks[1:]), prior, fit.noise.std)
+    noise_std = _unbiased(blocks[0].merge(*blocks[1:]), prior, fit.noise.std)
+    left_out = measure_left_out(blocks, prior, noise_std)
+    root = _root(blocks[0].merge(*blocks[1:]), prior, noise_std)
     covariance_root = np.sqrt(left_out.inflation) * _coordinates(problem, fit.state, root)
     noise = replace(fit.noise, std=left_out.noise_std)
     return fit, ArmPosterior(fit.chain, fit.links, fit.friction, noise, covariance_root), left_out
@@ -183,6 +188,15 @@ def _mean_squares(fitter: ArmFitter, fit: ArmFit) -> Array:
         squares += np.sum(weights * (some.tau - torque) ** 2, axis=0)
         count += weights.sum(axis=0)
     return np.asarray(squares / count)
+
+
+def _unbiased(statistics: TorqueStatistics, prior: Array, noise_std: Array) -> Array:
+    """Return the noise with degrees of freedom that the parameters took, shape (n,)."""
+    root = _root(statistics, prior, noise_std)
+    inverse = solve_triangular(root[:-1, :-1], np.eye(len(root) - 1))
+    taken = np.array([np.sum((factor[:, :-1] @ inverse) ** 2) for factor in statistics.factors])
+    share = taken / noise_std**2 / statistics.weights
+    return np.asarray(noise_std / np.sqrt(np.maximum(1.0 - share, LEAST_FREEDOM)))
 
 
 def _root(statistics: TorqueStatistics, prior: Array, noise_std: Array) -> Array:

@@ -9,7 +9,6 @@ it (docs/maths.md, section 11).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +21,6 @@ from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 PARALLEL = 1e-9
 """Sine of the angle below which axes are parallel, as constraints make them."""
 
-STEP = 1e-6
 MOST_DEVIATIONS = 3.0
 """Standard deviations from simple geometry within which a twist or length is a candidate."""
 
@@ -92,9 +90,9 @@ class Geometry:
             if np.sin(self.twists[i]) < PARALLEL:
                 rows += list(np.eye(2, DIRECTIONS))
             else:
-                rows.append(_gradient(_twist_of, rotation, translation))
+                rows.append(_twist_gradient(rotation))
         if self.meets[i]:
-            rows.append(_gradient(_length_of, rotation, translation))
+            rows.append(_length_gradient(rotation, translation))
         return rows
 
 
@@ -130,21 +128,21 @@ def _offers(
     i: int, chain: Chain, rotation: Array, translation: Array, root: Array
 ) -> list[tuple[Geometry, float, float]]:
     free = Geometry.free(len(chain.prismatic))
-    twist = _twist_of(rotation, translation)
+    twist = _twist_of(rotation)
     target = 0.5 * np.pi * np.round(twist / (0.5 * np.pi))
     away = abs(twist - target)
     offers = []
     if away <= FARTHEST_TWIST and (i > 0 or chain.gravity.any()):
         twists = free.twists.copy()
         twists[i] = target
-        std = _spread(_gradient(_twist_of, rotation, translation), root)
+        std = _spread(_twist_gradient(rotation), root)
         offers.append((replace(free, twists=twists), float(away), std))
     length = _length_of(rotation, translation)
     revolute = i > 0 and not (chain.prismatic[i] or chain.prismatic[i - 1])
     if revolute and np.sin(twist) > NEAR_PARALLEL and abs(length) <= FARTHEST_LENGTH:
         meets = free.meets.copy()
         meets[i] = True
-        std = _spread(_gradient(_length_of, rotation, translation), root)
+        std = _spread(_length_gradient(rotation, translation), root)
         offers.append((replace(free, meets=meets), abs(length), std))
     return offers
 
@@ -159,7 +157,7 @@ def together(geometries: list[Geometry], n_joints: int) -> Geometry:
     return Geometry(twists, meets)
 
 
-def _twist_of(rotation: Array, translation: Array) -> float:
+def _twist_of(rotation: Array) -> float:
     z = rotation[:, 2]
     return float(np.arctan2(np.hypot(z[0], z[1]), z[2]))
 
@@ -178,20 +176,29 @@ def _common_normal(rotation: Array) -> tuple[Array, float]:
 
 def _with_twist(rotation: Array, twist: float) -> Array:
     normal, _ = _common_normal(rotation)
-    change = twist - _twist_of(rotation, normal)
+    change = twist - _twist_of(rotation)
     return np.asarray(Rotation.from_rotvec(change * normal).as_matrix() @ rotation)
 
 
-def _gradient(
-    function: Callable[[Array, Array], float], rotation: Array, translation: Array
-) -> Array:
-    """Differentiate by a step of a placement, shape (6,)."""
+def _twist_gradient(rotation: Array) -> Array:
+    """Differentiate the twist by a step of the placement, shape (6,)."""
+    z, (normal, sine) = rotation[:, 2], _common_normal(rotation)
+    # the unit vector normal to z in which z moves as the twist grows
+    upward = np.cross(normal, z) if sine > 0.0 else np.array([0.0, -1.0, 0.0])
     out = np.zeros(DIRECTIONS)
-    for k, way in enumerate(STEP * np.eye(DIRECTIONS)):
-        turn = Rotation.from_rotvec(way[:3]).as_matrix()
-        up = function(rotation @ turn, translation + way[3:])
-        down = function(rotation @ turn.T, translation - way[3:])
-        out[k] = (up - down) / (2.0 * STEP)
+    out[0], out[1] = -upward @ rotation[:, 1], upward @ rotation[:, 0]
+    return out
+
+
+def _length_gradient(rotation: Array, translation: Array) -> Array:
+    """Differentiate the length by a step of the placement, shape (6,)."""
+    normal, sine = _common_normal(rotation)
+    aside = (translation - normal * (normal @ translation)) / max(sine, PARALLEL)
+    # turning by d moves z by the cross product R d x z, and (-z_y, z_x, 0) with it
+    moved = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ rotation
+    out = np.zeros(DIRECTIONS)
+    out[0], out[1] = -aside @ moved[:, 1], aside @ moved[:, 0]
+    out[3:] = normal
     return out
 
 

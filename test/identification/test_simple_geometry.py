@@ -7,7 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.identification.simple_geometry import candidates, Geometry, together
+from lip_id_ros.identification.simple_geometry import (
+    _length_gradient,
+    _twist_gradient,
+    candidates,
+    Geometry,
+    together,
+)
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.axes import angles_between, distances_between
 
@@ -87,3 +93,27 @@ def test_lengths_of_prismatic_joints_are_left_alone() -> None:
         prismatic=np.array([False, True, False, True])
     )
     assert not together([fixed for _, fixed in candidates(chain, np.eye(6 * N))], N).meets.any()
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_gradients_by_differences(seed: int) -> None:
+    chain, step = chain_of(seed), 1e-6
+    for joint in range(1, N):
+        found = (
+            _twist_gradient(chain.rotations[joint]),
+            _length_gradient(chain.rotations[joint], chain.translations[joint]),
+        )
+        for k in range(6):
+            way = np.zeros(6 * N)
+            way[6 * joint + k] = step
+            up, down = stepped(chain, way), stepped(chain, -way)
+            twist = angles_between(up)[joint - 1] - angles_between(down)[joint - 1]
+            lengths = [
+                np.cross((0.0, 0.0, 1.0), each.rotations[joint][:, 2]) for each in (up, down)
+            ]
+            length = sum(
+                sign * (normal / np.linalg.norm(normal)) @ each.translations[joint]
+                for sign, normal, each in zip((1.0, -1.0), lengths, (up, down), strict=True)
+            )
+            assert found[0][k] == pytest.approx(twist / (2.0 * step), abs=1e-6)
+            assert found[1][k] == pytest.approx(length / (2.0 * step), abs=1e-5)
