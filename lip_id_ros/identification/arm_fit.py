@@ -20,9 +20,19 @@ from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_fricti
 from lip_id_ros.identification.arm_posterior import friction_features
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
-from lip_id_ros.identification.kinematic_calibration import PlacementProblem, Samples
+from lip_id_ros.identification.kinematic_calibration import (
+    PlacementProblem,
+    Placements,
+    Samples,
+)
 from lip_id_ros.identification.noise import TorqueNoise
-from lip_id_ros.identification.placement_search import calibrate, Calibration, FINEST, LENGTH
+from lip_id_ros.identification.placement_search import (
+    calibrate,
+    Calibration,
+    FINEST,
+    LENGTH,
+    refine,
+)
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain
@@ -109,16 +119,29 @@ class ArmFitter:
 
     def calibrated(self, seed: int, progress: Progress) -> Calibration:
         """Find the placements of the joints, with viscous and Coulomb friction and offsets."""
+        return calibrate(self._plain_samples(self._reference), FEW_SAMPLES, seed, progress)
+
+    def recalibrated(self, calibration: Calibration) -> Calibration:
+        """Refine placements that were found in other samples."""
+        return refine(self._plain_samples(self._reference), FEW_SAMPLES, calibration)
+
+    def residual(self, placements: Placements) -> Array:
+        """Return the residuals of a calibration at all samples, shape (N, n) [N m or N]."""
+        samples = self._plain_samples(self.dataset)
+        return PlacementProblem(samples, self.torque_std).residual(placements)
+
+    def _plain_samples(self, dataset: Dataset) -> Samples:
+        """Return samples with viscous and Coulomb friction and offsets."""
         speed = np.sqrt(np.mean(self.dataset.dq**2, axis=0))
         widths = SIGN_WIDTH * np.where(speed > 0.0, speed, 1.0)
-        basis = plain_friction(self.dataset.n_joints, widths.tolist())
-        some = self._reference
-        samples = self._samples(some, basis, None, np.ones_like(some.tau))
-        return calibrate(samples, FEW_SAMPLES, seed, progress)
+        basis = plain_friction(self.dataset.n_joints, widths)
+        return self._samples(dataset, basis, None, np.ones_like(dataset.tau))
 
     def elected(self, chain: Chain) -> ElectedFriction:
         """Elect friction terms with the joints in given places."""
-        return elect_friction(self.dataset, chain, self.link_std)
+        elected = elect_friction(self.dataset, chain, self.link_std)
+        std = np.maximum(elected.noise.std, self.least_noise)
+        return replace(elected, noise=replace(elected.noise, std=std))
 
     def best_start(self, chains: Sequence[Chain], elected: ElectedFriction) -> ArmFit:
         """Fit to some of the samples from several starts, and return the best."""

@@ -13,6 +13,7 @@ from lip_id_ros.identification.arm_fit import ArmFitter, MOST_SAMPLES
 from lip_id_ros.identification.arm_posterior import ArmPosterior
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import posterior
+from lip_id_ros.identification.outliers import explained, plausible
 from lip_id_ros.identification.remainder import Remainder
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.simple_geometry import Geometry
@@ -45,6 +46,8 @@ class Identified:
         Share of each torque's variance that left-out blocks show to be unexplained.
     inflation : float
         Factor of the covariance for residuals that are correlated in time.
+    outliers : int
+        Samples that were left out.
 
     """
 
@@ -55,6 +58,7 @@ class Identified:
     descents: int
     unexplained: Array
     inflation: float
+    outliers: int
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the torques at joint states of shape (N, n), same shape [N m or N]."""
@@ -84,11 +88,17 @@ def identify(dataset: Dataset, seed: int = 0, progress: Progress = silent) -> Id
     """
     # Products this small gain nothing from more threads of their own.
     with threadpool_limits(1):
-        return _identified(ArmFitter(dataset), seed, progress)
+        return _identified(dataset, seed, progress)
 
 
-def _identified(fitter: ArmFitter, seed: int, progress: Progress) -> Identified:
+def _identified(dataset: Dataset, seed: int, progress: Progress) -> Identified:
+    count = dataset.n_samples
+    fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))))
     calibration = fitter.calibrated(seed, progress)
+    kept = explained(fitter.residual(calibration.placements))
+    if not kept.all():
+        fitter = ArmFitter(fitter.dataset.select(np.flatnonzero(kept)))
+        calibration = fitter.recalibrated(calibration)
     progress(STAGE, 0, STEPS)
     elected = fitter.elected(calibration.placements.chain)
     progress(STAGE, 1, STEPS)
@@ -114,4 +124,5 @@ def _identified(fitter: ArmFitter, seed: int, progress: Progress) -> Identified:
         descents=calibration.descents,
         unexplained=left_out.mean_squares / fitter.torque_std**2,
         inflation=left_out.inflation,
+        outliers=count - fitter.dataset.n_samples,
     )

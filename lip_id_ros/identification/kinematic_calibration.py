@@ -197,12 +197,18 @@ class PlacementProblem:
         """Descend from given placements."""
         return minimise(self, self.at(rotations, translations), evaluations, TOLERANCE)
 
-    def residual_rms(self, point: Placements) -> Array:
-        """Return the root mean square residual of each joint, shape (n,) [N m or N]."""
+    def residual(self, point: Placements) -> Array:
+        """Return the residual of each joint, shape (N, n) [N m or N]."""
         samples = self._samples
         links = point.link_parameters(samples).ravel()
         torque = torque_regressor(point.chain, *samples.state) @ links
-        torque += samples.friction @ point.friction_coefficients(samples)
-        weighted = samples.weights * (samples.tau - torque) ** 2
-        sums: Array = weighted.sum(axis=0) / samples.weights.sum(axis=0)
+        return np.asarray(
+            samples.tau - torque - samples.friction @ point.friction_coefficients(samples)
+        )
+
+    def residual_rms(self, point: Placements) -> Array:
+        """Return the root mean square residual of each joint, shape (n,) [N m or N]."""
+        weights = self._samples.weights
+        weighted = weights * self.residual(point) ** 2
+        sums: Array = weighted.sum(axis=0) / weights.sum(axis=0)
         return np.sqrt(sums)

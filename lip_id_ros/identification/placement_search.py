@@ -11,7 +11,7 @@ nothing of each other go on until they agree.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -96,23 +96,39 @@ def calibrate(samples: Samples, few: int, seed: int, progress: Progress) -> Cali
         If the data are not finite in units of the noise.
 
     """
-    torque = samples.tau.std(axis=0)
-    torque = np.where(torque > 0.0, torque, 1.0)
-    rows = np.unique(np.linspace(0, len(samples.tau) - 1, few).astype(np.intp))
-    some = samples.select(rows)
+    torque = torque_size(samples)
+    some = few_of(samples, few)
     # Products this small gain nothing from more threads of their own.
     with threadpool_limits(1), ThreadPoolExecutor(SEARCHES) as pool:
         problem = PlacementProblem(some, COARSE * torque)
         searches = [_Search(problem, rng) for rng in np.random.default_rng(seed).spawn(SEARCHES)]
         agreed = _searched(searches, pool, progress)
         minima = _distinct([each for search in searches for each in search.minima])
-        noise_std = COARSE * torque
-        floor = FINEST * torque
-        candidates, noise_std = _refined(some, minima[:CANDIDATES], noise_std, floor, pool)
-        (lowest,), noise_std = _refined(samples, candidates[:1], noise_std, floor, pool)
-    progress(STAGE, 1, 1)
     descents = sum(search.descents for search in searches)
-    return Calibration(lowest, tuple(candidates), noise_std, agreed, descents)
+    found = Calibration(minima[0], tuple(minima), COARSE * torque, agreed, descents)
+    progress(STAGE, 1, 1)
+    return refine(samples, few, found)
+
+
+def refine(samples: Samples, few: int, found: Calibration) -> Calibration:
+    """Descend from the lowest minima with residuals in units of those of the best."""
+    floor, noise_std = FINEST * torque_size(samples), found.noise_std
+    with threadpool_limits(1), ThreadPoolExecutor(SEARCHES) as pool:
+        minima = list(found.candidates[:CANDIDATES])
+        minima, noise_std = _refined(few_of(samples, few), minima, noise_std, floor, pool)
+        (lowest,), noise_std = _refined(samples, minima[:1], noise_std, floor, pool)
+    return replace(found, placements=lowest, candidates=tuple(minima), noise_std=noise_std)
+
+
+def torque_size(samples: Samples) -> Array:
+    """Return the standard deviation of each torque, 1 where it does not change, shape (n,)."""
+    torque = samples.tau.std(axis=0)
+    return np.where(torque > 0.0, torque, 1.0)
+
+
+def few_of(samples: Samples, few: int) -> Samples:
+    """Return so many samples, evenly chosen."""
+    return samples.select(np.unique(np.linspace(0, len(samples.tau) - 1, few).astype(np.intp)))
 
 
 def quarter_turn_placements(n_joints: int, rng: np.random.Generator) -> tuple[Array, Array]:

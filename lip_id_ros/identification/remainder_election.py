@@ -42,6 +42,9 @@ NOISES = (0.1, 1.0)
 LEAST_GAIN = 0.1
 """Least decrease of the logarithm of left-out errors for which a joint has a process."""
 
+NOTHING = 1e-3
+"""Left-out errors, as a share of the torque's deviation, below which nothing is left to learn."""
+
 LEAST_WINS = 2.0 / 3.0
 """Least share of the folds in which a process beside links has to predict better."""
 
@@ -164,7 +167,9 @@ class RemainderElection:
 
     def chosen(self, joint: int) -> Choice | None:
         """Return the process of one joint; None where it is better off without."""
-        _, alone = self._measured(joint, None)
+        left_out_std, alone = self._measured(joint, None)
+        if left_out_std < NOTHING * self._tau[:, joint].std():
+            return None
         beside, instead = (
             min(self._choices(joint, replaces), key=lambda each: each.score)
             for replaces in (False, True)

@@ -1,0 +1,54 @@
+"""
+Samples that are left out of an identification: absurd motions and torques, spikes.
+
+Scales are quantiles, which a few absurd values do not move (Huber, Robust Statistics, 1981).
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.dataset import Dataset
+
+QUANTILE = 0.9
+FARTHEST_MOTION, FARTHEST_TORQUE = 20.0, 6.0
+"""
+Largest velocities and accelerations, and torques about their median, in their 90 % quantiles.
+"""
+
+FARTHEST_RESIDUAL = 12.0
+"""Largest residual, in standard deviations as the median residual gives them."""
+
+MOST = 0.15
+"""Share of the samples beyond which they are no outliers."""
+
+NORMAL_MEDIAN = 0.6745
+"""Median absolute value of a standard normal variable."""
+
+
+def plausible(dataset: Dataset) -> BoolArray:
+    """Mark the samples whose motions and torques are of the size of the others', shape (N,)."""
+    centred = dataset.tau - np.median(dataset.tau, axis=0)
+    kept = _within(centred, FARTHEST_TORQUE)
+    for rates in (dataset.dq, dataset.ddq):
+        kept &= _within(rates, FARTHEST_MOTION)
+    return _if_few(kept)
+
+
+def explained(residual: Array) -> BoolArray:
+    """Mark the samples whose residuals, shape (N, n), are of the size of the others', (N,)."""
+    size = np.abs(residual)
+    std = np.median(size, axis=0) / NORMAL_MEDIAN
+    return _if_few((size <= FARTHEST_RESIDUAL * np.where(std > 0.0, std, np.inf)).all(axis=1))
+
+
+def _within(values: Array, farthest: float) -> BoolArray:
+    size = np.abs(values)
+    scale = np.quantile(size, QUANTILE, axis=0)
+    return np.asarray((size <= farthest * np.where(scale > 0.0, scale, np.inf)).all(axis=1))
+
+
+def _if_few(kept: BoolArray) -> BoolArray:
+    return kept if np.mean(kept) >= 1.0 - MOST else np.ones_like(kept)
