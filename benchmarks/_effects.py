@@ -9,7 +9,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.simulation.arm import Dynamics
-from lip_id_ros.simulation.trajectories import Motion
+from lip_id_ros.simulation.trajectories import JointMotion
 
 REST = 1e-3  # [rad/s]; slower than that, friction fades
 N_JOINTS = 7
@@ -79,7 +79,7 @@ class Drives:
         place = 1.0 + self.uneven * np.sin(q + np.arange(q.shape[1]))
         return place * (self.viscous * dq + dry * np.tanh(dq / REST))
 
-    def torque(self, motor: Motion, load: Array) -> Array:
+    def torque(self, motor: JointMotion, load: Array) -> Array:
         """Return the torque of the motors as recorded [N m], shape (N, n)."""
         q, dq, ddq = motor
         own = self.rotor * ddq + self.ripple * np.sin(self.ripple_periods * q)
@@ -133,7 +133,7 @@ class Run(NamedTuple):
 
     Attributes
     ----------
-    motor : Motion
+    motor : JointMotion
         What encoders see.
     tau : ndarray
         Torque of the motors as recorded, without noise [N m].
@@ -142,13 +142,13 @@ class Run(NamedTuple):
 
     """
 
-    motor: Motion
+    motor: JointMotion
     tau: Array
     kinetic: Array
     potential: Array
 
 
-def driven(arm: Dynamics, drives: Drives, link: Motion, step_s: float) -> Run:
+def driven(arm: Dynamics, drives: Drives, link: JointMotion, step_s: float) -> Run:
     """
     Follow a motion of the links that is one period long.
 
@@ -159,7 +159,7 @@ def driven(arm: Dynamics, drives: Drives, link: Motion, step_s: float) -> Run:
     arm : Dynamics
         Links without drives.
     drives : Drives
-    link : Motion
+    link : JointMotion
         Exact positions, velocities and accelerations of the links, each (N, n).
     step_s : float
         Between samples [s].

@@ -15,7 +15,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.comparison import Case, thinned
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation import Arm, MotionLimits, panda, SinusoidTrajectory
+from lip_id_ros.simulation import MotionLimits, panda, SimulatedArm, SinusoidTrajectory
 from lip_id_ros.simulation.panda import MOTION, panda_urdf
 
 UNSEEN = 'unseen motion'
@@ -85,7 +85,7 @@ class Setting:
     farther: float
 
     def recorded(
-        self, arm: Arm, n_tests: int, rng: np.random.Generator
+        self, arm: SimulatedArm, n_tests: int, rng: np.random.Generator
     ) -> tuple[Dataset, dict[str, Dataset]]:
         """Record a motion to learn from and unseen ones."""
         n = arm.n_joints

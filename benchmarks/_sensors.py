@@ -12,7 +12,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.simulation.arm import Dynamics
-from lip_id_ros.simulation.datasets import Trajectory
+from lip_id_ros.simulation.trajectories import Trajectory
 
 SECONDS, RATE_HZ = 50.0, 200.0
 

@@ -78,7 +78,7 @@ FOREIGN = {
     'pinocchio': ('simulation', 'baselines/regressor', 'export/check'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),
-    'matplotlib': ('evaluation/report', 'comparison/report', 'tracking/plots'),
+    'matplotlib': ('evaluation/report', 'comparison/report', 'tracking/report'),
     'rich': ('evaluation/tables', 'cli'),
     'rclpy': ROS,
     'ament_index_python': ROS,

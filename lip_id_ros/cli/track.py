@@ -42,9 +42,9 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli import output
     from lip_id_ros.evaluation.tables import show, show_lines
     from lip_id_ros.tracking import Experiment, figures, trials
+    from lip_id_ros.tracking.experiment import panda_setup
     from lip_id_ros.tracking.figures import notes, tables
     from lip_id_ros.tracking.report import write_report
-    from lip_id_ros.tracking.setup import panda_setup
 
     output.check_file(args.json, [], output.is_json, 'a JSON object', args.force)
     output.check_folder(args.output, args.force)

@@ -22,7 +22,7 @@ from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings.nodes import parameters_of
 from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
 from lip_id_ros.simulation import TorqueControlledArm
-from lip_id_ros.tracking.setup import panda_setup
+from lip_id_ros.tracking.experiment import panda_setup
 
 RETRY_S = 0.2
 

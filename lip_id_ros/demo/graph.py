@@ -47,6 +47,7 @@ class Graph:
         self.node = node
         self._alive = alive
         self.train_status: dict[str, Any] = {}
+        self._known: set[str] = set()
         self._record = node.create_client(SetBool, '/train/record')
         self._save = node.create_client(Trigger, '/train/save_dataset')
         self._fit = node.create_client(Trigger, '/train/fit')
@@ -55,23 +56,48 @@ class Graph:
         self._plans = node.create_publisher(JointTrajectory, '/desired_trajectory', qos.REFERENCE)
         node.create_subscription(DiagnosticStatus, '/train/status', self._on_status, qos.LATCHED)
 
-    def wait_until(self, condition: Callable[[], bool], what: str, seconds: float) -> None:
+    def wait_until(
+        self,
+        condition: Callable[[], bool],
+        what: str,
+        seconds: float = ANSWER_SECONDS,
+        progress: Callable[[], Any] = lambda: None,
+    ) -> None:
         """
         Wait for a condition.
+
+        Parameters
+        ----------
+        condition : callable
+        what : str
+            What the condition stands for, for the error.
+        seconds : float
+            Longest time without progress.
+        progress : callable
+            Returns another value after progress.
 
         Raises
         ------
         LipIdError
-            If it does not come true in time, or a node ends before.
+            If nothing progresses for that long, or a node ends before.
 
         """
-        deadline = time.monotonic() + seconds
+        reached, since = progress(), time.monotonic()
         while not condition():
             if not self._alive():
                 raise LipIdError(f'the nodes ended while waiting for {what}; see nodes.log.')
-            if time.monotonic() > deadline:
-                raise LipIdError(f'{what} did not come in {seconds:g} s; see nodes.log.')
+            if (now := progress()) != reached:
+                reached, since = now, time.monotonic()
+            if time.monotonic() > since + seconds:
+                raise LipIdError(
+                    f'waited {seconds:g} s for {what} without progress; see nodes.log.'
+                )
             time.sleep(POLL_SECONDS)
+
+    def await_discovery(self) -> None:
+        """Wait until all nodes know the topics and services of this one."""
+        for name in ('train', 'serve', 'simulated_panda'):
+            await_discovery(self.node, f'/{name}', self.wait_until)
 
     def set_recording(self, recording: bool) -> None:
         """Start or stop recording in `train`."""
@@ -112,9 +138,12 @@ class Graph:
             raise LipIdError(f'{client.srv_name}: {response.message}')
 
     def _call(self, client: Client, request: Any) -> Any:
-        self.wait_until(client.service_is_ready, client.srv_name, ANSWER_SECONDS)
+        if client.srv_name not in self._known:
+            self.wait_until(client.service_is_ready, client.srv_name)
+            await_discovery(self.node, client.srv_name.rpartition('/')[0], self.wait_until)
+            self._known.add(client.srv_name)
         answer = client.call_async(request)
-        self.wait_until(answer.done, f'the answer of {client.srv_name}', ANSWER_SECONDS)
+        self.wait_until(answer.done, f'the answer of {client.srv_name}')
         return answer.result()
 
     def _on_status(self, message: DiagnosticStatus) -> None:

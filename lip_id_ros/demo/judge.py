@@ -1,14 +1,23 @@
-"""When a demonstration has failed: the same rule with and without ROS."""
+"""The end of a demonstration, with and without ROS: its figures, verdicts and exit status."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import argparse
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
+from pathlib import Path
+import sys
 
+from lip_id_ros.cli.output import console
+from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import Evaluation
-from lip_id_ros.evaluation.tables import percent, Table
+from lip_id_ros.evaluation.tables import error_table, notes, percent, show, Table
 
+TITLE = 'A simulated Panda on an unseen motion'
+REPORT = 'report'
+INTERRUPTED = 130  # what a shell expects after Ctrl-C
+TORQUE_NOISE = 0.05  # of the simulated sensors [N m]
 TORQUE_LIMIT_PERCENT = 5.0
 KINETIC_LIMIT_PERCENT = 2.0
 LEAST_SIGNAL_TO_NOISE = 10.0  # below this, an error says more of the noise than of the model
@@ -90,3 +99,52 @@ def verdict_table(verdicts: Sequence[Verdict]) -> Table:
         for verdict in verdicts
     ]
     return Table('Verdict', ('', 'nMSE [%]', 'limit [%]', ''), rows)
+
+
+def run_demo(
+    demonstrate: Callable[[Path], Evaluation],
+    argv: Sequence[str] | None,
+    description: str | None,
+) -> int:
+    """
+    Run a demonstration as a program.
+
+    Parameters
+    ----------
+    demonstrate : callable
+        Gets the output folder.
+    argv : sequence of str, optional
+        Arguments of the command line.
+    description : str
+        For its help.
+
+    Returns
+    -------
+    int
+        Exit status: 0, or 1 where an error is above its limit or something is missing.
+
+    """
+    parser = argparse.ArgumentParser(prog='make demo', description=description)
+    parser.add_argument('--output', default='demo_output', metavar='DIR', help='where to write')
+    output = Path(parser.parse_args(argv).output).resolve()
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        evaluation = demonstrate(output)
+    except (LipIdError, OSError) as error:
+        print(f'demo: error: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    return conclude(evaluation, output)
+
+
+def conclude(evaluation: Evaluation, output: Path) -> int:
+    """Print figures and verdicts; return the exit status."""
+    out = console()
+    show(error_table(evaluation, TITLE), out)
+    for note in notes(evaluation):
+        out.print(note)
+    verdicts = judge(evaluation, [TORQUE_NOISE] * len(evaluation.joint_names))
+    show(verdict_table(verdicts), out)
+    out.print(f'Report: {output / REPORT / "index.html"}')
+    return 1 if any(verdict.failed for verdict in verdicts) else 0

@@ -8,7 +8,6 @@ what the model is worth.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,23 +16,21 @@ import sys
 
 import numpy as np
 
-from lip_id_ros.cli.output import console, progress_display
+from lip_id_ros.cli.output import progress_display
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.demo.judge import judge, verdict_table
-from lip_id_ros.errors import LipIdError
+from lip_id_ros.demo.judge import REPORT, run_demo, TITLE, TORQUE_NOISE
 from lip_id_ros.evaluation import Evaluation, run, score, with_checks
 from lip_id_ros.evaluation.report import band, Labels, write_report
-from lip_id_ros.evaluation.tables import error_table, notes, show
 from lip_id_ros.gp import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training, load_dataset
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config, FitSettings
 from lip_id_ros.simulation import (
-    Arm,
     make_dataset,
     MotionLimits,
     panda,
+    SimulatedArm,
     SinusoidTrajectory,
     with_encoder_noise,
     with_truth,
@@ -42,14 +39,11 @@ from lip_id_ros.simulation import (
 from lip_id_ros.simulation.panda import MOTION, N_JOINTS
 
 RATE_HZ = 100.0
-TORQUE_NOISE = 0.05  # N m
 POSITION_NOISE = 2e-5  # rad
 VELOCITY_NOISE = 1e-3  # rad/s
 TRAINING_SEED, TEST_SEED = 1, 2
 TRAINING_BAG, TEST_BAG = 'training_bag', 'test_bag'
 MODEL = 'panda.npz'
-REPORT = 'report'
-TITLE = 'A simulated Panda on a motion that it has not seen'
 
 
 @dataclass(frozen=True)
@@ -64,7 +58,7 @@ class Size:
 class Simulation:
     """A recorded motion of the simulated arm, and what really happened."""
 
-    arm: Arm
+    arm: SimulatedArm
     trajectory: SinusoidTrajectory
     bag: Path
 
@@ -83,15 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         0, or 1 where an error is above its limit or something is missing.
 
     """
-    parser = argparse.ArgumentParser(prog='lip_id_ros.demo.offline', description=__doc__)
-    parser.add_argument('--output', default='demo_output', metavar='DIR', help='where to write')
-    arguments = parser.parse_args(argv)
-    try:
-        evaluation = demonstrate(Path(arguments.output), Size(), DEMO_CONFIG)
-    except (LipIdError, OSError) as error:
-        print(f'demo: error: {error}', file=sys.stderr)
-        return 1
-    return conclude(evaluation, Path(arguments.output))
+    return run_demo(lambda output: demonstrate(output, Size(), DEMO_CONFIG), argv, __doc__)
 
 
 def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
@@ -151,18 +137,6 @@ def report(
     )
     write_report(folder, outcome, evaluation, uncertainty, Labels(TITLE, (), facts), progress)
     return evaluation
-
-
-def conclude(evaluation: Evaluation, output: Path) -> int:
-    """Print figures and verdicts; return the exit status."""
-    out = console()
-    show(error_table(evaluation, TITLE), out)
-    for note in notes(evaluation):
-        out.print(note)
-    verdicts = judge(evaluation, [TORQUE_NOISE] * len(evaluation.joint_names))
-    show(verdict_table(verdicts), out)
-    out.print(f'Report: {output / REPORT / "index.html"}')
-    return 1 if any(verdict.failed for verdict in verdicts) else 0
 
 
 DEMO_CONFIG = Config(

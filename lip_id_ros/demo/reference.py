@@ -16,7 +16,7 @@ from lip_id_ros.control import GrowingCosine
 from lip_id_ros.demo.settings import ReferenceSettings
 from lip_id_ros.nodes import messages, parameters, qos, running
 from lip_id_ros.settings.nodes import parameters_of
-from lip_id_ros.tracking.setup import panda_setup
+from lip_id_ros.tracking.experiment import panda_setup
 
 POINTS_HZ = 100.0
 RETRY_S = 5.0

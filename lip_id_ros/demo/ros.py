@@ -8,21 +8,30 @@ seen, `serve` answers its reference, and what went over the graph is kept in a b
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 import shutil
 import sys
-import time
 
 from lip_id_ros.cli.output import progress_display
-from lip_id_ros.demo import topics
-from lip_id_ros.demo.bag_recorder import BagRecorder
-from lip_id_ros.demo.comparison import outcome_of, read_served, Served
 from lip_id_ros.demo.graph import Graph, spinning
-from lip_id_ros.demo.offline import conclude, REPORT, TEST_SEED, TITLE
-from lip_id_ros.demo.plan import make_plan, require_efforts
-from lip_id_ros.demo.processes import launched
+from lip_id_ros.demo.judge import REPORT, run_demo, TITLE
+from lip_id_ros.demo.launching import launched
+from lip_id_ros.demo.offline import TEST_SEED
+from lip_id_ros.demo.served import (
+    BagRecorder,
+    KINETIC,
+    make_plan,
+    outcome_of,
+    PLAN_WITH_EFFORT,
+    POTENTIAL,
+    read_served,
+    REFERENCE,
+    require_efforts,
+    Served,
+    TOPICS,
+    TORQUE,
+)
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import Evaluation, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
@@ -35,9 +44,7 @@ MODEL = 'model.npz'
 BAG = 'served_bag'
 TRAINING_ROWS = 5000  # one period of the motion at 100 Hz
 SERVED_ROWS = 2500
-START_SECONDS, RECORD_SECONDS, FIT_SECONDS, SERVE_SECONDS = 60.0, 120.0, 600.0, 60.0
-INTERRUPTED = 130  # what a shell expects after Ctrl-C
-SETTLE_SECONDS = 1.0  # for messages under way, and for subscriptions to find each other
+FIT_SECONDS = 600.0  # a loaded machine compiles for long
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -50,18 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         0, or 1 where an error is above its limit or something is missing.
 
     """
-    parser = argparse.ArgumentParser(prog='lip_id_ros.demo.ros', description=__doc__)
-    parser.add_argument('--output', default='demo_output', metavar='DIR', help='where to write')
-    arguments = parser.parse_args(argv)
-    output = Path(arguments.output).resolve()
-    try:
-        evaluation = demonstrate(output)
-    except (LipIdError, OSError) as error:
-        print(f'demo: error: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    return conclude(evaluation, output)
+    return run_demo(demonstrate, argv, __doc__)
 
 
 def demonstrate(output: Path) -> Evaluation:
@@ -79,34 +75,35 @@ def demonstrate(output: Path) -> Evaluation:
         Of what `serve` answered, against the truth.
 
     """
-    output.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(output / BAG, ignore_errors=True)
     with progress_display() as progress:
         with launched(output) as nodes, spinning('conductor') as node:
             graph = Graph(node, lambda: nodes.poll() is None)
             learn(graph, progress)
-            with RawBag(output / BAG, topics.TYPES) as bag:
+            with RawBag(output / BAG, TOPICS) as bag:
                 serve(graph, BagRecorder(node, bag), progress)
         return report(output, progress)
 
 
 def learn(graph: Graph, progress: Progress) -> None:
     """Let `train` record one period of the motion, save it and fit."""
-    graph.wait_until(lambda: bool(graph.train_status), 'the status of train', START_SECONDS)
+    graph.wait_until(lambda: bool(graph.train_status), 'the status of train')
     graph.set_recording(True)
     graph.set_robot(paused=False)
 
-    def recorded() -> bool:
-        rows = graph.train_status['rows']
-        progress('record', min(rows, TRAINING_ROWS), TRAINING_ROWS)
-        return bool(rows >= TRAINING_ROWS)
+    def rows() -> int:
+        found = int(graph.train_status['rows'])
+        progress('record', min(found, TRAINING_ROWS), TRAINING_ROWS)
+        return found
 
-    graph.wait_until(recorded, 'the recording', RECORD_SECONDS)
+    graph.wait_until(lambda: rows() >= TRAINING_ROWS, 'the recording', progress=rows)
     graph.set_recording(False)
     graph.set_robot(paused=True)
     graph.save_dataset()
     graph.start_fit()
-    graph.wait_until(lambda: fitted(graph, progress), 'the fit', FIT_SECONDS)
+    graph.wait_until(
+        lambda: fitted(graph, progress), 'the fit', FIT_SECONDS, lambda: graph.train_status['job']
+    )
 
 
 def fitted(graph: Graph, progress: Progress) -> bool:
@@ -124,21 +121,23 @@ def serve(graph: Graph, recorder: BagRecorder, progress: Progress) -> None:
     """Let `serve` answer an unseen motion, then a plan of the same motion."""
     graph.activate_serve()
     graph.set_robot(seed=TEST_SEED)
-    time.sleep(SETTLE_SECONDS)
+    graph.await_discovery()
     graph.set_robot(paused=False)
+    counts = recorder.counts
 
-    def answered() -> bool:
-        done = recorder.counts[topics.TORQUE]
-        progress('serve', min(done, SERVED_ROWS), SERVED_ROWS)
-        return bool(done >= SERVED_ROWS)
+    def answered() -> int:
+        progress('serve', min(counts[TORQUE], SERVED_ROWS), SERVED_ROWS)
+        return counts[TORQUE]
 
-    graph.wait_until(answered, 'an answer to every reference', SERVE_SECONDS)
+    graph.wait_until(lambda: answered() >= SERVED_ROWS, 'the torques', progress=answered)
     graph.set_robot(paused=True)
     graph.publish_plan(make_plan(TEST_SEED))
+    graph.wait_until(lambda: counts[PLAN_WITH_EFFORT] > 0, 'the efforts of the plan')
     graph.wait_until(
-        lambda: recorder.counts[topics.PLAN_WITH_EFFORT] > 0, 'the plan', SERVE_SECONDS
+        lambda: counts[TORQUE] == counts[KINETIC] == counts[POTENTIAL] == counts[REFERENCE] - 1,
+        'an answer to every reference',
+        progress=counts.total,
     )
-    time.sleep(SETTLE_SECONDS)
     recorder.stop()
 
 

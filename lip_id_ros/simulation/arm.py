@@ -30,7 +30,7 @@ class Dynamics(Protocol):
         """Potential energy [J], shape (N,), up to a constant."""
 
 
-class Arm:
+class SimulatedArm:
     """
     Serial arm of rigid bodies without friction.
 
@@ -117,7 +117,7 @@ class Arm:
         """
         return np.array(self._pinocchio.aba(self._model, self._data, q, dq, tau))
 
-    def with_rotor_inertia(self, inertia: Array) -> Arm:
+    def with_rotor_inertia(self, inertia: Array) -> SimulatedArm:
         """
         Copy with motors whose rotors turn with the joints.
 
@@ -135,7 +135,7 @@ class Arm:
 
     def with_wrong_masses(
         self, mass_share: float, centre_shift: float, rng: np.random.Generator
-    ) -> Arm:
+    ) -> SimulatedArm:
         """
         Copy whose bodies are not quite the right ones: what a poor data sheet would give.
 
@@ -163,7 +163,7 @@ class Arm:
 
         return self._changed(spoil)
 
-    def _changed(self, change: Callable[[Any], None]) -> Arm:
+    def _changed(self, change: Callable[[Any], None]) -> SimulatedArm:
         other = copy.copy(self)
         other._model = self._model.copy()
         change(other._model)

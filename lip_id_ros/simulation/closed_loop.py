@@ -1,27 +1,40 @@
-"""A controller and a simulated arm, step by step."""
+"""A controller and a simulated arm, step by step, and feedforward from a rigid-body model."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.control import ComputedTorque
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.simulation.arm import Arm
+from lip_id_ros.simulation.arm import Dynamics, SimulatedArm
 from lip_id_ros.simulation.torque_controlled import Drives, Measurement, TorqueControlledArm
+from lip_id_ros.simulation.trajectories import Trajectory
+
+
+class NominalFeedforward:
+    """
+    Torques of a rigid-body model, for `lip_id_ros.control.ComputedTorque`.
+
+    Parameters
+    ----------
+    arm : Dynamics
+
+    """
+
+    def __init__(self, arm: Dynamics) -> None:
+        self._arm = arm
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torques [N m or N], shape (n,), that the motion needs."""
+        tau: Array = self._arm.inverse_dynamics(q[None], dq[None], ddq[None])[0]
+        return tau
+
 
 REPORT_EVERY = 200
-
-
-class Reference(Protocol):
-    """A motion to follow, known at any time."""
-
-    def sample(self, t: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations, each (N, n), at times (N,) [s]."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +79,7 @@ def no_contact(t: float) -> float:
 
 
 def placed(
-    arm: Arm, drives: Drives, reference: Reference, rng: np.random.Generator
+    arm: SimulatedArm, drives: Drives, reference: Trajectory, rng: np.random.Generator
 ) -> TorqueControlledArm:
     """Put an arm at the beginning of a reference, with the torque that it needs there."""
     q, dq, ddq = reference.sample(np.zeros(1))
@@ -79,7 +92,7 @@ def placed(
 def track(
     simulated: TorqueControlledArm,
     controller: ComputedTorque,
-    reference: Reference,
+    reference: Trajectory,
     duration: float,
     contact: Callable[[float], Array | float] = no_contact,
     progress: Progress = silent,
@@ -92,7 +105,7 @@ def track(
     simulated : TorqueControlledArm
         At the beginning of the reference.
     controller : ComputedTorque
-    reference : Reference
+    reference : Trajectory
     duration : float
         [s].
     contact : callable

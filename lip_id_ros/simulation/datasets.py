@@ -1,23 +1,17 @@
-"""Data sets of a simulated arm, with the truth beside the measurement."""
+"""Data sets and bags of a simulated arm, with the true torques and energies."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
+import os
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.recording.bag_writer import JointStateTrack, write_bag_folder
 from lip_id_ros.simulation.arm import Dynamics
-from lip_id_ros.simulation.trajectories import Motion
-
-
-class Trajectory(Protocol):
-    """A motion that is known at any time."""
-
-    def sample(self, t: Array) -> Motion:
-        """Positions, velocities and accelerations, each (N, n), at times (N,) [s]."""
+from lip_id_ros.simulation.trajectories import Trajectory
 
 
 def make_dataset(
@@ -120,3 +114,39 @@ def with_truth(
         kinetic=arm.kinetic(q, dq),
         potential=arm.potential(q),
     )
+
+
+def write_bag(
+    path: str | os.PathLike[str],
+    dataset: Dataset,
+    start: float = 0.0,
+    topic: str = '/joint_states',
+) -> None:
+    """
+    Write what was measured into a rosbag2 folder (MCAP, sensor_msgs/JointState).
+
+    Parameters
+    ----------
+    path : path
+        The folder to be made.
+    dataset : Dataset
+        One message per sample: q, dq and tau; the rest of it stays behind.
+    start : float
+        Stamp [s] of the data set's time zero.
+    topic : str
+
+    Raises
+    ------
+    OSError
+        If the folder exists or cannot be made.
+
+    """
+    track = JointStateTrack(
+        topic,
+        dataset.joint_names,
+        dataset.t + start,
+        position=dataset.q,
+        velocity=dataset.dq,
+        effort=dataset.tau,
+    )
+    write_bag_folder(path, [track])

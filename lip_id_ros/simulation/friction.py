@@ -12,7 +12,7 @@ from lip_id_ros.simulation.arm import Dynamics
 
 
 @dataclass(frozen=True)
-class Friction:
+class FrictionTorque:
     """
     Viscous and Coulomb friction.
 
@@ -34,14 +34,14 @@ class Friction:
 
 
 @dataclass(frozen=True)
-class SmoothFriction:
+class SmoothFrictionTorque:
     """
     Viscous and Coulomb friction whose direction turns gradually, as equations of motion need it.
 
     Attributes
     ----------
     viscous, coulomb : ndarray, shape (n,)
-        As in `Friction`.
+        As in `FrictionTorque`.
     turning : float
         Velocity [rad/s or m/s] at which three quarters of the Coulomb friction act.
 
@@ -56,7 +56,7 @@ class SmoothFriction:
         return self.viscous * dq + self.coulomb * np.tanh(dq / self.turning)
 
 
-class Rubbing(Protocol):
+class JointFriction(Protocol):
     """Any friction that depends on velocity."""
 
     def torque(self, dq: Array) -> Array:
@@ -71,11 +71,11 @@ class FrictionalArm:
     ----------
     arm : Dynamics
         The frictionless arm; its energies stay what they are.
-    friction : Rubbing
+    friction : JointFriction
 
     """
 
-    def __init__(self, arm: Dynamics, friction: Rubbing) -> None:
+    def __init__(self, arm: Dynamics, friction: JointFriction) -> None:
         self.arm = arm
         self.friction = friction
         self.joint_names = arm.joint_names

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.simulation.arm import Arm
-from lip_id_ros.simulation.limits import MotionLimits
+from lip_id_ros.simulation.arm import SimulatedArm
+from lip_id_ros.simulation.trajectories import MotionLimits
 
 N_JOINTS = 7
 URDF_SUFFIX = 'panda_description/urdf/panda.urdf'
@@ -25,7 +25,7 @@ MOTION = MotionLimits(  # the paper's table joint_limits: about half of each joi
 )
 
 
-def panda(n_joints: int = N_JOINTS) -> Arm:
+def panda(n_joints: int = N_JOINTS) -> SimulatedArm:
     """
     Panda with its hand, whose fingers are closed.
 
@@ -36,7 +36,7 @@ def panda(n_joints: int = N_JOINTS) -> Arm:
 
     Returns
     -------
-    Arm
+    SimulatedArm
 
     Raises
     ------
@@ -46,7 +46,7 @@ def panda(n_joints: int = N_JOINTS) -> Arm:
         If `n_joints` is out of range.
 
     """
-    return Arm(panda_urdf(), n_joints, LOCKED_AT)
+    return SimulatedArm(panda_urdf(), n_joints, LOCKED_AT)
 
 
 def panda_urdf() -> Path:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.simulation.arm import Arm
-from lip_id_ros.simulation.friction import Rubbing
+from lip_id_ros.simulation.arm import SimulatedArm
+from lip_id_ros.simulation.friction import JointFriction
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Drives:
     ----------
     rotor_inertia : ndarray, shape (n,)
         Seen at the joint [kg m^2 or kg].
-    friction : Rubbing
+    friction : JointFriction
         In the joints.
     ripple : float
         Standard deviation of the white noise on the torque that acts [N m or N].
@@ -35,7 +35,7 @@ class Drives:
     """
 
     rotor_inertia: Array
-    friction: Rubbing
+    friction: JointFriction
     ripple: float = 0.0
     position_noise: float = 0.0
     velocity_noise: float = 0.0
@@ -70,7 +70,7 @@ class TorqueControlledArm:
 
     Parameters
     ----------
-    arm : Arm
+    arm : SimulatedArm
         The rigid bodies.
     drives : Drives
     q, dq : ndarray, shape (n,)
@@ -80,7 +80,7 @@ class TorqueControlledArm:
 
     Attributes
     ----------
-    bodies : Arm
+    bodies : SimulatedArm
         The rigid bodies with their rotors: the truth for energies and torques.
     t, q, dq
         The exact state: time [s], positions, velocities.
@@ -88,7 +88,7 @@ class TorqueControlledArm:
     """
 
     def __init__(
-        self, arm: Arm, drives: Drives, q: Array, dq: Array, rng: np.random.Generator
+        self, arm: SimulatedArm, drives: Drives, q: Array, dq: Array, rng: np.random.Generator
     ) -> None:
         self.bodies = arm.with_rotor_inertia(drives.rotor_inertia)
         self.drives = drives

@@ -11,12 +11,12 @@ from lip_id_ros.simulation import (
     panda,
     SinusoidTrajectory,
 )
-from lip_id_ros.simulation.friction import Rubbing
+from lip_id_ros.simulation.friction import JointFriction
 from lip_id_ros.simulation.panda import MOTION
 
 
 def runs(
-    n_joints: int, n_samples: int, friction: Rubbing | None = None, noise: float = 0.0
+    n_joints: int, n_samples: int, friction: JointFriction | None = None, noise: float = 0.0
 ) -> tuple[Dataset, Dataset]:
     """Return a run to learn from and an unseen one."""
     arm = panda(n_joints)

@@ -14,13 +14,13 @@ from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation import Friction
+from lip_id_ros.simulation import FrictionTorque
 from lip_id_ros.simulation.panda import panda_urdf
 
 pytest.importorskip('pinocchio')
 
 SETTINGS = FitSettings()
-FRICTION = Friction(np.array([2.0, 1.0, 0.5]), np.array([3.0, 2.0, 1.0]))
+FRICTION = FrictionTorque(np.array([2.0, 1.0, 0.5]), np.array([3.0, 2.0, 1.0]))
 
 
 def test_it_finds_torques_and_energies_exactly() -> None:

@@ -19,10 +19,21 @@ from rosbags.typesys import get_typestore, Stores
 from std_msgs.msg import Float64
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.demo import topics
-from lip_id_ros.demo.comparison import outcome_of, read_served
-from lip_id_ros.demo.plan import make_plan, N_POINTS, require_efforts
 from lip_id_ros.demo.robot import joint_state, motion, reference, RobotSettings
+from lip_id_ros.demo.served import (
+    JOINT_STATES,
+    KINETIC,
+    make_plan,
+    N_POINTS,
+    outcome_of,
+    PLAN_WITH_EFFORT,
+    POTENTIAL,
+    read_served,
+    REFERENCE,
+    require_efforts,
+    TOPICS,
+    TORQUE,
+)
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import score
 from lip_id_ros.model import Prediction
@@ -63,26 +74,26 @@ def served_messages(exact: Dataset, measured: Dataset) -> dict[str, list[Any]]:
     assert exact.tau_noiseless is not None
     assert exact.kinetic is not None
     assert exact.potential is not None
-    content: dict[str, list[Any]] = {topic: [] for topic in topics.TYPES}
+    content: dict[str, list[Any]] = {topic: [] for topic in TOPICS}
     for row in range(N):
         stamp = messages.stamp_at(START_NS + row * 100_000_000)
         torque = messages.torque_message(stamp, exact.joint_names, exact.tau_noiseless[row])
-        content[topics.JOINT_STATES].append(joint_state(stamp, measured, row))
-        content[topics.REFERENCE].append(reference(stamp, exact, row))
-        content[topics.TORQUE].append(torque)
-        content[topics.KINETIC].append(Float64(data=float(exact.kinetic[row])))
-        content[topics.POTENTIAL].append(Float64(data=float(exact.potential[row]) + 7.0))
+        content[JOINT_STATES].append(joint_state(stamp, measured, row))
+        content[REFERENCE].append(reference(stamp, exact, row))
+        content[TORQUE].append(torque)
+        content[KINETIC].append(Float64(data=float(exact.kinetic[row])))
+        content[POTENTIAL].append(Float64(data=float(exact.potential[row]) + 7.0))
     plan = make_plan(1)
-    content[topics.REFERENCE].append(plan)
-    content[topics.PLAN_WITH_EFFORT].append(messages.with_effort(plan, np.zeros((N_POINTS, 7))))
+    content[REFERENCE].append(plan)
+    content[PLAN_WITH_EFFORT].append(messages.with_effort(plan, np.zeros((N_POINTS, 7))))
     return content
 
 
 def write(path: Path, content: Mapping[str, list[Any]]) -> Path:
-    with RawBag(path, topics.TYPES) as bag:
+    with RawBag(path, TOPICS) as bag:
         for topic, sent in content.items():
             for number, message in enumerate(sent):
-                data = as_on_the_wire(message, topics.TYPES[topic])
+                data = as_on_the_wire(message, TOPICS[topic])
                 bag.write(topic, START_NS + number, data)
     return path
 
@@ -112,13 +123,13 @@ def test_answers_are_judged_against_the_truth(
     assert evaluation.potential_nmse_percent == pytest.approx(0.0, abs=1e-9)
     require_efforts(path)
 
-    for message in content[topics.TORQUE]:
+    for message in content[TORQUE]:
         message.effort = [2.0 * effort for effort in message.effort]
     served = read_served(write(tmp_path / 'wrong', content), exact.joint_names)
     assert min(score(outcome_of(served, panda(), Silent())).nmse_percent) > 50
 
 
-@pytest.mark.parametrize('topic', [topics.REFERENCE, topics.TORQUE, topics.POTENTIAL])
+@pytest.mark.parametrize('topic', [REFERENCE, TORQUE, POTENTIAL])
 def test_a_lost_message_is_told(
     moved: tuple[Dataset, Dataset], tmp_path: Path, topic: str
 ) -> None:
@@ -130,7 +141,7 @@ def test_a_lost_message_is_told(
 
 def test_a_plan_without_efforts_is_told(moved: tuple[Dataset, Dataset], tmp_path: Path) -> None:
     content = served_messages(*moved)
-    content[topics.PLAN_WITH_EFFORT] = [make_plan(1)]
+    content[PLAN_WITH_EFFORT] = [make_plan(1)]
     with pytest.raises(DataError, match=r'must come back with 7 efforts at each'):
         require_efforts(write(tmp_path / 'bag', content))
 

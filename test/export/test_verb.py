@@ -19,7 +19,7 @@ from lip_id_ros.gp import fit
 from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.consistent_links import are_consistent
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation import SmoothFriction
+from lip_id_ros.simulation import SmoothFrictionTorque
 
 pytest.importorskip('pinocchio')
 pytest.importorskip('mujoco')
@@ -30,7 +30,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / 'docs' / 'examples' / 'computed_
 @pytest.fixture(scope='module')
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Fit a Panda of three joints, with friction and some noise."""
-    friction = SmoothFriction(np.full(3, 0.5), np.full(3, 0.3), 0.05)
+    friction = SmoothFrictionTorque(np.full(3, 0.5), np.full(3, 0.3), 0.05)
     training, _ = runs(3, 200, friction, noise=0.01)
     path = tmp_path_factory.mktemp('export') / 'panda3.npz'
     fit(training, FitSettings(subset=60, max_samples=150, iterations=20)).save(path)

@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 import yaml
 
-from lip_id_ros.demo.processes import end
+from lip_id_ros.demo.launching import end
 from lip_id_ros.nodes import qos
 from lip_id_ros.recording import read_bag
 

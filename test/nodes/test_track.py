@@ -19,7 +19,8 @@ import yaml
 
 from lip_id_ros.control import Gains, GrowingCosine
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
-from lip_id_ros.tracking import Experiment, run_experiment, setup
+from lip_id_ros.tracking import Experiment, run_experiment
+from lip_id_ros.tracking.experiment import panda_setup, POSTURE
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph
@@ -47,7 +48,7 @@ def panda_model(tmp_path_factory: pytest.TempPathFactory) -> str:
         fit=FitSettings(subset=60, iterations=15),
     )
     path = tmp_path_factory.mktemp('panda') / 'panda.npz'
-    run_experiment(setup.panda_setup(2), experiment, 1).model.save(path)
+    run_experiment(panda_setup(2), experiment, 1).model.save(path)
     return str(path)
 
 
@@ -76,10 +77,10 @@ def test_the_arm_follows_the_reference_through_serve_and_controller(
 
     t = seconds(states)
     q = np.array([state.position for state in states])
-    reference = GrowingCosine(np.array(setup.POSTURE[:2]), 0.6, HORIZON)
+    reference = GrowingCosine(np.array(POSTURE[:2]), 0.6, HORIZON)
     moving = t <= HORIZON
     error = np.array(q[moving]) - reference.sample(t[moving])[0]
-    np.testing.assert_allclose(q[0], setup.POSTURE[:2], atol=1e-3)  # at rest
+    np.testing.assert_allclose(q[0], POSTURE[:2], atol=1e-3)  # at rest
     assert np.ptp(q, axis=0).min() > 0.5
     # the reference starts with a velocity, the arm at rest
     assert np.sqrt(np.mean(error[t[moving] > 0.5] ** 2)) < 2e-3
@@ -99,7 +100,7 @@ def test_gains_of_the_launch_file_are_those_of_the_experiment() -> None:
         (get_package_share_path('lip_id_ros') / 'config' / 'track.yaml').read_text()
     )
     found = config['/**/computed_torque']['ros__parameters']
-    expected: Gains = setup.panda_setup().gains
+    expected: Gains = panda_setup().gains
     np.testing.assert_array_equal(found['stiffness'], expected.stiffness)
     np.testing.assert_array_equal(found['damping'], expected.damping)
-    assert tuple(found['joints']) == setup.panda_setup().arm.joint_names
+    assert tuple(found['joints']) == panda_setup().arm.joint_names

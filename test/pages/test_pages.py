@@ -80,11 +80,12 @@ def comparison(folder: Path) -> Path:
 
 def tracking(folder: Path) -> Path:
     pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
-    from lip_id_ros.tracking import Experiment, figures, run_experiment, setup
+    from lip_id_ros.tracking import Experiment, figures, run_experiment
+    from lip_id_ros.tracking.experiment import panda_setup
     from lip_id_ros.tracking.report import write_report
 
     experiment = Experiment(horizon=2.0, fit=FitSettings(subset=20, iterations=3))
-    trial = run_experiment(setup.panda_setup(2), experiment, 1)
+    trial = run_experiment(panda_setup(2), experiment, 1)
     return write_report(folder, experiment, trial, figures([trial]))
 
 

@@ -53,6 +53,17 @@ def test_samples_at_which_a_joint_is_slow_are_left_out(share: float, kept: list[
     assert left == {'samples': len(kept), 'of': 6}
 
 
+@pytest.mark.parametrize(
+    ('rate_hz', 'cutoff_hz', 'kept'), [(100.0, 9.0, 2), (1000.0, 12.5, 20), (1000.0, 12.9, 19)]
+)
+def test_at_least_four_samples_are_kept_in_a_period(
+    rate_hz: float, cutoff_hz: float, kept: int
+) -> None:
+    found = stride(rate_hz, PreprocessingSettings(cutoff_hz=cutoff_hz))
+    assert found == kept
+    assert rate_hz / found >= 4 * cutoff_hz
+
+
 def test_a_joint_that_never_moves_is_not_asked() -> None:
     data = with_velocity([[1.0, 0.0], [0.01, 0.0], [-1.0, 0.0]])
     np.testing.assert_array_equal(for_training(data, PreprocessingSettings()).t, [0.0, 2.0])

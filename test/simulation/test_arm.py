@@ -11,7 +11,13 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, LipIdError
-from lip_id_ros.simulation import Arm, Friction, FrictionalArm, panda, SinusoidTrajectory
+from lip_id_ros.simulation import (
+    FrictionalArm,
+    FrictionTorque,
+    panda,
+    SimulatedArm,
+    SinusoidTrajectory,
+)
 from lip_id_ros.simulation.panda import MOTION
 
 needs_pinocchio = pytest.mark.skipif(
@@ -37,7 +43,7 @@ def write_urdf(path: Path, *elements: str) -> Path:
 
 
 @pytest.fixture
-def pendulum(tmp_path: Path) -> Arm:
+def pendulum(tmp_path: Path) -> SimulatedArm:
     """One link of 2 kg, its centre 0.5 m below the hinge, 0.3 kg m^2 about that centre."""
     urdf = write_urdf(
         tmp_path / 'pendulum.urdf',
@@ -46,7 +52,7 @@ def pendulum(tmp_path: Path) -> Arm:
             name='hinge', kind='revolute', parent='base', child='bob', origin='0 0 0', axis='0 1 0'
         ),
     )
-    return Arm(urdf, 1)
+    return SimulatedArm(urdf, 1)
 
 
 def motions(n_joints: int, n_samples: int = 7) -> tuple[Array, ...]:
@@ -54,7 +60,7 @@ def motions(n_joints: int, n_samples: int = 7) -> tuple[Array, ...]:
 
 
 @needs_pinocchio
-def test_pendulum_is_the_textbook_one(pendulum: Arm) -> None:
+def test_pendulum_is_the_textbook_one(pendulum: SimulatedArm) -> None:
     q, dq, ddq = motions(1)
     inertia = 0.3 + 2 * 0.5**2
 
@@ -76,7 +82,7 @@ def test_lift_carries_its_weight(tmp_path: Path) -> None:
             name='lift', kind='prismatic', parent='base', child='box', origin='0 0 0', axis='0 0 1'
         ),
     )
-    arm = Arm(urdf, 1)
+    arm = SimulatedArm(urdf, 1)
     q, dq, ddq = motions(1)
 
     np.testing.assert_allclose(arm.inverse_dynamics(q, dq, ddq), 4 * (ddq + GRAVITY))
@@ -132,8 +138,8 @@ def test_locked_joints_keep_their_mass() -> None:
 
 
 @needs_pinocchio
-def test_friction_acts_against_the_motion_and_leaves_the_energies(pendulum: Arm) -> None:
-    arm = FrictionalArm(pendulum, Friction(np.array([0.5]), np.array([0.2])))
+def test_friction_acts_against_the_motion_and_leaves_the_energies(pendulum: SimulatedArm) -> None:
+    arm = FrictionalArm(pendulum, FrictionTorque(np.array([0.5]), np.array([0.2])))
     q, dq, ddq = np.zeros((3, 3, 1))
     dq = np.array([[2.0], [-2.0], [0.0]])
 
@@ -160,7 +166,7 @@ def test_a_file_that_is_no_robot(tmp_path: Path) -> None:
     path = tmp_path / 'other.urdf'
     path.write_text('<html/>')
     with pytest.raises(DataError, match=r'other\.urdf is not a URDF'):
-        Arm(path, 1)
+        SimulatedArm(path, 1)
 
 
 @needs_pinocchio
@@ -173,7 +179,7 @@ def test_a_continuous_joint_is_refused(tmp_path: Path) -> None:
         ),
     )
     with pytest.raises(DataError, match=r'revolute or prismatic, not JointModelRUB'):
-        Arm(urdf, 1)
+        SimulatedArm(urdf, 1)
 
 
 def test_without_pinocchio_the_remedy_is_named(
@@ -181,7 +187,7 @@ def test_without_pinocchio_the_remedy_is_named(
 ) -> None:
     monkeypatch.setitem(sys.modules, 'pinocchio', None)
     with pytest.raises(LipIdError, match=r'pip install lip_id_ros\[sim\]'):
-        Arm(tmp_path / 'any.urdf', 1)
+        SimulatedArm(tmp_path / 'any.urdf', 1)
 
 
 def test_without_the_robot_descriptions_the_remedy_is_named(

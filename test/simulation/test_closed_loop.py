@@ -8,13 +8,13 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.control import ComputedTorque, Feedforward, Gains, GrowingCosine, NoFeedforward
 from lip_id_ros.simulation import (
-    Arm,
     Drives,
     FrictionalArm,
     NominalFeedforward,
     panda,
     placed,
-    SmoothFriction,
+    SimulatedArm,
+    SmoothFrictionTorque,
     track,
     Tracking,
 )
@@ -24,16 +24,18 @@ pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
 REFERENCE = GrowingCosine(np.array([0.0, -0.8, 0.0]), 0.5, 2.0)
 GAINS = Gains(np.full(3, 400.0), np.full(3, 40.0))
 DRIVES = Drives(
-    np.full(3, 0.1), SmoothFriction(np.full(3, 0.5), np.full(3, 0.6), 0.01), velocity_noise=1e-3
+    np.full(3, 0.1),
+    SmoothFrictionTorque(np.full(3, 0.5), np.full(3, 0.6), 0.01),
+    velocity_noise=1e-3,
 )
 
 
 @pytest.fixture(scope='module')
-def arm() -> Arm:
+def arm() -> SimulatedArm:
     return panda(3)
 
 
-def follow(arm: Arm, feedforward: Feedforward, contact: float = 0.0) -> Tracking:
+def follow(arm: SimulatedArm, feedforward: Feedforward, contact: float = 0.0) -> Tracking:
     simulated = placed(arm, DRIVES, REFERENCE, np.random.default_rng(0))
 
     def push(t: float) -> Array:
@@ -42,12 +44,12 @@ def follow(arm: Arm, feedforward: Feedforward, contact: float = 0.0) -> Tracking
     return track(simulated, ComputedTorque(feedforward, GAINS), REFERENCE, 2.0, push)
 
 
-def exact(arm: Arm) -> NominalFeedforward:
+def exact(arm: SimulatedArm) -> NominalFeedforward:
     rotors = arm.with_rotor_inertia(DRIVES.rotor_inertia)
     return NominalFeedforward(FrictionalArm(rotors, DRIVES.friction))
 
 
-def test_better_feedforward_leaves_less_to_the_feedback(arm: Arm) -> None:
+def test_better_feedforward_leaves_less_to_the_feedback(arm: SimulatedArm) -> None:
     runs = [
         follow(arm, feedforward)
         for feedforward in (exact(arm), NominalFeedforward(arm), NoFeedforward())
@@ -58,7 +60,7 @@ def test_better_feedforward_leaves_less_to_the_feedback(arm: Arm) -> None:
     assert feedback[0] < feedback[1] / 20 < feedback[2] / 400
 
 
-def test_what_is_recorded_is_consistent(arm: Arm) -> None:
+def test_what_is_recorded_is_consistent(arm: SimulatedArm) -> None:
     run = follow(arm, exact(arm))
     assert run.t.shape == (2000,)
     assert run.q.shape == run.tau.shape == run.feedback.shape == (2000, 3)
@@ -72,7 +74,7 @@ def test_what_is_recorded_is_consistent(arm: Arm) -> None:
     np.testing.assert_allclose(run.kinetic, bodies.kinetic(run.q, run.dq), atol=0.05)
 
 
-def test_a_contact_pushes_the_joint_it_acts_on(arm: Arm) -> None:
+def test_a_contact_pushes_the_joint_it_acts_on(arm: SimulatedArm) -> None:
     run = follow(arm, exact(arm), contact=5.0)
     before, after = run.error[500:1000, 0], run.error[1700:, 0]
     assert np.abs(before).max() < 1e-3

@@ -19,14 +19,14 @@ from lip_id_ros.simulation import (
     with_truth,
     write_bag,
 )
-from lip_id_ros.simulation.arm import Arm
+from lip_id_ros.simulation.arm import SimulatedArm
 from lip_id_ros.simulation.panda import MOTION
 
 TIMES = np.arange(0, 5, 0.01)
 
 
 @pytest.fixture(scope='module')
-def arm() -> Arm:
+def arm() -> SimulatedArm:
     pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
     return panda(3)
 
@@ -37,12 +37,12 @@ def trajectory() -> SinusoidTrajectory:
 
 
 @pytest.fixture(scope='module')
-def dataset(arm: Arm, trajectory: SinusoidTrajectory) -> Dataset:
+def dataset(arm: SimulatedArm, trajectory: SinusoidTrajectory) -> Dataset:
     noise_std = np.array([0.1, 0.2, 0.4])
     return make_dataset(arm, trajectory, TIMES, noise_std, np.random.default_rng(2))
 
 
-def test_truth_stands_beside_noise_of_the_given_size(dataset: Dataset, arm: Arm) -> None:
+def test_truth_stands_beside_noise_of_the_given_size(dataset: Dataset, arm: SimulatedArm) -> None:
     assert dataset.tau_noiseless is not None
     np.testing.assert_array_equal(
         dataset.tau_noiseless, arm.inverse_dynamics(dataset.q, dataset.dq, dataset.ddq)
@@ -64,7 +64,7 @@ def test_encoder_noise_leaves_torques_and_truth(dataset: Dataset) -> None:
 
 
 def test_truth_is_found_again_by_time(
-    dataset: Dataset, arm: Arm, trajectory: SinusoidTrajectory
+    dataset: Dataset, arm: SimulatedArm, trajectory: SinusoidTrajectory
 ) -> None:
     measured = Dataset(
         t=dataset.t[7:90] + 1e6,

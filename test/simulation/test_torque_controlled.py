@@ -9,11 +9,11 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.simulation import (
-    Arm,
     Drives,
     NominalFeedforward,
     panda,
-    SmoothFriction,
+    SimulatedArm,
+    SmoothFrictionTorque,
     TorqueControlledArm,
 )
 
@@ -21,16 +21,16 @@ pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
 
 POSTURE = np.array([0.1, -0.8, 0.2, -2.3, 0.3, 1.5, 0.7])
 ROTORS = np.linspace(0.05, 0.2, 7)
-FREE = SmoothFriction(np.zeros(7), np.zeros(7), 0.01)
-STICKY = SmoothFriction(np.full(7, 0.4), np.full(7, 0.5), 0.01)
+FREE = SmoothFrictionTorque(np.zeros(7), np.zeros(7), 0.01)
+STICKY = SmoothFrictionTorque(np.full(7, 0.4), np.full(7, 0.5), 0.01)
 
 
 @pytest.fixture(scope='module')
-def arm() -> Arm:
+def arm() -> SimulatedArm:
     return panda()
 
 
-def at_rest(arm: Arm, drives: Drives, seed: int = 0) -> TorqueControlledArm:
+def at_rest(arm: SimulatedArm, drives: Drives, seed: int = 0) -> TorqueControlledArm:
     return TorqueControlledArm(arm, drives, POSTURE, np.zeros(7), np.random.default_rng(seed))
 
 
@@ -39,7 +39,7 @@ def energy(simulated: TorqueControlledArm) -> float:
     return float((simulated.bodies.kinetic(q, dq) + simulated.bodies.potential(q))[0])
 
 
-def test_free_fall_keeps_its_energy(arm: Arm) -> None:
+def test_free_fall_keeps_its_energy(arm: SimulatedArm) -> None:
     simulated = at_rest(arm, Drives(np.zeros(7), FREE))
     before = energy(simulated)
 
@@ -52,7 +52,7 @@ def test_free_fall_keeps_its_energy(arm: Arm) -> None:
     assert simulated.t == pytest.approx(2.0)
 
 
-def test_energy_changes_by_the_work_of_torques_contact_and_friction(arm: Arm) -> None:
+def test_energy_changes_by_the_work_of_torques_contact_and_friction(arm: SimulatedArm) -> None:
     simulated = at_rest(arm, Drives(ROTORS, STICKY))
     rng, work, before = np.random.default_rng(1), 0.0, energy(simulated)
 
@@ -68,7 +68,7 @@ def test_energy_changes_by_the_work_of_torques_contact_and_friction(arm: Arm) ->
     assert work == pytest.approx(change, rel=0.02)
 
 
-def test_forward_dynamics_invert_the_inverse_with_rotors(arm: Arm) -> None:
+def test_forward_dynamics_invert_the_inverse_with_rotors(arm: SimulatedArm) -> None:
     q, dq, ddq = np.random.default_rng(2).normal(size=(3, 1, 7))
     turning = arm.with_rotor_inertia(ROTORS)
 
@@ -84,7 +84,7 @@ def test_forward_dynamics_invert_the_inverse_with_rotors(arm: Arm) -> None:
     )
 
 
-def test_the_right_torque_holds_the_arm_still(arm: Arm) -> None:
+def test_the_right_torque_holds_the_arm_still(arm: SimulatedArm) -> None:
     simulated = at_rest(arm, Drives(ROTORS, FREE, delay=3))
     still = np.zeros(7)
     gravity = NominalFeedforward(arm).torque(POSTURE, still, still)
@@ -96,7 +96,7 @@ def test_the_right_torque_holds_the_arm_still(arm: Arm) -> None:
     np.testing.assert_allclose(simulated.q, POSTURE, atol=1e-9)
 
 
-def test_commands_act_after_the_delay(arm: Arm) -> None:
+def test_commands_act_after_the_delay(arm: SimulatedArm) -> None:
     simulated = at_rest(arm, Drives(ROTORS, FREE, delay=2))
     acted = []
     for k in range(5):
@@ -105,7 +105,7 @@ def test_commands_act_after_the_delay(arm: Arm) -> None:
     assert acted == [0.0, 0.0, 1.0, 2.0, 3.0]
 
 
-def test_sensors_are_as_noisy_as_they_are_said_to_be(arm: Arm) -> None:
+def test_sensors_are_as_noisy_as_they_are_said_to_be(arm: SimulatedArm) -> None:
     drives = Drives(
         ROTORS, FREE, position_noise=1e-4, velocity_noise=1e-2, torque_noise=0.3, ripple=0.4
     )
@@ -125,7 +125,7 @@ def test_sensors_are_as_noisy_as_they_are_said_to_be(arm: Arm) -> None:
     assert np.std(ripples) == pytest.approx(0.5, rel=0.1)  # both noises together
 
 
-def test_same_seed_same_motion(arm: Arm) -> None:
+def test_same_seed_same_motion(arm: SimulatedArm) -> None:
     drives = Drives(ROTORS, STICKY, ripple=0.1, velocity_noise=1e-3)
     runs = [at_rest(arm, drives, seed) for seed in (1, 1, 2)]
     for simulated in runs:
@@ -141,7 +141,7 @@ class Bodies(NamedTuple):
     inertia: Array
 
 
-def bodies(arm: Arm) -> Bodies:
+def bodies(arm: SimulatedArm) -> Bodies:
     """Masses (n,), centres of mass (n, 3) and inertias (n, 3, 3) of the moving bodies."""
     each = list(arm._model.inertias)[1:]
     return Bodies(
@@ -151,7 +151,7 @@ def bodies(arm: Arm) -> Bodies:
     )
 
 
-def test_wrong_masses_are_wrong_within_bounds(arm: Arm) -> None:
+def test_wrong_masses_are_wrong_within_bounds(arm: SimulatedArm) -> None:
     still, down = np.zeros((1, 7)), np.array([[0.0, 1.5, 0, 0, 0, 0, 0]])
     right = arm.inverse_dynamics(down, still, still)
     wrong = arm.with_wrong_masses(0.2, 0.0, np.random.default_rng(3))

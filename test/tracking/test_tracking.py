@@ -21,10 +21,9 @@ from lip_id_ros.tracking import (
     LEARNED,
     NOMINAL,
     run_experiment,
-    setup,
     Trial,
 )
-from lip_id_ros.tracking.experiment import recorded
+from lip_id_ros.tracking.experiment import panda_setup, POSTURE, recorded
 from lip_id_ros.tracking.figures import FEEDBACK, notes, POSITION, RunFigures, tables
 
 pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
@@ -38,7 +37,7 @@ SMALL = Experiment(
 
 @pytest.fixture(scope='module')
 def trial() -> Trial:
-    return run_experiment(setup.panda_setup(2), SMALL, 1)
+    return run_experiment(panda_setup(2), SMALL, 1)
 
 
 def test_learned_feedforward_tracks_better_on_seen_and_unseen_amplitudes(trial: Trial) -> None:
@@ -52,14 +51,14 @@ def test_learned_feedforward_tracks_better_on_seen_and_unseen_amplitudes(trial: 
 
 def test_runs_follow_the_papers_reference(trial: Trial) -> None:
     for (amplitude, _), run in trial.runs.items():
-        reference = GrowingCosine(np.array(setup.POSTURE[:2]), amplitude, SMALL.horizon)
+        reference = GrowingCosine(np.array(POSTURE[:2]), amplitude, SMALL.horizon)
         np.testing.assert_array_equal(run.reference[0], reference.sample(run.t)[0])
         assert run.t[-1] == pytest.approx(SMALL.horizon - 1e-3)
         assert np.abs(run.error).max() < 0.05
 
 
 def test_the_learned_run_is_prepared_like_any_recording(trial: Trial) -> None:
-    data = recorded(trial.runs[0.5, NOMINAL], setup.panda_setup(2), SMALL)
+    data = recorded(trial.runs[0.5, NOMINAL], panda_setup(2), SMALL)
     assert data.provenance['selected']['samples'] == 120
     moving = data.provenance['moving']['samples']
     assert 60 < moving < 120
@@ -110,7 +109,7 @@ def test_the_verb_writes_figures_pictures_and_page(
 ) -> None:
     fit = FitSettings(subset=20, iterations=3)
     monkeypatch.setattr(tracking, 'Experiment', partial(Experiment, horizon=2.0, fit=fit))
-    monkeypatch.setattr(setup, 'panda_setup', partial(setup.panda_setup, 2))
+    monkeypatch.setattr('lip_id_ros.tracking.experiment.panda_setup', partial(panda_setup, 2))
     out, file = tmp_path / 'out', tmp_path / 'figures.json'
 
     assert main(['track', '-o', str(out), '--json', str(file)]) == 0

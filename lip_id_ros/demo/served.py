@@ -1,21 +1,94 @@
-"""What `serve` answered, read back from the demo's bag, beside the simulation's truth."""
+"""Record what `serve` answers in the demo, and compare it with the simulation's truth."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+import importlib
 import os
 from typing import Any
 
+from builtin_interfaces.msg import Duration
 import numpy as np
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.demo import topics
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import Outcome, run
 from lip_id_ros.model import TorqueModel
+from lip_id_ros.nodes import messages, qos
+from lip_id_ros.recording.bag_writer import RawBag
 from lip_id_ros.recording.bags import Bag
+from lip_id_ros.simulation import panda, SinusoidTrajectory
 from lip_id_ros.simulation.arm import Dynamics
+from lip_id_ros.simulation.panda import MOTION
+
+JOINT_STATES = '/joint_states'
+REFERENCE = '/desired_trajectory'
+TORQUE = '/serve/feedforward_torque'
+KINETIC = '/serve/kinetic_energy'
+POTENTIAL = '/serve/potential_energy'
+PLAN_WITH_EFFORT = '/serve/trajectory_with_effort'
+
+TOPICS = {
+    JOINT_STATES: 'sensor_msgs/msg/JointState',
+    REFERENCE: 'trajectory_msgs/msg/JointTrajectory',
+    TORQUE: 'sensor_msgs/msg/JointState',
+    KINETIC: 'std_msgs/msg/Float64',
+    POTENTIAL: 'std_msgs/msg/Float64',
+    PLAN_WITH_EFFORT: 'trajectory_msgs/msg/JointTrajectory',
+}
+
+
+class BagRecorder:
+    """
+    Write the demo's topics as they come.
+
+    Parameters
+    ----------
+    node : Node
+        Subscribes.
+    bag : RawBag
+        Open.
+
+    Attributes
+    ----------
+    counts : Counter
+        Messages by topic.
+
+    """
+
+    def __init__(self, node: Node, bag: RawBag) -> None:
+        self.counts: Counter[str] = Counter()
+        self._node = node
+        self._bag = bag
+        self._subscriptions = [
+            node.create_subscription(
+                message_class(kind), topic, self._writer(topic), qos.OUTPUT, raw=True
+            )
+            for topic, kind in TOPICS.items()
+        ]
+
+    def stop(self) -> None:
+        """Write nothing more."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    def _writer(self, topic: str) -> Callable[[bytes], None]:
+        def write(data: bytes) -> None:
+            self._bag.write(topic, self._node.get_clock().now().nanoseconds, data)
+            self.counts[topic] += 1
+
+        return write
+
+
+def message_class(kind: str) -> Any:
+    """Return the class of a message type such as std_msgs/msg/Float64."""
+    package, _, name = kind.split('/')
+    return getattr(importlib.import_module(f'{package}.msg'), name)
 
 
 @dataclass(frozen=True)
@@ -55,7 +128,7 @@ def read_served(bag_path: str | os.PathLike[str], joint_names: tuple[str, ...]) 
     Parameters
     ----------
     bag_path : path
-        A bag with the topics of `lip_id_ros.demo.topics`.
+        A bag with the topics of `lip_id_ros.demo.served`.
     joint_names : tuple of str
         Joints, in the order wanted.
 
@@ -66,11 +139,11 @@ def read_served(bag_path: str | os.PathLike[str], joint_names: tuple[str, ...]) 
 
     """
     with Bag(bag_path) as bag:
-        references = _by_stamp(bag, topics.REFERENCE)
-        measured = _by_stamp(bag, topics.JOINT_STATES)
-        torques = _by_stamp(bag, topics.TORQUE)
-        kinetic = [message.data for _, message in bag.messages(topics.KINETIC)]
-        potential = [message.data for _, message in bag.messages(topics.POTENTIAL)]
+        references = _by_stamp(bag, REFERENCE)
+        measured = _by_stamp(bag, JOINT_STATES)
+        torques = _by_stamp(bag, TORQUE)
+        kinetic = [message.data for _, message in bag.messages(KINETIC)]
+        potential = [message.data for _, message in bag.messages(POTENTIAL)]
     _require_complete(len(references), torques.keys() & references, kinetic, potential)
     stamps = sorted(torques)
     q, dq, ddq = _arrays([references[stamp] for stamp in stamps], joint_names)
@@ -124,7 +197,7 @@ def _by_stamp(bag: Bag, topic: str) -> dict[int, tuple[Any, ...]]:
     entries: dict[int, tuple[Any, ...]] = {}
     for _, message in bag.messages(topic):
         stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-        if topic != topics.REFERENCE:
+        if topic != REFERENCE:
             entries[stamp] = (message.name, message.effort)
         elif len(message.points) == 1:
             (point,) = message.points
@@ -155,3 +228,49 @@ def _require_complete(
             f'{len(answered)} have a torque, and there are {len(kinetic)} kinetic and '
             f'{len(potential)} potential energies; messages were lost, run it on an idle machine.'
         )
+
+
+N_POINTS = 100
+STEP_MS = 100
+
+
+def make_plan(seed: int) -> JointTrajectory:
+    """Return the beginning of a motion as a plan of `N_POINTS` points."""
+    trajectory = SinusoidTrajectory.random(MOTION, np.random.default_rng(seed))
+    motion = trajectory.sample(1e-3 * STEP_MS * np.arange(N_POINTS, dtype=np.float64))
+    points = [
+        JointTrajectoryPoint(
+            positions=messages.doubles(q),
+            velocities=messages.doubles(dq),
+            accelerations=messages.doubles(ddq),
+            time_from_start=_after(row * STEP_MS),
+        )
+        for row, (q, dq, ddq) in enumerate(zip(*motion, strict=True))
+    ]
+    return JointTrajectory(joint_names=list(panda().joint_names), points=points)
+
+
+def require_efforts(bag_path: str | os.PathLike[str]) -> None:
+    """
+    Check the answer to the plan in a bag of the demo.
+
+    Raises
+    ------
+    DataError
+        If it has not an effort for every joint at every point.
+
+    """
+    with Bag(bag_path) as bag:
+        plans = [plan for _, plan in bag.messages(PLAN_WITH_EFFORT)]
+    efforts = [point.effort for plan in plans for point in plan.points]
+    n_joints = len(panda().joint_names)
+    if len(efforts) != N_POINTS or any(len(effort) != n_joints for effort in efforts):
+        raise DataError(
+            f'a plan of {N_POINTS} points must come back with {n_joints} efforts at each, but '
+            f'{len(efforts)} points came; see nodes.log.'
+        )
+
+
+def _after(milliseconds: int) -> Duration:
+    sec, rest = divmod(milliseconds, 1000)
+    return Duration(sec=sec, nanosec=rest * 1_000_000)
