@@ -10,7 +10,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.friction.model import Drive, FrictionModel
-from lip_id_ros.friction.terms import (
+from lip_id_ros.friction.primitives import (
     ANYWHERE,
     ONE,
     POSITION,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -12,15 +12,27 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.errors import ModelError, ShapeError
-from lip_id_ros.friction.terms import (
-    Coulomb,
-    DriveState,
-    FrictionTerm,
-    Offset,
-    term_from_json,
-    term_to_json,
-    Viscous,
-)
+from lip_id_ros.friction import terms
+from lip_id_ros.friction.terms import Coulomb, DriveState, FrictionTerm, Offset, Viscous
+
+_TERMS: dict[str, type[FrictionTerm]] = {
+    each.__name__: each
+    for each in (
+        terms.Viscous,
+        terms.Coulomb,
+        terms.Offset,
+        terms.Stribeck,
+        terms.SaturatingViscous,
+        terms.QuadraticViscous,
+        terms.LoadCoulomb,
+        terms.LoadViscous,
+        terms.Asymmetric,
+        terms.PositionCoulomb,
+        terms.Ripple,
+        terms.Spring,
+    )
+}
+"""All terms by the name of their class, as model files have it."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +227,7 @@ class FrictionModel:
             {
                 'joints': list(part.drive.joints),
                 'ratios': list(part.drive.ratios),
-                **term_to_json(part.term),
+                **_term_to_json(part.term),
             }
             for part in self.basis.terms
         ]
@@ -251,7 +263,7 @@ def _part(entry: Mapping[str, Any], n_joints: int) -> DriveTerm:
     if not joints or len(joints) != len(ratios) or not set(joints) <= set(range(n_joints)):
         raise ValueError('joints and ratios of a drive do not fit')
     rest = {name: value for name, value in entry.items() if name not in ('joints', 'ratios')}
-    return DriveTerm(Drive(joints, ratios), term_from_json(rest))
+    return DriveTerm(Drive(joints, ratios), _term_from_json(rest))
 
 
 def plain_friction(n_joints: int, widths: Array) -> FrictionBasis:
@@ -262,3 +274,28 @@ def plain_friction(n_joints: int, widths: Array) -> FrictionBasis:
         for term in (Viscous(), Coulomb(float(widths[joint])), Offset())
     )
     return FrictionBasis(n_joints, terms)
+
+
+def _term_to_json(term: FrictionTerm) -> dict[str, float | str]:
+    """Return the term for a model file."""
+    return {'term': type(term).__name__, **vars(term)}
+
+
+def _term_from_json(entry: dict[str, float | str]) -> FrictionTerm:
+    """
+    Return the term that `_term_to_json` gave.
+
+    Raises
+    ------
+    ModelError
+        If the term is unknown or its parameters are not those of the term.
+
+    """
+    parameters = {name: value for name, value in entry.items() if name != 'term'}
+    kind = _TERMS.get(str(entry.get('term')))
+    if kind is None or set(parameters) != {each.name for each in fields(kind)}:  # type: ignore[arg-type]
+        raise ModelError(
+            f'a friction term of this version was expected, but the file has {entry}; '
+            'fit the model again.'
+        )
+    return kind(**parameters)

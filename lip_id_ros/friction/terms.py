@@ -2,19 +2,30 @@
 Terms of joint friction, and of torques that are elected like friction (docs/maths.md, section 12).
 
 Every term is linear in its coefficients. A dissipative term has features f with f(v) v >= 0 and
-coefficients that are not negative: whatever is learned, it never drives a joint.
+coefficients that are not negative: whatever is learned, it never drives a joint. `width` is that
+of a smooth sign, tanh(dq / width) [rad/s or m/s].
 
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.errors import ModelError
+from lip_id_ros.friction.primitives import (
+    Column,
+    COSINE,
+    ONE,
+    POSITION,
+    Primitive,
+    SIGN,
+    SINE,
+    SQUARE,
+    VELOCITY,
+)
 
 FREE, NOT_NEGATIVE = -np.inf, 0.0
 """Lower bounds of coefficients."""
@@ -42,42 +53,6 @@ class DriveState(NamedTuple):
     q: Array
     dq: Array
     load: Array
-
-
-class Primitive(NamedTuple):
-    """
-    Product of a shape in velocity, a harmonic in position, and the load where it is asked for.
-
-    Attributes
-    ----------
-    shape : int
-        One of `ONE`, `VELOCITY`, `SIGN`, `SQUARE`.
-    width : float
-        Of the smooth sign [rad/s or m/s].
-    side : int
-        1 or -1: zero where the velocity has the other sign; 0 for both.
-    loaded : bool
-        Times |load|.
-    position : int
-        One of `ANYWHERE`, `POSITION`, `COSINE`, `SINE`.
-    harmonic : float
-        Number of periods a turn.
-
-    """
-
-    shape: int
-    width: float = 1.0
-    side: int = 0
-    loaded: bool = False
-    position: int = 0
-    harmonic: float = 1.0
-
-
-ONE, VELOCITY, SIGN, SQUARE = range(4)
-ANYWHERE, POSITION, COSINE, SINE = range(4)
-
-Column = tuple[tuple[float, Primitive], ...]
-"""A feature as a sum of primitives with factors, for compiled evaluation."""
 
 
 class FrictionTerm(Protocol):
@@ -126,15 +101,7 @@ class Viscous:
 
 @dataclass(frozen=True)
 class Coulomb:
-    """
-    Dry friction (Coulomb 1785) with a smooth sign, tanh(dq / width).
-
-    Parameters
-    ----------
-    width : float
-        [rad/s or m/s]
-
-    """
+    """Dry friction (Coulomb 1785) with a smooth sign."""
 
     width: float
     name: ClassVar[str] = 'Coulomb'
@@ -173,11 +140,6 @@ class Stribeck:
     As differences of two smooth signs (Makkar, Dixon, Sawyer and Hu, AIM 2005, eq. 3), of
     `WIDENINGS`.
 
-    Parameters
-    ----------
-    width : float
-        Of the narrow sign [rad/s or m/s].
-
     """
 
     width: float
@@ -203,11 +165,6 @@ class SaturatingViscous:
 
     Wide smooth signs (sigmoids in Gaz, Cognetti, Oliva, Robuffo Giordano and De Luca, RA-L 2019,
     section IV; Makkar and others, AIM 2005), of `WIDENINGS`.
-
-    Parameters
-    ----------
-    width : float
-        Of the joint's smooth sign [rad/s or m/s].
 
     """
 
@@ -247,11 +204,6 @@ class LoadCoulomb:
 
     Hamon, Gautier and Garrec, IROS 2010; Bittencourt and Gunnarsson, J. Dyn. Sys. 2012.
 
-    Parameters
-    ----------
-    width : float
-        Of the smooth sign [rad/s or m/s].
-
     """
 
     width: float
@@ -290,11 +242,6 @@ class Asymmetric:
 
     Armstrong-Helouvry, Control of Machines with Friction, 1991, section 4.
 
-    Parameters
-    ----------
-    width : float
-        Of the smooth sign [rad/s or m/s].
-
     """
 
     width: float
@@ -321,11 +268,6 @@ class PositionCoulomb:
     Dry friction that varies once a turn, as of an eccentric gear or bearing.
 
     Armstrong-Helouvry, Control of Machines with Friction, 1991, section 5.
-
-    Parameters
-    ----------
-    width : float
-        Of the smooth sign [rad/s or m/s].
 
     """
 
@@ -402,48 +344,3 @@ class Spring:
     def columns(self) -> tuple[Column, ...]:
         """Return the same features as sums of primitives."""
         return (((1.0, Primitive(ONE, position=POSITION)),),)
-
-
-TERMS: dict[str, type[FrictionTerm]] = {
-    each.__name__: each
-    for each in (
-        Viscous,
-        Coulomb,
-        Offset,
-        Stribeck,
-        SaturatingViscous,
-        QuadraticViscous,
-        LoadCoulomb,
-        LoadViscous,
-        Asymmetric,
-        PositionCoulomb,
-        Ripple,
-        Spring,
-    )
-}
-"""All terms by the name of their class, as model files have it."""
-
-
-def term_to_json(term: FrictionTerm) -> dict[str, float | str]:
-    """Return the term for a model file."""
-    return {'term': type(term).__name__, **vars(term)}
-
-
-def term_from_json(entry: dict[str, float | str]) -> FrictionTerm:
-    """
-    Return the term that `term_to_json` gave.
-
-    Raises
-    ------
-    ModelError
-        If the term is unknown or its parameters are not those of the term.
-
-    """
-    parameters = {name: value for name, value in entry.items() if name != 'term'}
-    kind = TERMS.get(str(entry.get('term')))
-    if kind is None or set(parameters) != {each.name for each in fields(kind)}:  # type: ignore[arg-type]
-        raise ModelError(
-            f'a friction term of this version was expected, but the file has {entry}; '
-            'fit the model again.'
-        )
-    return kind(**parameters)

@@ -9,39 +9,31 @@ Statistical Learning, 3.3.2 and 7.10), on training data alone (docs/maths.md, se
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.model import (
-    Drive,
-    DriveTerm,
-    FrictionBasis,
-    FrictionModel,
-    plain_friction,
-)
-from lip_id_ros.friction.terms import (
-    Asymmetric,
-    Coulomb,
-    FrictionTerm,
-    LoadCoulomb,
-    LoadViscous,
-    PositionCoulomb,
-    QuadraticViscous,
-    Ripple,
-    SaturatingViscous,
-    Spring,
-    Stribeck,
-    Viscous,
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.identification.friction_candidates import (
+    Candidate,
+    candidates,
+    COMMON_GAIN,
+    has_width,
+    plain_candidates,
+    with_width,
 )
 from lip_id_ros.identification.left_out import LeftOutBlocks, LeftOutFit
-from lip_id_ros.identification.noise import estimate_noise, outlier_weights, TorqueNoise
+from lip_id_ros.identification.noise import (
+    estimate_noise,
+    leverage_weights,
+    outlier_weights,
+    TorqueNoise,
+)
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
-    leverage_weights,
     TorqueStatistics,
 )
 from lip_id_ros.rigid_body import Chain
@@ -54,34 +46,9 @@ MOST_SAMPLES = 20_000
 SIGN_WIDTHS = (0.01, 0.015, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)
 """Widths of smooth signs that are tried, as shares of each joint's root mean square velocity."""
 
-COMMON_GAIN = 0.03
-"""
-Least relative decrease of left-out mean squares, summed over joints, for a term that gears have.
-"""
-
-RARE_GAIN = 0.3
-"""The same for terms that few drives have, or for which the links' parameters can stand in."""
-
 LOAD_ROUNDS = 3
 NOISE_ROUNDS = 2
 MOST_TERMS = 40
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """
-    Terms that are elected together.
-
-    Attributes
-    ----------
-    terms : tuple of DriveTerm
-    least_gain : float
-        By which left-out blocks must be predicted better.
-
-    """
-
-    terms: tuple[DriveTerm, ...]
-    least_gain: float = field(default=COMMON_GAIN, compare=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,14 +109,14 @@ def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFr
     election = _Election(dataset, chain, link_std)
     for _ in range(NOISE_ROUNDS):
         widths = election.sign_widths([], election.no_load)
-        plain = _plain(widths)
+        plain = plain_candidates(widths)
         plain_fit = election.fitted(plain, election.no_load)
         election.reweight(plain, plain_fit, election.no_load)
     fit, chosen = election.fitted(plain, election.no_load), list[Candidate]()
     for _ in range(LOAD_ROUNDS):
         load, before = election.links_torque(fit), chosen
         widths = election.sign_widths(chosen, load)
-        plain = _plain(widths)
+        plain = plain_candidates(widths)
         chosen = election.chosen(plain, candidates(widths, dataset), load)
         fit = election.fitted([*plain, *chosen], load)
         noise = election.reweight([*plain, *chosen], fit, load)
@@ -157,53 +124,6 @@ def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFr
             break
     fit = election.fitted([*plain, *chosen], load)
     return election.outcome([*plain, *chosen], fit, plain_fit, noise)
-
-
-def _plain(widths: Array) -> list[Candidate]:
-    return [Candidate((term,)) for term in plain_friction(len(widths), widths).terms]
-
-
-def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
-    """
-    Return the terms on offer beside viscous and Coulomb friction and offsets.
-
-    Parameters
-    ----------
-    widths : array, shape (n,)
-        Of each joint's smooth sign [rad/s or m/s].
-    dataset : Dataset
-        Terms that are periodic in a position are on offer where it covers the period.
-
-    """
-    offers: list[Candidate] = []
-    turned = np.ptp(dataset.q, axis=0)
-    for j, width in enumerate(float(each) for each in widths):
-        common: list[FrictionTerm] = [
-            Stribeck(width),
-            SaturatingViscous(width),
-            QuadraticViscous(),
-            LoadCoulomb(width),
-            LoadViscous(),
-        ]
-        rare: list[FrictionTerm] = [Asymmetric(width), Spring()]
-        if dataset.joint_types[j] == 'revolute':
-            rare += [Ripple(k) for k in (1, 2) if turned[j] > 2.0 * np.pi / k]
-            rare += [PositionCoulomb(width)] if turned[j] > np.pi else []
-        own = Drive.of_joint(j)
-        offers += [Candidate((DriveTerm(own, term),)) for term in common]
-        offers += [Candidate((DriveTerm(own, term),), RARE_GAIN) for term in rare]
-    return offers + _coupled(widths)
-
-
-def _coupled(widths: Array) -> list[Candidate]:
-    """Return friction of motors that turn with two neighbouring joints, as in coupled wrists."""
-    offers = []
-    for j in range(1, len(widths)):
-        for ratio in (1.0, -1.0):
-            drive = Drive((j, j - 1), (1.0, ratio))
-            terms = (Viscous(), Coulomb(float(np.hypot(widths[j], widths[j - 1]))))
-            offers.append(Candidate(tuple(DriveTerm(drive, term) for term in terms), RARE_GAIN))
-    return offers
 
 
 class _Election:
@@ -229,11 +149,11 @@ class _Election:
         n = self._dataset.n_joints
         speed = np.sqrt(np.mean(self._dataset.dq**2, axis=0))
         speed[speed == 0.0] = 1.0
-        plain = _plain(speed)
-        others = [each for each in (*plain, *chosen) if not _has_width(each)]
-        wide = [each for each in (*plain, *chosen) if _has_width(each)]
+        plain = plain_candidates(speed)
+        others = [each for each in (*plain, *chosen) if not has_width(each)]
+        wide = [each for each in (*plain, *chosen) if has_width(each)]
         signs = [
-            _with_width(wide, joint, float(share * speed[joint]))
+            with_width(wide, joint, float(share * speed[joint]))
             for share in SIGN_WIDTHS
             for joint in range(n)
         ]
@@ -380,20 +300,6 @@ class _Ballot:
 
     def _selected(self, taken: list[int]) -> IndexArray:
         return np.concatenate([self._fixed, *(self._groups[index] for index in taken)])
-
-
-def _has_width(candidate: Candidate) -> bool:
-    """Return whether a term of a single joint's drive has a smooth sign."""
-    first = candidate.terms[0]
-    return len(first.drive.joints) == 1 and hasattr(first.term, 'width')
-
-
-def _with_width(candidates: Sequence[Candidate], joint: int, width: float) -> Candidate:
-    """Return all such terms of a joint together, with another width."""
-    drive = Drive.of_joint(joint)
-    terms = [each.terms[0].term for each in candidates if each.terms[0].drive == drive]
-    kinds = [type(term) for term in terms]
-    return Candidate(tuple(DriveTerm(drive, kind(width)) for kind in kinds))  # type: ignore[call-arg]
 
 
 def _gain(now: LeftOutFit, fit: LeftOutFit, candidate: Candidate) -> float:

@@ -9,6 +9,7 @@ present state predicts. Such samples stay in the fit, with the deviation that th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,6 +102,36 @@ def outlier_weights(residuals: Array, std: Array) -> Array:
     """
     ratio = THRESHOLD / np.maximum(np.abs(residuals) / np.maximum(std, 1e-300), THRESHOLD)
     return np.asarray(np.where(ratio < 0.5, 2.0 * ratio**2, ratio))
+
+
+def leverage_weights(features: Sequence[Array], threshold: float = 20.0) -> Array:
+    """
+    Weights that all but leave out samples with absurd features (Mallows 1975).
+
+    Residuals do not show such samples, which pull the fit towards themselves: beyond the
+    threshold the influence of a row decays with the square of its size.
+
+    Parameters
+    ----------
+    features : sequence of n arrays, shapes (N, p_i)
+    threshold : float
+        In medians of the largest of the features, each in units of its own median size.
+
+    Returns
+    -------
+    array, shape (N, n)
+        Between 0 and 1.
+
+    """
+    weights = []
+    for rows in features:
+        size = np.abs(rows)
+        median = np.median(size, axis=0)
+        used = median > 0.0
+        largest = np.max(size[:, used] / median[used], axis=1, initial=0.0)
+        bound = threshold * max(float(np.median(largest)), 1e-300)
+        weights.append((bound / np.maximum(largest, bound)) ** 4)
+    return np.column_stack(weights)
 
 
 def _likeliest(residuals: Array, dq: Array) -> TorqueNoise:

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from lip_id_ros.identification.noise import estimate_noise, TorqueNoise
+from lip_id_ros.identification.noise import (
+    estimate_noise,
+    leverage_weights,
+    outlier_weights,
+    TorqueNoise,
+)
 
 TRUTH = TorqueNoise(np.array([0.5, 2.0]), np.array([0.0, 8.0]), np.array([1.0, 0.1]))
 
@@ -33,3 +38,20 @@ def test_joints_that_never_move_have_constant_noise() -> None:
     residuals = np.random.default_rng(0).standard_normal((50, 1))
     got = estimate_noise(residuals, np.zeros((50, 1)))
     assert np.isfinite(got.std_at(np.zeros((1, 1)))).all()
+
+
+def test_outliers_count_for_less_the_farther_out() -> None:
+    residuals = np.array([[0.0, 3.9, -4.0, 6.0, -8.0, 80.0]]).T
+    got = outlier_weights(residuals, np.ones_like(residuals))[:, 0]
+    np.testing.assert_allclose(got, [1.0, 1.0, 1.0, 2.0 / 3.0, 0.5, 0.005])
+
+
+def test_absurd_features_have_little_leverage() -> None:
+    rng = np.random.default_rng(0)
+    features = [rng.standard_normal((400, k)) for k in (6, 3)]
+    for rows in features:
+        rows[::200] *= 1e5
+    weights = leverage_weights(features)
+    assert np.all(np.delete(weights, [0, 200], axis=0) == 1.0)
+    for rows, weight in zip(features, weights.T, strict=True):
+        assert np.abs(rows * np.sqrt(weight)[:, None])[::200].max() < 0.1

@@ -14,9 +14,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
-    huber_weights,
     leave_one_out,
-    leverage_weights,
     posterior,
     TorqueStatistics,
 )
@@ -156,37 +154,6 @@ def test_blocks_are_contiguous_and_alike_in_size() -> None:
     assert np.ptp(np.bincount(block, minlength=6)) <= 1
     assert contiguous_blocks(3, 6).tolist() == [0, 1, 2]
     assert contiguous_blocks(0, 6).size == 0
-
-
-def test_torques_with_spikes_hardly_matter() -> None:
-    features, tau = samples(1000)
-    rng = np.random.default_rng(5)
-    spoilt = np.where(rng.random(tau.shape) < 0.02, tau + 100.0, tau)
-    parameters = [posterior(part(features, tau, slice(None)), NOISE, PRIOR).mean]
-    weights = np.ones_like(tau)
-    for _ in range(5):
-        fit = TorqueStatistics.empty(COLUMNS).update(features, spoilt, weights)
-        mean = posterior(fit, NOISE, PRIOR).mean
-        parameters.append(mean)
-        residuals = spoilt - np.column_stack(
-            [f @ mean[column] for f, column in zip(features, COLUMNS, strict=True)]
-        )
-        weights = huber_weights(residuals, 1.4826 * np.median(np.abs(residuals), axis=0))
-    clean, plain, robust = parameters[0], parameters[1], parameters[-1]
-    assert np.abs(robust - clean).max() < 0.1 * np.abs(plain - clean).max()
-
-
-def test_absurd_features_have_little_leverage() -> None:
-    features, tau = samples(400)
-    bad = np.arange(0, 400, 200)
-    for rows in features:
-        rows[bad] *= 1e5
-    weights = leverage_weights(features)
-    others = np.delete(np.arange(400), bad)
-    np.testing.assert_array_equal(weights[others], 1.0)
-    clean = dense([f[others] for f in features], tau[others], np.ones((398, 3)))
-    statistics = TorqueStatistics.empty(COLUMNS).update(features, tau, weights)
-    assert np.abs(posterior(statistics, NOISE, PRIOR).mean - clean).max() < 0.05
 
 
 def test_shapes_that_do_not_fit() -> None:

@@ -1,0 +1,113 @@
+"""The friction terms that are on offer for the drives of an arm (docs/maths.md, section 12)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.model import Drive, DriveTerm, plain_friction
+from lip_id_ros.friction.terms import (
+    Asymmetric,
+    Coulomb,
+    FrictionTerm,
+    LoadCoulomb,
+    LoadViscous,
+    PositionCoulomb,
+    QuadraticViscous,
+    Ripple,
+    SaturatingViscous,
+    Spring,
+    Stribeck,
+    Viscous,
+)
+
+COMMON_GAIN = 0.03
+"""
+Least relative decrease of left-out mean squares, summed over joints, for a term that gears have.
+"""
+
+RARE_GAIN = 0.3
+"""The same for terms that few drives have, or for which the links' parameters can stand in."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """
+    Terms that are elected together.
+
+    Attributes
+    ----------
+    terms : tuple of DriveTerm
+    least_gain : float
+        By which left-out blocks must be predicted better.
+
+    """
+
+    terms: tuple[DriveTerm, ...]
+    least_gain: float = field(default=COMMON_GAIN, compare=False)
+
+
+def plain_candidates(widths: Array) -> list[Candidate]:
+    """Return viscous and Coulomb friction and an offset for every joint."""
+    return [Candidate((term,)) for term in plain_friction(len(widths), widths).terms]
+
+
+def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
+    """
+    Return the terms on offer beside viscous and Coulomb friction and offsets.
+
+    Parameters
+    ----------
+    widths : array, shape (n,)
+        Of each joint's smooth sign [rad/s or m/s].
+    dataset : Dataset
+        Terms that are periodic in a position are on offer where it covers the period.
+
+    """
+    offers: list[Candidate] = []
+    turned = np.ptp(dataset.q, axis=0)
+    for j, width in enumerate(float(each) for each in widths):
+        common: list[FrictionTerm] = [
+            Stribeck(width),
+            SaturatingViscous(width),
+            QuadraticViscous(),
+            LoadCoulomb(width),
+            LoadViscous(),
+        ]
+        rare: list[FrictionTerm] = [Asymmetric(width), Spring()]
+        if dataset.joint_types[j] == 'revolute':
+            rare += [Ripple(k) for k in (1, 2) if turned[j] > 2.0 * np.pi / k]
+            rare += [PositionCoulomb(width)] if turned[j] > np.pi else []
+        own = Drive.of_joint(j)
+        offers += [Candidate((DriveTerm(own, term),)) for term in common]
+        offers += [Candidate((DriveTerm(own, term),), RARE_GAIN) for term in rare]
+    return offers + _coupled(widths)
+
+
+def _coupled(widths: Array) -> list[Candidate]:
+    """Return friction of motors that turn with two neighbouring joints, as in coupled wrists."""
+    offers = []
+    for j in range(1, len(widths)):
+        for ratio in (1.0, -1.0):
+            drive = Drive((j, j - 1), (1.0, ratio))
+            terms = (Viscous(), Coulomb(float(np.hypot(widths[j], widths[j - 1]))))
+            offers.append(Candidate(tuple(DriveTerm(drive, term) for term in terms), RARE_GAIN))
+    return offers
+
+
+def has_width(candidate: Candidate) -> bool:
+    """Return whether a term of a single joint's drive has a smooth sign."""
+    first = candidate.terms[0]
+    return len(first.drive.joints) == 1 and hasattr(first.term, 'width')
+
+
+def with_width(candidates: Sequence[Candidate], joint: int, width: float) -> Candidate:
+    """Return all such terms of a joint together, with another width."""
+    drive = Drive.of_joint(joint)
+    terms = [each.terms[0].term for each in candidates if each.terms[0].drive == drive]
+    kinds = [type(term) for term in terms]
+    return Candidate(tuple(DriveTerm(drive, kind(width)) for kind in kinds))  # type: ignore[call-arg]
