@@ -45,7 +45,7 @@ LIMITS = (5.0, 3.0)
 OTHERS = ('', 'c', 'a ', 'ä' * 100, '/')
 ODD = (math.nan, math.inf, -math.inf, 0.0, -0.0, 5e-324, 1e308, -1e300, 1e12)
 START_S = 1_700_000_000
-BATCH, PACE_S, LOST_SECONDS, START_SECONDS = 200, 0.004, 20.0, 120.0
+BATCH, PACE_S, LOST_SECONDS, START_SECONDS = 200, 0.004, 60.0, 600.0
 POINTS, SHARES = (0, 1, 2, 3, 40, 2000), (0.1, 0.6, 0.1, 0.1, 0.095, 0.005)
 Status = Mapping[str, Any]
 
@@ -252,7 +252,7 @@ class Fuzzer:
         )
 
     def _active(self) -> bool:
-        return bool(self.heard.statuses['serve']['state'] == 'active')
+        return bool(self.heard.statuses.get('serve', {}).get('state') == 'active')
 
     def _request(self) -> None:
         """Call a service with something absurd; leave `serve` active and enabled."""
