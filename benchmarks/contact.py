@@ -15,7 +15,7 @@ from rich.table import Table
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.control import ComputedTorque, Feedforward
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring import external_torques, Thresholds
 from lip_id_ros.monitoring.detection import CUTOFF_HZ

@@ -36,7 +36,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from benchmarks._cells import running
 from benchmarks._serve_client import spun
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.settings import FitSettings
 

@@ -17,7 +17,7 @@ import yaml
 from benchmarks._panda import run_pair
 from lip_id_ros.evaluation import evaluate
 from lip_id_ros.files import write_whole
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.settings import Config, override
 
 Cell = dict[str, Any]

@@ -19,7 +19,7 @@ from rich.table import Table
 
 from benchmarks._panda import run_pair
 from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 
 Call = Callable[[Array, Array, Array], object]

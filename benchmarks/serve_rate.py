@@ -10,7 +10,7 @@ import tempfile
 
 from benchmarks._cells import measured, show
 from benchmarks._panda import run_pair
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.settings import FitSettings
 
 EXECUTORS = ('events', 'single_threaded')

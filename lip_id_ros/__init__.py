@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         SourceError,
     )
     from lip_id_ros.evaluation import evaluate, Evaluation
-    from lip_id_ros.gp import fit
+    from lip_id_ros.identification import fit
     from lip_id_ros.model import InverseDynamicsModel, Prediction
     from lip_id_ros.preprocessing import load_dataset
     from lip_id_ros.settings import FitSettings
@@ -44,7 +44,7 @@ _HOMES = {
     'ShapeError': 'errors',
     'SourceError': 'errors',
     'evaluate': 'evaluation',
-    'fit': 'gp',
+    'fit': 'identification',
     'load_dataset': 'preprocessing',
 }
 """The room of every public name."""

@@ -12,7 +12,7 @@ from ros_domain import free_domain
 
 from benchmarks._loop_figures import Timeline
 from benchmarks._panda import run_pair
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.settings import FitSettings
 
 pytest.importorskip('pinocchio', reason='the simulated arm needs pinocchio')

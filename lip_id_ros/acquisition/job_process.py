@@ -20,7 +20,7 @@ from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import evaluate, fit_cautions, with_checks
 from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.files import write_or_rescue
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config, override

@@ -12,7 +12,7 @@ from typing import Any
 from lip_id_ros.baselines.interface import Baseline, FitRecord, Method, State
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError, LipIdError
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.model import TorqueModel
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings

@@ -14,7 +14,7 @@ from lip_id_ros.baselines.serialization import load as load_baseline
 from lip_id_ros.baselines.serialization import save as save_baseline
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import fit_cautions, matched, with_checks
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
 from lip_id_ros.preprocessing import load_dataset

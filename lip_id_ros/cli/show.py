@@ -53,7 +53,7 @@ def fitted(model: Model, training: Dataset, console: Console) -> None:
         show_lines([text], console)
         return
     show(_noise_table(model, training), console)
-    if model.process.prior.kernel.links:
+    if model.arm is not None:
         _show_links(model, console)
 
 
@@ -76,11 +76,11 @@ def _show_links(model: InverseDynamicsModel, console: Console) -> None:
         show(Table('each axis to the previous one, found in the data', header, rows), console)
     if any(axis.distance_m is not None and not axis.identified for axis in axes(model)):
         show_lines([UNIDENTIFIED], console)
-    energy = model.process.prior.kernel.energy
-    if energy.is_empty:
-        text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
+    joints = _remainder_joints(model)
+    if joints:
+        text = f'Gaussian processes model the residual of {", ".join(joints)}.'
     else:
-        text = f'The kernel {energy.name!r} models the residual of the rigid links.'
+        text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
     show_lines([text], console)
 
 
@@ -104,15 +104,21 @@ def axes(model: InverseDynamicsModel) -> list[Axis]:
     """Return the axis of each joint but the first, where the model has rigid links."""
     names = model.joint_names[1:]
     identified = model.summary.get('identified_distances', [True] * len(names))
-    found = []
-    for links in model.process.prior.kernel.links:
-        angles = np.degrees(angles_between(links.chain)).tolist()
-        distances = [
-            None if np.isnan(distance) else float(distance)
-            for distance in distances_between(links.chain)
-        ]
-        found += [Axis(*each) for each in zip(names, angles, distances, identified, strict=True)]
-    return found
+    if model.arm is None:
+        return []
+    chain = model.arm.chain
+    angles = np.degrees(angles_between(chain)).tolist()
+    distances = [
+        None if np.isnan(distance) else float(distance) for distance in distances_between(chain)
+    ]
+    return [Axis(*each) for each in zip(names, angles, distances, identified, strict=True)]
+
+
+def _remainder_joints(model: InverseDynamicsModel) -> list[str]:
+    if model.remainder is None:
+        return []
+    pairs = zip(model.joint_names, model.remainder.joints, strict=True)
+    return [name for name, has in pairs if has]
 
 
 def described_model(model: Model) -> dict[str, Any]:
@@ -142,8 +148,7 @@ def described_model(model: Model) -> dict[str, Any]:
 
 
 def _links(model: InverseDynamicsModel) -> dict[str, Any]:
-    kernel = model.process.prior.kernel
-    if not kernel.links:
+    if model.arm is None:
         return {}
     found = {
         axis.joint: {
@@ -153,7 +158,7 @@ def _links(model: InverseDynamicsModel) -> dict[str, Any]:
         }
         for axis in axes(model)
     }
-    return {'energies_beside_links': kernel.energy.name, 'axis_to_the_one_before': found}
+    return {'remainder': _remainder_joints(model), 'axis_to_the_one_before': found}
 
 
 def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:

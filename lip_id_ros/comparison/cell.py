@@ -27,7 +27,8 @@ QUERIES = 50
 QUERY_SECONDS = 1.0
 PACKAGE = Path(__file__).resolve().parents[1]
 PARTS = (
-    *('baselines', 'gp', 'kernels', 'linear_algebra.py', 'model', 'rigid_body'),
+    *('baselines', 'friction', 'gp', 'identification', 'kernels', 'linear_algebra.py'),
+    *('model', 'rigid_body'),
     *('comparison/cell.py', 'evaluation/metrics.py'),
 )
 UNKNOWN = 'unknown'

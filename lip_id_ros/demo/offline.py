@@ -21,7 +21,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo.judge import REPORT, run_demo, TITLE, TORQUE_NOISE
 from lip_id_ros.evaluation import Evaluation, run, score, with_checks
 from lip_id_ros.evaluation.report import band, Labels, write_report
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training, load_dataset
 from lip_id_ros.progress import Progress

@@ -45,8 +45,8 @@ def with_checks(model: InverseDynamicsModel, training: Dataset) -> InverseDynami
             for noise, total in zip(model.noise_std, variance, strict=True)
         ],
     }
-    for links in model.process.prior.kernel.links:
-        known = identified_distances(links, training, model.noise_std)
+    if model.arm is not None:
+        known = identified_distances(model.arm.chain, training, model.noise_std)
         checks['identified_distances'] = known.tolist()
     return replace(model, summary={**model.summary, **checks})
 

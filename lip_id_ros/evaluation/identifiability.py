@@ -6,7 +6,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.kernels import RigidLinks
+from lip_id_ros.identification.arm_fit import link_prior_std
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.axes import distances_between, PARALLEL
@@ -20,7 +20,7 @@ SIGN_WIDTH = 0.05  # of Coulomb friction, relative to the root mean square veloc
 FRICTION_STD = 10.0  # of friction coefficients a priori, relative to the torques
 
 
-def identified_distances(links: RigidLinks, dataset: Dataset, noise_std: Array) -> BoolArray:
+def identified_distances(chain: Chain, dataset: Dataset, noise_std: Array) -> BoolArray:
     """
     Return which distances of an axis to the previous one the torques identify.
 
@@ -30,8 +30,8 @@ def identified_distances(links: RigidLinks, dataset: Dataset, noise_std: Array) 
 
     Parameters
     ----------
-    links : RigidLinks
-        Placements of the joints, and the prior of the links.
+    chain : Chain
+        Placements of the joints.
     dataset : Dataset
         The training data.
     noise_std : ndarray, shape (n,)
@@ -44,14 +44,15 @@ def identified_distances(links: RigidLinks, dataset: Dataset, noise_std: Array) 
 
     """
     some = dataset.select(np.arange(0, dataset.n_samples, 1 + dataset.n_samples // MOST_SAMPLES))
-    chain, best = links.chain, _misfit(links.chain, links.deviations, some, noise_std)
+    link_std = link_prior_std(some)
+    best = _misfit(chain, link_std, some, noise_std)
     distances = distances_between(chain)
     identified = np.zeros(len(distances), dtype=bool)
     for j in np.flatnonzero(np.isfinite(distances)):
         change = max(CHANGE * distances[j], LEAST_CHANGE)
         step = change * _direction(chain, int(j) + 1)
         moved = [_moved(chain, int(j) + 1, sign * step) for sign in (-1.0, 1.0)]
-        losses = [_misfit(each, links.deviations, some, noise_std) - best for each in moved]
+        losses = [_misfit(each, link_std, some, noise_std) - best for each in moved]
         identified[j] = min(losses) > NATS
     return identified
 
@@ -73,7 +74,7 @@ def _moved(chain: Chain, joint: int, step: Array) -> Chain:
     return chain._replace(translations=translations)
 
 
-def _misfit(chain: Chain, deviations: Array, dataset: Dataset, noise_std: Array) -> float:
+def _misfit(chain: Chain, link_std: Array, dataset: Dataset, noise_std: Array) -> float:
     """Return minus the log-posterior of the best links and friction, up to a constant."""
     q, dq, ddq = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
     speed = np.sqrt(np.mean(np.square(dq), axis=0)) + np.finfo(float).tiny
@@ -81,7 +82,7 @@ def _misfit(chain: Chain, deviations: Array, dataset: Dataset, noise_std: Array)
     diagonal = [x[:, :, None] * np.eye(dataset.n_joints) for x in own]
     friction_std = np.tile(FRICTION_STD * dataset.tau.std(axis=0), len(own))
     phi = np.concatenate([torque_regressor(chain, q, dq, ddq), *diagonal], axis=2)
-    std = np.concatenate([deviations.ravel(), friction_std])
+    std = np.concatenate([link_std.ravel(), friction_std])
     # In units of the prior, whose rows are then those of the identity.
     rows = (phi * std / noise_std[:, None]).reshape(-1, len(std))
     tau = (dataset.tau / noise_std).ravel()

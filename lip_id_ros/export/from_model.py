@@ -8,8 +8,6 @@ import numpy as np
 
 from lip_id_ros.errors import ModelError
 from lip_id_ros.export.arm import ArmDescription, JointRanges
-from lip_id_ros.friction.model import FrictionBasis, plain_friction
-from lip_id_ros.kernels import Friction
 from lip_id_ros.model import InverseDynamicsModel
 
 RECORDED = (
@@ -62,23 +60,20 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
         If the model has no rigid links.
 
     """
-    kernel = model.process.prior.kernel
-    if not kernel.links:
+    if model.arm is None:
         raise ModelError(
             f'rigid links were expected, but the model has the kernel {model.kernel!r} alone, '
             'which no other program evaluates; fit with the default kernel.'
         )
     remainder = _remainder(model)
     left_out = () if remainder is None else (f'Left out: {remainder}.',)
-    links, features = kernel.links[0], model.process.states.links[0]
-    friction, coefficients = _friction(model)
     arm = ArmDescription(
         name=name,
         joint_names=model.joint_names,
-        chain=links.chain,
-        links=links.parameters(features, model.process.alpha),
-        friction=friction,
-        coefficients=coefficients,
+        chain=model.arm.chain,
+        links=model.arm.links,
+        friction=model.arm.friction.basis,
+        coefficients=model.arm.friction.coefficients,
         ranges=_ranges(model),
         potential_reference=(
             model.potential_reference if model.has_potential else np.zeros(model.n_joints)
@@ -90,34 +85,20 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
 
 
 def _remainder(model: InverseDynamicsModel) -> str | None:
-    kernel = model.process.prior.kernel
-    parts = (
-        [] if kernel.energy.is_empty else [f'the energies of the kernel {kernel.energy.name!r}']
-    )
-    parts += [term.name for term in kernel.per_joint if not isinstance(term, Friction)]
-    return ' and '.join(parts) or None
-
-
-def _friction(model: InverseDynamicsModel) -> tuple[FrictionBasis, np.ndarray]:
-    terms = zip(
-        model.process.prior.kernel.per_joint,
-        model.process.prior.hyperparameters.per_joint,
-        model.process.states.per_joint,
-        strict=True,
-    )
-    for kernel, parameters, inputs in terms:
-        if isinstance(kernel, Friction):
-            coefficients = kernel.coefficients(parameters, inputs, model.process.alpha)
-            return plain_friction(model.n_joints, kernel.sign_width.tolist()), coefficients.ravel()
-    return FrictionBasis(model.n_joints, ()), np.zeros(0)
+    if model.remainder is None:
+        return None
+    joints = zip(model.joint_names, model.remainder.joints, strict=True)
+    named = ', '.join(name for name, has in joints if has)
+    return f'the Gaussian processes of the torques of {named}'
 
 
 def _ranges(model: InverseDynamicsModel) -> JointRanges:
-    states = model.process.states
+    low, high = model.training_range
+    largest = np.maximum(np.abs(low), np.abs(high))
     return JointRanges(
-        q_min=states.q.min(axis=0),
-        q_max=states.q.max(axis=0),
-        dq_max=np.abs(states.dq).max(axis=0),
-        ddq_max=np.abs(states.ddq).max(axis=0),
-        tau_max=np.abs(model.process.tau).max(axis=0),
+        q_min=low[0],
+        q_max=high[0],
+        dq_max=largest[1],
+        ddq_max=largest[2],
+        tau_max=model.largest_torque,
     )

@@ -1,8 +1,8 @@
-"""From a data set to a trained model: choose samples, optimise, condition."""
+"""From a data set to a Gaussian process posterior: choose samples, optimise, condition."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 import time
 from typing import Any
 
@@ -10,20 +10,17 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.errors import DataError
 from lip_id_ros.gp.initialisation import (
-    from_torques,
+    initial_guesses,
     InitialGuess,
-    INITIALISATIONS,
     make_friction,
     make_residual,
 )
-from lip_id_ros.gp.likelihood import Backend, choose, LinearLikelihood
+from lip_id_ros.gp.likelihood import Backend, choose
 from lip_id_ros.gp.sign_width import with_likely_sign_widths
 from lip_id_ros.gp.subset import spread
 from lip_id_ros.gp.training import maximise, Objective, Optimum
 from lip_id_ros.kernels import (
-    ARTICULATED,
     FAMILY,
     Hyperparameters,
     JointBasis,
@@ -32,23 +29,37 @@ from lip_id_ros.kernels import (
     TorquePosterior,
     TorquePrior,
 )
-from lip_id_ros.kernels.program import EnergyKernel, POTENTIALS, recursive, without_potential
-from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.effort_calibration import effort_calibrations
+from lip_id_ros.kernels.program import EnergyKernel, POTENTIALS, without_potential
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import FitSettings
 
 LEAST_SAMPLES = 10
 TRIAL_ITERATIONS = 12
 CONDITIONING = 'posterior'
-ENERGY_KERNELS = {**FAMILY, ARTICULATED: recursive}
 
 
-def fit(
-    dataset: Dataset, settings: FitSettings | None = None, progress: Progress = silent
-) -> InverseDynamicsModel:
+@dataclass(frozen=True, eq=False)
+class FittedProcess:
     """
-    Fit a model to a data set.
+    A Gaussian process fitted to data.
+
+    Attributes
+    ----------
+    posterior : TorquePosterior
+    report : dict
+        JSON-able: how the optimisation went.
+
+    """
+
+    posterior: TorquePosterior
+    report: dict[str, Any]
+
+
+def fit_process(
+    dataset: Dataset, settings: FitSettings, kernel: str, progress: Progress = silent
+) -> FittedProcess:
+    """
+    Fit Gaussian processes on energies, friction and residual to a data set.
 
     The hyperparameters are optimised on a well-spread subset of the samples; the posterior is
     then conditioned on all of them, or on the best spread `max_samples`.
@@ -56,73 +67,49 @@ def fit(
     Parameters
     ----------
     dataset : Dataset
-    settings : FitSettings, optional
+    settings : FitSettings
+    kernel : str
+        Of `lip_id_ros.kernels.FAMILY`, whatever the settings name.
     progress : callable
 
     Raises
     ------
-    DataError
-        If there are too few samples or a torque never changes.
     FitError
         If the Gram matrix cannot be factorised.
 
     """
-    settings = settings or FitSettings()
     started = time.monotonic()
-    _check(dataset)
-    kernel = make_kernel(dataset, settings)
     backend = choose(settings.device)
-    kernel, optimum = _optimise(kernel, dataset, settings, backend, progress)
-    optimised = time.monotonic()
+    torques = make_kernel(dataset, settings, kernel)
+    torques, optimum = _optimise(torques, dataset, settings, backend, progress)
+    seconds = round(time.monotonic() - started, 3)
     progress(CONDITIONING, 0, 1)
-    model = _condition(kernel, optimum, _covering(dataset, kernel, settings.max_samples))
+    some = _covering(dataset, torques, settings.max_samples)
+    states = torques.states(some.q, some.dq, some.ddq)
+    prior = TorquePrior(torques, optimum.hyperparameters)
+    posterior = TorquePosterior.condition(prior, states, some.tau)
     progress(CONDITIONING, 1, 1)
-    times = {
-        'seconds_optimising': round(optimised - started, 3),
-        'seconds_total': round(time.monotonic() - started, 3),
-    }
     place = {'device': backend.device, 'device_note': backend.note}
-    return replace(
-        model,
-        summary={**model.summary, **_report(optimum), **times, **place},
-        provenance={**dataset.provenance, 'n_samples_available': dataset.n_samples},
-    )
+    report = {**_report(optimum), 'seconds_optimising': seconds, **place}
+    return FittedProcess(posterior, report)
 
 
-def make_kernel(dataset: Dataset, settings: FitSettings) -> TorqueKernel:
-    """Return the kernels that the settings ask for, in the units of the data."""
+def make_kernel(dataset: Dataset, settings: FitSettings, name: str) -> TorqueKernel:
+    """Return an energy kernel, and what the settings add to it, in the units of the data."""
     basis = JointBasis.of(dataset.joint_types, dataset.q)
     per_joint: list[PerJointKernel] = []
     if settings.friction:
         per_joint.append(make_friction(dataset.dq))
     if settings.residual:
         per_joint.append(make_residual(basis, dataset.dq, dataset.ddq))
-    return TorqueKernel(_energy_kernel(dataset, settings), basis, tuple(per_joint))
+    return TorqueKernel(_energy_kernel(dataset, settings, name), basis, tuple(per_joint))
 
 
-def _energy_kernel(dataset: Dataset, settings: FitSettings) -> EnergyKernel:
-    kernel = ENERGY_KERNELS[settings.kernel](dataset.n_joints)
+def _energy_kernel(dataset: Dataset, settings: FitSettings, name: str) -> EnergyKernel:
+    kernel = FAMILY[name](dataset.n_joints)
     if dataset.gravity_compensated:
         return without_potential(kernel)
     return POTENTIALS[settings.potential](kernel)
-
-
-def _check(dataset: Dataset) -> None:
-    if dataset.n_samples < LEAST_SAMPLES:
-        raise DataError(
-            f'a fit needs at least {LEAST_SAMPLES} samples, but the data set has '
-            f'{dataset.n_samples}; record longer or keep more samples in preprocessing.'
-        )
-    still = [
-        name
-        for name, extent in zip(dataset.joint_names, np.ptp(dataset.tau, axis=0), strict=True)
-        if extent == 0.0
-    ]
-    if still:
-        raise DataError(
-            f'the torque of joint {still[0]!r} is the same in all {dataset.n_samples} samples, so '
-            'nothing can be learned from it; check the effort signal or leave the joint out.'
-        )
 
 
 def _covering(dataset: Dataset, kernel: TorqueKernel, count: int) -> Dataset:
@@ -137,23 +124,21 @@ def _optimise(
     backend: Backend,
     progress: Progress,
 ) -> tuple[TorqueKernel, Optimum]:
-    def objective(kernel: TorqueKernel, centre: Hyperparameters, some: Dataset) -> Objective:
+    def objective(centre: Hyperparameters, some: Dataset) -> Objective:
         states = kernel.states(some.q, some.dq, some.ddq)
-        make = LinearLikelihood if kernel.is_linear else backend.likelihood
-        likelihood = make(kernel, states, some.tau, centre)
+        likelihood = backend.likelihood(kernel, states, some.tau, centre)
         return Objective(likelihood, centre, settings.prior_precision)
 
     few = _covering(dataset, kernel, max(LEAST_SAMPLES, settings.subset // 3))
-    initialise = INITIALISATIONS.get(settings.kernel, from_torques)
     # Tried on fewer samples, so that all of them together cost less than the optimisation itself.
     tried = [
-        _tried(start, objective(start.kernel, start.centre, few), settings, progress, number)
-        for number, start in enumerate(initialise(kernel, dataset, settings, progress), start=1)
+        _tried(guess, objective(guess.centre, few), settings, progress, number)
+        for number, guess in enumerate(initial_guesses(kernel, dataset), start=1)
     ]
-    start, trial = min(tried, key=lambda pair: pair[1].value + pair[0].aic_penalty)
+    guess, trial = min(tried, key=lambda pair: pair[1].value)
     some = _covering(dataset, kernel, settings.subset)
-    kernel = with_likely_sign_widths(start.kernel, trial.hyperparameters, some)
-    followed = objective(kernel, start.centre, some)
+    kernel = with_likely_sign_widths(kernel, trial.hyperparameters, some)
+    followed = objective(guess.centre, some)
     return kernel, maximise(followed, trial.hyperparameters, settings.iterations, progress)
 
 
@@ -167,17 +152,6 @@ def _tried(
     iterations = min(TRIAL_ITERATIONS, settings.iterations)
     stage = f'start {number}'
     return guess, maximise(objective, guess.hyperparameters, iterations, progress, stage)
-
-
-def _condition(kernel: TorqueKernel, optimum: Optimum, dataset: Dataset) -> InverseDynamicsModel:
-    prior = TorquePrior(kernel, optimum.hyperparameters)
-    states = kernel.states(dataset.q, dataset.dq, dataset.ddq)
-    return InverseDynamicsModel(
-        joint_names=dataset.joint_names,
-        process=TorquePosterior.condition(prior, states, dataset.tau),
-        potential_reference=dataset.q.mean(axis=0),
-        effort_calibrations=effort_calibrations(dataset.provenance, dataset.joint_names),
-    )
 
 
 def _report(optimum: Optimum) -> dict[str, Any]:

@@ -1,8 +1,7 @@
-"""Initial guesses of the hyperparameters, from torques alone or from links found in them."""
+"""Initial guesses of the hyperparameters, in the units of the data."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,30 +10,16 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp.log_vector import to_vector
-from lip_id_ros.gp.placement_search import find_links, Samples
-from lip_id_ros.gp.subset import spread
 from lip_id_ros.kernels import (
-    ARTICULATED,
     Hyperparameters,
     JointBasis,
     PerJointKernel,
     TorqueKernel,
     Weights,
 )
-from lip_id_ros.kernels.per_joint import Friction, own_joint_columns, Residual
-from lip_id_ros.kernels.program import EnergyKernel, none, unit_weights
+from lip_id_ros.kernels.per_joint import Friction, Residual
+from lip_id_ros.kernels.program import EnergyKernel, unit_weights
 from lip_id_ros.linear_algebra import NOT_FINITE
-from lip_id_ros.progress import Progress
-from lip_id_ros.settings import FitSettings
-
-MANY_SAMPLES, FEW_SAMPLES = 500, 100
-"""Samples of the last and of the first descents over placements."""
-
-LEAST_PER_JOINT = 2
-"""Samples per joint below which placements are not identified."""
-
-AIC_PENALTY = 1.0
-"""Rise of the log likelihood demanded of each hyperparameter of the energies (Akaike 1974)."""
 
 NOISE_SHARE = 0.02
 """Initial standard deviation of the noise, as a share of each torque's."""
@@ -62,70 +47,28 @@ class InitialGuess:
 
     Attributes
     ----------
-    kernel : TorqueKernel
     centre : Hyperparameters
         Of the prior on the hyperparameters.
     hyperparameters : Hyperparameters
-    aic_penalty : float
-        Added to its negative log likelihood where guesses are compared.
 
     """
 
-    kernel: TorqueKernel
     centre: Hyperparameters
     hyperparameters: Hyperparameters
-    aic_penalty: float = 0.0
 
 
-Initialise = Callable[[TorqueKernel, Dataset, FitSettings, Progress], list[InitialGuess]]
+def initial_guesses(kernel: TorqueKernel, dataset: Dataset) -> list[InitialGuess]:
+    """
+    Return guesses under which the energies explain all of the torques.
 
+    Raises
+    ------
+    FitError
+        If the data are not finite.
 
-def from_torques(
-    kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
-) -> list[InitialGuess]:
-    """Guess energies that explain all of the torques."""
+    """
     centre = _centre(kernel, dataset)
-    return [InitialGuess(kernel, centre, start) for start in starting_points(centre)]
-
-
-def from_links(
-    kernel: TorqueKernel, dataset: Dataset, settings: FitSettings, progress: Progress
-) -> list[InitialGuess]:
-    """
-    Find the links first; guess links alone, links with energies, and energies alone.
-
-    The latter two are for arms that are not chains of rigid links.
-
-    """
-    energies = from_torques(kernel, dataset, settings, progress)
-    if dataset.n_samples < LEAST_PER_JOINT * dataset.n_joints:
-        return energies
-    centre = energies[0].centre
-    rows = spread(kernel.basis, dataset.q, dataset.dq, dataset.ddq, MANY_SAMPLES)
-    some = dataset.select(rows)
-    samples = Samples(some, _friction_features(kernel, centre, some))
-    found = find_links(samples, FEW_SAMPLES, settings.seed, progress)
-    variance = found.left_over**2
-
-    def with_links(energy: EnergyKernel) -> tuple[TorqueKernel, Hyperparameters]:
-        weights = initial_weights(energy, dataset.ddq, variance)
-        linked = replace(kernel, energy=energy, links=(found.links,))
-        return linked, replace(centre, weights=weights, noise_variance=variance)
-
-    alone, centre_alone = with_links(none(dataset.n_joints))
-    both, centre_both = with_links(kernel.energy)
-    aic_penalty = AIC_PENALTY * sum(values.size for values in centre.weights)
-    little_noise = replace(centre_both, noise_variance=(NOISE_SHARE * found.left_over) ** 2)
-    return [
-        InitialGuess(alone, centre_alone, centre_alone),
-        InitialGuess(both, centre_both, centre_both, aic_penalty),
-        InitialGuess(both, little_noise, little_noise, aic_penalty),
-        *(replace(guess, aic_penalty=aic_penalty) for guess in energies),
-    ]
-
-
-INITIALISATIONS: dict[str, Initialise] = {ARTICULATED: from_links}
-"""Of the kernels whose initial guesses need more than the torques."""
+    return [InitialGuess(centre, guess) for guess in starting_points(centre)]
 
 
 def _centre(kernel: TorqueKernel, dataset: Dataset) -> Hyperparameters:
@@ -136,17 +79,6 @@ def _centre(kernel: TorqueKernel, dataset: Dataset) -> Hyperparameters:
         if np.isfinite(to_vector(centre)).all():
             return centre
     raise FitError(NOT_FINITE)
-
-
-def _friction_features(
-    kernel: TorqueKernel, hyperparameters: Hyperparameters, dataset: Dataset
-) -> Array:
-    features = [np.zeros((dataset.n_samples, dataset.n_joints, 0))]
-    for term, variances in zip(kernel.per_joint, hyperparameters.per_joint, strict=True):
-        if isinstance(term, Friction):
-            inputs = term.inputs(dataset.q, dataset.dq, dataset.ddq)
-            features.append(own_joint_columns(inputs * np.sqrt(variances)[:, None]))
-    return np.concatenate(features, axis=2)
 
 
 def initial_weights(kernel: EnergyKernel, ddq: Array, variance: Array) -> Weights:

@@ -161,21 +161,17 @@ class _Inputs(NamedTuple):
     state : State
     per_joint : tuple of tensors
         The inputs of each per-joint kernel; the second index is the sample.
-    links : tuple of tensors, each of shape (N, n, k)
-        The features of the torques of rigid links.
 
     """
 
     state: State
     per_joint: tuple[Tensor, ...]
-    links: tuple[Tensor, ...]
 
     def rows(self, samples: slice) -> _Inputs:
         """Return some of the samples."""
         return _Inputs(
             State(*(values[samples] for values in self.state)),
             tuple(inputs[:, samples] for inputs in self.per_joint),
-            tuple(features[samples] for features in self.links),
         )
 
 
@@ -223,7 +219,6 @@ class TorchMarginalLikelihood:
         inputs = _Inputs(
             State(tensor(x.q), tensor(x.dq), tensor(x.ddq)),
             tuple(tensor(values) for values in x.per_joint),
-            tuple(tensor(features.reshape(*x.q.shape, -1)) for features in x.links),
         )
         object.__setattr__(self, '_x', inputs)
         object.__setattr__(self, '_y', tensor(self.tau.ravel()))
@@ -281,17 +276,12 @@ class TorchMarginalLikelihood:
         """Return some rows of the Gram matrix, up to the end of its diagonal blocks."""
         at, n = self._at(theta), self.kernel.energy.n_joints
         x, z = self._x.rows(slice(first, last)), self._x.rows(slice(0, last))
-        blocks = theta.new_zeros((last - first, last, n, n))
-        if not self.kernel.energy.is_empty:
-            energies = EnergyReference(self.kernel.energy, self.kernel.basis, at.weights)
-            blocks = blocks + energies.torque_blocks(x.state, z.state)
+        energies = EnergyReference(self.kernel.energy, self.kernel.basis, at.weights)
+        blocks = energies.torque_blocks(x.state, z.state)
         for k, term in enumerate(self.kernel.per_joint):
             each = PER_JOINT[term.name](at.per_joint[k], x.per_joint[k], z.per_joint[k])
             blocks = blocks + torch.diag_embed(each.permute(1, 2, 0))
-        rows = blocks.permute(0, 2, 1, 3).reshape(len(blocks) * n, -1)
-        for one, other in zip(x.links, z.links, strict=True):  # without hyperparameters
-            rows = rows + one.flatten(0, 1) @ other.flatten(0, 1).T
-        return rows
+        return blocks.permute(0, 2, 1, 3).reshape(len(blocks) * n, -1)
 
     def _at(self, theta: Tensor) -> Hyperparameters:
         """Return the tensors whose logarithms are `theta`, in the shapes of `like`."""

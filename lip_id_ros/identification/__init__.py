@@ -1,1 +1,5 @@
-"""Identification of chain, link and friction parameters from recordings."""
+"""Identification of arms from recordings: chain, links, friction and remainder."""
+
+from lip_id_ros.identification.fitting import fit
+
+__all__ = ['fit']

@@ -17,7 +17,7 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
-from lip_id_ros.identification.arm_posterior import friction_features
+from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
 from lip_id_ros.identification.kinematic_calibration import (
@@ -25,7 +25,7 @@ from lip_id_ros.identification.kinematic_calibration import (
     Placements,
     Samples,
 )
-from lip_id_ros.identification.noise import TorqueNoise
+from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.placement_search import (
     calibrate,
     Calibration,
@@ -34,6 +34,7 @@ from lip_id_ros.identification.placement_search import (
     refine,
 )
 from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.model.arm_posterior import friction_features
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.log_cholesky import scale_of

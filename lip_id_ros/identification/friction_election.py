@@ -26,7 +26,7 @@ from lip_id_ros.identification.friction_candidates import (
     with_width,
 )
 from lip_id_ros.identification.left_out import LeftOutBlocks, LeftOutFit
-from lip_id_ros.identification.noise import (
+from lip_id_ros.friction.noise import (
     estimate_noise,
     leverage_weights,
     outlier_weights,

@@ -10,13 +10,14 @@ from threadpoolctl import threadpool_limits
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFitter, MOST_SAMPLES
-from lip_id_ros.identification.arm_posterior import ArmPosterior
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import posterior
 from lip_id_ros.identification.outliers import explained, plausible
-from lip_id_ros.identification.remainder import Remainder
+from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.progress import Progress, silent
 
 STAGE = 'links and friction'

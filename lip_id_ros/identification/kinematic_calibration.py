@@ -50,7 +50,7 @@ class Samples:
     link_std, friction_std : arrays, shapes (n, 11) and (k,)
         Prior standard deviations of the parameters of the links and of the coefficients.
     weights : array, shape (N, n)
-        Of the squared residuals, see `lip_id_ros.identification.noise.outlier_weights`.
+        Of the squared residuals, see `lip_id_ros.friction.noise.outlier_weights`.
 
     """
 

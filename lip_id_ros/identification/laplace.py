@@ -18,7 +18,6 @@ from scipy.linalg import solve_triangular
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, links_torque, MOST_SAMPLES
-from lip_id_ros.identification.arm_posterior import ArmPosterior
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
@@ -26,6 +25,7 @@ from lip_id_ros.identification.statistics import (
     TorqueStatistics,
     triangular,
 )
+from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.log_cholesky import link_parameter_jacobian
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS

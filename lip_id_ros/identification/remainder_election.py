@@ -18,13 +18,13 @@ from scipy.linalg import cho_factor, cho_solve
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
-from lip_id_ros.identification.remainder import (
+from lip_id_ros.identification.statistics import contiguous_blocks
+from lip_id_ros.model.remainder import (
     correlation,
     FRICTION_VARIANCE,
     Inputs,
     Remainder,
 )
-from lip_id_ros.identification.statistics import contiguous_blocks
 
 MOST_SAMPLES = 300
 """Of the processes."""

@@ -5,10 +5,8 @@ from lip_id_ros.kernels.per_joint import Friction, PerJointKernel, Residual
 from lip_id_ros.kernels.posterior import TorquePosterior
 from lip_id_ros.kernels.prior import Hyperparameters, JointStates, TorqueKernel, TorquePrior
 from lip_id_ros.kernels.program import EnergyKernel, FAMILY, Weights
-from lip_id_ros.kernels.rigid_links import ARTICULATED, RigidLinks
 
 __all__ = [
-    'ARTICULATED',
     'FAMILY',
     'EnergyKernel',
     'Friction',
@@ -17,7 +15,6 @@ __all__ = [
     'JointStates',
     'PerJointKernel',
     'Residual',
-    'RigidLinks',
     'TorqueKernel',
     'TorquePosterior',
     'TorquePrior',

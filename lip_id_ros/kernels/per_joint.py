@@ -38,12 +38,6 @@ class PerJointKernel(Protocol):
         """Return the derivatives of sum(contraction * covariance) by the parameters."""
 
 
-def own_joint_columns(inputs: Array) -> Array:
-    """Lay features (n, N, c) of single joints out as features of all torques, (N, n, n c)."""
-    n, count, _ = inputs.shape
-    return np.asarray(np.einsum('itc,ij->tjic', inputs, np.eye(n)).reshape(count, n, -1))
-
-
 @dataclass(frozen=True)
 class Friction:
     """

@@ -83,11 +83,6 @@ class EnergyKernel:
     n_factor_sets: int
     potential_links: IntArray
 
-    @property
-    def is_empty(self) -> bool:
-        """Whether there are no energies."""
-        return not (len(self.steps) or len(self.potential_links))
-
 
 class Weights(NamedTuple):
     """
@@ -213,14 +208,8 @@ def lip(n_joints: int) -> EnergyKernel:
     return with_product_potential(_kernel('lip', n_joints, steps, n_joints))
 
 
-def none(n_joints: int) -> EnergyKernel:
-    """Return no energies, for torques that rigid links explain by themselves."""
-    return with_potential_after(_kernel('none', n_joints, (), 0), [])
-
-
 FAMILY = {kernel.__name__: kernel for kernel in (recursive, recursive_per_link, lip)}
-ENERGIES = {**FAMILY, 'none': none}
-"""Every energy kernel by its name; those of the family can do without rigid links."""
+"""Every energy kernel by its name."""
 
 
 def without_potential(kernel: EnergyKernel) -> EnergyKernel:

@@ -22,7 +22,6 @@ import numpy as np
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels.program import KernelArrays, Operation
 from lip_id_ros.numba_jit import jit, LANES
-from lip_id_ros.rigid_body.rnea import WORK_VECTORS
 
 
 class TrainingSide(NamedTuple):
@@ -59,8 +58,6 @@ class Scratch(NamedTuple):
         x and dx before every step.
     a : array, shape (n_steps, 6, LANES)
         Of every factor: a, D'a, d'_alpha a, and their derivatives by the query's q_b.
-    links : array, shape (n, WORK_VECTORS, 3)
-        What `rnea` keeps for the way to the base.
 
     """
 
@@ -71,7 +68,6 @@ class Scratch(NamedTuple):
     tape: Array
     dtape: Array
     a: Array
-    links: Array
 
 
 @jit
@@ -86,7 +82,6 @@ def new_scratch(k: KernelArrays) -> Scratch:
         np.zeros((n_steps, 4, LANES)),
         np.zeros((n_steps, 4, LANES)),
         np.zeros((n_steps, 6, LANES)),
-        np.zeros((k.potential_scales.shape[0], WORK_VECTORS, 3)),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 import os
@@ -15,12 +15,18 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.kernels import TorquePosterior
 from lip_id_ros.model import serialization
-from lip_id_ros.model.checked_file import MODEL, read_checked, write_checked
+from lip_id_ros.model.arm_mean import ArmMean
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.model.checked_file import Arrays, MODEL, read_checked, write_checked
 from lip_id_ros.model.effort_calibration import EffortCalibration
-from lip_id_ros.model.posterior_mean import FRICTION, GRAVITY, KINETIC, PosteriorMean
+from lip_id_ros.model.process_mean import FRICTION, GRAVITY, KINETIC, ProcessMean
+from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.torque_model import Prediction, Query, StandardDeviation
 
 VERSION = 3
+
+ARTICULATED = 'articulated'
+"""Name of the kernel of a model that is an arm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,18 +34,31 @@ class InverseDynamicsModel:
     """
     Torques and energies of an arm, with their uncertainty.
 
+    Either an arm, whose torques may have a remainder, or a Gaussian process on energies.
     `query` and `predict` use working memory of the object: give each thread a copy of its own.
 
     Attributes
     ----------
     joint_names : tuple of str
         From base to tip.
-    process : TorquePosterior
-        Gaussian process posterior of torques and energies.
+    joint_types : tuple of str
+        'revolute' or 'prismatic'.
     potential_reference : array, shape (n,)
         Positions at which the potential energy is zero [rad or m].
+    training_range : tuple of two arrays, shape (3, n)
+        Lowest and highest q, dq, ddq of the training samples.
+    largest_torque : array, shape (n,)
+        Of the training samples [N m or N].
+    n_samples : int
+        Number of training samples that the posterior has taken in.
     effort_calibrations : tuple of EffortCalibration
         One for each recording of the training data.
+    arm : ArmPosterior or None
+        Chain, links and friction.
+    remainder : Remainder or None
+        Gaussian processes of torques that the arm does not explain.
+    process : TorquePosterior or None
+        Gaussian processes on energies, friction and residual, in place of an arm.
     summary : mapping
         JSON-able: a report of the fit.
     provenance : mapping
@@ -48,16 +67,17 @@ class InverseDynamicsModel:
     """
 
     joint_names: tuple[str, ...]
-    process: TorquePosterior
+    joint_types: tuple[str, ...]
     potential_reference: Array
+    training_range: tuple[Array, Array]
+    largest_torque: Array
+    n_samples: int
     effort_calibrations: tuple[EffortCalibration, ...]
+    arm: ArmPosterior | None = None
+    remainder: Remainder | None = None
+    process: TorquePosterior | None = None
     summary: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def joint_types(self) -> tuple[str, ...]:
-        """'revolute' or 'prismatic', from base to tip."""
-        return self.process.prior.kernel.basis.joint_types
 
     @property
     def n_joints(self) -> int:
@@ -65,42 +85,37 @@ class InverseDynamicsModel:
         return len(self.joint_names)
 
     @property
-    def n_samples(self) -> int:
-        """Number of samples N that the posterior is conditioned on."""
-        return len(self.process.states)
-
-    @property
     def kernel(self) -> str:
-        """Name of the energy kernel, or 'articulated' where the model has rigid links."""
-        return self.process.prior.kernel.name
+        """Name of the energy kernel; 'articulated' where the model is an arm."""
+        return self.process.prior.kernel.energy.name if self.process else ARTICULATED
 
     @property
     def noise_std(self) -> Array:
         """Standard deviation of each torque's measurement noise, shape (n,) [N m or N]."""
-        return self.process.noise_std
+        if self.process is not None:
+            return self.process.noise_std
+        std = self._known_arm.noise.std
+        if self.remainder is None:
+            return std
+        return np.where(self.remainder.joints, self.remainder.left_out_std, std)
 
     @property
     def has_potential(self) -> bool:
         """Whether the model has potential energy; not if the torques were gravity-compensated."""
-        return self.process.prior.kernel.has_potential
+        if self.process is not None:
+            return self.process.prior.kernel.has_potential
+        return bool(self._known_arm.chain.gravity.any())
 
     @property
     def size(self) -> int:
         """Number of numbers that the model keeps in order to predict."""
-        states = self.process.states
-        return states.q.size + states.dq.size + states.ddq.size + self.process.alpha.size
+        arrays, _ = self._contents()
+        return int(sum(values.size for values in arrays.values()))
 
     @property
     def effort_calibration(self) -> EffortCalibration:
         """Calibration of the first recording."""
         return self.effort_calibrations[0]
-
-    @cached_property
-    def training_range(self) -> tuple[Array, Array]:
-        """Lowest and highest q, dq, ddq of the training samples, each of shape (3, n)."""
-        states = self.process.states
-        stack = np.stack([states.q, states.dq, states.ddq])
-        return stack.min(axis=1), stack.max(axis=1)
 
     def query(self, q: Array, dq: Array, ddq: Array) -> Query:
         """
@@ -112,9 +127,8 @@ class InverseDynamicsModel:
             Positions [rad or m], velocities, accelerations.
 
         """
-        parts, kinetic, potential = self._mean.one(q, dq, ddq)
-        offset = self._potential_offset
-        return Query(parts.sum(axis=0), kinetic, potential - offset, parts[GRAVITY])
+        tau, gravity, kinetic, potential = self._mean.one(q, dq, ddq)
+        return Query(tau, kinetic, potential - self._potential_offset, gravity)
 
     def predict(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, return_std: bool = False
@@ -126,7 +140,7 @@ class InverseDynamicsModel:
         ----------
         q, dq, ddq : array-likes, shape (N, n)
         return_std : bool
-            Whether to compute standard deviations; the first time factorises the Gram matrix.
+            Whether to compute standard deviations.
 
         Raises
         ------
@@ -152,7 +166,8 @@ class InverseDynamicsModel:
         """
         Posterior mean of the inertia matrix, shape (N, n, n) [kg m^2, kg m or kg].
 
-        Symmetric, but not guaranteed positive definite (docs/maths.md, section 9).
+        Symmetric; positive definite for an arm, by construction, but not guaranteed for Gaussian
+        processes (docs/maths.md, section 9).
 
         Parameters
         ----------
@@ -213,7 +228,9 @@ class InverseDynamicsModel:
 
     def standard_deviation(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> StandardDeviation:
         """
-        Posterior standard deviations at N joint states; the first call factorises the Gram matrix.
+        Posterior standard deviations at N joint states.
+
+        The first call for a Gaussian process on energies factorises its Gram matrix.
 
         Raises
         ------
@@ -233,15 +250,8 @@ class InverseDynamicsModel:
             If the file cannot be written.
 
         """
-        header = {
-            'joint_names': list(self.joint_names),
-            'potential_reference': self.potential_reference.tolist(),
-            'effort_calibrations': serialization.calibrations_to_json(self.effort_calibrations),
-            'process': serialization.process_to_json(self.process),
-            'summary': dict(self.summary),
-            'provenance': dict(self.provenance),
-        }
-        write_checked(path, MODEL, VERSION, serialization.process_to_arrays(self.process), header)
+        arrays, header = self._contents()
+        write_checked(path, MODEL, VERSION, arrays, header)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> InverseDynamicsModel:
@@ -259,32 +269,93 @@ class InverseDynamicsModel:
         arrays, header = read_checked(path, MODEL, VERSION)
         with serialization.contradictions(path):
             names = tuple(str(name) for name in header['joint_names'])
+            types = serialization.joint_types(header['joint_types'], names)
             return cls(
                 joint_names=names,
-                process=serialization.process_from(arrays, header['process'], len(names)),
-                potential_reference=serialization.finite(header['potential_reference'], names),
+                joint_types=types,
+                potential_reference=serialization.finite(header['potential_reference'], types),
+                training_range=serialization.training_range(arrays, types),
+                largest_torque=serialization.finite(header['largest_torque'], types),
+                n_samples=int(header['n_samples']),
                 effort_calibrations=serialization.calibrations_from_json(
-                    header['effort_calibrations'], names
+                    header['effort_calibrations'], types
                 ),
                 summary=header['summary'],
                 provenance=header['provenance'],
+                **_parts(arrays, header, types),
             )
 
+    def _contents(self) -> tuple[Arrays, dict[str, Any]]:
+        """Return the arrays and the header of the model's file."""
+        low, high = self.training_range
+        arrays: Arrays = {'training_low': low, 'training_high': high}
+        entries: dict[str, Any] = {'arm': None, 'remainder': None, 'process': None}
+        if self.arm is not None:
+            entries['arm'] = serialization.put_arm(self.arm, arrays)
+        if self.remainder is not None:
+            entries['remainder'] = serialization.put_remainder(self.remainder, arrays)
+        if self.process is not None:
+            entries['process'] = serialization.put_process(self.process, arrays)
+        return arrays, {
+            'joint_names': list(self.joint_names),
+            'joint_types': list(self.joint_types),
+            'potential_reference': self.potential_reference.tolist(),
+            'largest_torque': self.largest_torque.tolist(),
+            'n_samples': self.n_samples,
+            'effort_calibrations': serialization.calibrations_to_json(self.effort_calibrations),
+            **entries,
+            'summary': dict(self.summary),
+            'provenance': dict(self.provenance),
+        }
+
+    @property
+    def _known_arm(self) -> ArmPosterior:
+        assert self.arm is not None, 'a model is an arm or a process'
+        return self.arm
+
     @cached_property
-    def _mean(self) -> PosteriorMean:
-        return PosteriorMean(self.process)
+    def _mean(self) -> ArmMean | ProcessMean:
+        if self.process is not None:
+            return ProcessMean(self.process)
+        return ArmMean(self._known_arm, self.remainder)
 
     @cached_property
     def _potential_offset(self) -> float:
         if not self.has_potential:
             return np.nan
         still = np.zeros(self.n_joints)
-        return self._mean.one(self.potential_reference, still, still)[2]
+        return self._mean.one(self.potential_reference, still, still)[3]
 
     def _standard_deviation(self, q: Array, dq: Array, ddq: Array) -> StandardDeviation:
         reference = self.potential_reference
-        tau, kinetic, potential = map(np.sqrt, self.process.variances(q, dq, ddq, reference))
+        if self.process is not None:
+            tau, kinetic, potential = map(np.sqrt, self.process.variances(q, dq, ddq, reference))
+        else:
+            tau = self.torque_std(q, dq, ddq)
+            kinetic, potential = self._known_arm.energy_std(q, dq, reference)
         return StandardDeviation(tau, kinetic, potential if self.has_potential else None)
+
+    def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """
+        Return standard deviations of the noiseless torques, without checks.
+
+        Parameters
+        ----------
+        q, dq, ddq : arrays, shape (N, n)
+
+        Returns
+        -------
+        array, shape (N, n)
+            [N m or N].
+
+        """
+        if self.process is not None:
+            return np.sqrt(self.process.variances(q, dq, ddq, self.potential_reference)[0])
+        arm = self._known_arm.torque_std(q, dq, ddq)
+        if self.remainder is None:
+            return arm
+        rest = self.remainder.torque_std(q, dq, ddq)
+        return np.where(self.remainder.replaces, rest, np.hypot(arm, rest))
 
     def _checked(self, *arrays: ArrayLike) -> list[Array]:
         # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
@@ -296,3 +367,21 @@ class InverseDynamicsModel:
                     'pass one row per sample and one column per joint of the model.'
                 )
         return out
+
+
+PARTS: dict[str, Callable[[Arrays, Mapping[str, Any], Sequence[str]], Any]] = {
+    'arm': serialization.arm_from,
+    'remainder': serialization.remainder_from,
+    'process': serialization.process_from,
+}
+
+
+def _parts(arrays: Arrays, header: Mapping[str, Any], types: Sequence[str]) -> dict[str, Any]:
+    found = {
+        name: read(arrays, header[name], types)
+        for name, read in PARTS.items()
+        if header[name] is not None
+    }
+    if set(found) not in ({'arm'}, {'arm', 'remainder'}, {'process'}):
+        raise ValueError(f'parts {sorted(found)}, neither an arm nor a process')
+    return found

@@ -11,23 +11,31 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import LipIdError, ShapeError
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.kernels import (
     EnergyKernel,
+    FAMILY,
     Friction,
     Hyperparameters,
     JointBasis,
     PerJointKernel,
     Residual,
-    RigidLinks,
     TorqueKernel,
     TorquePosterior,
     TorquePrior,
     Weights,
 )
-from lip_id_ros.kernels.program import ENERGIES, with_potential_after
+from lip_id_ros.kernels.features import PRISMATIC, REVOLUTE
+from lip_id_ros.kernels.program import with_potential_after
+from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.checked_file import Arrays, contradiction
 from lip_id_ros.model.effort_calibration import EffortCalibration
+from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+
+REMAINDER = ('x', 'length', 'noise', 'variance', 'left_out_std', 'alpha', 'friction')
+INPUTS = ('centre', 'scale', 'sign_width')
 
 
 @contextmanager
@@ -39,20 +47,33 @@ def contradictions(path: str | os.PathLike[str]) -> Iterator[None]:
         raise contradiction(path, error) from error
 
 
-def finite(values: Any, names: Sequence[str]) -> Array:
-    """
-    Return one finite number per joint.
-
-    Raises
-    ------
-    ValueError
-        If there are others.
-
-    """
+def finite(values: Any, types: Sequence[str]) -> Array:
+    """Return one finite number per joint; ValueError if there are others."""
     array = np.array(values, dtype=np.float64)
-    if array.shape != (len(names),) or not np.isfinite(array).all():
-        raise ValueError(f'numbers for {len(names)} joints that are not: {values}')
+    if array.shape != (len(types),) or not np.isfinite(array).all():
+        raise ValueError(f'numbers for {len(types)} joints that are not: {values}')
     return array
+
+
+def joint_types(values: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """Return the types of the joints; ValueError if there is not one for each joint."""
+    types = tuple(str(kind) for kind in values)
+    if len(types) != len(names) or not set(types) <= {REVOLUTE, PRISMATIC}:
+        raise ValueError(f'{len(types)} joint types for {len(names)} joints')
+    return types
+
+
+def training_range(arrays: Arrays, types: Sequence[str]) -> tuple[Array, Array]:
+    """Return the range of the training samples; ShapeError if it is of another arm."""
+    expect(arrays, {name: (3, len(types)) for name in ('training_low', 'training_high')})
+    return arrays['training_low'], arrays['training_high']
+
+
+def expect(arrays: Arrays, shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Raise ShapeError where an array has another shape."""
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise ShapeError(f'{name} of shape {arrays[name].shape} where {shape} was expected')
 
 
 def calibrations_to_json(calibrations: Sequence[EffortCalibration]) -> list[dict[str, Any]]:
@@ -61,92 +82,152 @@ def calibrations_to_json(calibrations: Sequence[EffortCalibration]) -> list[dict
 
 
 def calibrations_from_json(
-    entries: Sequence[Mapping[str, Any]], names: Sequence[str]
+    entries: Sequence[Mapping[str, Any]], types: Sequence[str]
 ) -> tuple[EffortCalibration, ...]:
     """Return the effort calibrations that `calibrations_to_json` gave; ValueError if damaged."""
     if not entries:
         raise ValueError('effort_calibrations, of which there are none')
     return tuple(
-        EffortCalibration(finite(entry['scale'], names), finite(entry['offset'], names))
+        EffortCalibration(finite(entry['scale'], types), finite(entry['offset'], types))
         for entry in entries
     )
 
 
-def process_to_json(process: TorquePosterior) -> dict[str, Any]:
-    """Return what of a Gaussian process posterior goes into a header."""
-    kernel = process.prior.kernel
-    return {
-        'kernel': kernel.energy.name,
-        'potential_links': kernel.energy.potential_links.tolist(),
-        'joint_types': list(kernel.basis.joint_types),
-        'per_joint': [term.name for term in kernel.per_joint],
-        'rigid_links': bool(kernel.links),
+def put_arm(arm: ArmPosterior, arrays: Arrays) -> dict[str, Any]:
+    """Add the arrays of an arm; return its entry in the header."""
+    chain, noise = arm.chain, arm.noise
+    arrays |= {
+        'arm_rotations': chain.rotations,
+        'arm_translations': chain.translations,
+        'arm_gravity': chain.gravity,
+        'arm_links': arm.links,
+        'arm_noise': np.stack([noise.std, noise.ratio, noise.velocity]),
+        'arm_covariance_root': arm.covariance_root,
     }
+    return {'friction': arm.friction.to_json()}
 
 
-def process_to_arrays(process: TorquePosterior) -> Arrays:
-    """Return the arrays of a Gaussian process posterior."""
-    prior = process.prior
-    arrays: Arrays = {
+def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> ArmPosterior:
+    """
+    Return an arm.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError, LipIdError
+        If its parts contradict each other.
+
+    """
+    n, root = len(types), arrays['arm_covariance_root']
+    friction = FrictionModel.from_json(entry['friction'])
+    if friction.n_joints != n:
+        raise ShapeError(f'friction of {friction.n_joints} joints for {n}')
+    expect(
+        arrays,
+        {
+            'arm_rotations': (n, 3, 3),
+            'arm_translations': (n, 3),
+            'arm_gravity': (3,),
+            'arm_links': (n, LINK_PARAMETERS),
+            'arm_noise': (3, n),
+            'arm_covariance_root': (17 * n + friction.basis.size, root.shape[1]),
+        },
+    )
+    prismatic = np.array([kind == PRISMATIC for kind in types])
+    places = arrays['arm_rotations'], arrays['arm_translations']
+    chain = Chain(*places, prismatic, arrays['arm_gravity'])
+    noise = TorqueNoise(*arrays['arm_noise'])
+    return ArmPosterior(chain, arrays['arm_links'], friction, noise, root)
+
+
+def put_remainder(remainder: Remainder, arrays: Arrays) -> dict[str, Any]:
+    """Add the arrays of a remainder; return its entry in the header."""
+    arrays |= {f'remainder_{name}': getattr(remainder, name) for name in REMAINDER}
+    arrays |= {f'remainder_{name}': getattr(remainder.inputs, name) for name in INPUTS}
+    return {'replaces': remainder.replaces.tolist()}
+
+
+def remainder_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> Remainder:
+    """
+    Return a remainder.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError, LipIdError
+        If its parts contradict each other.
+
+    """
+    n, revolute = len(types), np.array([kind == REVOLUTE for kind in types])
+    count, width = len(arrays['remainder_x']), 3 * n + int(revolute.sum())
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
+        ('length', 'noise', 'variance', 'left_out_std', 'sign_width'), (n,)
+    )
+    shapes |= {'x': (count, width), 'alpha': (count, n), 'friction': (n, 3)}
+    shapes |= {'centre': (width,), 'scale': (width,)}
+    expect(arrays, {f'remainder_{name}': shape for name, shape in shapes.items()})
+    replaces = np.array(entry['replaces'], dtype=np.bool_)
+    if replaces.shape != (n,):
+        raise ShapeError(f'replaces of shape {replaces.shape} for {n} joints')
+    inputs = Inputs(revolute, *(arrays[f'remainder_{name}'] for name in INPUTS))
+    own = {name: arrays[f'remainder_{name}'] for name in REMAINDER}
+    return Remainder(inputs=inputs, replaces=replaces, **own)
+
+
+def put_process(process: TorquePosterior, arrays: Arrays) -> dict[str, Any]:
+    """Add the arrays of a Gaussian process posterior; return its entry in the header."""
+    prior, kernel = process.prior, process.prior.kernel
+    arrays |= {
         'q': process.states.q,
         'dq': process.states.dq,
         'ddq': process.states.ddq,
         'tau': process.tau,
         'alpha': process.alpha,
         'noise_variance': prior.hyperparameters.noise_variance,
-        'basis_centre': prior.kernel.basis.centre,
-        'basis_half_range': prior.kernel.basis.half_range,
+        'basis_centre': kernel.basis.centre,
+        'basis_half_range': kernel.basis.half_range,
     }
     for name, values in zip(Weights._fields, prior.hyperparameters.weights, strict=True):
         arrays[f'weights_{name}'] = values
-    terms = zip(prior.kernel.per_joint, prior.hyperparameters.per_joint, strict=True)
-    for kernel, parameters in terms:
-        arrays[f'{kernel.name}_parameters'] = parameters
-        if isinstance(kernel, Friction):
-            arrays['friction_sign_width'] = kernel.sign_width
-        if isinstance(kernel, Residual):
-            arrays['residual_scales'] = kernel.scales
-    for links in prior.kernel.links:
-        arrays['links_rotations'] = links.chain.rotations
-        arrays['links_translations'] = links.chain.translations
-        arrays['links_gravity'] = links.chain.gravity
-        arrays['links_deviations'] = links.deviations
-    return arrays
+    for term, parameters in zip(kernel.per_joint, prior.hyperparameters.per_joint, strict=True):
+        arrays[f'{term.name}_parameters'] = parameters
+        if isinstance(term, Friction):
+            arrays['friction_sign_width'] = term.sign_width
+        if isinstance(term, Residual):
+            arrays['residual_scales'] = term.scales
+    return {
+        'kernel': kernel.energy.name,
+        'potential_links': kernel.energy.potential_links.tolist(),
+        'per_joint': [term.name for term in kernel.per_joint],
+    }
 
 
-def process_from(arrays: Arrays, header: Mapping[str, Any], n_joints: int) -> TorquePosterior:
+def process_from(
+    arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]
+) -> TorquePosterior:
     """
-    Return the Gaussian process posterior of arrays and header.
+    Return a Gaussian process posterior.
 
     Raises
     ------
     KeyError, TypeError, ValueError, LipIdError
-        If they contradict each other.
+        If its parts contradict each other.
 
     """
-    types = tuple(str(kind) for kind in header['joint_types'])
-    if len(types) != n_joints:
-        raise ShapeError(f'{len(types)} joint types for {n_joints} joints')
-    basis = JointBasis(types, arrays['basis_centre'], arrays['basis_half_range'])
-    per_joint = tuple(_per_joint(name, basis, arrays) for name in header['per_joint'])
-    links = (_links(basis, arrays),) if header['rigid_links'] else ()
-    kernel = TorqueKernel(_energy_kernel(header, len(types)), basis, per_joint, links)
+    basis = JointBasis(tuple(types), arrays['basis_centre'], arrays['basis_half_range'])
+    per_joint = tuple(_per_joint(name, basis, arrays) for name in entry['per_joint'])
+    kernel = TorqueKernel(_energy_kernel(entry, len(types)), basis, per_joint)
     hyperparameters = Hyperparameters(
         weights=Weights(*(arrays[f'weights_{name}'] for name in Weights._fields)),
-        per_joint=tuple(arrays[f'{name}_parameters'] for name in header['per_joint']),
+        per_joint=tuple(arrays[f'{name}_parameters'] for name in entry['per_joint']),
         noise_variance=arrays['noise_variance'],
     )
     states = kernel.states(arrays['q'], arrays['dq'], arrays['ddq'])
-    for name in ('tau', 'alpha'):
-        if arrays[name].shape != states.q.shape:
-            raise ShapeError(f'{name} of shape {arrays[name].shape} for {states.q.shape}')
+    expect(arrays, {'tau': states.q.shape, 'alpha': states.q.shape})
     prior = TorquePrior(kernel, hyperparameters)
     return TorquePosterior(prior, states, arrays['tau'], arrays['alpha'])
 
 
-def _energy_kernel(header: Mapping[str, Any], n_joints: int) -> EnergyKernel:
-    kernel = ENERGIES[header['kernel']](n_joints)
-    return with_potential_after(kernel, header['potential_links'])
+def _energy_kernel(entry: Mapping[str, Any], n_joints: int) -> EnergyKernel:
+    return with_potential_after(FAMILY[entry['kernel']](n_joints), entry['potential_links'])
 
 
 def _per_joint(name: str, basis: JointBasis, arrays: Arrays) -> PerJointKernel:
@@ -155,19 +236,3 @@ def _per_joint(name: str, basis: JointBasis, arrays: Arrays) -> PerJointKernel:
         'residual': lambda: Residual(basis, arrays['residual_scales']),
     }
     return makers[name]()
-
-
-def _links(basis: JointBasis, arrays: Arrays) -> RigidLinks:
-    n = len(basis.joint_types)
-    shapes = {
-        'links_rotations': (n, 3, 3),
-        'links_translations': (n, 3),
-        'links_gravity': (3,),
-        'links_deviations': (n, LINK_PARAMETERS),
-    }
-    for name, shape in shapes.items():
-        if arrays[name].shape != shape:
-            raise ShapeError(f'{name} of shape {arrays[name].shape} where {shape} was expected')
-    rotations, translations, gravity, deviations = (arrays[name] for name in shapes)
-    chain = Chain(rotations, translations, basis.prismatic, gravity)
-    return RigidLinks(chain, deviations)

@@ -16,7 +16,7 @@ from lip_id_ros.control import (
     LearnedFeedforward,
 )
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.progress import Progress, silent

@@ -11,6 +11,7 @@ import sys
 
 from cli.conftest import Workshop
 from identification.test_friction_election import recording
+from gp.processes import process_of
 import numpy as np
 import pytest
 from simulation.pendulums import swing
@@ -88,7 +89,7 @@ def test_held_out_samples_are_the_last_and_are_not_learned_from(
     lip_id('fit', 'data.npz', '-o', 'arm.npz', '--config', workshop.settings, '--holdout', 0.25)
 
     model, output = InverseDynamicsModel.load('arm.npz'), capsys.readouterr().out
-    assert np.isin(model.process.states.q[:, 0], first.q[:, 0]).all()
+    assert np.isin(process_of(model).states.q[:, 0], first.q[:, 0]).all()
     assert 'the last 25 % of the samples' in output
     assert f'{rest.n_samples} samples, compared with the measured torques' in output
 
@@ -243,7 +244,7 @@ def test_fit_leaves_out_what_is_nearly_at_rest(workshop: Workshop, here: Path) -
     data, model = Dataset.load('data.npz'), InverseDynamicsModel.load(workshop.model)
     slowest = 0.05 * np.sqrt(np.mean(np.square(data.dq), axis=0))
     assert (np.abs(data.dq) < slowest).any()
-    assert not (np.abs(model.process.states.dq) < slowest).any()
+    assert not (np.abs(process_of(model).states.dq) < slowest).any()
 
 
 def test_inspect_tells_a_bag_a_data_set_and_a_model(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from evaluation.models import small_model, training
+from gp.processes import process_of
 import numpy as np
 import pytest
 
@@ -16,7 +17,7 @@ from lip_id_ros.model import InverseDynamicsModel
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 def test_the_summary_has_what_an_evaluation_finds(sign: float, tmp_path: Path) -> None:
     """Weights of the other sign turn the inertia around: positive definite nowhere."""
-    process = small_model().process
+    process = process_of(small_model())
     model = replace(small_model(), process=replace(process, alpha=sign * process.alpha))
     own = [np.flatnonzero((training().q == q).all(axis=1))[0] for q in process.states.q]
     data = training().select(np.array(own))

@@ -9,7 +9,7 @@ import pytest
 
 from lip_id_ros.evaluation import with_checks
 from lip_id_ros.evaluation.identifiability import identified_distances
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.settings import FitSettings
 
 QUICK = FitSettings(subset=100, iterations=5)
@@ -22,9 +22,9 @@ def test_noise_decides_what_is_identified(noise: float, identified: bool) -> Non
     tau = arm.torque(*motion)
     data = dataset_of(arm, motion, tau + noise_of(tau, 0.001))
     model = fit(data, QUICK)
-    (links,) = model.process.prior.kernel.links
+    assert model.arm is not None
     noisy = replace(data, tau=data.tau + noise_of(tau, noise))
-    found = identified_distances(links, noisy, noise * tau.std(axis=0))
+    found = identified_distances(model.arm.chain, noisy, noise * tau.std(axis=0))
     assert found.tolist() == [identified]
     if identified:
         checked = with_checks(model, data)

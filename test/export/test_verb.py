@@ -15,7 +15,7 @@ import pytest
 
 from lip_id_ros.cli import main
 from lip_id_ros.errors import ModelError
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.consistent_links import are_consistent
 from lip_id_ros.settings import FitSettings

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from gp.processes import process_of
 from model.models import random_model
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def test_a_loaded_model_answers_as_its_file(settings: ServeSettings) -> None:
     np.testing.assert_allclose(query.gravity, expected.gravity[0], rtol=1e-9)
     found = loaded.model.predict(*state[:, np.newaxis])
     np.testing.assert_allclose(found.coriolis, expected.coriolis)
-    x = MODEL.process.states
+    x = process_of(MODEL).states
     inside = np.stack([x.q[0], x.dq[0], x.ddq[0]])
     assert loaded.training_range.excess(inside) <= 1.0 + 1e-12
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from kernels.cases import random_basis, random_links, random_states, random_weights
+from kernels.cases import random_basis, random_states, random_weights
 import numpy as np
 
 from lip_id_ros.arrays import Array
@@ -60,15 +58,6 @@ def random_likelihood(
     states = kernel.states(*random_states(n_samples, len(types), rng))
     tau: Array = rng.normal(size=(n_samples, len(types)))
     return MarginalLikelihood(kernel, states, tau, random_hyperparameters(kernel, rng))
-
-
-def with_links(likelihood: MarginalLikelihood) -> MarginalLikelihood:
-    """Return the likelihood of the same torques with random rigid links in the prior."""
-    types = likelihood.kernel.basis.joint_types
-    links = random_links(types, np.random.default_rng(5))
-    kernel, x = replace(likelihood.kernel, links=(links,)), likelihood.states
-    states = kernel.states(x.q, x.dq, x.ddq)
-    return MarginalLikelihood(kernel, states, likelihood.tau, likelihood.like)
 
 
 def without_gravity(likelihood: MarginalLikelihood) -> MarginalLikelihood:

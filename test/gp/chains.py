@@ -9,8 +9,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels import RigidLinks
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.regressor import (
+    kinetic_regressor,
+    potential_regressor,
+    torque_regressor,
+)
 
 R, P = 'revolute', 'prismatic'
 UPPER = np.triu_indices(3)
@@ -21,16 +25,23 @@ class ChainArm(Arm):
     """An arm whose joints are anywhere; pinocchio says the same (test_rigid_links)."""
 
     joint_types: tuple[str, ...]
-    links: RigidLinks
+    chain: Chain
+    parameters: Array
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
-        return np.asarray(self.links.torque(q, dq, ddq).sum(axis=2))
+        return np.asarray(
+            torque_regressor(self.chain, *contiguous(q, dq, ddq)) @ self.parameters.ravel()
+        )
 
     def kinetic(self, q: Array, dq: Array) -> Array:
-        return np.asarray(self.links.kinetic(q, dq).sum(axis=1))
+        return np.asarray(
+            kinetic_regressor(self.chain, *contiguous(q, dq)) @ self.parameters.ravel()
+        )
 
     def potential(self, q: Array) -> Array:
-        return np.asarray(self.links.potential(q).sum(axis=1))
+        return np.asarray(
+            potential_regressor(self.chain, *contiguous(q)) @ self.parameters.ravel()
+        )
 
     def gravity(self, q: Array) -> Array:
         return self.torque(q, np.zeros_like(q), np.zeros_like(q))
@@ -66,7 +77,7 @@ def random_arm(joint_types: tuple[str, ...], seed: int, gravity: float = 9.81) -
         np.array([0.0, 0.0, -gravity]),
     )
     bodies = np.stack([random_body(rng) for _ in joint_types])
-    return ChainArm(joint_types, RigidLinks(chain, bodies))
+    return ChainArm(joint_types, chain, bodies)
 
 
 def random_body(rng: np.random.Generator) -> Array:
@@ -78,3 +89,8 @@ def random_body(rng: np.random.Generator) -> Array:
     body = np.array([mass, *(mass * centre), *inertia[UPPER], 0.1 * rng.random()])
     assert body.shape == (LINK_PARAMETERS,)
     return body
+
+
+def contiguous(*arrays: Array) -> tuple[Array, ...]:
+    """Return arrays as compiled functions take them."""
+    return tuple(np.ascontiguousarray(x, dtype=np.float64) for x in arrays)

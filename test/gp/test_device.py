@@ -8,19 +8,20 @@ import sys
 
 from gp.arms import ARMS as PHYSICAL_ARMS
 from gp.arms import dataset_of, random_motion
-from gp.cases import P, R, random_likelihood, TERMS, TYPES, with_links, without_gravity
+from gp.cases import P, R, random_likelihood, TERMS, TYPES, without_gravity
+from gp.processes import process_of
 from kernels.cases import MEMBERS
 import numpy as np
 import pytest
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
-from lip_id_ros.gp import fit
 from lip_id_ros.gp.fitting import make_kernel
 from lip_id_ros.gp.initialisation import initial_hyperparameters
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.training import maximise, Objective
+from lip_id_ros.identification import fit
 from lip_id_ros.kernels import TorquePrior
 from lip_id_ros.settings import FitSettings
 
@@ -79,18 +80,9 @@ def test_without_gravity(member: str, device: str) -> None:
     assert_same(likelihood, on_device(likelihood, device))
 
 
-@pytest.mark.parametrize('device', DEVICES)
-def test_rigid_links(device: str) -> None:
-    likelihood = random_likelihood('recursive', TYPES, ('friction',), 11)
-    linked = with_links(likelihood)
-    assert_same(linked, on_device(linked, device))
-    at = to_vector(likelihood.like)
-    assert linked.value_and_gradient(at)[0] != likelihood.value_and_gradient(at)[0]
-
-
 @pytest.mark.parametrize('chunk_bytes', [1, 600_000])
 def test_chunks_make_no_difference(chunk_bytes: int) -> None:
-    likelihood = with_links(random_likelihood('recursive', TYPES, ('friction', 'residual'), 5))
+    likelihood = random_likelihood('recursive', TYPES, ('friction', 'residual'), 5)
     assert_same(likelihood, on_device(likelihood, 'cpu', chunk_bytes))
 
 
@@ -124,7 +116,7 @@ def motions() -> Dataset:
 def test_optimum_is_the_same(device: str) -> None:
     """With a prior that makes it sharp: along flat directions rounding moves it by more."""
     dataset, settings = motions(), FitSettings(prior_precision=1.0)
-    kernel = make_kernel(dataset, settings)
+    kernel = make_kernel(dataset, settings, 'recursive')
     start = initial_hyperparameters(
         kernel.energy, kernel.per_joint, dataset.dq, dataset.ddq, dataset.tau
     )
@@ -144,7 +136,7 @@ def test_optimum_is_the_same(device: str) -> None:
 
 @pytest.mark.gpu
 def test_fit_on_a_gpu() -> None:
-    settings, data = FitSettings(iterations=200), motions()
+    settings, data = FitSettings(iterations=200, kernel='recursive'), motions()
     model, on_cpu = fit(data, replace(settings, device='cuda')), fit(data, settings)
     assert (model.summary['device'], model.summary['device_note']) == ('cuda', '')
     tau, same_tau = (m.predict(data.q, data.dq, data.ddq).tau for m in (on_cpu, model))
@@ -153,14 +145,14 @@ def test_fit_on_a_gpu() -> None:
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason='needs a machine without a CUDA device')
 def test_fit_without_a_gpu_says_so() -> None:
-    settings = FitSettings(iterations=2, device='cuda')
+    settings = FitSettings(kernel='recursive', iterations=2, device='cuda')
     model, on_cpu = fit(motions(), settings), fit(motions(), replace(settings, device='cpu'))
     assert model.summary['device'] == 'cpu'
     assert model.summary['device_note'] == (
         'Fitted on the CPU instead of cuda: torch finds no CUDA device.'
     )
     assert on_cpu.summary['device_note'] == ''
-    np.testing.assert_array_equal(model.process.alpha, on_cpu.process.alpha)
+    np.testing.assert_array_equal(process_of(model).alpha, process_of(on_cpu).alpha)
 
 
 def test_without_torch_says_so() -> None:

@@ -6,11 +6,12 @@ from dataclasses import replace
 from functools import cache
 
 from gp.arms import Arm, ARMS, dataset_of, noise_of, random_motion
+from gp.processes import process_of
 import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.gp import fit
+from lip_id_ros.identification import fit
 from lip_id_ros.kernels import Friction, TorquePosterior, TorquePrior
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
@@ -110,10 +111,10 @@ def test_torques_without_noise(name: str, member: str) -> None:
     arm = ARMS[name]
     dataset = dataset_of(arm, random_motion(arm, N_SAMPLES, seed=0))
     model = fit(dataset, FitSettings(kernel=member, friction=False, iterations=0))
-    at = model.process.prior.hyperparameters
+    at = process_of(model).prior.hyperparameters
     exact = replace(at, noise_variance=1e-10 * at.noise_variance)
-    prior = TorquePrior(model.process.prior.kernel, exact)
-    process = TorquePosterior.condition(prior, model.process.states, model.process.tau)
+    prior = TorquePrior(process_of(model).prior.kernel, exact)
+    process = TorquePosterior.condition(prior, process_of(model).states, process_of(model).tau)
     predictor = replace(model, process=process)
     tau = arm.torque(*unseen(arm))
     got = predictor.predict(*unseen(arm)).tau
@@ -133,10 +134,12 @@ def learned_with_friction(member: str) -> InverseDynamicsModel:
 @pytest.mark.parametrize('member', MEMBERS)
 def test_friction_coefficients_are_recovered(member: str) -> None:
     model = learned_with_friction(member)
-    (friction,) = model.process.prior.kernel.per_joint
-    (parameters,) = model.process.prior.hyperparameters.per_joint
+    (friction,) = process_of(model).prior.kernel.per_joint
+    (parameters,) = process_of(model).prior.hyperparameters.per_joint
     assert isinstance(friction, Friction)
-    got = friction.coefficients(parameters, model.process.states.per_joint[0], model.process.alpha)
+    got = friction.coefficients(
+        parameters, process_of(model).states.per_joint[0], process_of(model).alpha
+    )
     np.testing.assert_allclose(got[:, 0], VISCOUS, rtol=0.02)
     np.testing.assert_allclose(got[:, 1], COULOMB, rtol=0.02)
     np.testing.assert_allclose(got[:, 2], 0.0, atol=0.02)
@@ -178,11 +181,11 @@ def test_torques_without_gravity(member: str) -> None:
 
 def with_offset_variance(model: InverseDynamicsModel, variance: float) -> InverseDynamicsModel:
     """Condition on the same samples under another prior of the friction's offset."""
-    at = model.process.prior.hyperparameters
+    at = process_of(model).prior.hyperparameters
     friction = at.per_joint[0].copy()
     friction[:, 2] = variance
-    prior = replace(model.process.prior, hyperparameters=replace(at, per_joint=(friction,)))
-    process = TorquePosterior.condition(prior, model.process.states, model.process.tau)
+    prior = replace(process_of(model).prior, hyperparameters=replace(at, per_joint=(friction,)))
+    process = TorquePosterior.condition(prior, process_of(model).states, process_of(model).tau)
     return replace(model, process=process)
 
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gp.arms import ARMS, dataset_of, noise_of, random_motion
+from gp.processes import process_of
 import numpy as np
 import pytest
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.gp import fit
 from lip_id_ros.gp.fitting import make_kernel
 from lip_id_ros.gp.initialisation import initial_hyperparameters, SIGN_SHARE
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.sign_width import FACTORS, with_likely_sign_widths
+from lip_id_ros.identification import fit
 from lip_id_ros.kernels.per_joint import Friction
 from lip_id_ros.settings import FitSettings
 
@@ -33,7 +34,7 @@ def with_friction(shares: list[float]) -> Dataset:
 @pytest.mark.parametrize('shares', [[0.01, 0.4], [0.4, 0.01]])
 def test_every_joint_has_a_width_of_its_own(shares: list[float]) -> None:
     model = fit(with_friction(shares), FitSettings(iterations=10))
-    (friction,) = model.process.prior.kernel.per_joint
+    (friction,) = process_of(model).prior.kernel.per_joint
     assert isinstance(friction, Friction)
     found = friction.sign_width / USUAL
     narrow, wide = int(np.argmin(shares)), int(np.argmax(shares))
@@ -43,7 +44,7 @@ def test_every_joint_has_a_width_of_its_own(shares: list[float]) -> None:
 
 def test_no_other_width_of_a_single_joint_is_likelier() -> None:
     data = with_friction([0.1, 0.3])
-    kernel = make_kernel(data, FitSettings())
+    kernel = make_kernel(data, FitSettings(), 'recursive')
     at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
     (friction,) = with_likely_sign_widths(kernel, at, data).per_joint
     assert isinstance(friction, Friction)
@@ -63,6 +64,6 @@ def test_no_other_width_of_a_single_joint_is_likelier() -> None:
 
 def test_without_friction_nothing_changes() -> None:
     data = with_friction([0.1, 0.1])
-    kernel = make_kernel(data, FitSettings(friction=False))
+    kernel = make_kernel(data, FitSettings(friction=False), 'recursive')
     at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
     assert with_likely_sign_widths(kernel, at, data) is kernel

@@ -25,7 +25,7 @@ def samples_of(
     samples = Samples(
         q, dq, ddq,
         tau + noise_of(tau, noise),
-        arm.links.chain.prismatic,
+        arm.chain.prismatic,
         np.array([0.0, 0.0, -gravity]),
         np.zeros((*tau.shape, 0)),
         link_std,

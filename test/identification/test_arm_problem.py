@@ -32,8 +32,8 @@ def problem_of(
     samples = replace(samples, friction=friction, friction_std=std, weights=weights)
     noise_std = 0.05 * samples.tau.std(axis=0)
     problem = ArmProblem(samples, noise_std, POSITIVE, SCALE)
-    links = arm.links.deviations
-    return problem, problem.start(arm.links.chain, links, np.array([0.7, -0.4])), links
+    links = arm.parameters
+    return problem, problem.start(arm.chain, links, np.array([0.7, -0.4])), links
 
 
 @pytest.mark.parametrize('joint_types', ARMS)
@@ -70,8 +70,8 @@ def test_true_links_are_found_from_wrong_ones() -> None:
     arm, samples = samples_of((R, R, R), noise=1e-4)
     noise_std = 1e-4 * samples.tau.std(axis=0)
     problem = ArmProblem(samples, noise_std, np.zeros(0, dtype=bool), SCALE)
-    wrong = arm.links.deviations * np.array([1.5, *[0.5] * 3, *[1.3] * 7])
-    start = problem.start(arm.links.chain, wrong, np.zeros(0))
+    wrong = arm.parameters * np.array([1.5, *[0.5] * 3, *[1.3] * 7])
+    start = problem.start(arm.chain, wrong, np.zeros(0))
     end = problem.minimised(start, 60)
     unseen = arm.motion(50, seed=1)
     torque = problem.torque(end)
@@ -104,8 +104,8 @@ def test_a_geometry_is_kept_by_every_step() -> None:
     problem = ArmProblem(
         samples, samples.tau.std(axis=0), np.zeros(0, dtype=bool), SCALE, geometry
     )
-    chain = geometry.projected(arm.links.chain)
-    start = problem.start(chain, 1.3 * arm.links.deviations, np.zeros(0))
+    chain = geometry.projected(arm.chain)
+    start = problem.start(chain, 1.3 * arm.parameters, np.zeros(0))
     end = problem.minimised(start, 20)
     assert end.cost < start.cost
     assert angles_between(end.chain)[0] == pytest.approx(0.5 * np.pi, abs=1e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from gp.chains import ChainArm, R, random_arm
+from gp.chains import ChainArm, contiguous, R, random_arm
 import numpy as np
 import pytest
 
@@ -29,6 +29,7 @@ from lip_id_ros.friction.terms import (
 )
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
 from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.regressor import torque_regressor
 
 N_JOINTS, JOINT = 3, 1
 NOISE, WIDTH = 0.02, 0.05
@@ -99,15 +100,14 @@ def recording(seed: int, extra: list[tuple[DriveTerm, list[float]]]) -> tuple[Ch
 
 
 def elected(arm: ChainArm, dataset: Dataset) -> tuple[ElectedFriction, list[set[str]]]:
-    got = elect_friction(dataset, Chain(*arm.links.chain), LINK_STD)
+    got = elect_friction(dataset, Chain(*arm.chain), LINK_STD)
     return got, [set(names) - PLAIN for names in got.friction.names()]
 
 
 def error(arm: ChainArm, dataset: Dataset, got: ElectedFriction) -> Array:
     """Return the error of the noiseless torque, in units of the measurement's noise."""
-    regressor = replace(arm.links, deviations=np.ones_like(LINK_STD))
-    state = (dataset.q, dataset.dq, dataset.ddq)
-    links = regressor.torque(*state) @ got.link_parameters.ravel()
+    state = contiguous(dataset.q, dataset.dq, dataset.ddq)
+    links = torque_regressor(arm.chain, *state) @ got.link_parameters.ravel()
     assert dataset.tau_noiseless is not None
     tau = links + got.friction.torque(dataset.q, dataset.dq, links)
     off = np.sqrt(np.mean((tau - dataset.tau_noiseless) ** 2, axis=0))
@@ -213,6 +213,6 @@ def test_bad_samples_change_little(
     got, names = elected(arm, bad_dataset)
     assert names == [set()] * N_JOINTS
     assert np.all(error(arm, dataset, got) < 1.1 * error(arm, dataset, clean) + 0.01)
-    weights = got.weights(bad_dataset, Chain(*arm.links.chain))
+    weights = got.weights(bad_dataset, Chain(*arm.chain))
     assert np.mean(weights[~bad] > 0.9) > 0.99
     assert np.median(weights[bad]) < 0.01

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lip_id_ros.identification.noise import (
+from lip_id_ros.friction.noise import (
     estimate_noise,
     leverage_weights,
     outlier_weights,

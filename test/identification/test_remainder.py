@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.identification.remainder import correlation, Inputs, Remainder
 from lip_id_ros.identification.remainder_election import Fold, fold_masks, RemainderElection
+from lip_id_ros.model.remainder import correlation, Inputs, Remainder
 
 N = 240
 

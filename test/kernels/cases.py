@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, RigidLinks, Weights
+from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, Weights
 from lip_id_ros.kernels.program import unit_weights
-from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body import Chain
 
 R, P = 'revolute', 'prismatic'
 ARMS = ((R,), (P,), (R, R), (P, R), (R, P, R), (R, R, P, R))
@@ -32,13 +32,12 @@ def random_basis(types: tuple[str, ...], rng: np.random.Generator) -> JointBasis
     return JointBasis(types, rng.normal(size=n), 0.5 + rng.random(n))
 
 
-def random_links(types: tuple[str, ...], rng: np.random.Generator) -> RigidLinks:
-    """Draw the places of joints, gravity, and standard deviations around one half."""
+def random_chain(types: tuple[str, ...], rng: np.random.Generator) -> Chain:
+    """Draw the placements of joints, and gravity."""
     n = len(types)
-    chain = Chain(
+    return Chain(
         rotations=Rotation.random(n, random_state=rng).as_matrix().reshape(n, 3, 3),
         translations=0.5 * rng.normal(size=(n, 3)),
         prismatic=np.array([kind == P for kind in types]),
         gravity=rng.normal(size=3),
     )
-    return RigidLinks(chain, np.exp(0.4 * rng.normal(size=(n, LINK_PARAMETERS)) - 0.7))

@@ -6,20 +6,32 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from gp.cases import random_hyperparameters, random_kernel, TYPES
-from kernels.cases import MEMBERS, random_links, random_states
+from gp.chains import random_body
+from gp.processes import process_of
+from kernels.cases import MEMBERS, R, random_chain, random_states
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.friction.model import (
+    Drive,
+    DriveTerm,
+    FrictionBasis,
+    FrictionModel,
+    plain_friction,
+)
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.friction.terms import LoadCoulomb, Viscous
 from lip_id_ros.kernels import (
-    ARTICULATED,
     EnergyKernel,
     Hyperparameters,
-    TorqueKernel,
     TorquePosterior,
     TorquePrior,
 )
 from lip_id_ros.kernels.program import without_potential
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
+from lip_id_ros.model.remainder import Inputs, Remainder
 
 BOTH = ('friction', 'residual')
 KERNELS = (*MEMBERS, ARTICULATED)
@@ -32,26 +44,23 @@ def random_model(
     terms: tuple[str, ...] = BOTH,
     seed: int = 0,
 ) -> InverseDynamicsModel:
-    """Return a model that is conditioned on random torques; `ARTICULATED` has rigid links."""
+    """Return a model that is conditioned on random torques; `ARTICULATED` is a random arm."""
     rng = np.random.default_rng(seed)
-    kernel = _random_kernel(member, types, terms, rng)
+    if member == ARTICULATED:
+        return of_arm(random_arm(types, rng), types, random_remainder(types, terms, rng))
+    kernel = random_kernel(member, types, terms, rng)
     return conditioned(TorquePrior(kernel, random_hyperparameters(kernel, rng)), n_samples, rng)
 
 
 def random_model_without_potential(member: str) -> InverseDynamicsModel:
-    """Return a model whose energy kernel has no potential; rigid links keep theirs."""
+    """Return a model whose energy kernel has no potential."""
     return random_model_with(without_potential, member)
 
 
 def random_model_without_gravity() -> InverseDynamicsModel:
-    """Return a model with rigid links of torques that leave gravity out."""
-    model = random_model_without_potential(ARTICULATED)
-    (links,) = model.process.prior.kernel.links
-    weightless = replace(links, chain=links.chain._replace(gravity=np.zeros(3)))
-    prior = replace(
-        model.process.prior, kernel=replace(model.process.prior.kernel, links=(weightless,))
-    )
-    return conditioned(prior, model.n_samples, np.random.default_rng(1))
+    """Return an arm of torques that leave gravity out."""
+    arm = random_arm(TYPES, np.random.default_rng(3))
+    return of_arm(replace(arm, chain=arm.chain._replace(gravity=np.zeros(3))), TYPES)
 
 
 def random_model_with(
@@ -59,7 +68,7 @@ def random_model_with(
 ) -> InverseDynamicsModel:
     """Return a model whose energy kernel has another potential than its own."""
     rng = np.random.default_rng(0)
-    own = _random_kernel(member, TYPES, (), rng)
+    own = random_kernel(member, TYPES, (), rng)
     kernel = replace(own, energy=potential(own.energy))
     hyperparameters = random_hyperparameters(kernel, rng)
     return conditioned(TorquePrior(kernel, hyperparameters), 7, rng)
@@ -67,10 +76,10 @@ def random_model_with(
 
 def with_noise(model: InverseDynamicsModel, variance: float) -> InverseDynamicsModel:
     """Condition the model's prior on the same motions, with a noise variance for all joints."""
-    at = model.process.prior.hyperparameters
+    at = process_of(model).prior.hyperparameters
     noise = np.full_like(at.noise_variance, variance)
     prior = TorquePrior(
-        model.process.prior.kernel, Hyperparameters(at.weights, at.per_joint, noise)
+        process_of(model).prior.kernel, Hyperparameters(at.weights, at.per_joint, noise)
     )
     return conditioned(prior, model.n_samples, np.random.default_rng(1))
 
@@ -84,16 +93,71 @@ def conditioned(
     alpha = np.linalg.solve(prior.noisy_gram(states), tau.ravel()).reshape(tau.shape)
     return InverseDynamicsModel(
         joint_names=tuple(f'joint_{i + 1}' for i in range(n)),
+        joint_types=prior.kernel.basis.joint_types,
         process=TorquePosterior(prior, states, tau, alpha),
         potential_reference=rng.normal(size=n),
+        training_range=(-np.ones((3, n)), np.ones((3, n))),
+        largest_torque=np.ones(n),
+        n_samples=n_samples,
         effort_calibrations=(EffortCalibration(0.5 + rng.random(n), rng.normal(size=n)),),
     )
 
 
-def _random_kernel(
-    member: str, types: tuple[str, ...], terms: tuple[str, ...], rng: np.random.Generator
-) -> TorqueKernel:
-    if member != ARTICULATED:
-        return random_kernel(member, types, terms, rng)
-    beside = random_kernel('recursive', types, terms, rng)
-    return replace(beside, links=(random_links(types, rng),))
+def of_arm(
+    arm: ArmPosterior, types: tuple[str, ...], remainder: Remainder | None = None
+) -> InverseDynamicsModel:
+    """Return the model of an arm."""
+    n = len(types)
+    rng = np.random.default_rng(2)
+    return InverseDynamicsModel(
+        joint_names=tuple(f'joint_{i + 1}' for i in range(n)),
+        joint_types=types,
+        potential_reference=rng.normal(size=n),
+        training_range=(-np.ones((3, n)), np.ones((3, n))),
+        largest_torque=np.ones(n),
+        n_samples=100,
+        effort_calibrations=(EffortCalibration(0.5 + rng.random(n), rng.normal(size=n)),),
+        arm=arm,
+        remainder=remainder,
+    )
+
+
+def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior:
+    """Return an arm whose joints are anywhere, of bodies that exist."""
+    n = len(types)
+    plain = plain_friction(n, (0.1 + rng.random(n)).tolist()).terms
+    load = DriveTerm(Drive.of_joint(0), LoadCoulomb(0.2))
+    coupled = DriveTerm(Drive((n - 1, 0), (1.0, -0.5)), Viscous())
+    basis = FrictionBasis(n, (*plain, load, coupled))
+    friction = FrictionModel(basis, rng.random(basis.size))
+    return ArmPosterior(
+        chain=random_chain(types, rng),
+        links=np.stack([random_body(rng) for _ in types]),
+        friction=friction,
+        noise=TorqueNoise(0.1 + rng.random(n), rng.random(n), 0.1 + rng.random(n)),
+        covariance_root=0.1 * rng.normal(size=(17 * n + basis.size, 5)),
+    )
+
+
+def random_remainder(
+    types: tuple[str, ...], terms: tuple[str, ...], rng: np.random.Generator
+) -> Remainder | None:
+    """Return processes beside the first joint and in place of the last, if `residual` is named."""
+    if 'residual' not in terms:
+        return None
+    n, own = len(types), np.zeros(len(types), dtype=bool)
+    own[[0, -1]] = True
+    q, dq, ddq = random_states(9, n, rng)
+    inputs = Inputs.of(np.array([kind == R for kind in types]), q, dq, ddq)
+    replaces = np.arange(n) == n - 1
+    return Remainder(
+        inputs=inputs,
+        x=inputs(q, dq, ddq),
+        length=np.where(own, 1.5, 0.0),
+        noise=np.where(own, 0.1, 0.0),
+        variance=np.where(own, 2.0, 0.0),
+        left_out_std=np.where(own, 0.3, 0.0),
+        replaces=replaces,
+        alpha=rng.normal(size=(9, n)) * own,
+        friction=rng.normal(size=(n, 3)) * replaces[:, None],
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gp.processes import process_of
 from kernels.cases import MEMBERS
 from kernels.test_family import degree
 from model.models import random_model
@@ -56,5 +57,5 @@ def test_degree_of_the_potential(member: str, joint: int) -> None:
 def test_positive_definiteness_is_not_promised(member: str) -> None:
     """From torques that no arm can have, an inertia matrix that no arm can have is learned."""
     model = random_model(member, terms=())
-    eigenvalues = np.linalg.eigvalsh(model.inertia_matrix(model.process.states.q))
+    eigenvalues = np.linalg.eigvalsh(model.inertia_matrix(process_of(model).states.q))
     assert eigenvalues.min() < 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gp.processes import process_of
 from kernels.cases import ARMS, MEMBERS, random_states
 from model.models import (
     KERNELS,
@@ -14,10 +15,11 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
-from lip_id_ros.kernels import ARTICULATED
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.posterior_mean import evaluate_many, evaluate_one
+from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
+from lip_id_ros.model.process_mean import evaluate_many, evaluate_one
 from lip_id_ros.numba_jit import LANES
+from lip_id_ros.rigid_body.regressor import kinetic_regressor, potential_regressor
 
 States = tuple[Array, Array, Array]
 CASES = [(member, types) for member in KERNELS for types in ARMS]
@@ -34,12 +36,17 @@ def assert_close(got: Array, expected: Array) -> None:
 def check_against_covariances(model: InverseDynamicsModel) -> None:
     """Compare with cross-covariances times alpha."""
     x = queries(model.n_joints)
-    prior, alpha = model.process.prior, model.process.alpha.ravel()
+    if model.arm is not None:
+        check_against_regressors(model, x)
+        return
+    prior, alpha = process_of(model).prior, process_of(model).alpha.ravel()
     states = prior.kernel.states(*x)
-    tau = (prior.cross_gram(states, model.process.states) @ alpha).reshape(x[0].shape)
-    kinetic, potential = (c @ alpha for c in prior.energy_covariance(states, model.process.states))
+    tau = (prior.cross_gram(states, process_of(model).states) @ alpha).reshape(x[0].shape)
+    kinetic, potential = (
+        c @ alpha for c in prior.energy_covariance(states, process_of(model).states)
+    )
     rest = prior.kernel.states(model.potential_reference[None], *np.zeros((2, 1, model.n_joints)))
-    _, reference = prior.energy_covariance(rest, model.process.states)
+    _, reference = prior.energy_covariance(rest, process_of(model).states)
     predictor = model
     got = predictor.predict(*x)
     assert got.potential is not None
@@ -51,6 +58,28 @@ def check_against_covariances(model: InverseDynamicsModel) -> None:
         assert_close(one.tau, tau[t])
         assert one.kinetic == pytest.approx(got.kinetic[t], rel=1e-12)
         assert one.potential == pytest.approx(got.potential[t], rel=1e-12)
+
+
+def check_against_regressors(model: InverseDynamicsModel, x: States) -> None:
+    """Compare with regressors times parameters, and friction and remainder as they are defined."""
+    arm, got = model.arm, model.predict(*x)
+    assert arm is not None
+    assert got.potential is not None
+    tau = arm.torque(*x)
+    if model.remainder is not None:
+        tau = tau * ~model.remainder.replaces + model.remainder.torque(*x)
+    assert_close(got.tau, tau)
+    assert_close(got.inertial + got.coriolis + got.gravity + got.friction, tau)
+    assert_close(got.kinetic, kinetic_regressor(arm.chain, *x[:2]) @ arm.links.ravel())
+    at = np.vstack([x[0], model.potential_reference])
+    potential = potential_regressor(arm.chain, at) @ arm.links.ravel()
+    assert_close(got.potential, potential[:-1] - potential[-1])
+    for t, expected in enumerate(tau):
+        one = model.query(x[0][t], x[1][t], x[2][t])
+        assert_close(one.tau, expected)
+        assert_close(one.gravity, got.gravity[t])
+        assert one.kinetic == pytest.approx(got.kinetic[t], rel=1e-12)
+        assert one.potential == pytest.approx(got.potential[t], rel=1e-9)
 
 
 @pytest.mark.parametrize(('member', 'types'), CASES)
@@ -151,22 +180,14 @@ def test_without_potential(member: str) -> None:
     assert_close(one.tau, got.tau[0])
 
 
-def test_links_may_have_the_only_potential() -> None:
-    model = random_model_without_potential(ARTICULATED)
-    assert model.has_potential
-    check_against_covariances(model)
-
-
 def test_links_without_gravity_have_no_potential() -> None:
     q, dq, ddq = queries(3)
     model = random_model_without_gravity()
     got = model.predict(q, dq, ddq)
     assert got.potential is None
     assert not got.gravity.any()
-    tau = model.process.prior.cross_gram(
-        model.process.prior.kernel.states(q, dq, ddq), model.process.states
-    )
-    assert_close(got.tau.ravel(), tau @ model.process.alpha.ravel())
+    assert model.arm is not None
+    assert_close(got.tau, model.arm.torque(q, dq, ddq))
 
 
 def test_the_potential_is_zero_at_its_reference() -> None:
@@ -213,16 +234,6 @@ def test_no_queries_have_no_answers() -> None:
     deviation = predictor.standard_deviation(empty, empty, empty)
     assert deviation.tau.shape == (0, 3)
     assert deviation.kinetic.shape == (0,)
-
-
-def test_training_range() -> None:
-    model = random_model('recursive')
-    low, high = model.training_range
-    for row, x in enumerate(
-        (model.process.states.q, model.process.states.dq, model.process.states.ddq)
-    ):
-        np.testing.assert_array_equal(low[row], x.min(axis=0))
-        np.testing.assert_array_equal(high[row], x.max(axis=0))
 
 
 @pytest.mark.parametrize('shapes', [((5, 2),) * 3, ((5, 3), (4, 3), (5, 3)), ((3,),) * 3])

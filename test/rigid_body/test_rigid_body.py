@@ -1,13 +1,19 @@
 """Rigid links against pinocchio and against themselves."""
 
-from kernels.cases import P, R, random_links
+from kernels.cases import P, R
+from kernels.cases import random_chain as random_chain_of
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lip_id_ros.kernels import RigidLinks
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.axes import angles_between, distances_between
+from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
+from lip_id_ros.rigid_body.regressor import (
+    kinetic_regressor,
+    potential_regressor,
+    torque_regressor,
+)
 from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
 
 pinocchio = pytest.importorskip('pinocchio')
@@ -17,7 +23,7 @@ TO_PINOCCHIO = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # its inertias are xx xy yy xz yz
 
 
 def random_chain(arm: str, rng: np.random.Generator) -> Chain:
-    return random_links(tuple({'R': R, 'P': P}[kind] for kind in arm), rng).chain
+    return random_chain_of(tuple({'R': R, 'P': P}[kind] for kind in arm), rng)
 
 
 def oracle(chain: Chain) -> tuple[object, object]:
@@ -40,12 +46,11 @@ def columns(regressor: np.ndarray, n: int) -> np.ndarray:
 def test_torques_and_energies_are_those_of_pinocchio(arm: str) -> None:
     rng = np.random.default_rng(len(arm))
     chain = random_chain(arm, rng)
-    links = RigidLinks(chain, np.ones((len(arm), LINK_PARAMETERS)))
     model, data = oracle(chain)
     q, dq, ddq = rng.standard_normal((3, 5, len(arm)))
-    torque = links.torque(q, dq, ddq).reshape(5, len(arm), len(arm), LINK_PARAMETERS)
-    kinetic = links.kinetic(q, dq).reshape(5, len(arm), LINK_PARAMETERS)
-    potential = links.potential(q).reshape(5, len(arm), LINK_PARAMETERS)
+    torque = torque_regressor(chain, q, dq, ddq).reshape(5, len(arm), len(arm), LINK_PARAMETERS)
+    kinetic = kinetic_regressor(chain, q, dq).reshape(5, len(arm), LINK_PARAMETERS)
+    potential = potential_regressor(chain, q).reshape(5, len(arm), LINK_PARAMETERS)
     for t in range(5):
         expected = pinocchio.computeJointTorqueRegressor(model, data, q[t], dq[t], ddq[t])
         np.testing.assert_allclose(
@@ -64,6 +69,40 @@ def test_torques_and_energies_are_those_of_pinocchio(arm: str) -> None:
     np.testing.assert_array_equal(kinetic[:, :, 10], 0.5 * dq**2)
 
 
+def displaced(chain: Chain, i: int, direction: int, by: float) -> Chain:
+    """Return a chain with one joint rotated about an axis of its own frame, or translated."""
+    moved = chain._replace(
+        rotations=chain.rotations.copy(), translations=chain.translations.copy()
+    )
+    if direction < 3:
+        small = Rotation.from_rotvec(by * np.eye(3)[direction]).as_matrix()
+        moved.rotations[i] = moved.rotations[i] @ small
+    else:
+        moved.translations[i, direction - 3] += by
+    return moved
+
+
+@pytest.mark.parametrize('arm', ARMS)
+def test_derivatives_of_energies_by_placements(arm: str) -> None:
+    rng = np.random.default_rng(30 + len(arm))
+    n, step = len(arm), 1e-6
+    chain = random_chain(arm, rng)
+    parameters = rng.standard_normal((n, LINK_PARAMETERS))
+    q, dq = rng.standard_normal((2, 4, n))
+    found = energy_derivatives(chain, parameters, q, dq)
+
+    def energies(i: int, direction: int, by: float) -> np.ndarray:
+        placed = displaced(chain, i, direction, by)
+        rows = kinetic_regressor(placed, q, dq), potential_regressor(placed, q)
+        return np.stack(rows) @ parameters.ravel()
+
+    for i in range(n):
+        for direction in range(6):
+            slope = (energies(i, direction, step) - energies(i, direction, -step)) / (2 * step)
+            np.testing.assert_allclose(found[0][:, i, direction], slope[0], atol=1e-6)
+            np.testing.assert_allclose(found[1][:, i, direction], slope[1], atol=1e-6)
+
+
 @pytest.mark.parametrize('arm', ARMS)
 def test_sensitivity_of_torques_to_placements(arm: str) -> None:
     rng = np.random.default_rng(10 + len(arm))
@@ -75,13 +114,8 @@ def test_sensitivity_of_torques_to_placements(arm: str) -> None:
     step = 1e-6
 
     def torques(i: int, direction: int, by: float) -> np.ndarray:
-        moved = Chain(chain.rotations.copy(), chain.translations.copy(), *chain[2:])
-        if direction < 3:
-            small = Rotation.from_rotvec(by * np.eye(3)[direction]).as_matrix()
-            moved.rotations[i] = moved.rotations[i] @ small
-        else:
-            moved.translations[i, direction - 3] += by
-        return RigidLinks(moved, parameters).torque(*state).sum(axis=2)
+        placed = displaced(chain, i, direction, by)
+        return np.asarray(torque_regressor(placed, *state) @ parameters.ravel())
 
     for i in range(n):
         for direction in range(6):

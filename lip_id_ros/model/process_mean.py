@@ -1,4 +1,4 @@
-"""Posterior means at joint states, compiled: energies, links, friction and residual."""
+"""Posterior means of Gaussian processes at joint states, compiled."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from lip_id_ros.model.contraction import (
     TrainingSide,
 )
 from lip_id_ros.numba_jit import jit, LANES
-from lip_id_ros.rigid_body.rnea import NO_LINKS, pack_links, rnea
 
 KINETIC, GRAVITY, FRICTION = 0, 1, 2
 """Parts of the torque: of the kinetic energy (inertial and Coriolis), of the potential, others."""
@@ -75,13 +74,12 @@ class Contracted(NamedTuple):
     arm: Arm
     k: KernelArrays
     side: TrainingSide
-    links: Array
     terms: JointTerms
 
 
-class PosteriorMean:
+class ProcessMean:
     """
-    Posterior mean of torques and energies.
+    Posterior mean of Gaussian processes on energies, friction and residual.
 
     Construction lays it out; `one` is then hot: no checks, and nothing allocated but the result.
     Not for several threads at once.
@@ -100,14 +98,15 @@ class PosteriorMean:
         self._energies = np.empty(2)
         self._state = np.zeros((3, n))
 
-    def one(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, float, float]:
-        """Return the parts of the torque, shape (3, n), T and V at one joint state."""
+    def one(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, float, float]:
+        """Return torques, gravity torques, T and V at one joint state."""
         energies, state = self._energies, self._state
         parts = np.empty_like(state)
         # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
         state[0], state[1], state[2] = q, dq, ddq
         evaluate_one(parts, energies, *self._contracted, self._work, self._features, *state)
-        return parts, float(energies[0]), float(energies[1])
+        tau = parts[KINETIC] + parts[GRAVITY] + parts[FRICTION]
+        return tau, parts[GRAVITY], float(energies[0]), float(energies[1])
 
     def many(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         """Return parts, shape (N, 3, n), and T and V, shape (N, 2), at contiguous (N, n)."""
@@ -124,14 +123,12 @@ def contract(posterior: TorquePosterior) -> Contracted:
         arm=Arm(basis.prismatic, basis.centre, basis.half_range),
         k=kernel_arrays(posterior.prior.kernel.energy, posterior.prior.hyperparameters.weights),
         side=_training_side(posterior),
-        links=_links(posterior),
         terms=_joint_terms(posterior),
     )
 
 
 def _training_side(posterior: TorquePosterior) -> TrainingSide:
-    # Links and friction are told by their parameters alone.
-    n_samples = 0 if posterior.prior.kernel.is_linear else len(posterior.states)
+    n_samples = len(posterior.states)
     extent = -(-n_samples // LANES) * LANES
     packed = posterior.states.packed
     f, g = packed.f[:, :, :extent], packed.g[:, :, :extent]
@@ -140,12 +137,6 @@ def _training_side(posterior: TorquePosterior) -> TrainingSide:
     alpha[:, :n_samples] = posterior.alpha[:n_samples].T
     parts = (f, g * dq, g * alpha, dq, ddq, alpha)
     return TrainingSide(*(np.ascontiguousarray(part) for part in parts))
-
-
-def _links(posterior: TorquePosterior) -> Array:
-    for links, features in zip(posterior.prior.kernel.links, posterior.states.links, strict=True):
-        return pack_links(links.chain, links.parameters(features, posterior.alpha))
-    return NO_LINKS
 
 
 def _joint_terms(posterior: TorquePosterior) -> JointTerms:
@@ -229,7 +220,6 @@ def evaluate_one(
     arm: Arm,
     k: KernelArrays,
     side: TrainingSide,
-    links: Array,
     terms: JointTerms,
     work: Scratch,
     features: Array,
@@ -246,7 +236,7 @@ def evaluate_one(
         Set to the torques of the kinetic energy, of gravity, and of friction and residual.
     energies : array, shape (2,)
         Set to kinetic and potential energy.
-    arm, k, side, links, terms
+    arm, k, side, terms
         The model, as `Contracted`.
     work : Scratch
     features : array, shape (4, n)
@@ -259,9 +249,6 @@ def evaluate_one(
     parts[:] = 0.0
     energies[0] = kinetic_energy(parts[0], k, work, side, f, g, dq, ddq)
     energies[1] = potential_energy(parts[1], k, work, side, f, g)
-    kinetic, potential = rnea(parts[0], parts[1], links, arm.prismatic, work.links, q, dq, ddq)
-    energies[0] += kinetic
-    energies[1] += potential
     _friction(parts[2], terms, dq)
     _residual(parts[2], terms, side, f, dq, ddq)
 
@@ -273,7 +260,6 @@ def evaluate_many(
     arm: Arm,
     k: KernelArrays,
     side: TrainingSide,
-    links: Array,
     terms: JointTerms,
     work: Scratch,
     features: Array,
@@ -289,7 +275,6 @@ def evaluate_many(
             arm,
             k,
             side,
-            links,
             terms,
             work,
             features,

@@ -8,9 +8,14 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
-from lip_id_ros.identification.noise import TorqueNoise
+from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
+from lip_id_ros.rigid_body.regressor import (
+    kinetic_regressor,
+    potential_regressor,
+    torque_regressor,
+)
 from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
 
 
@@ -73,6 +78,36 @@ class ArmPosterior:
         spread = self.jacobian(q, dq, ddq) @ self.covariance_root
         variance: Array = np.sum(spread**2, axis=2)
         return np.sqrt(variance)
+
+    def energy_std(self, q: Array, dq: Array, reference: Array) -> tuple[Array, Array]:
+        """
+        Return standard deviations of both energies.
+
+        Parameters
+        ----------
+        q, dq : arrays, shape (N, n)
+        reference : array, shape (n,)
+            Positions at which the potential energy is zero and certain.
+
+        Returns
+        -------
+        kinetic, potential : arrays, shape (N,)
+            [J].
+
+        """
+        kinetic, potential = self._energy_jacobians(*_contiguous(q, dq))
+        at = _contiguous(reference[None])[0]
+        potential = potential - self._energy_jacobians(at, np.zeros_like(at))[1]
+        first = self.covariance_root[: kinetic.shape[1]]
+        return np.linalg.norm(kinetic @ first, axis=1), np.linalg.norm(potential @ first, axis=1)
+
+    def _energy_jacobians(self, q: Array, dq: Array) -> tuple[Array, Array]:
+        """Differentiate T and V by placements and link parameters, shapes (N, 17 n) [J]."""
+        kinetic, potential = energy_derivatives(self.chain, self.links, q, dq)
+        return (
+            np.hstack([kinetic.reshape(len(q), -1), kinetic_regressor(self.chain, q, dq)]),
+            np.hstack([potential.reshape(len(q), -1), potential_regressor(self.chain, q)]),
+        )
 
     def measurement_std(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return standard deviations of measured torques, shape (N, n) [N m or N]."""

@@ -1,0 +1,118 @@
+"""From a data set to a model of inverse dynamics."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import DataError
+from lip_id_ros.gp import fit_process
+from lip_id_ros.identification.identify import Identified, identify, LEAST_SAMPLES_PER_JOINT
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.effort_calibration import effort_calibrations
+from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
+from lip_id_ros.progress import Progress, silent
+from lip_id_ros.settings import FitSettings
+
+LEAST_SAMPLES = 10
+
+WITHOUT_LINKS = 'recursive'
+"""Kernel of data sets with too few samples to identify an arm."""
+
+
+def fit(
+    dataset: Dataset, settings: FitSettings | None = None, progress: Progress = silent
+) -> InverseDynamicsModel:
+    """
+    Fit a model to a data set.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        In the order of time.
+    settings : FitSettings, optional
+        With the kernel 'articulated', the default, an arm is identified; every other kernel is a
+        Gaussian process on energies.
+    progress : callable
+
+    Raises
+    ------
+    DataError
+        If there are too few samples or a torque never changes.
+    FitError
+        If the data are not finite, or a Gram matrix cannot be factorised.
+
+    """
+    settings = settings or FitSettings()
+    _check(dataset)
+    started = time.monotonic()
+    parts, report = _fitted(dataset, settings, progress)
+    report['seconds_total'] = round(time.monotonic() - started, 3)
+    process = parts.get('process')
+    return InverseDynamicsModel(
+        joint_names=dataset.joint_names,
+        joint_types=dataset.joint_types,
+        potential_reference=dataset.q.mean(axis=0),
+        training_range=_range(dataset),
+        largest_torque=np.abs(dataset.tau).max(axis=0),
+        n_samples=len(process.states) if process else dataset.n_samples,
+        effort_calibrations=effort_calibrations(dataset.provenance, dataset.joint_names),
+        summary=report,
+        provenance={**dataset.provenance, 'n_samples_available': dataset.n_samples},
+        **parts,
+    )
+
+
+def _fitted(
+    dataset: Dataset, settings: FitSettings, progress: Progress
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the parts of the model, and a report."""
+    few = dataset.n_samples < LEAST_SAMPLES_PER_JOINT * dataset.n_joints
+    if settings.kernel == ARTICULATED and not few:
+        found = identify(dataset, settings.seed, progress)
+        return {'arm': found.arm, 'remainder': found.remainder}, _report(found)
+    kernel = WITHOUT_LINKS if settings.kernel == ARTICULATED else settings.kernel
+    fitted = fit_process(dataset, settings, kernel, progress)
+    return {'process': fitted.posterior}, fitted.report
+
+
+def _report(found: Identified) -> dict[str, Any]:
+    joints = found.remainder.joints.tolist() if found.remainder else []
+    return {
+        'searches_agreed': found.searches_agreed,
+        'descents': found.descents,
+        'unexplained_left_out': found.unexplained.tolist(),
+        'covariance_inflation': found.inflation,
+        'remainder': joints,
+        'friction': [list(names) for names in found.arm.friction.names()],
+        'noise_std': found.arm.noise.std.tolist(),
+        'device': 'cpu',
+        'device_note': '',
+    }
+
+
+def _range(dataset: Dataset) -> tuple[Array, Array]:
+    stack = np.stack([dataset.q, dataset.dq, dataset.ddq])
+    return stack.min(axis=1), stack.max(axis=1)
+
+
+def _check(dataset: Dataset) -> None:
+    if dataset.n_samples < LEAST_SAMPLES:
+        raise DataError(
+            f'a fit needs at least {LEAST_SAMPLES} samples, but the data set has '
+            f'{dataset.n_samples}; record longer or keep more samples in preprocessing.'
+        )
+    still = [
+        name
+        for name, extent in zip(dataset.joint_names, np.ptp(dataset.tau, axis=0), strict=True)
+        if extent == 0.0
+    ]
+    if still:
+        raise DataError(
+            f'the torque of joint {still[0]!r} is the same in all {dataset.n_samples} samples, so '
+            'nothing can be learned from it; check the effort signal or leave the joint out.'
+        )
