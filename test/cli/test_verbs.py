@@ -10,8 +10,8 @@ import subprocess
 import sys
 
 from cli.conftest import Workshop
-from identification.test_friction_election import recording
 from gp.processes import process_of
+from identification.test_friction_election import recording
 import numpy as np
 import pytest
 from simulation.pendulums import swing

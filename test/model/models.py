@@ -88,7 +88,8 @@ def conditioned(
     prior: TorquePrior, n_samples: int, rng: np.random.Generator
 ) -> InverseDynamicsModel:
     n = prior.kernel.energy.n_joints
-    states = prior.kernel.states(*random_states(n_samples, n, rng))
+    motion = np.stack(random_states(n_samples, n, rng))
+    states = prior.kernel.states(*motion)
     tau: Array = rng.normal(size=(n_samples, n))
     alpha = np.linalg.solve(prior.noisy_gram(states), tau.ravel()).reshape(tau.shape)
     return InverseDynamicsModel(
@@ -96,7 +97,7 @@ def conditioned(
         joint_types=prior.kernel.basis.joint_types,
         process=TorquePosterior(prior, states, tau, alpha),
         potential_reference=rng.normal(size=n),
-        training_range=(-np.ones((3, n)), np.ones((3, n))),
+        training_range=(motion.min(axis=1), motion.max(axis=1)),
         largest_torque=np.ones(n),
         n_samples=n_samples,
         effort_calibrations=(EffortCalibration(0.5 + rng.random(n), rng.normal(size=n)),),
