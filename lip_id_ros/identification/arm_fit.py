@@ -25,7 +25,6 @@ from lip_id_ros.identification.kinematic_calibration import (
     Placements,
     Samples,
 )
-from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.placement_search import (
     calibrate,
     Calibration,

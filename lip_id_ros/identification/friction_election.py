@@ -17,6 +17,12 @@ import numpy as np
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.noise import (
+    estimate_noise,
+    leverage_weights,
+    outlier_weights,
+    TorqueNoise,
+)
 from lip_id_ros.identification.friction_candidates import (
     Candidate,
     candidates,
@@ -26,12 +32,6 @@ from lip_id_ros.identification.friction_candidates import (
     with_width,
 )
 from lip_id_ros.identification.left_out import LeftOutBlocks, LeftOutFit
-from lip_id_ros.friction.noise import (
-    estimate_noise,
-    leverage_weights,
-    outlier_weights,
-    TorqueNoise,
-)
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
     TorqueStatistics,

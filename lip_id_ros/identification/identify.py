@@ -13,7 +13,6 @@ from lip_id_ros.identification.arm_fit import ArmFitter, MOST_SAMPLES
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import posterior
 from lip_id_ros.identification.outliers import explained, plausible
-from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.model.arm_posterior import ArmPosterior
