@@ -14,6 +14,8 @@ from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import get_typestore, Stores
 
+from lip_id_ros.dataset import Dataset
+
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 MESSAGES = 12
 ROS2: Any = get_typestore(Stores.ROS2_JAZZY)
@@ -28,7 +30,20 @@ def seeds() -> list[tuple[str, bytes]]:
         files.append(('.db3', _sqlite(folder / 'sqlite')))
         for compression in (None, *rosbag1.Writer.CompressionFormat):
             files.append(('.bag', _ros1(folder / f'{compression}.bag', compression)))
-    return [*files, ('.mcap.lz4', lz4.frame.compress(files[0][1]))]
+    files.append(('.mcap.lz4', lz4.frame.compress(files[0][1])))
+    return [*files, ('.csv', _log()), ('.csv', _data('.csv')), ('.npz', _data('.npz'))]
+
+
+def _log() -> bytes:
+    lines = [f'{k / 10},{np.sin(k / 9)},{np.cos(k / 9)}' for k in range(60)]
+    return '\n'.join(['t,q_a,tau_a', *lines, '']).encode()
+
+
+def _data(suffix: str) -> bytes:
+    values = np.sin(np.arange(40.0)).reshape(20, 2)
+    with tempfile.NamedTemporaryFile(suffix=suffix) as file:
+        Dataset.from_arrays(values, values, values, values).save(file.name)
+        return Path(file.name).read_bytes()
 
 
 def _mcap(compression: CompressionType, chunking: int) -> bytes:

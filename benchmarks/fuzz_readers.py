@@ -1,5 +1,7 @@
 """
-Broken bags without end: reading them never crashes, hangs or takes unbounded memory.
+Broken recordings without end: reading them never crashes, hangs or takes unbounded memory.
+
+Every message of a bag that is read must be used, or counted once with a reason.
 
 Coverage-guided by atheris where it is installed (``pip install atheris``), else by mutations of
 our own: changed bytes and numbers, cuts, copies of parts to elsewhere, parts of other files.
@@ -26,9 +28,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks._small_bags import seeds
+from lip_id_ros.csv_table import CSV_SUFFIX
+from lip_id_ros.dataset import DATASET_SUFFIX
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.preprocessing import describe
-from lip_id_ros.recording import read_bag
+from lip_id_ros.preprocessing import describe, load_dataset
+from lip_id_ros.recording import Bag, read_bag
+from lip_id_ros.recording.bags import choose_topics
 
 MEMORY_BYTES = 2 * 2**30
 CASE_S = 10
@@ -95,9 +100,18 @@ def outcome(case: Case, findings: Path) -> str:
 
 
 def read(path: Path) -> None:
-    """Read all that can be read."""
+    """Read all that can be read, and check that every message is used or counted once."""
     describe(path)
+    if path.suffix in (CSV_SUFFIX, DATASET_SUFFIX):
+        load_dataset(path)
+        return
     samples = read_bag(path)
+    with Bag(path) as bag:
+        (topic,) = choose_topics(bag, '')
+        stored = sum(1 for _ in bag.stored(topic.name, topic.type)) + bag.lost(topic.name)
+    accounted = samples.n_samples + sum(samples.counts.values())
+    if accounted != stored:
+        raise AssertionError(f'{stored} messages, but {accounted} used or counted')
     arrays = (samples.t, samples.position)
     if not all(np.isfinite(array).all() for array in arrays) or (np.diff(samples.t) <= 0).any():
         raise AssertionError('samples out of order or not finite')

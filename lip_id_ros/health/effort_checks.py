@@ -121,7 +121,7 @@ def late(evidence: Evidence) -> Iterator[JointText]:
         yield (
             '',
             f'the efforts are about {1e3 * abs(lag):.2g} ms {side} the motion (as far as a crude '
-            f'model can tell: what it leaves over falls by {100 * explanation.lag_gain:.2g} %)',
+            f'model shows: its residual variance falls by {100 * explanation.lag_gain:.2g} %)',
         )
 
 

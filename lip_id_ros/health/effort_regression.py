@@ -23,7 +23,7 @@ SAMPLES_PER_SECOND = 8.0
 LEAST_SAMPLES_PER_TERM = 6.0
 SIGN_WIDTH = 0.1
 LEAST_VARIATION = 1e-6
-"""Terms of joints that stand still say nothing."""
+"""Terms of joints that stand still are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class EffortRegression:
     friction_weight : ndarray, shape (n,)
         How many times larger the unexplained variance is without friction.
     lag_s : float
-        By how much the efforts of all joints come late [s]; nan where it cannot be told.
+        By how much the efforts of all joints come late [s]; nan where it is unknown.
     lag_gain : float
         Share of the unexplained variance that this lag takes away.
 

@@ -22,12 +22,12 @@ STILL = 1e-3
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """
-    A recording and what can be said of it, each computed when it is first asked for.
+    A recording and quantities derived from it, each computed at its first use.
 
     Attributes
     ----------
     samples : JointSamples
-        As recorded, efforts scaled to torques where the settings say how.
+        As recorded, efforts scaled to torques where the settings give scales.
     joint_types : tuple of str
         'revolute' or 'prismatic'.
 

@@ -77,7 +77,7 @@ def little_range(evidence: Evidence) -> Iterator[JointText]:
     'slow',
     Severity.WARNING,
     'The root mean square velocity of a joint is below 0.05 rad/s or 0.005 m/s.',
-    'move it faster, or its viscous friction cannot be told from Coulomb friction',
+    'move it faster, or its viscous and Coulomb friction cannot be separated',
 )
 def slow(evidence: Evidence) -> Iterator[JointText]:
     """Find joints that move slowly."""
@@ -109,7 +109,7 @@ def gentle(evidence: Evidence) -> Iterator[JointText]:
     'one_way',
     Severity.WARNING,
     'Less than a tenth of the way of a joint goes in the other direction.',
-    'move it back and forth, or Coulomb friction cannot be told from gravity',
+    'move it back and forth, or Coulomb friction and gravity cannot be separated',
 )
 def one_way(evidence: Evidence) -> Iterator[JointText]:
     """Find joints that move in one direction."""
@@ -126,7 +126,7 @@ def one_way(evidence: Evidence) -> Iterator[JointText]:
     'together',
     Severity.WARNING,
     'The velocities of two joints correlate by more than 0.97.',
-    'give each joint a motion of its own, or their shares cannot be told apart',
+    'give each joint a motion of its own, or their shares cannot be separated',
 )
 def together(evidence: Evidence) -> Iterator[JointText]:
     """Find joints whose velocity is proportional to that of one before."""
@@ -174,7 +174,7 @@ def _joints(evidence: Evidence) -> Iterator[tuple[int, str, str]]:
 @check(
     'joint_order',
     Severity.WARNING,
-    'Names tell of another order than from base to tip: wrist before elbow, 10 before 2.',
+    'Names suggest another order than from base to tip: wrist before elbow, 10 before 2.',
     'name the joints from base to tip in recording.joints',
 )
 def order(evidence: Evidence) -> Iterator[JointText]:

@@ -102,7 +102,7 @@ def gaps(evidence: Evidence) -> Iterator[JointText]:
     'look at the reasons, and choose topic and joints by recording.topic and recording.joints',
 )
 def dropped(evidence: Evidence) -> Iterator[JointText]:
-    """Find recordings of whose messages more than one in a hundred cannot be used."""
+    """Find recordings in which more than one message in a hundred cannot be used."""
     counts = {str(reason): count for reason, count in evidence.samples.counts.items() if count}
     lost = sum(counts.values())
     total = lost + evidence.samples.n_samples
@@ -118,7 +118,7 @@ def dropped(evidence: Evidence) -> Iterator[JointText]:
     'nothing needs to be done, they are left out; better publish no faster than the driver reads',
 )
 def stale(evidence: Evidence) -> Iterator[JointText]:
-    """Find recordings of whose samples more than one in a hundred repeat the one before."""
+    """Find recordings in which more than one sample in a hundred repeats the one before."""
     share = evidence.stale_share
     if share > MOST_STALE:
         yield ('', f'{100 * share:.2g} % of the samples repeat the one before under a new stamp')
@@ -157,7 +157,7 @@ def outliers(evidence: Evidence) -> Iterator[JointText]:
     'record it with more digits, or move more',
 )
 def coarse(evidence: Evidence) -> Iterator[JointText]:
-    """Find signals that know few values."""
+    """Find signals that take few values."""
     for signal, quanta in evidence.quanta.items():
         for joint, name, values in evidence.columns(signal):
             step = quanta[joint]

@@ -2,7 +2,7 @@
 Recordings that repeat each other, recognised by their contents.
 
 A copy of a recording would be in the training data and in the held-out data, and count twice.
-Names and start times say little: files are renamed, and logs begin at zero.
+Names and start times prove little: files are renamed, and logs begin at zero.
 
 """
 

@@ -43,7 +43,7 @@ def describe(
     progress : callable
         Told how many messages are read.
     assess : callable
-        Gets the samples of each recording, returns what more is to be said of it.
+        Gets the samples of each recording, returns more keys for its description.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def describe(
 def _recordings(
     bag: Bag, progress: Progress, assess: Assess
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """Describe the topics with joint samples; say which cannot be read, else what is wrong."""
+    """Describe the topics with joint samples; list those that cannot be read, else notes."""
     recordings, unreadable = [], []
     topics = sorted(joint_topics(bag), key=lambda topic: -topic.count)
     if len(topics) > _MOST_TOPICS:

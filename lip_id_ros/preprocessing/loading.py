@@ -45,7 +45,7 @@ def load_dataset(
     Parameters
     ----------
     sources : path or sequence of paths
-        Bags and CSV logs are preprocessed as the settings say; data sets (.npz, or .csv with
+        Bags and CSV logs are preprocessed by the settings; data sets (.npz, or .csv with
         accelerations) are taken as they are, but for the choice of joints and `max_samples`.
     settings : Config
         Sections `recording` and `preprocessing` are used.

@@ -86,7 +86,7 @@ def moving(dq: Array, min_velocity: float) -> BoolArray:
 
 def at_most(data: Dataset, settings: PreprocessingSettings) -> Dataset:
     """
-    Return at most `max_samples` samples, chosen as `selection` says; noted in the provenance.
+    Return at most `max_samples` samples, chosen by `selection`; noted in the provenance.
 
     Parameters
     ----------

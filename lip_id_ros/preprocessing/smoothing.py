@@ -202,7 +202,7 @@ def evenly_timed(t: Array, longest_shift_s: float) -> Array:
     Replace the stamps of samples whose source has an even clock of its own.
 
     Where a publisher repeats the newest state at a rate above that of its source, a sample is up
-    to one publishing step older than its stamp says, by a different amount each time, and where
+    to one publishing step older than its stamp, by a different amount each time, and where
     repeated samples were removed the stamps have holes that the motion does not have. If stamps
     at even steps (least squares) lie so close to the given ones, they are the truer ones.
 

@@ -45,7 +45,7 @@ def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamp
     topics : sequence of SampleCollector
         Each used up.
     wanted_clock : str
-        'header', 'receive', or 'auto' for headers where those of all parts tell the time.
+        'header', 'receive', or 'auto': headers if those of all parts are times of one clock.
 
     """
     parts = [part for topic in topics for part in topic.parts()]
@@ -138,13 +138,13 @@ def _described(part: Part, number: int) -> str:
 
 
 def clock_of(parts: Sequence[Part], wanted: str, notes: dict[str, None]) -> str:
-    """Return the clock that is wanted, else headers where those of all parts tell the time."""
+    """Return the clock that is wanted, else headers if those of all parts are of one clock."""
     if wanted in (HEADER, RECEIVE):
         return wanted
     if not all(stamps_advance(part.header_ns) for part in parts):
         return RECEIVE
     is_torn = any(jumps_between_clocks(part.header_ns) for part in parts)
-    if is_torn and all(_tells_the_time(part.receive_ns) for part in parts):
+    if is_torn and all(_is_of_one_clock(part.receive_ns) for part in parts):
         notes[
             'the header stamps are those of several clocks: the times of reception were taken'
         ] = None
@@ -152,7 +152,7 @@ def clock_of(parts: Sequence[Part], wanted: str, notes: dict[str, None]) -> str:
     return HEADER
 
 
-def _tells_the_time(stamps_ns: IntArray) -> bool:
+def _is_of_one_clock(stamps_ns: IntArray) -> bool:
     return stamps_advance(stamps_ns) and not jumps_between_clocks(stamps_ns)
 
 

@@ -48,7 +48,7 @@ class Bag:
     An open bag: rosbag2 folder, bare .mcap or .db3 file, or ROS 1 .bag.
 
     Files may be compressed, damaged, cut short, without an index or never closed: they are read
-    as far as they can be, and `notes` says what is wrong. To be used in a `with` statement.
+    as far as they can be, and `notes` lists what is wrong. To be used in a `with` statement.
 
     Parameters
     ----------

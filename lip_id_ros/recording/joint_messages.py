@@ -86,5 +86,5 @@ KNOWN_DEFINITIONS: Mapping[str, tuple[str, ...]] = {
 Of types that bags may leave out and the library does not know.
 
 rosbag2 wrote no definitions into sqlite3 files up to Humble. Newest first; a message fits one of
-them only, since it must be as long as that says.
+them only, since its length must agree.
 """

@@ -54,8 +54,8 @@ def read_bag(
     Read the joint samples of a bag.
 
     The topics are those that the settings name, else as `topics.choose_topics` finds. Times are
-    those of the message headers where these tell the time (see `assembling.clock_of`), else those
-    of reception, unless the settings say. Messages are put in the order of time (see
+    those of the message headers if these are of one clock (see `assembling.clock_of`), else those
+    of reception, unless the settings choose. Messages are put in the order of time (see
     `timing.arrange`). Joints that come in messages of their own are merged (see
     `assembling.merged`) where the settings name the joints.
 

@@ -13,7 +13,7 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.recording.joint_samples import Reason
 
 GAP_STEPS = 5.0
-"""A step of more than so many median steps is a gap, unless a setting says otherwise."""
+"""A step of more than so many median steps is a gap, unless set otherwise."""
 
 SECOND = 1_000_000_000
 LATEST_NS = 2**62
@@ -77,7 +77,7 @@ class Timeline(NamedTuple):
 
 def stamps_advance(stamps_ns: IntArray) -> bool:
     """
-    Whether stamps advance, so that they may tell the time.
+    Whether stamps advance as times do.
 
     At least a quarter of the steps go forward, and more of them forward than back. A first stamp
     of 0 or 1 ns is as good as any; stamps that are constant (never filled in) or random are not.

@@ -185,7 +185,7 @@ class ChunkedFile(ABC):
             self.notes[f'bytes {record.start} to {record.end} are damaged: {damage}'] = None
 
     def _with_counts(self) -> Iterator[tuple[Record, Counter[int]]]:
-        """Yield contents, and chunks with the messages of each channel, where that is told."""
+        """Yield contents, and chunks with the messages of each channel, where these are known."""
         chunk, counts = None, Counter[int]()
         self._room = max(_MOST_UNPACKED, _MOST_RATIO * self._size)
         for record in self._records():

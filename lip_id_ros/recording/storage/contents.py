@@ -31,7 +31,7 @@ FILE_SUFFIXES = {'.zstd': 'zstd', '.zst': 'zstd', '.lz4': 'lz4'}
 
 
 class DamageError(Exception):
-    """A file, or a part of it, that cannot be read; says why in a few words."""
+    """A file, or a part of it, that cannot be read, with the reason in a few words."""
 
 
 @dataclass(frozen=True)

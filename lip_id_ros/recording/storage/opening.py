@@ -41,7 +41,7 @@ def is_storage(path: Path) -> bool:
 
 
 def storage_suffix(path: Path) -> str:
-    """Return the suffix that tells the format, without that of compression."""
+    """Return the suffix of the format, without that of compression."""
     name = Path(path.name.removesuffix(ACTIVE))
     return Path(name.stem).suffix if name.suffix in FILE_SUFFIXES else name.suffix
 
@@ -60,7 +60,7 @@ def open_storage(path: Path, stack: ExitStack) -> Storage:
     Raises
     ------
     DamageError
-        If it cannot be read as what its name says.
+        If it cannot be read in the format of its name.
     OSError
         If it cannot be opened.
 

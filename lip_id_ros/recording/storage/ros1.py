@@ -45,7 +45,7 @@ class Ros1File(ChunkedFile):
             return Record(kind, position, end, _number(fields, b'conn'), _number(fields, b'count'))
         if _code(fields) == _MESSAGE:
             return Record(kind, position, end, _number(fields, b'conn'))
-        if end == self._size:  # nothing says so: the last record ends with the file
+        if end == self._size:  # there is no end record: the last one ends with the file
             return Record(Kind.END if kind is Kind.OTHER else kind, position, end)
         return Record(kind, position, end)
 
