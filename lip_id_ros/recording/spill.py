@@ -46,8 +46,16 @@ def column_array(rows: int, width: int) -> Array:
     if size <= LARGE_BYTES:
         return np.empty((rows, width), order='F')
     with tempfile.TemporaryFile(prefix='lip_id_') as file:
-        os.posix_fallocate(file.fileno(), 0, size)  # a full disk is an error here, not a signal
+        _reserve(file.fileno(), size)
         return np.memmap(file, np.float64, 'r+', shape=(rows, width), order='F')
+
+
+def _reserve(descriptor: int, size: int) -> None:
+    """Give a file its size; where the system can, a full disk is an error here, not a signal."""
+    if hasattr(os, 'posix_fallocate'):
+        os.posix_fallocate(descriptor, 0, size)
+    else:
+        os.ftruncate(descriptor, size)
 
 
 def release(*arrays: NDArray[Any]) -> None:

@@ -1,0 +1,82 @@
+"""Large arrays lie in temporary files and are the same as small ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+import errno
+import os
+from pathlib import Path
+import tempfile
+from typing import Any
+
+import numpy as np
+import pytest
+from recording.bag_files import moving, State, write_folder
+
+from lip_id_ros.recording import read_bag, spill
+from lip_id_ros.recording.joint_samples import SIGNALS
+from lip_id_ros.settings import RecordingSettings
+
+BOTH = RecordingSettings(joints=('shoulder', 'elbow'))
+
+
+def alone(state: State, joint: int) -> State:
+    parts = ('names', 'position', 'velocity', 'effort')
+    values: dict[str, Any] = {name: [getattr(state, name)[joint]] for name in parts}
+    return replace(state, stamp_ns=state.stamp_ns + 3_000_000 * joint, **values)
+
+
+def late() -> list[State]:
+    states = moving(400)
+    return [states[k ^ 1] for k in range(400)]
+
+
+def of_two_publishers() -> list[State]:
+    return [alone(state, joint) for state in moving(400) for joint in (0, 1)]
+
+
+def incomplete() -> list[State]:
+    states = moving(400)
+    return [replace(each, effort=()) if k % 9 == 0 else each for k, each in enumerate(states)]
+
+
+@pytest.mark.parametrize('messages', [late, of_two_publishers, incomplete])
+def test_samples_in_files_are_those_in_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, messages: Callable[[], list[State]]
+) -> None:
+    path = write_folder(tmp_path / 'bag', messages())
+    small = read_bag(path, BOTH)
+    monkeypatch.setattr(spill, 'LARGE_BYTES', 500)
+    monkeypatch.setattr(spill, 'BLOCK_ROWS', 70)
+    large = read_bag(path, BOTH)
+    np.testing.assert_array_equal(large.t, small.t)
+    assert (large.counts, large.notes) == (small.counts, small.notes)
+    assert large.n_samples > 300
+    for name in SIGNALS:
+        np.testing.assert_array_equal(getattr(large, name), getattr(small, name))
+        assert isinstance(getattr(large, name), np.memmap)
+
+
+def test_temporary_files_leave_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
+    monkeypatch.setattr(spill, 'LARGE_BYTES', 0)
+    array = spill.column_array(100, 3)
+    array[:] = 1.0
+    spill.release(array[:, 1])
+    assert array.sum() == 300.0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_full_disk_is_an_error_before_anything_is_written(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Writing to a mapped file on a full disk would end the process."""
+
+    def full(descriptor: int, start: int, size: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(spill, 'LARGE_BYTES', 0)
+    monkeypatch.setattr(os, 'posix_fallocate', full)
+    with pytest.raises(OSError, match='No space left'):
+        spill.column_array(100, 3)
