@@ -36,7 +36,7 @@ The nodes declare and check their parameters by the tables in the modules `setti
   misspelt limit would be none.
 - A whole number is taken where a number with a point is expected. An empty list is `[]`, in a file
   as on the command line.
-- *Taken over* says when a running node uses a new value. One that is read at the start only cannot
+- *In use* is when a running node uses a new value. One that is read at the start only cannot
   be set later.
 - `use_sim_time` works as in every node: messages bring their stamps, and what has none is stamped
   with the time of `/clock`. The status goes on where that stands still.
@@ -52,7 +52,7 @@ TYPES = {
 }
 
 HEADER = """\
-| Parameter | Type | Default | Allowed | Unit | Taken over | What it is |
+| Parameter | Type | Default | Allowed | Unit | In use | Description |
 |---|---|---|---|---|---|---|"""
 
 

@@ -71,7 +71,7 @@ class Recorder:
         Return what to call once these samples have been saved, all of them.
 
         Messages that came meanwhile stay unsaved, and so does everything where the samples lack
-        some message, since the messages saved could not be told from the others.
+        some message, since saved and unsaved messages could not be distinguished.
 
         """
         rows, cleared = len(self), self._times_cleared
@@ -146,7 +146,7 @@ class Recorder:
         return ', '.join([*parts, *self._complaints()])
 
     def why_empty(self, topic: str) -> str:
-        """Say why there is nothing to fit, in a sentence."""
+        """Return why there is nothing to fit, in a sentence."""
         found = ', '.join([f'no samples of {topic} are kept', *self._complaints()])
         remedy = 'call record and move the arm, or name recordings with bags'
         if self._other_joints:

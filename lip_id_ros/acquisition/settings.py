@@ -93,7 +93,7 @@ def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def check_together(values: Mapping[str, Any]) -> None:
     """
-    Check what no parameter can tell alone.
+    Check parameters that depend on each other.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One data set of what was recorded live and of bags."""
+"""One data set of a live recording and of bags."""
 
 from __future__ import annotations
 

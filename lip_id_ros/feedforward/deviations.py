@@ -4,7 +4,7 @@ Standard deviations beside a stream: of the newest reference, as often as asked 
 The triangular solve of a query takes milliseconds, in which LAPACK holds the interpreter: beside
 the answers of `serve` it would delay them. So it is done in a process of its own, which runs this
 module. Raw doubles go to its standard input, 3 n for each query, and n come back; before the
-first, n zeros say that the model is ready.
+first, n zeros show that the model is ready.
 
 """
 

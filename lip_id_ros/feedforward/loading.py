@@ -1,4 +1,4 @@
-"""From a model file to one that can be served, or a sentence that says why not."""
+"""Load a model file for serving, or refuse it with a sentence."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
     Parameters
     ----------
     settings : ServeSettings
-        Name the file, and say whether standard deviations are needed.
+        The file, and whether standard deviations are needed.
     joints : sequence of str
         Joints that it must have, in any order; empty for any.
 

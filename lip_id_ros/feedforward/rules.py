@@ -51,7 +51,7 @@ class Rules:
     scale : float
         Factor on every torque.
     ramp_s : float
-        Time to take over from what was sent before [s].
+        Time to blend from the torque sent before to the one asked for [s].
     safe_ramp_s : float
         Time to reach the safe torque once references have stopped [s].
     gravity : bool

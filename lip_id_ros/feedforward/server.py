@@ -323,7 +323,7 @@ class Server:
     # counts
 
     def alarms(self) -> Counter[str]:
-        """Return how often something happened that somebody should know of."""
+        """Return the counts that deserve a warning."""
         unwanted = {key: n for key, n in self._refused.items() if key not in ON_PURPOSE}
         unmeasured = {
             f'joint states: {key}': n

@@ -12,8 +12,8 @@ from lip_id_ros.feedforward.rules import Rules
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 LONGEST_STEP_S = 0.05
-"""A rate limit counts no more time than this between two torques: what comes after a pause is a
-step for the robot, however long the pause was."""
+"""A rate limit counts no more time than this between two torques: after a pause, the next torque
+is a step for the robot, however long the pause was."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +38,8 @@ class Ramp:
     """
     A linear blend from one torque to whatever is wanted.
 
-    The share of what is wanted grows by the time that passes over the duration that holds then:
-    another duration changes the slope from here on, not the share.
+    The share of the wanted torque grows with time at a slope of one over the present duration.
+    Another duration changes the slope from here on, not the share.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class Shaper:
 
     def plan(self, tau: Array, t: Array) -> Array:
         """
-        Shape the torques of a plan; a ramp is for streams, a plan begins where it says.
+        Shape the torques of a plan, without a ramp: that is for streams.
 
         Parameters
         ----------

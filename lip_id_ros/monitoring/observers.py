@@ -33,7 +33,7 @@ AHEAD = 1e-4
 
 class DisturbanceObserver:
     r"""
-    First-order observer of what changes a quantity :math:`p` beside a known rate :math:`m`.
+    First-order observer of the rate of a quantity :math:`p` beyond a known rate :math:`m`.
 
     .. math:: r = K (p - p_0 - \int (m + r)\, dt), \qquad
               \dot r = K (\dot p - m - r)

@@ -29,15 +29,15 @@ class MonitorSettings(Settings):
     )
     smallest_contact: tuple[float, ...] = setting(
         (5.0,),
-        f'Smallest contact that is to be told; calibrate uses it. {PER_JOINT}',
+        f'Smallest contact that is to be detected; calibrate uses it. {PER_JOINT}',
         unit='N m or N',
         minimum=0.0,
         applies=AT_START,
     )
     thresholds: tuple[float, ...] = setting(
         (),
-        'Sudden external torques above which a joint is touched, as the status has them after '
-        f'calibrate; empty: none is told before calibrate. {PER_JOINT}',
+        'High-pass of the external torque above which a joint is in contact, as the status has '
+        f'them after calibrate; empty: no contact is detected before calibrate. {PER_JOINT}',
         unit='N m or N',
         minimum=0.0,
         applies=AT_START,
@@ -50,6 +50,6 @@ class MonitorSettings(Settings):
         applies=AT_START,
     )
     hold_s: float = setting(
-        0.5, 'How long a contact is told at least.', unit='s', minimum=0.0, applies=AT_START
+        0.5, 'How long a contact is published at least.', unit='s', minimum=0.0, applies=AT_START
     )
     executor: str = setting('events', EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)

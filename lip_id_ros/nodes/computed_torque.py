@@ -47,7 +47,7 @@ class ComputedTorqueNode(GuardedNode):
         self.create_timer(STATUS_PERIOD_S, self._publish_status, clock=steady)
 
     def stop(self) -> None:
-        """Nothing to let go of: an arm that hears no torque takes its brakes."""
+        """Do nothing: an arm without torques takes its brakes."""
 
     def _on_plan(self, plan: JointTrajectory) -> None:
         try:

@@ -28,7 +28,7 @@ def stamp_at(nanoseconds: int) -> Time:
 
 
 def is_zero(stamp: Time) -> bool:
-    """Tell whether a stamp was left empty, which in a trajectory means now."""
+    """Return whether a stamp was left empty, which in a trajectory means now."""
     return bool(stamp.sec == 0 and stamp.nanosec == 0)
 
 

@@ -48,7 +48,7 @@ DIAGNOSTICS = QoSProfile(
 
 
 def misfits(node: Node) -> list[str]:
-    """Name the publishers that a node does not hear, since their quality of service is lower."""
+    """Describe publishers whose quality of service is too low for a subscription of the node."""
     return [
         f'{publisher.node_name} publishes {subscription.topic_name} with a quality of service '
         f'that does not fit: {reason}'

@@ -145,7 +145,7 @@ def _wait_for_subscribers(node: Node, publishers: Sequence[Any]) -> None:
     deadline = time.monotonic() + SUBSCRIBER_SECONDS
     while not any(publisher.get_subscription_count() for publisher in publishers):
         if time.monotonic() > deadline:
-            node.get_logger().warning('nobody listens; published all the same')
+            node.get_logger().warning('no subscriber found; published all the same')
             return
         time.sleep(0.05)
     time.sleep(0.5)  # the other side finds the publisher a little later

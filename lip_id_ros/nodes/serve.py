@@ -138,7 +138,7 @@ class ServeNode(GuardedNode, LifecycleNode):
             self.trigger_activate()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Load the model; on failure the node stays unconfigured and says why."""
+        """Load the model; after a failure the node stays unconfigured and its status has why."""
         settings = self._settings()
         try:
             self._inputs.configure(settings)

@@ -38,7 +38,7 @@ RESIDUAL_TOPIC = 'torque_residual'
 
 class Outputs:
     """
-    Publishers that speak while the node is active.
+    Publishers, which are active while the node is.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ class StatusPublisher:
         return Status(status.level, status.summary, values)
 
     def _with_misfits(self, status: Status) -> Status:
-        """Warn of publishers that the node does not hear for their quality of service."""
+        """Warn of publishers whose quality of service is too low."""
         misfits = qos.misfits(self._node)
         if not misfits or status.level != OK:
             return status
