@@ -23,6 +23,6 @@ def test_every_parameter_has_one_line() -> None:
     names = [line.split('`')[1] for line in lines if line.startswith('| `')]
     assert names == [name for table in node_parameters().values() for name in table]
     assert (
-        '| `recording.effort_offset` | double array | `[]` | >= -1e+09 and <= 1e+09 | N m or N | at '
-        'the next fit or data set | Added to the scaled effort, per joint; empty for 0. |'
+        '| `recording.effort_offset` | double array | `[]` | >= -1e+09 and <= 1e+09 | N m or N | '
+        'at the next fit or data set | Added to the scaled effort, per joint; empty for 0. |'
     ) in lines
