@@ -87,12 +87,21 @@ def _report(found: Identified) -> dict[str, Any]:
         'descents': found.descents,
         'unexplained_left_out': found.unexplained.tolist(),
         'covariance_inflation': found.inflation,
+        'outliers': found.outliers,
+        'elected_twists_deg': _twists(found),
+        'elected_meeting_axes': found.geometry.meets.tolist(),
         'remainder': joints,
         'friction': [list(names) for names in found.arm.friction.names()],
         'noise_std': found.arm.noise.std.tolist(),
         'device': 'cpu',
         'device_note': '',
     }
+
+
+def _twists(found: Identified) -> list[float | None]:
+    """Return the twists that were elected to be quarter turns, None where free [degrees]."""
+    twists = np.degrees(found.geometry.twists)
+    return [None if np.isnan(twist) else round(float(twist)) for twist in twists]
 
 
 def _range(dataset: Dataset) -> tuple[Array, Array]:
