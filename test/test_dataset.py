@@ -311,6 +311,15 @@ def test_concatenate_refuses_other_arms(changes: dict[str, Any], sentence: str) 
         concatenate([dataset(), dataset(**changes)])
 
 
+def test_concatenate_keeps_the_segments_of_three_data_sets_apart() -> None:
+    one = dataset()
+    joined = concatenate([one, one, one])
+    each = np.unique(one.segment).size
+    assert np.unique(joined.segment).tolist() == list(range(3 * each))
+    assert (np.diff(joined.segment) >= 0).all()
+    assert np.unique(joined.recording).size == 3 * np.unique(one.recording).size
+
+
 def test_concatenate_refuses_nothing() -> None:
     with pytest.raises(DataError, match=r'^at least one data set is needed to concatenate'):
         concatenate([])

@@ -9,13 +9,16 @@ from gp.processes import process_of
 import numpy as np
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp import sign_width
 from lip_id_ros.gp.fitting import make_kernel
 from lip_id_ros.gp.initialisation import initial_hyperparameters, SIGN_SHARE
 from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.sign_width import FACTORS, with_likely_sign_widths
 from lip_id_ros.identification import fit
+from lip_id_ros.kernels import TorquePrior
 from lip_id_ros.kernels.per_joint import Friction
 from lip_id_ros.settings import FitSettings
 
@@ -67,3 +70,43 @@ def test_without_friction_nothing_changes() -> None:
     kernel = make_kernel(data, FitSettings(friction=False), 'recursive')
     at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
     assert with_likely_sign_widths(kernel, at, data) is kernel
+
+
+def test_values_are_likelihoods_of_the_matrix_with_another_vector() -> None:
+    rng = np.random.default_rng(5)
+    now, *tried = rng.standard_normal((4, 12))
+    rest = np.diag(rng.uniform(0.5, 2.0, 12))
+    y = rng.standard_normal(12)
+    found = sign_width._values(rest + np.outer(now, now), y, now, *tried)
+    expected = []
+    for z in tried:
+        matrix = rest + np.outer(z, z)
+        expected.append(0.5 * (y @ np.linalg.solve(matrix, y) + np.linalg.slogdet(matrix)[1]))
+    np.testing.assert_allclose(np.diff(found), np.diff(expected), atol=1e-9)
+
+
+def test_each_joint_is_judged_with_the_widths_found_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    data = with_friction([0.01, 0.4])
+    kernel = make_kernel(data, FitSettings(), 'recursive')
+    at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
+    grams: list[Array] = []
+    values = sign_width._values
+
+    def seen(gram: Array, *vectors: Array) -> list[float]:
+        grams.append(gram.copy())
+        return values(gram, *vectors)
+
+    monkeypatch.setattr(sign_width, '_values', seen)
+    (found,) = with_likely_sign_widths(kernel, at, data).per_joint
+    (old,) = kernel.per_joint
+    assert isinstance(found, Friction)
+    assert isinstance(old, Friction)
+    assert found.sign_width[0] != old.sign_width[0]
+    widths = old.sign_width.copy()
+    widths[0] = found.sign_width[0]
+    after_first = replace(kernel, per_joint=(Friction(widths),))
+    states = after_first.states(data.q, data.dq, data.ddq)
+    expected = TorquePrior(after_first, at).noisy_gram(states)
+    np.testing.assert_allclose(grams[1], expected, rtol=1e-9, atol=1e-12 * expected.max())
