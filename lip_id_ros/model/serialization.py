@@ -27,7 +27,7 @@ from lip_id_ros.kernels import (
     Weights,
 )
 from lip_id_ros.kernels.features import PRISMATIC, REVOLUTE
-from lip_id_ros.kernels.program import with_potential_after
+from lip_id_ros.kernels.program import unit_weights, with_potential_after
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.checked_file import Arrays, contradiction
 from lip_id_ros.model.effort_calibration import EffortCalibration
@@ -35,6 +35,7 @@ from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 
 REMAINDER = ('x', 'length', 'noise', 'variance', 'left_out_std', 'alpha', 'friction')
+CONTRADICTIONS = (AttributeError, IndexError, KeyError, TypeError, ValueError, LipIdError)
 INPUTS = ('centre', 'scale', 'sign_width')
 
 
@@ -43,7 +44,7 @@ def contradictions(path: str | os.PathLike[str]) -> Iterator[None]:
     """Raise ModelError where contents do not fit together."""
     try:
         yield
-    except (KeyError, TypeError, ValueError, LipIdError) as error:
+    except CONTRADICTIONS as error:
         raise contradiction(path, error) from error
 
 
@@ -212,9 +213,11 @@ def process_from(
         If its parts contradict each other.
 
     """
+    energy = _energy_kernel(entry, len(types))
+    expect(arrays, _process_shapes(energy, entry['per_joint']))
     basis = JointBasis(tuple(types), arrays['basis_centre'], arrays['basis_half_range'])
     per_joint = tuple(_per_joint(name, basis, arrays) for name in entry['per_joint'])
-    kernel = TorqueKernel(_energy_kernel(entry, len(types)), basis, per_joint)
+    kernel = TorqueKernel(energy, basis, per_joint)
     hyperparameters = Hyperparameters(
         weights=Weights(*(arrays[f'weights_{name}'] for name in Weights._fields)),
         per_joint=tuple(arrays[f'{name}_parameters'] for name in entry['per_joint']),
@@ -224,6 +227,23 @@ def process_from(
     expect(arrays, {'tau': states.q.shape, 'alpha': states.q.shape})
     prior = TorquePrior(kernel, hyperparameters)
     return TorquePosterior(prior, states, arrays['tau'], arrays['alpha'])
+
+
+def _process_shapes(
+    energy: EnergyKernel, per_joint: Sequence[str]
+) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the arrays of a process: compiled loops do not check them."""
+    n = energy.n_joints
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
+        ('basis_centre', 'basis_half_range', 'noise_variance'), (n,)
+    )
+    weights = unit_weights(energy)._asdict()
+    shapes |= {f'weights_{name}': values.shape for name, values in weights.items()}
+    if 'friction' in per_joint:
+        shapes |= {'friction_parameters': (n, 3), 'friction_sign_width': (n,)}
+    if 'residual' in per_joint:
+        shapes |= {'residual_parameters': (n, 4), 'residual_scales': (2, n)}
+    return shapes
 
 
 def _energy_kernel(entry: Mapping[str, Any], n_joints: int) -> EnergyKernel:
