@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
@@ -85,13 +85,10 @@ def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Ou
 
     """
     predictions, eigenvalues = [], []
-    for begin in range(0, dataset.n_samples, BLOCK):
-        rows = slice(begin, begin + BLOCK)
-        predictions.append(model.predict(dataset.q[rows], dataset.dq[rows], dataset.ddq[rows]))
+    for q, dq, ddq in _state_blocks(dataset, BLOCK, 'predict', progress):
+        predictions.append(model.predict(q, dq, ddq))
         if isinstance(model, DynamicsModel):
-            matrices = model.inertia_matrix(dataset.q[rows])
-            eigenvalues.append(np.linalg.eigvalsh(matrices)[:, 0])
-        progress('predict', min(begin + BLOCK, dataset.n_samples), dataset.n_samples)
+            eigenvalues.append(np.linalg.eigvalsh(model.inertia_matrix(q))[:, 0])
     smallest = np.concatenate(eigenvalues) if eigenvalues else None
     return Outcome(dataset, _joined(predictions), smallest)
 
@@ -111,17 +108,21 @@ def standard_deviation(
         Called after every block of samples.
 
     """
-    blocks = []
-    for begin in range(0, dataset.n_samples, STD_BLOCK):
-        rows = slice(begin, begin + STD_BLOCK)
-        found = model.predict(
-            dataset.q[rows], dataset.dq[rows], dataset.ddq[rows], return_std=True
-        )
-        if found.std is not None:
-            blocks.append(found.std)
-        done = min(begin + STD_BLOCK, dataset.n_samples)
-        progress('standard deviation', done, dataset.n_samples)
-    return _joined(blocks)
+    blocks = [
+        model.predict(*states, return_std=True).std
+        for states in _state_blocks(dataset, STD_BLOCK, 'standard deviation', progress)
+    ]
+    return _joined([block for block in blocks if block is not None])
+
+
+def _state_blocks(
+    dataset: Dataset, size: int, stage: str, progress: Progress
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield joint states, `size` samples at a time, and report each block as done."""
+    for begin in range(0, dataset.n_samples, size):
+        rows = slice(begin, begin + size)
+        yield dataset.q[rows], dataset.dq[rows], dataset.ddq[rows]
+        progress(stage, min(begin + size, dataset.n_samples), dataset.n_samples)
 
 
 def _joined(blocks: Sequence[Blocks]) -> Blocks:
