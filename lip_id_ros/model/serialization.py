@@ -229,9 +229,7 @@ def process_from(
     return TorquePosterior(prior, states, arrays['tau'], arrays['alpha'])
 
 
-def _process_shapes(
-    energy: EnergyKernel, per_joint: Sequence[str]
-) -> dict[str, tuple[int, ...]]:
+def _process_shapes(energy: EnergyKernel, per_joint: Sequence[str]) -> dict[str, tuple[int, ...]]:
     """Return the shapes of the arrays of a process: compiled loops do not check them."""
     n = energy.n_joints
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(

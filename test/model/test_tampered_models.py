@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from model.models import ARTICULATED, random_model
+from model.models import random_model
 import numpy as np
 import pytest
 
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_npz
-
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.checked_file import MODEL, write_checked
+from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 
 
 @pytest.fixture(params=[ARTICULATED, 'recursive'])
