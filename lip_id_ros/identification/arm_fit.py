@@ -23,6 +23,7 @@ from lip_id_ros.identification.friction_election import elect_friction, ElectedF
 from lip_id_ros.identification.kinematic_calibration import (
     PlacementProblem,
     Placements,
+    placements_residual,
     Samples,
 )
 from lip_id_ros.identification.placement_search import (
@@ -45,6 +46,9 @@ MOST_SAMPLES, SEARCH_SAMPLES, START_SAMPLES, FEW_SAMPLES = 1000, 500, 150, 100
 """
 Of the fit, of the refinement of placements, of the comparison of starts, and of the search.
 """
+
+MOST_COVERED, CHUNK = 10_000, 5000
+"""Samples among which others are chosen, and samples whose features are in memory together."""
 
 SIGN_WIDTH = 0.05
 """Width of the first smooth sign, as a share of each joint's root mean square velocity."""
@@ -110,12 +114,21 @@ class ArmFitter:
         self.link_scale = scale_of(float(self.link_std[0, 0]), LENGTH)
         torque = dataset.tau.std(axis=0)
         self.torque_std = np.where(torque > 0.0, torque, 1.0)
+        self._chosen: dict[int, Dataset] = {}
         self._reference = self.some(SEARCH_SAMPLES)
         self.least_noise = FINEST * self.torque_std
 
     def some(self, count: int) -> Dataset:
         """Return so many of the samples, well spread."""
-        return self.dataset.select(covering(self.dataset, count))
+        if count not in self._chosen:
+            self._chosen[count] = self.dataset.select(covering(self.dataset, count))
+        return self._chosen[count]
+
+    def thinned(self, most: int) -> ArmFitter:
+        """Return a fitter of at most so many samples, at even distances."""
+        if self.dataset.n_samples <= most:
+            return self
+        return ArmFitter(self.dataset.select(evenly(self.dataset.n_samples, most)))
 
     def calibrated(self, seed: int, progress: Progress) -> Calibration:
         """Find the placements of the joints, with viscous and Coulomb friction and offsets."""
@@ -127,8 +140,13 @@ class ArmFitter:
 
     def residual(self, placements: Placements) -> Array:
         """Return the residuals of a calibration at all samples, shape (N, n) [N m or N]."""
-        samples = self._plain_samples(self.dataset)
-        return PlacementProblem(samples, self.torque_std).residual(placements)
+        count = self.dataset.n_samples
+        return np.concatenate(
+            [
+                placements_residual(placements, self._plain_samples(self.dataset.select(rows)))
+                for rows in np.array_split(np.arange(count), -(-count // CHUNK))
+            ]
+        )
 
     def _plain_samples(self, dataset: Dataset) -> Samples:
         """Return samples with viscous and Coulomb friction and offsets."""
@@ -259,8 +277,16 @@ def _features(dataset: Dataset, basis: FrictionBasis, arm: tuple[Chain, Array] |
     return friction_features(basis, dataset.q, dataset.dq, load)
 
 
+def evenly(count: int, most: int) -> IndexArray:
+    """Return row numbers at even distances, at most so many."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).astype(np.intp))
+
+
 def covering(dataset: Dataset, count: int) -> IndexArray:
     """Return rows that cover positions, velocities and accelerations, in the order of time."""
+    if dataset.n_samples > MOST_COVERED:
+        rows = evenly(dataset.n_samples, MOST_COVERED)
+        return np.asarray(rows[covering(dataset.select(rows), count)])
     revolute = np.array(dataset.joint_types) == 'revolute'
     angles, shifts = dataset.q[:, revolute], dataset.q[:, ~revolute]
     states = [np.sin(angles), np.cos(angles), shifts, dataset.dq, dataset.ddq]

@@ -11,7 +11,7 @@ from lip_id_ros.identification.simple_geometry import candidates, Geometry, toge
 MOST_LOSS = 0.01
 """Increase of the logarithm of left-out errors per joint that simple geometry may cost."""
 
-MOST_TRIALS = 8
+MOST_TRIALS, ELECTION_SAMPLES = 8, 5000
 ROUNDS = (20,)
 """Evaluations of the descent of a trial."""
 
@@ -30,6 +30,7 @@ def elect_geometry(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
         Without a geometry.
 
     """
+    fitter = fitter.thinned(ELECTION_SAMPLES)
     _, arm, left_out = posterior(fitter, fit)
     offers = [geometry for _, geometry in candidates(arm.chain, arm.covariance_root)]
     election = _Election(fitter, _score(left_out) + MOST_LOSS * fitter.dataset.n_joints)

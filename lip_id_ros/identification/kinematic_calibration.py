@@ -197,18 +197,17 @@ class PlacementProblem:
         """Descend from given placements."""
         return minimise(self, self.at(rotations, translations), evaluations, TOLERANCE)
 
-    def residual(self, point: Placements) -> Array:
-        """Return the residual of each joint, shape (N, n) [N m or N]."""
-        samples = self._samples
-        links = point.link_parameters(samples).ravel()
-        torque = torque_regressor(point.chain, *samples.state) @ links
-        return np.asarray(
-            samples.tau - torque - samples.friction @ point.friction_coefficients(samples)
-        )
-
     def residual_rms(self, point: Placements) -> Array:
         """Return the root mean square residual of each joint, shape (n,) [N m or N]."""
         weights = self._samples.weights
-        weighted = weights * self.residual(point) ** 2
+        weighted = weights * placements_residual(point, self._samples) ** 2
         sums: Array = weighted.sum(axis=0) / weights.sum(axis=0)
         return np.sqrt(sums)
+
+
+def placements_residual(placements: Placements, samples: Samples) -> Array:
+    """Return the residuals of samples, shape (N, n) [N m or N]."""
+    links = placements.link_parameters(samples).ravel()
+    torque = torque_regressor(placements.chain, *samples.state) @ links
+    friction = samples.friction @ placements.friction_coefficients(samples)
+    return np.asarray(samples.tau - torque - friction)

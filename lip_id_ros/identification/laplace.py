@@ -44,7 +44,7 @@ DAMPINGS = (1e-1, 1.0)
 Of the Gauss-Newton steps, in squares of the columns: what the data do not tell must not run away.
 """
 
-STEPS = 3
+STEPS = 2
 
 
 @dataclass(frozen=True, eq=False)
