@@ -39,7 +39,7 @@ PARTS = {
     'identification': {
         *('dataset', 'friction', 'gp', 'linear_algebra', 'model', 'rigid_body', 'settings'),
     },
-    'export': {'friction', 'kernels', 'model', 'rigid_body'},
+    'export': {'friction', 'identification', 'model', 'rigid_body'},
     'evaluation': {
         *('dataset', 'health', 'identification', 'linear_algebra', 'model', 'recording'),
         *('rigid_body', 'settings'),

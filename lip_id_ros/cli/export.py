@@ -61,11 +61,13 @@ def run(args: argparse.Namespace) -> None:
     name = identifier(Path(args.model).stem if args.name is None else args.name)
     exported = describe(model, name)
     console = output.console()
+    remainder = exported.remainder
+    left_out = [] if remainder is None else [f'Left out: {remainder}.']
+    of_what = 'the model' if remainder is None else 'the links and friction in the file'
     for format_name, target in targets.items():
         written = write(format_name, target, exported)
-        show_lines([f'Written: {target}', *written.warnings], console)
+        show_lines([f'Written: {target}', *left_out], console)
         if args.check:
             agreement = written.check(model, STATES)
-            of_what = 'the model' if written.is_whole else 'the links and friction in the file'
             show_lines([agreement.sentence(of_what)], console)
             agreement.require(AGREED)

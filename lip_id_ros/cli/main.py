@@ -7,11 +7,22 @@ from collections.abc import Sequence
 import os
 import sys
 
-from lip_id_ros.cli import bench, compare, dataset, evaluate, export, fit, inspect, predict, track
+from lip_id_ros.cli import (
+    bench,
+    compare,
+    dataset,
+    evaluate,
+    export,
+    fit,
+    inspect,
+    payload,
+    predict,
+    track,
+)
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.escaping import printable
 
-VERBS = (fit, evaluate, dataset, inspect, predict, export, bench, compare, track)
+VERBS = (fit, evaluate, dataset, inspect, predict, export, payload, bench, compare, track)
 FAILED = 1
 INTERRUPTED = 130  # as shells report a program ended by Ctrl-C
 EPILOG = """\

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.errors import ModelError
-from lip_id_ros.friction.model import DriveTerm, FrictionBasis
+from lip_id_ros.friction.model import DriveTerm, FrictionModel
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.consistent_links import consistent_links
 from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.regressor import potential_regressor, torque_regressor
-
-EXACT = 1e-10
-"""Relative change of torques that is rounding."""
-LARGEST_CHANGE = 0.05
-"""Relative change of torques above which links are not those of the fit any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +57,7 @@ class ArmDescription:
     chain : Chain
     links : array, shape (n, 11)
         Parameters of the links, as in `Chain`'s frames.
-    friction : FrictionBasis
-    coefficients : array
-        Of the friction.
+    friction : FrictionModel
     ranges : JointRanges
     potential_reference : array, shape (n,)
         Positions at which the potential energy is zero [rad or m].
@@ -78,8 +70,7 @@ class ArmDescription:
     joint_names: tuple[str, ...]
     chain: Chain
     links: Array
-    friction: FrictionBasis
-    coefficients: Array
+    friction: FrictionModel
     ranges: JointRanges
     potential_reference: Array
     remarks: tuple[str, ...] = ()
@@ -97,31 +88,13 @@ class ArmDescription:
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the torques of links and friction, shape (N, n) [N m or N]."""
         load = torque_regressor(self.chain, q, dq, ddq) @ self.links.ravel()
-        return load + self.friction_torque(q, dq, load, self.friction.terms)
+        return np.asarray(load + self.friction.torque(q, dq, load))
 
-    def friction_torque(
-        self, q: Array, dq: Array, load: Array, terms: tuple[DriveTerm, ...]
-    ) -> Array:
-        """
-        Return the torques of some of the terms of the friction, shape (N, n) [N m or N].
-
-        Parameters
-        ----------
-        q, dq : arrays, shape (N, n)
-        load : array, shape (N, n)
-            Torques of the links.
-        terms : tuple of DriveTerm
-            Any of `friction.terms`.
-
-        """
-        out = np.zeros_like(dq)
-        for part, place in zip(self.friction.terms, self.friction.slices, strict=True):
-            if part in terms:
-                features = part.term.features(part.drive.state(q, dq, load))
-                torque = features @ self.coefficients[place]
-                for joint, ratio in zip(part.drive.joints, part.drive.ratios, strict=True):
-                    out[:, joint] += ratio * torque
-        return out
+    def friction_terms(self) -> Iterator[tuple[DriveTerm, Array]]:
+        """Yield the terms of friction with their coefficients."""
+        basis = self.friction.basis
+        for part, place in zip(basis.terms, basis.slices, strict=True):
+            yield part, self.friction.coefficients[place]
 
     def reference_potential(self) -> float:
         """Return the potential energy of the links at the reference, relative to the base [J]."""
@@ -132,37 +105,6 @@ class ArmDescription:
         """Return the same arm in frames by the convention of Denavit and Hartenberg."""
         chain, links = with_standard_frames(self.chain, self.links)
         return replace(self, chain=_contiguous(chain), links=np.ascontiguousarray(links))
-
-    def with_consistent_links(self) -> ArmDescription:
-        """
-        Return the arm with links that can exist; a remark says where that changes torques.
-
-        Raises
-        ------
-        ModelError
-            If it changes the torque of a joint by more than 5 %.
-
-        """
-        found = consistent_links(self.chain, self.links)
-        worst = int(np.argmax(found.torque_change))
-        change = (
-            f'{100.0 * found.torque_change[worst]:.2g} % at {self.joint_names[worst]} (root mean '
-            'square over random states)'
-        )
-        if found.torque_change[worst] > LARGEST_CHANGE:
-            raise ModelError(
-                'links that can exist were expected, but those of the model cannot, and the '
-                f'nearest ones change torques by up to {change}; export --c, which needs no such '
-                'links, or fit with more motion of that joint.'
-            )
-        remarks = self.remarks
-        if found.torque_change[worst] > EXACT:
-            remark = (
-                'No links that can exist have the torques of the fit: the nearest ones change '
-                f'torques by up to {change}.'
-            )
-            remarks = (*remarks, remark)
-        return replace(self, links=found.parameters, remarks=remarks)
 
 
 def _contiguous(chain: Chain) -> Chain:

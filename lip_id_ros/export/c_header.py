@@ -99,8 +99,8 @@ def _link(arm: ArmDescription, i: int) -> str:
 
 def _friction(arm: ArmDescription) -> list[str]:
     by_drive: dict[Drive, list[tuple[str, float, Column]]] = {}
-    for part, place in zip(arm.friction.terms, arm.friction.slices, strict=True):
-        columns = zip(arm.coefficients[place], part.term.columns(), strict=True)
+    for part, coefficients in arm.friction_terms():
+        columns = zip(coefficients, part.term.columns(), strict=True)
         features = [(part.term.name, float(factor), column) for factor, column in columns]
         by_drive.setdefault(part.drive, []).extend(features)
     lines = []

@@ -18,7 +18,7 @@ from lip_id_ros.errors import LipIdError, ModelError
 from lip_id_ros.export import mjcf, urdf
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import split_friction, term_name
-from lip_id_ros.friction.model import DriveTerm
+from lip_id_ros.friction.model import DriveTerm, FrictionModel
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
 COMPILERS = ('cc', 'gcc', 'clang')
@@ -157,7 +157,7 @@ def check_c_header(text: str, arm: ArmDescription, tau: Array, states: Array) ->
         energies = np.empty((2, count))
         arrays = [np.ascontiguousarray(x) for x in states] + [found, *energies]
         library.torques(count, *(ctypes.c_void_p(x.ctypes.data) for x in arrays))
-    return _agreement('C', found, arm, tau, states, ())
+    return _agreement('C', found, arm, tau, states, None)
 
 
 def compile_c(text: str, arm: ArmDescription, folder: Path) -> Path:
@@ -195,7 +195,7 @@ def compile_c(text: str, arm: ArmDescription, folder: Path) -> Path:
 def _smooth_signs(arm: ArmDescription, dq: Array) -> Array:
     """Return the sign that the arm's Coulomb friction has, shape (N, n); the readers have none."""
     signs = np.sign(dq)
-    for part in arm.friction.terms:
+    for part in arm.friction.basis.terms:
         if part.term.name == 'Coulomb' and len(part.drive.joints) == 1:
             joint = part.drive.joints[0]
             state = part.drive.state(dq, dq, dq)
@@ -209,14 +209,17 @@ def _agreement(
     arm: ArmDescription,
     tau: Array,
     states: Array,
-    left_out: tuple[DriveTerm, ...],
+    left_out: FrictionModel | None,
 ) -> Agreement:
-    q, dq, ddq = states
-    load = torque_regressor(arm.chain, q, dq, ddq) @ arm.links.ravel()
-    expected = tau - arm.friction_torque(q, dq, load, left_out)
+    expected: Array = tau
+    terms: tuple[DriveTerm, ...] = ()
+    if left_out is not None:
+        q, dq, ddq = states
+        load = torque_regressor(arm.chain, q, dq, ddq) @ arm.links.ravel()
+        expected, terms = tau - left_out.torque(q, dq, load), left_out.basis.terms
     largest = np.abs(tau).max(axis=0)
     difference = np.abs(found - expected).max(axis=0) / np.where(largest > 0.0, largest, 1.0)
-    return Agreement(reader, difference, left_out, len(tau))
+    return Agreement(reader, difference, terms, len(tau))
 
 
 def _import_pinocchio() -> Any:

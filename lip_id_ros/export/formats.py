@@ -31,20 +31,18 @@ class Format(NamedTuple):
         Writes an arm.
     check : callable
         Evaluates what was written.
-    consistent : bool
-        Whether readers refuse links that cannot exist.
 
     """
 
     text: Callable[[ArmDescription], str]
     check: Callable[[str, ArmDescription, Array, Array], Agreement]
-    consistent: bool
 
 
+HEADER = 'c'
 FORMATS = {
-    'urdf': Format(to_urdf, check_urdf, True),
-    'mjcf': Format(to_mjcf, check_mjcf, True),
-    'c': Format(to_c_header, check_c_header, False),
+    'urdf': Format(to_urdf, check_urdf),
+    'mjcf': Format(to_mjcf, check_mjcf),
+    HEADER: Format(to_c_header, check_c_header),
 }
 
 
@@ -56,42 +54,27 @@ class Written:
     Attributes
     ----------
     form : Format
-    arm : ArmDescription
-        As it was written.
     exported : Exported
-        As it came from the model.
     text : str
 
     """
 
     form: Format
-    arm: ArmDescription
     exported: Exported
     text: str
-
-    @property
-    def warnings(self) -> list[str]:
-        """What was changed or left out on the way."""
-        changed = [x for x in self.arm.remarks if x not in self.exported.arm.remarks]
-        remainder = self.exported.remainder
-        return changed + ([] if remainder is None else [f'Left out: {remainder}.'])
 
     def check(self, model: DynamicsModel, count: int) -> Agreement:
         """
         Compare what others read with the model, at random states in the range of the recordings.
 
-        Where the model has more than links and friction, or its links cannot exist, what was
-        written is compared with itself as evaluated here.
+        Where the model has more than links and friction, their own torques are compared.
 
         """
-        states = self.arm.ranges.random_states(count, np.random.default_rng(0))
-        tau = model.predict(*states).tau if self.is_whole else self.arm.torque(*states)
-        return self.form.check(self.text, self.arm, tau, states)
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether the torques are those of the model: nothing was changed or left out."""
-        return self.exported.remainder is None and self.arm.remarks == self.exported.arm.remarks
+        arm = self.exported.arm
+        states = arm.ranges.random_states(count, np.random.default_rng(0))
+        whole = self.exported.remainder is None
+        tau = model.predict(*states).tau if whole else arm.torque(*states)
+        return self.form.check(self.text, arm, tau, states)
 
 
 def write(name: str, path: str | os.PathLike[str], exported: Exported) -> Written:
@@ -108,15 +91,13 @@ def write(name: str, path: str | os.PathLike[str], exported: Exported) -> Writte
         If the file cannot be written.
 
     """
-    form, arm = FORMATS[name], exported.arm
-    if form.consistent:
-        arm = arm.with_consistent_links()
-    elif exported.remainder is not None:
+    form = FORMATS[name]
+    if name == HEADER and exported.remainder is not None:
         raise ModelError(
             f'the C header has links and friction only, but the model also has '
             f'{exported.remainder}; fit with more data, or export --urdf or --mjcf, which leave '
             'that out.'
         )
-    text = form.text(arm)
+    text = form.text(exported.arm)
     write_whole(path, text.encode())
-    return Written(form, arm, exported, text)
+    return Written(form, exported, text)

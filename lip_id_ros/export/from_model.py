@@ -66,30 +66,33 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
             'which no other program evaluates; fit with the default kernel.'
         )
     remainder = _remainder(model)
-    left_out = () if remainder is None else (f'Left out: {remainder}.',)
+    remarks = [BASE_PARAMETERS, RECORDED]
+    remarks += [] if model.has_potential else [NO_GRAVITY]
+    remarks += [] if remainder is None else [f'Left out: {remainder}.']
+    still = np.zeros(model.n_joints)
     arm = ArmDescription(
         name=name,
         joint_names=model.joint_names,
         chain=model.arm.chain,
         links=model.arm.links,
-        friction=model.arm.friction.basis,
-        coefficients=model.arm.friction.coefficients,
+        friction=model.arm.friction,
         ranges=_ranges(model),
-        potential_reference=(
-            model.potential_reference if model.has_potential else np.zeros(model.n_joints)
-        ),
-        remarks=(BASE_PARAMETERS, RECORDED, *(() if model.has_potential else (NO_GRAVITY,)))
-        + left_out,
+        potential_reference=model.potential_reference if model.has_potential else still,
+        remarks=tuple(remarks),
     )
     return Exported(arm.in_standard_frames(), remainder)
 
 
 def _remainder(model: InverseDynamicsModel) -> str | None:
-    if model.remainder is None:
+    remainder = model.remainder
+    if remainder is None:
         return None
-    joints = zip(model.joint_names, model.remainder.joints, strict=True)
-    named = ', '.join(name for name, has in joints if has)
-    return f'the Gaussian processes of the torques of {named}'
+    names = np.array(model.joint_names)
+    beside = names[(remainder.length > 0.0) & ~remainder.replaces].tolist()
+    instead = names[remainder.replaces].tolist()
+    parts = [f'beside links and friction at {", ".join(beside)}'] if beside else []
+    parts += [f'instead of them at {", ".join(instead)}'] if instead else []
+    return f'Gaussian processes {" and ".join(parts)}'
 
 
 def _ranges(model: InverseDynamicsModel) -> JointRanges:

@@ -54,7 +54,7 @@ def to_mjcf(arm: ArmDescription) -> str:
     Parameters
     ----------
     arm : ArmDescription
-        In standard frames, with links that can exist.
+        In standard frames.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def to_mjcf(arm: ArmDescription) -> str:
 
     """
     friction = split_friction(arm, FRICTION)
-    remarks = (*REMARKS, *left_out_remark(arm, friction.left_out, 'MJCF'))
+    remarks = (*REMARKS, *left_out_remark(arm, friction.left_out.basis.terms, 'MJCF'))
     root = ET.Element('mujoco', {'model': arm.name})
     ET.SubElement(root, 'compiler', COMPILER)
     option = {'gravity': numbers(arm.chain.gravity), 'integrator': 'implicitfast'}

@@ -11,7 +11,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription
-from lip_id_ros.friction.model import DriveTerm
+from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
 from lip_id_ros.rigid_body.denavit_hartenberg import table
 
 ROUNDING = 1e-15
@@ -29,13 +29,13 @@ class FrictionSplit(NamedTuple):
     ----------
     values : tuple of dict
         Coefficient by name of term, one mapping per joint.
-    left_out : tuple of DriveTerm
+    left_out : FrictionModel
         Terms that the format cannot express.
 
     """
 
     values: tuple[dict[str, float], ...]
-    left_out: tuple[DriveTerm, ...]
+    left_out: FrictionModel
 
 
 def number(value: float) -> str:
@@ -59,20 +59,21 @@ def split_friction(arm: ArmDescription, terms: Collection[str]) -> FrictionSplit
     arm : ArmDescription
     terms : collection of str
         Names of the terms with one coefficient that the format can express. No format expresses
-        terms of coupled joints, nor negative coefficients, which would drive the joint.
+        terms of coupled joints, nor springs that push away from the middle.
 
     """
     values: tuple[dict[str, float], ...] = tuple({} for _ in arm.joint_names)
-    left_out = []
-    for part, place in zip(arm.friction.terms, arm.friction.slices, strict=True):
-        coefficients = arm.coefficients[place]
-        single = len(part.drive.joints) == 1 and part.drive.ratios[0] == 1.0
+    rest: list[tuple[DriveTerm, Array]] = []
+    for part, coefficients in arm.friction_terms():
+        single = part.drive == Drive.of_joint(part.drive.joints[0])
         if single and part.term.name in terms and coefficients[0] >= 0.0:
             own = values[part.drive.joints[0]]
             own[part.term.name] = own.get(part.term.name, 0.0) + float(coefficients[0])
         else:
-            left_out.append(part)
-    return FrictionSplit(values, tuple(left_out))
+            rest.append((part, coefficients))
+    basis = FrictionBasis(arm.n_joints, tuple(part for part, _ in rest))
+    coefficients = np.concatenate([np.zeros(0), *(own for _, own in rest)])
+    return FrictionSplit(values, FrictionModel(basis, coefficients))
 
 
 def term_name(part: DriveTerm) -> str:

@@ -51,12 +51,12 @@ def to_urdf(arm: ArmDescription) -> str:
     Parameters
     ----------
     arm : ArmDescription
-        In standard frames, with links that can exist.
+        In standard frames.
 
     """
     friction = split_friction(arm, FRICTION)
     ET.register_namespace('drake', DRAKE)
-    remarks = (*REMARKS, *left_out_remark(arm, friction.left_out, 'URDF'))
+    remarks = (*REMARKS, *left_out_remark(arm, friction.left_out.basis.terms, 'URDF'))
     root = ET.Element('robot', {'name': arm.name})
     ET.SubElement(root, 'link', {'name': BASE})
     for i in range(arm.n_joints):

@@ -16,10 +16,9 @@ from scipy.linalg import solve_triangular
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.friction.model import FrictionBasis
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.consistent_links import newton_step
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
@@ -29,36 +28,9 @@ MASS, LENGTH = 10.0, 0.3
 """Prior standard deviations of a payload's mass [kg] and of where it is [m]."""
 PRIOR_STD = MASS * np.repeat([1.0, LENGTH, LENGTH**2], [1, 3, 6])
 ROUNDS, BLOCKS = 4, 20
+ROUNDING = 1e-14
 BARRIERS, ITERATIONS, CONVERGED, SHORTEST = (1.0, 0.1, 0.01), 50, 1e-8, 1e-10
 LEAST_SAMPLES = 50
-
-
-@dataclass(frozen=True, eq=False)
-class KnownArm:
-    """
-    An arm without its payload.
-
-    Attributes
-    ----------
-    chain : Chain
-    links : array, shape (n, 11)
-    friction : FrictionBasis
-    coefficients : array
-        Of the friction.
-
-    """
-
-    chain: Chain
-    links: Array
-    friction: FrictionBasis
-    coefficients: Array
-
-    def friction_torque(self, q: Array, dq: Array, load: Array) -> Array:
-        """Return the torques of friction, shape (N, n), at torques of the links of that shape."""
-        features = self.friction.features(q, dq, load)
-        columns = self.friction.columns()
-        pairs = zip(features, columns, strict=True)
-        return np.stack([rows @ self.coefficients[own] for rows, own in pairs], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,13 +81,18 @@ class Payload:
         return about_origin - self.mass * (c @ c * np.eye(3) - np.outer(c, c))
 
 
-def identify_payload(arm: KnownArm, dataset: Dataset) -> Payload:
+def identify_payload(
+    chain: Chain, links: Array, friction: FrictionModel, dataset: Dataset
+) -> Payload:
     """
     Find what is attached to an arm.
 
     Parameters
     ----------
-    arm : KnownArm
+    chain : Chain
+    links : array, shape (n, 11)
+        Of the arm without the payload.
+    friction : FrictionModel
     dataset : Dataset
         Of the arm with its payload, in the order of time.
 
@@ -137,13 +114,13 @@ def identify_payload(arm: KnownArm, dataset: Dataset) -> Payload:
             f'{dataset.n_samples} came; record some seconds of motion.'
         )
     state = [np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq)]
-    regressor = torque_regressor(arm.chain, *state)
-    own = regressor @ arm.links.ravel()
+    regressor = torque_regressor(chain, *state)
+    own = regressor @ links.ravel()
     features = regressor[:, :, -LINK_PARAMETERS:-1]
     body, std = np.zeros(BODY), np.std(dataset.tau, axis=0)
     for _ in range(ROUNDS):
         load = own + features @ body
-        target = dataset.tau - own - arm.friction_torque(state[0], state[1], load)
+        target = dataset.tau - own - friction.torque(state[0], state[1], load)
         std = np.where(std > 0.0, std, 1.0)
         root, right = _normal_root(features / std[:, None], target / std)
         body = _existing(root, right)
@@ -195,7 +172,7 @@ class _BarrierProblem:
             gradient = self._root.T @ (self._root @ at - self._right)
             gradient -= barrier * np.trace(inner, axis1=1, axis2=2)
             curvature = barrier * np.einsum('kab,lba->kl', inner, inner)
-            step = newton_step(self._root.T @ self._root + curvature, gradient)
+            step = _newton_step(self._root.T @ self._root + curvature, gradient)
             decrease = float(-gradient @ step)
             if decrease < CONVERGED:
                 break
@@ -229,3 +206,10 @@ def _sandwich(root: Array, scores: Array) -> Array:
     # The prior is what is known of directions that the motion does not show.
     spread = sums.T @ sums + np.diag(PRIOR_STD**-2.0)
     return np.asarray(hessian_inverse @ spread @ hessian_inverse)
+
+
+def _newton_step(hessian: Array, gradient: Array) -> Array:
+    """Solve in units of the diagonal, with as much of it added as rounding takes away."""
+    scale = np.sqrt(np.diagonal(hessian))
+    scaled = hessian / np.multiply.outer(scale, scale) + ROUNDING * np.eye(len(hessian))
+    return np.asarray(-np.linalg.solve(scaled, gradient / scale) / scale)

@@ -43,7 +43,18 @@ def named(text: str) -> set[str]:
 
 @pytest.mark.parametrize(
     'verb',
-    ['fit', 'evaluate', 'dataset', 'inspect', 'predict', 'export', 'bench', 'compare', 'track'],
+    [
+        'fit',
+        'evaluate',
+        'dataset',
+        'inspect',
+        'predict',
+        'export',
+        'payload',
+        'bench',
+        'compare',
+        'track',
+    ],
 )
 def test_options_are_those_of_the_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):

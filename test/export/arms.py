@@ -7,7 +7,14 @@ from rigid_body.arms import links_of, random_bodies, random_chain
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription, JointRanges
-from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, plain_friction
+from lip_id_ros.friction.model import (
+    Drive,
+    DriveTerm,
+    FrictionBasis,
+    FrictionModel,
+    plain_friction,
+)
+from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import (
     Asymmetric,
     Coulomb,
@@ -21,6 +28,10 @@ from lip_id_ros.friction.terms import (
     Spring,
     Stribeck,
 )
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.model.effort_calibration import EffortCalibration
+from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.simulation.panda import panda_urdf
 
@@ -37,7 +48,7 @@ EXTRA: tuple[FrictionTerm, ...] = (
 )
 
 
-def every_friction(n: int, rng: np.random.Generator) -> tuple[FrictionBasis, Array]:
+def every_friction(n: int, rng: np.random.Generator) -> FrictionModel:
     """Give every joint plain friction, and one joint or another every other term."""
     widths = rng.uniform(0.02, 0.1, n)
     terms = plain_friction(n, widths.tolist()).terms
@@ -45,21 +56,19 @@ def every_friction(n: int, rng: np.random.Generator) -> tuple[FrictionBasis, Arr
     if n > 1:
         terms += (DriveTerm(Drive((n - 1, n - 2), (1.0, -0.5)), Coulomb(0.04)),)
     basis = FrictionBasis(n, terms)
-    return basis, rng.uniform(0.1, 1.0, basis.size)
+    return FrictionModel(basis, rng.uniform(0.1, 1.0, basis.size))
 
 
 def describe(name: str, chain: Chain, links: Array, seed: int = 0) -> ArmDescription:
     """Add friction of all kinds."""
     n, rng = len(links), np.random.default_rng(seed)
-    friction, coefficients = every_friction(n, rng)
     reach = np.where(chain.prismatic, 0.4, 2.5)
     return ArmDescription(
         name=name,
         joint_names=tuple(f'joint_{i + 1}' for i in range(n)),
         chain=chain,
         links=links,
-        friction=friction,
-        coefficients=coefficients,
+        friction=every_friction(n, rng),
         ranges=JointRanges(-reach, 0.9 * reach, reach, 4.0 * reach, np.full(n, 80.0)),
         potential_reference=0.1 * np.arange(n, dtype=np.float64),
         remarks=('A remark with -- and */ in it.',),
@@ -86,3 +95,46 @@ def random_arm(kinds: str, seed: int = 0) -> ArmDescription:
 def arm_of(name: str) -> ArmDescription:
     """Return an arm by name."""
     return panda() if name == 'panda' else random_arm(name)
+
+
+def model_of(arm: ArmDescription) -> InverseDynamicsModel:
+    """Return a model that knows an arm exactly."""
+    n = arm.n_joints
+    coordinates = 17 * n + arm.friction.basis.size
+    low = np.stack([arm.ranges.q_min, -arm.ranges.dq_max, -arm.ranges.ddq_max])
+    high = np.stack([arm.ranges.q_max, arm.ranges.dq_max, arm.ranges.ddq_max])
+    return InverseDynamicsModel(
+        joint_names=arm.joint_names,
+        joint_types=tuple('prismatic' if x else 'revolute' for x in arm.chain.prismatic),
+        potential_reference=arm.potential_reference,
+        training_range=(low, high),
+        n_samples=100,
+        largest_torque=arm.ranges.tau_max,
+        effort_calibrations=(EffortCalibration.identity(n),),
+        arm=ArmPosterior(
+            arm.chain,
+            arm.links,
+            arm.friction,
+            TorqueNoise.constant(np.full(n, 0.05)),
+            1e-9 * np.eye(coordinates),
+        ),
+    )
+
+
+def remainder_of(arm: ArmDescription) -> Remainder:
+    """Return a process beside the first joint's links, and one in place of the second's."""
+    n, rng = arm.n_joints, np.random.default_rng(0)
+    states = rng.standard_normal((3, 5, n))
+    inputs = Inputs.of(~arm.chain.prismatic, *states)
+    has = np.arange(n) < 2
+    return Remainder(
+        inputs=inputs,
+        x=inputs(*states),
+        length=np.where(has, 1.0, 0.0),
+        noise=np.full(n, 0.1),
+        variance=np.ones(n),
+        left_out_std=np.full(n, 0.1),
+        replaces=np.arange(n) == 1,
+        alpha=has * rng.standard_normal((5, n)),
+        friction=np.zeros((n, 3)),
+    )

@@ -58,7 +58,8 @@ def test_an_arm_without_gravity_stays_one(name: str) -> None:
 def test_a_wrong_file_is_found(name: str, what: str) -> None:
     """The check does not compare a file with itself."""
     arm = random_arm('RRR')
-    links, chain, coefficients = arm.links.copy(), arm.chain, arm.coefficients.copy()
+    links, chain = arm.links.copy(), arm.chain
+    coefficients = arm.friction.coefficients.copy()
     if what == 'mass':
         links[2, 0] *= 1.001
     elif what == 'rotor':
@@ -68,7 +69,8 @@ def test_a_wrong_file_is_found(name: str, what: str) -> None:
     else:
         translations = chain.translations + np.array([[0.0], [1e-3], [0.0]])
         chain = chain._replace(translations=translations)
-    wrong = replace(arm, links=links, chain=chain, coefficients=coefficients)
+    friction = replace(arm.friction, coefficients=coefficients)
+    wrong = replace(arm, links=links, chain=chain, friction=friction)
     states = arm.ranges.random_states(50, np.random.default_rng(1))
     form = FORMATS[name]
     found = form.check(form.text(wrong), arm, arm.torque(*states), states)
@@ -95,20 +97,6 @@ def test_what_a_format_cannot_express_is_named(name: str) -> None:
         assert f'{term} (' in flat
     if name != 'c':
         assert 'coupled Coulomb (joint_7 with joint_6)' in flat
-
-
-@EACH_FORMAT
-def test_negative_coefficients_drive_no_reader(name: str) -> None:
-    """Of a fit without bounds: left out of the formats whose readers take them for friction."""
-    arm = random_arm('RR')
-    coefficients = arm.coefficients.copy()
-    coefficients[:2] = -0.3
-    arm = replace(arm, coefficients=coefficients)
-    found = agreement(name, arm, 200)
-    assert found.difference.max() < 1e-12
-    if name != 'c':
-        joints = [x.drive.joints for x in found.left_out if x.term.name in ('viscous', 'Coulomb')]
-        assert joints[:2] == [(0,), (0,)]
 
 
 @EACH_FORMAT

@@ -21,7 +21,7 @@ def test_words_of_mujoco() -> None:
     arm = random_arm('RPRRRR')
     model = compiled(to_mjcf(arm))
     np.testing.assert_array_equal(model.dof_armature, arm.links[:, ROTOR])
-    np.testing.assert_array_equal(model.dof_frictionloss, arm.coefficients[1:18:3])
+    np.testing.assert_array_equal(model.dof_frictionloss, arm.friction.coefficients[1:18:3])
     np.testing.assert_array_equal(model.jnt_range[:, 0], arm.ranges.q_min)
     np.testing.assert_array_equal(model.opt.gravity, arm.chain.gravity)
     names = [model.joint(i).name for i in range(6)]

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from lip_id_ros.export.text import number, roll_pitch_yaw
 from lip_id_ros.export.urdf import rotor_inertias, to_urdf
 from lip_id_ros.rigid_body.chain import ROTOR
+from lip_id_ros.rigid_body.regressor import torque_regressor
 
 pinocchio = pytest.importorskip('pinocchio')
 
@@ -34,8 +35,8 @@ def test_it_says_what_was_recorded() -> None:
         assert values == [r.q_min[i], r.q_max[i], r.dq_max[i], r.tau_max[i]]
         dynamics = joint.find('dynamics')
         assert dynamics is not None
-        assert float(dynamics.get('damping', 'nan')) == arm.coefficients[3 * i]
-        assert float(dynamics.get('friction', 'nan')) == arm.coefficients[3 * i + 1]
+        assert float(dynamics.get('damping', 'nan')) == arm.friction.coefficients[3 * i]
+        assert float(dynamics.get('friction', 'nan')) == arm.friction.coefficients[3 * i + 1]
     np.testing.assert_array_equal(rotor_inertias(root, arm.joint_names), arm.links[:, ROTOR])
 
 
@@ -66,6 +67,26 @@ def test_check_urdf_reads_it(kinds: str, tmp_path: Path) -> None:
     ran = subprocess.run(['check_urdf', file], capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert f'joint_{len(kinds)}_link' in ran.stdout
+
+
+@pytest.mark.parametrize('kinds', ['RRRRRR', 'RPRPRR'])
+def test_mujoco_reads_it(kinds: str) -> None:
+    """Links and damping are those of the URDF; MuJoCo ignores its transmissions."""
+    mujoco = pytest.importorskip('mujoco')
+    arm = random_arm(kinds)
+    model = mujoco.MjModel.from_xml_string(to_urdf(arm))
+    flags = mujoco.mjtDisableBit
+    model.opt.disableflags |= flags.mjDSBL_FRICTIONLOSS | flags.mjDSBL_LIMIT
+    model.opt.gravity[:] = arm.chain.gravity
+    model.dof_armature[:] = arm.links[:, ROTOR]
+    data = mujoco.MjData(model)
+    viscous = arm.friction.coefficients[: 3 * len(kinds) : 3]
+    for q, dq, ddq in arm.ranges.random_states(20, np.random.default_rng(0)).transpose(1, 0, 2):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+        mujoco.mj_inverse(model, data)
+        regressor = torque_regressor(arm.chain, q[None], dq[None], ddq[None])[0]
+        expected = regressor @ arm.links.ravel() + viscous * dq
+        np.testing.assert_allclose(data.qfrc_inverse, expected, rtol=1e-10, atol=1e-10)
 
 
 @pytest.mark.parametrize('seed', range(20))

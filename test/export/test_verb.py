@@ -9,16 +9,12 @@ import subprocess
 
 from baselines.panda_runs import runs
 from evaluation.models import small_model
-from export.arms import random_arm
+from export.arms import model_of, random_arm, remainder_of
 import numpy as np
 import pytest
 
 from lip_id_ros.cli import main
-from lip_id_ros.errors import ModelError
 from lip_id_ros.identification import fit
-from lip_id_ros.rigid_body.chain import ROTOR
-from lip_id_ros.rigid_body.consistent_links import are_consistent
-from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import SmoothFrictionTorque
 
 pytest.importorskip('pinocchio')
@@ -33,7 +29,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     friction = SmoothFrictionTorque(np.full(3, 0.5), np.full(3, 0.3), 0.05)
     training, _ = runs(3, 200, friction, noise=0.01)
     path = tmp_path_factory.mktemp('export') / 'panda3.npz'
-    fit(training, FitSettings(subset=60, max_samples=150, iterations=20)).save(path)
+    fit(training).save(path)
     return path
 
 
@@ -92,22 +88,6 @@ def test_what_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_links_that_cannot_exist_are_refused() -> None:
-    """A negative rotor, which the URDF cannot have; the C header takes it as it is."""
-    arm = random_arm('RRR')
-    links = arm.links.copy()
-    links[2, ROTOR] = -0.5
-    impossible = replace(arm, links=links)
-    with pytest.raises(
-        ModelError, match=r'the nearest ones change torques by up to .* at joint_3'
-    ):
-        impossible.with_consistent_links()
-    links[2, ROTOR] = -1e-3
-    nearly = replace(arm, links=links).with_consistent_links()
-    assert 'No links that can exist have the torques of the fit' in nearly.remarks[-1]
-    assert are_consistent(nearly.links)
-
-
 def test_a_model_without_links_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -116,3 +96,19 @@ def test_a_model_without_links_is_refused(
     assert main(['export', str(path), '--urdf', str(tmp_path / 'a.urdf')]) == 1
     assert 'rigid links were expected, but the model has the kernel' in capsys.readouterr().err
     assert not (tmp_path / 'a.urdf').exists()
+
+
+def test_a_remainder_is_left_out_of_urdf_and_refused_in_c(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, arm = tmp_path / 'arm.npz', random_arm('RRR')
+    replace(model_of(arm), remainder=remainder_of(arm)).save(path)
+    assert main(['export', str(path), '--urdf', str(tmp_path / 'a.urdf'), '--check']) == 0
+    shown = ' '.join(capsys.readouterr().out.split())
+    assert 'Left out: ' in shown
+    assert 'joint_1' in shown[shown.index('Left out: ') :]
+    assert 'pinocchio gives the torques of the links and friction in the file' in shown
+    assert 'Left out: ' in (tmp_path / 'a.urdf').read_text()
+    assert main(['export', str(path), '--c', str(tmp_path / 'a.h')]) == 1
+    assert 'the C header has links and friction only' in capsys.readouterr().err
+    assert not (tmp_path / 'a.h').exists()

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from export.arms import every_friction, random_arm
+from dataclasses import replace
+
+from export.arms import random_arm
 import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.identification.payload import identify_payload, KnownArm, Payload
+from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.identification.payload import identify_payload, Payload
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
@@ -25,14 +29,18 @@ def body() -> Array:
     return np.array([MASS, *(MASS * CENTRE), *inertia[np.triu_indices(3)]])
 
 
-def arm_of(kinds: str, seed: int = 5) -> KnownArm:
+def arm_of(kinds: str, seed: int = 5) -> ArmDescription:
     arm = random_arm(kinds, seed)
-    friction, coefficients = every_friction(len(kinds), np.random.default_rng(0))
-    return KnownArm(arm.chain, arm.links, friction, 0.1 * coefficients)
+    coefficients = 0.1 * arm.friction.coefficients
+    return replace(arm, friction=FrictionModel(arm.friction.basis, coefficients))
+
+
+def payload_of(arm: ArmDescription, dataset: Dataset) -> Payload:
+    return identify_payload(arm.chain, arm.links, arm.friction, dataset)
 
 
 def recorded(
-    arm: KnownArm, payload: Array, seed: int, noise: float, correlated: int = 1
+    arm: ArmDescription, payload: Array, seed: int, noise: float, correlated: int = 1
 ) -> Dataset:
     """Simulate 20 s at 100 Hz of sinusoids."""
     rng = np.random.default_rng(seed)
@@ -46,8 +54,8 @@ def recorded(
     links[-1, :10] += payload
     load = torque_regressor(arm.chain, q, dq, ddq) @ links.ravel()
     white = rng.standard_normal((len(t) // correlated, n))
-    tau = load + arm.friction_torque(q, dq, load) + noise * np.repeat(white, correlated, axis=0)
-    names = tuple(f'joint_{i}' for i in range(n))
+    tau = load + arm.friction.torque(q, dq, load) + noise * np.repeat(white, correlated, axis=0)
+    names = tuple(f'joint_{i + 1}' for i in range(n))
     types = tuple('prismatic' if slides else 'revolute' for slides in arm.chain.prismatic)
     return Dataset(
         t=t,
@@ -64,7 +72,7 @@ def recorded(
 @pytest.mark.parametrize('kinds', ['RRRRRR', 'PRRRR', 'RRRRRRR'])
 def test_one_kilogram_at_five_centimetres(kinds: str) -> None:
     arm = arm_of(kinds)
-    found = identify_payload(arm, recorded(arm, body(), 0, NOISE))
+    found = payload_of(arm, recorded(arm, body(), 0, NOISE))
     assert found.mass == pytest.approx(MASS, rel=0.01)
     np.testing.assert_allclose(found.centre, CENTRE, atol=2e-3)
     assert abs(found.mass - MASS) < 4.0 * found.mass_std
@@ -75,7 +83,7 @@ def test_one_kilogram_at_five_centimetres(kinds: str) -> None:
 def test_without_noise_all_ten_numbers_are_found() -> None:
     """Also the load-dependent friction, which grows with the payload."""
     arm = arm_of('RRRRRR')
-    found = identify_payload(arm, recorded(arm, body(), 0, 0.0))
+    found = payload_of(arm, recorded(arm, body(), 0, 0.0))
     np.testing.assert_allclose(found.parameters, body(), atol=1e-6)
 
 
@@ -84,7 +92,7 @@ def test_deviations_are_those_of_the_errors() -> None:
     arm = arm_of('RRRRR')
     errors = []
     for seed in range(40):
-        found = identify_payload(arm, recorded(arm, body(), seed, NOISE, correlated=10))
+        found = payload_of(arm, recorded(arm, body(), seed, NOISE, correlated=10))
         errors.append((found.parameters - body()) / np.sqrt(np.diagonal(found.covariance)))
     spread = np.sqrt(np.mean(np.square(errors)))
     assert 0.8 < spread < 1.4
@@ -94,15 +102,15 @@ def test_what_the_motion_does_not_show_is_uncertain() -> None:
     """Arms with parallel vertical axes feel neither a height nor a mass alone."""
     arm = arm_of('RRR')
     chain = arm.chain._replace(rotations=np.stack([np.eye(3)] * 3))
-    scara = KnownArm(chain, arm.links, arm.friction, arm.coefficients)
-    found = identify_payload(scara, recorded(scara, body(), 0, NOISE))
+    scara = replace(arm, chain=chain)
+    found = payload_of(scara, recorded(scara, body(), 0, NOISE))
     assert found.centre_std[2] > 1.0
     assert found.centre_std[:2].max() < 0.1
 
 
 def test_nothing_attached_is_a_body_of_no_mass() -> None:
     arm = arm_of('RRRRRR')
-    found = identify_payload(arm, recorded(arm, np.zeros(10), 1, NOISE))
+    found = payload_of(arm, recorded(arm, np.zeros(10), 1, NOISE))
     assert 0.0 < found.mass < 0.02
     assert np.linalg.eigvalsh(pseudo_inertia(found.parameters))[0] > -1e-12
 
@@ -110,7 +118,7 @@ def test_nothing_attached_is_a_body_of_no_mass() -> None:
 def test_too_few_samples() -> None:
     arm = arm_of('RRR')
     with pytest.raises(DataError, match='at least 50 samples were expected to find a payload'):
-        identify_payload(arm, recorded(arm, body(), 0, NOISE).select(np.arange(49)))
+        payload_of(arm, recorded(arm, body(), 0, NOISE).select(np.arange(49)))
 
 
 def test_the_centre_has_the_deviation_of_its_ratio() -> None:

@@ -1,0 +1,103 @@
+"""A payload in a model, in a flange's frame, and as `lip_id payload` writes it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from export.arms import model_of, random_arm
+from identification.test_payload import body, NOISE, recorded
+import numpy as np
+import pytest
+import yaml
+
+from lip_id_ros.cli import main
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.export.payload import attached, payload_in_flange
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.identification.payload import Payload
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
+from lip_id_ros.rigid_body.regressor import torque_regressor
+
+KINDS = 'RRRRRR'
+N = len(KINDS)
+
+
+def arm() -> ArmDescription:
+    described = random_arm(KINDS, seed=5)
+    coefficients = 0.1 * described.friction.coefficients
+    return replace(described, friction=FrictionModel(described.friction.basis, coefficients))
+
+
+def motion() -> Dataset:
+    return recorded(arm(), body(), 0, NOISE)
+
+
+def known() -> Payload:
+    rng = np.random.default_rng(0)
+    factor = 1e-3 * rng.standard_normal((10, 10))
+    return Payload(body(), factor @ factor.T)
+
+
+def test_the_model_has_the_payload() -> None:
+    before, payload = model_of(arm()), known()
+    after = attached(before, payload)
+    q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 10, N))
+    assert before.arm is not None
+    columns = torque_regressor(before.arm.chain, q, dq, ddq)[:, :, -11:-1]
+    added = after.inertia_matrix(q) - before.inertia_matrix(q)
+    still = np.zeros_like(q)
+    inertial = columns - torque_regressor(before.arm.chain, q, dq, still)[:, :, -11:-1]
+    expected = inertial @ body()
+    np.testing.assert_allclose(np.einsum('tij,tj->ti', added, ddq), expected, atol=1e-10)
+    std = after.predict(q, dq, ddq, return_std=True).std
+    assert std is not None
+    spread = np.einsum('tik,kl,til->ti', columns, payload.covariance, columns)
+    load = np.sqrt(spread)  # the load-dependent friction adds to it
+    assert (std.tau > 0.99 * load).all()
+
+
+def test_the_frame_of_the_flange() -> None:
+    """A point mass 0.1 m beyond the flange's origin, turned with it."""
+    chain = random_arm(KINDS, seed=5).chain
+    point = np.array([2.0, *(2.0 * np.array([0.0, 0.1, 0.3])), *np.zeros(6)])
+    c = point[1:4] / 2.0
+    inertia = 2.0 * (c @ c * np.eye(3) - np.outer(c, c))
+    point[4:] = inertia[np.triu_indices(3)]
+    links = np.zeros((N, 11))
+    links[-1, :10] = point
+    standard = with_standard_frames(chain, links)[1][-1]
+    found = payload_in_flange(chain, Payload(point, np.eye(10)), 0.0, 0.0)
+    np.testing.assert_allclose(found.parameters, standard[:10], atol=1e-12)
+    x, y, z = found.centre
+    turned = payload_in_flange(chain, Payload(point, np.eye(10)), 0.2, 90.0)
+    np.testing.assert_allclose(turned.centre, [y, -x, z - 0.2], atol=1e-12)
+    np.testing.assert_allclose(turned.inertia, 0.0, atol=1e-12)
+    assert turned.mass == pytest.approx(2.0)
+
+
+def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    motion().save(tmp_path / 'run.npz')
+    model_of(arm()).save(tmp_path / 'arm.npz')
+    files = ['--yaml', str(tmp_path / 'load.yaml'), '-o', str(tmp_path / 'loaded.npz')]
+    assert main(['payload', str(tmp_path / 'arm.npz'), str(tmp_path / 'run.npz'), *files]) == 0
+    assert 'mass' in capsys.readouterr().out
+    content = yaml.safe_load((tmp_path / 'load.yaml').read_text())
+    assert content['mass'] == pytest.approx(1.0, rel=0.01)
+    assert content['franka_set_load']['load_mass'] == content['mass']
+    assert content['ur_script'].startswith('set_target_payload(')
+    assert len(content['franka_set_load']['load_inertia']) == 9
+    loaded = InverseDynamicsModel.load(tmp_path / 'loaded.npz')
+    data = motion()
+    residual = loaded.predict(data.q, data.dq, data.ddq).tau - data.tau
+    assert np.sqrt(np.mean(residual**2)) < 1.1 * NOISE
+    assert main(['payload', str(tmp_path / 'loaded.npz'), str(tmp_path / 'run.npz')]) == 0
+
+
+@pytest.mark.parametrize('text', ['1', '1,2,3', 'a,b'])
+def test_a_flange_is_two_numbers(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(['payload', 'arm.npz', 'bag', '--flange', text])
+    assert 'two numbers with a comma between them were expected' in capsys.readouterr().err
