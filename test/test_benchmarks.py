@@ -9,9 +9,10 @@ from evaluation.models import small_model
 import numpy as np
 import pytest
 
-from benchmarks import panda_monte_carlo
+from benchmarks import long_recording, panda_monte_carlo
 from benchmarks.__main__ import available, main
 from benchmarks.query_million import ALLOWED_BLOCKS
+from lip_id_ros.recording import read_bag
 
 pytest.importorskip('pinocchio', reason='the simulated arm needs pinocchio')
 
@@ -67,3 +68,17 @@ def test_queries_leave_nothing_in_memory(tmp_path: Path) -> None:
     assert first['calls'] == 3000
     assert first['blocks'] <= ALLOWED_BLOCKS  # one a call would be 3000
     assert all(0 < row['median'] <= row['p99'] <= row['longest'] for row in (first, *others))
+
+
+def test_long_recordings_hold_the_motion_that_is_measured(tmp_path: Path) -> None:
+    long_recording.write(tmp_path / 'bag', 12_345)
+    samples = read_bag(tmp_path / 'bag')
+    expected = long_recording.motion(np.arange(12_345) / long_recording.RATE_HZ)
+    for name, values in zip(('position', 'velocity', 'effort'), expected, strict=True):
+        np.testing.assert_array_equal(getattr(samples, name), values)
+
+
+def test_peak_memory_is_that_of_the_process(tmp_path: Path) -> None:
+    row = long_recording.measured(['inspect', '--help'], str(tmp_path))
+    assert row['code'] == 0
+    assert 5.0 < row['peak_mb'] < 1000.0
