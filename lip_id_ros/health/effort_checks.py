@@ -165,5 +165,5 @@ def _explained(evidence: Evidence) -> Iterator[tuple[int, str, EffortRegression]
     if explanation is None:
         return
     for joint, name in enumerate(evidence.names):
-        if evidence.moves(joint) and np.ptp(evidence.samples.effort[:, joint]) > 0.0:
+        if evidence.moves(joint) and evidence.varies['effort'][joint]:
             yield joint, name, explanation

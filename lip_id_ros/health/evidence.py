@@ -102,6 +102,15 @@ class Evidence:
             if is_recorded
         }
 
+    @cached_property
+    def varies(self) -> dict[str, list[bool]]:
+        """Whether each joint's velocity and effort take more than one value."""
+        return {
+            signal: [bool(np.ptp(values) > 0.0) for _, _, values in self.columns(signal)]
+            for signal in ('velocity', 'effort')
+            if self.samples.n_samples
+        }
+
     def columns(self, signal: str) -> Iterator[tuple[int, str, Array]]:
         """Yield number, name and values of each joint, which may lie in a file."""
         for joint, name in enumerate(self.names):

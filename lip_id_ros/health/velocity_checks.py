@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 import math
 
-import numpy as np
-
 from lip_id_ros.health.evidence import Evidence
 from lip_id_ros.health.finding import check, JointText, Severity
 
@@ -49,12 +47,11 @@ def constant(evidence: Evidence) -> Iterator[JointText]:
     if not evidence.samples.has_velocity:
         return
     for joint, name in enumerate(evidence.names):
-        values = evidence.samples.velocity[:, joint]
-        if evidence.moves(joint) and np.ptp(values) == 0.0:
+        if evidence.moves(joint) and not evidence.varies['velocity'][joint]:
             yield (
                 name,
-                f'the velocity of {name} is {values[0]:g} throughout, although its position '
-                f'changes by {evidence.reach[joint]:.3g}',
+                f'the velocity of {name} is {evidence.samples.velocity[0, joint]:g} throughout, '
+                f'although its position changes by {evidence.reach[joint]:.3g}',
             )
 
 
@@ -127,8 +124,7 @@ def _compared(evidence: Evidence) -> Iterator[tuple[str, float, float, float]]:
     if agreement is None:
         return
     for joint, name in enumerate(evidence.names):
-        changes = np.ptp(evidence.samples.velocity[:, joint]) > 0.0
-        if evidence.speed[joint] > LEAST_SPEED and changes:
+        if evidence.speed[joint] > LEAST_SPEED and evidence.varies['velocity'][joint]:
             yield (
                 name,
                 float(agreement.scale[joint]),
