@@ -36,7 +36,7 @@ def with_friction(shares: list[float]) -> Dataset:
 
 @pytest.mark.parametrize('shares', [[0.01, 0.4], [0.4, 0.01]])
 def test_every_joint_has_a_width_of_its_own(shares: list[float]) -> None:
-    model = fit(with_friction(shares), FitSettings(iterations=10))
+    model = fit(with_friction(shares), FitSettings(kernel='recursive', iterations=10))
     (friction,) = process_of(model).prior.kernel.per_joint
     assert isinstance(friction, Friction)
     found = friction.sign_width / USUAL
@@ -47,7 +47,7 @@ def test_every_joint_has_a_width_of_its_own(shares: list[float]) -> None:
 
 def test_no_other_width_of_a_single_joint_is_likelier() -> None:
     data = with_friction([0.1, 0.3])
-    kernel = make_kernel(data, FitSettings(), 'recursive')
+    kernel = make_kernel(data, FitSettings(kernel='recursive'), 'recursive')
     at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
     (friction,) = with_likely_sign_widths(kernel, at, data).per_joint
     assert isinstance(friction, Friction)
@@ -89,7 +89,7 @@ def test_each_joint_is_judged_with_the_widths_found_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     data = with_friction([0.01, 0.4])
-    kernel = make_kernel(data, FitSettings(), 'recursive')
+    kernel = make_kernel(data, FitSettings(kernel='recursive'), 'recursive')
     at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
     grams: list[Array] = []
     values = sign_width._values
