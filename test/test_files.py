@@ -287,6 +287,8 @@ def claimed(shape: str) -> bytes:
         (archive(header_json=np.array('{"a": ' + '9' * 5000 + '}'), **ARRAYS), 'digit'),
         (b'', 'not an npz archive'),
     ],
+    # The bytes hold the time of their making: workers must agree on names.
+    ids=['huge', 'huge product', 'negative', 'deep', 'number', 'many digits', 'empty'],
 )
 def test_hostile_archives_are_refused(tmp_path: Path, content: bytes, sentence: str) -> None:
     (tmp_path / 'file.npz').write_bytes(content)
