@@ -130,7 +130,7 @@ def training_data_warnings(model: Any, dataset: Dataset) -> list[str]:
     Parameters
     ----------
     model : TorqueModel
-        With `provenance`, and `states` where it keeps samples.
+        With `provenance`, and `process` where it keeps samples; an arm keeps none.
     dataset : Dataset
         With the model's joints in the model's order.
 
@@ -140,7 +140,8 @@ def training_data_warnings(model: Any, dataset: Dataset) -> list[str]:
         Sentences; none where the data are new to the model.
 
     """
-    own = _rows(model.process.states) if hasattr(model, 'process') else _rows(dataset)[:0]
+    process = getattr(model, 'process', None)
+    own = _rows(process.states) if process else _rows(dataset)[:0]
     n_shared = int(np.isin(own, _rows(dataset)).sum())
     if n_shared:
         return [

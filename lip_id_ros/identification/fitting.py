@@ -20,6 +20,11 @@ from lip_id_ros.settings import FitSettings
 
 LEAST_SAMPLES = 10
 
+CPU_ALONE = (
+    'Fitted on the CPU instead of cuda: an arm is identified on the CPU; choose another kernel '
+    'for a device.'
+)
+
 WITHOUT_LINKS = 'recursive'
 """Kernel of data sets with too few samples to identify an arm."""
 
@@ -74,13 +79,13 @@ def _fitted(
     few = dataset.n_samples < LEAST_SAMPLES_PER_JOINT * dataset.n_joints
     if settings.kernel == ARTICULATED and not few:
         found = identify(dataset, settings.seed, progress)
-        return {'arm': found.arm, 'remainder': found.remainder}, _report(found)
+        return {'arm': found.arm, 'remainder': found.remainder}, _report(found, settings)
     kernel = WITHOUT_LINKS if settings.kernel == ARTICULATED else settings.kernel
     fitted = fit_process(dataset, settings, kernel, progress)
     return {'process': fitted.posterior}, fitted.report
 
 
-def _report(found: Identified) -> dict[str, Any]:
+def _report(found: Identified, settings: FitSettings) -> dict[str, Any]:
     joints = found.remainder.joints.tolist() if found.remainder else []
     return {
         'searches_agreed': found.searches_agreed,
@@ -94,7 +99,7 @@ def _report(found: Identified) -> dict[str, Any]:
         'friction': [list(names) for names in found.arm.friction.names()],
         'noise_std': found.arm.noise.std.tolist(),
         'device': 'cpu',
-        'device_note': '',
+        'device_note': '' if settings.device == 'cpu' else CPU_ALONE,
     }
 
 
