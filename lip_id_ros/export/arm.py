@@ -80,11 +80,6 @@ class ArmDescription:
         """Number of joints n."""
         return len(self.joint_names)
 
-    @property
-    def has_gravity(self) -> bool:
-        """Whether the torques have gravity in them."""
-        return bool(self.chain.gravity.any())
-
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the torques of links and friction, shape (N, n) [N m or N]."""
         load = torque_regressor(self.chain, q, dq, ddq) @ self.links.ravel()

@@ -54,11 +54,6 @@ class Geometry:
         """Return what fixes nothing."""
         return cls(np.full(n_joints, np.nan), np.zeros(n_joints, dtype=bool))
 
-    @property
-    def is_free(self) -> bool:
-        """Whether nothing is fixed."""
-        return bool(np.isnan(self.twists).all() and not self.meets.any())
-
     def projected(self, chain: Chain) -> Chain:
         """Return the nearest chain that has this geometry."""
         rotations, translations = chain.rotations.copy(), chain.translations.copy()
