@@ -45,7 +45,8 @@ PARTS = {
         *('rigid_body', 'settings'),
     },
     'baselines': {
-        *('dataset', 'gp', 'identification', 'kernels', 'linear_algebra', 'model', 'settings'),
+        *('dataset', 'friction', 'gp', 'identification', 'kernels', 'linear_algebra', 'model'),
+        *('rigid_body', 'settings'),
     },
     'comparison': {'baselines', 'settings', 'dataset', 'evaluation', 'model'},
     'signals': {'model', 'recording'},

@@ -76,6 +76,11 @@ LITERATURE = {
         'rigid_body',
         needs_urdf=True,
     ),
+    'rigid_body_friction': Entry(
+        'the same with the friction terms of the default fit, elected joint by joint',
+        'rigid_body_friction',
+        needs_urdf=True,
+    ),
     'semiparametric': Entry(
         'a Gaussian process per joint, rigid-body features and squared exponential',
         'single_output',

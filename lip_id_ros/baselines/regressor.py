@@ -15,11 +15,15 @@ from typing import Any
 
 import numpy as np
 import pinocchio
+from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.interface import State
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
+from lip_id_ros.rigid_body import Chain
+
+_Z = np.array([0.0, 0.0, 1.0])
 
 
 class Regressor:
@@ -93,6 +97,35 @@ class Regressor:
     def potential(self, q: Array) -> Array:
         """Return rows, shape (N, 10 n), whose product with the parameters is V [J]."""
         return self._each(pinocchio.computePotentialEnergyRegressor, q)
+
+    def chain(self) -> Chain:
+        """
+        Return the placements of the joints, with their axes along z.
+
+        Raises
+        ------
+        DataError
+            If the joints are no serial chain in the order of the data.
+
+        """
+        model, n = self._model, len(self._columns)
+        if self._columns != list(range(n)) or list(model.parents)[1:] != list(range(n)):
+            raise DataError(
+                f'joints in the order from base to tip were expected, but {self.state["place"]} '
+                f'has the order {", ".join(list(model.names)[1:])}; give the joints in that order.'
+            )
+        before, rotations, translations, prismatic = np.eye(3), [], [], []
+        for joint in range(1, n + 1):
+            place = model.jointPlacements[joint]
+            subspace = pinocchio.computeJointJacobian(model, self._data, self._neutral, joint)
+            linear, angular = subspace[:3, joint - 1], subspace[3:, joint - 1]
+            prismatic.append(not angular.any())
+            turn, _ = Rotation.align_vectors([linear if prismatic[-1] else angular], [_Z])
+            rotations.append(before.T @ place.rotation @ turn.as_matrix())
+            translations.append(before.T @ place.translation)
+            before = turn.as_matrix()
+        gravity = np.array(model.gravity.linear)
+        return Chain(np.array(rotations), np.array(translations), np.array(prismatic), gravity)
 
     def _each(self, algorithm: Callable[..., Any], q: Array, *rest: Array) -> Array:
         configurations = [

@@ -6,7 +6,7 @@ import argparse
 
 MODELS = (
     *('articulated', 'recursive', 'lip'),
-    *('se', 'gip', 'lse', 'delan', 'rigid_body', 'semiparametric'),
+    *('se', 'gip', 'lse', 'delan', 'rigid_body', 'rigid_body_friction', 'semiparametric'),
 )
 SOURCE_HELP = 'rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz'
 

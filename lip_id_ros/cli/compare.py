@@ -26,6 +26,7 @@ models:
   lse                          squared exponential on the Lagrangian
   delan                        deep Lagrangian network
   rigid_body, semiparametric   identification with known kinematics (--urdf)
+  rigid_body_friction          the same with the friction terms of articulated
 
 examples:
   lip_id compare my_bag -o out                         the last 30 % are the unseen motion

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.baselines import method
+from lip_id_ros.baselines.rigid_body_friction import RigidBodyFriction
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.progress import silent
@@ -47,6 +48,26 @@ def test_the_order_of_the_joints_is_that_of_the_data() -> None:
     np.testing.assert_allclose(
         learned.predict(other.q, other.dq, other.ddq).tau, other.tau, atol=1e-6
     )
+
+
+def test_elected_friction_beside_true_kinematics() -> None:
+    """Any axes of the URDF are those of the chain; what drives really have is elected."""
+    data, unseen = runs(3, 400, FRICTION)
+    extra = [5.0 * d.dq * np.abs(d.dq) * [1.0, 0.0, 0.0] for d in (data, unseen)]
+    data, unseen = (replace(d, tau=d.tau + e) for d, e in zip((data, unseen), extra, strict=True))
+    learned = method('rigid_body_friction', panda_urdf()).fit(data, SETTINGS, silent)
+    assert isinstance(learned, RigidBodyFriction)
+    found = learned.predict(unseen.q, unseen.dq, unseen.ddq)
+    # the simulated sign jumps, the elected one is smooth
+    assert metrics.nmse_percent(found.tau, unseen.tau).max() < 0.5
+    assert 'quadratic viscous' in learned.friction.names()[0]
+
+
+def test_joints_out_of_order_are_no_chain() -> None:
+    data, _ = runs(3, 60, FRICTION)
+    other = data.with_joints(data.joint_names[::-1])
+    with pytest.raises(DataError, match='joints in the order from base to tip were expected'):
+        method('rigid_body_friction', panda_urdf()).fit(other, SETTINGS, silent)
 
 
 def test_without_gravity_in_the_torques_there_is_none_in_the_model() -> None:

@@ -11,11 +11,11 @@ import sys
 
 from cli.conftest import Workshop
 from gp.processes import process_of
-from identification.test_friction_election import recording
 import numpy as np
 import pytest
 from simulation.pendulums import swing
 
+from benchmarks._drives import recording
 from lip_id_ros.baselines import MODELS
 from lip_id_ros.cli import arguments, main
 from lip_id_ros.dataset import Dataset

@@ -27,11 +27,7 @@ UR10_JOINTS = (
     *('shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint'),
     *('wrist_1_joint', 'wrist_2_joint', 'wrist_3_joint'),
 )
-SOURCES = {
-    UR10: UR10_JOINTS,
-    'unisa_ros2_bags/panda/panda_exciting_trajectory.db3': (),
-    'panda_gaz2019/exciting.csv': (),
-}
+PANDA = 'panda_gaz2019/exciting.csv'
 
 
 @cache
@@ -60,6 +56,6 @@ def test_predicts_unseen_motion_of_a_ur10(shared_data: Path) -> None:
     assert got.noise.ratio[5] > 4.0  # its last joint sticks twice for a second
 
 
-@pytest.mark.parametrize('source', SOURCES, ids=lambda source: Path(source).stem)
-def test_no_false_alarm(source: str, shared_data: Path) -> None:
-    assert diagnose_effort(loaded(shared_data / source, SOURCES[source])) == ()
+def test_no_false_alarm(shared_data: Path) -> None:
+    """`python -m benchmarks elections --data` looks at the other recordings too."""
+    assert diagnose_effort(loaded(shared_data / PANDA, ())) == ()

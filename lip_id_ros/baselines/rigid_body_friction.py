@@ -1,0 +1,115 @@
+"""Identification with known kinematics and with friction terms that are elected joint by joint."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.baselines.interface import Baseline, State
+from lip_id_ros.baselines.regressor import Regressor
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.identification.arm_fit import link_prior_std
+from lip_id_ros.identification.friction_election import elect_friction
+from lip_id_ros.model import TorquePrediction
+from lip_id_ros.progress import Progress
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.regressor import (
+    kinetic_regressor,
+    potential_regressor,
+    torque_regressor,
+)
+from lip_id_ros.settings import FitSettings
+
+STAGE = 'election of friction'
+
+
+class RigidBodyFriction(Baseline):
+    """
+    Torques and energies of identified parameters.
+
+    Parameters
+    ----------
+    joint_names, joint_types : sequence of str, n of them
+    chain : Chain
+    links : array, shape (n, 11)
+    friction : FrictionModel
+
+    """
+
+    has_potential = True
+
+    def __init__(
+        self,
+        joint_names: tuple[str, ...],
+        joint_types: tuple[str, ...],
+        chain: Chain,
+        links: Array,
+        friction: FrictionModel,
+    ) -> None:
+        super().__init__(joint_names, joint_types)
+        self._chain, self._links, self.friction = chain, links, friction
+
+    @property
+    def size(self) -> int:
+        """Number of numbers that the model keeps."""
+        return self._links.size + self.friction.coefficients.size
+
+    def predict(self, q: Array, dq: Array, ddq: Array) -> TorquePrediction:
+        """Return torques and both energies."""
+        q, dq, ddq = (np.ascontiguousarray(x) for x in (q, dq, ddq))
+        chain, links = self._chain, self._links.ravel()
+        load = torque_regressor(chain, q, dq, ddq) @ links
+        return TorquePrediction(
+            load + self.friction.torque(q, dq, load),
+            kinetic_regressor(chain, q, dq) @ links,
+            potential_regressor(chain, q) @ links,
+        )
+
+    def state(self) -> State:
+        """Return chain, links and friction."""
+        chain = {name: np.asarray(x) for name, x in self._chain._asdict().items()}
+        return {'chain': chain, 'links': self._links, 'friction': self.friction.to_json()}
+
+
+class Identification:
+    """
+    Least squares on rigid links and the friction terms that the default fit has on offer.
+
+    The rival that has everything of the default fit and the true kinematics: what is elected, and
+    how, is the same (`lip_id_ros.identification.friction_election`).
+
+    Parameters
+    ----------
+    urdf : path
+        Source of the kinematics.
+
+    """
+
+    def __init__(self, urdf: str | os.PathLike[str]) -> None:
+        self._urdf = urdf
+
+    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Baseline:
+        """Elect friction and identify from all samples."""
+        chain = Regressor.of(self._urdf, dataset).chain()
+        elected = elect_friction(dataset, chain, link_prior_std(dataset))
+        progress(STAGE, 1, 1)
+        names = dataset.joint_names, dataset.joint_types
+        return RigidBodyFriction(*names, chain, elected.link_parameters, elected.friction)
+
+
+def rigid_body_friction(urdf: str | os.PathLike[str]) -> Identification:
+    """Return the method of that name."""
+    return Identification(urdf)
+
+
+def read_rigid_body_friction(
+    joints: tuple[tuple[str, ...], tuple[str, ...]], state: State
+) -> RigidBodyFriction:
+    """Return the model of a state."""
+    places = state['chain']
+    chain = Chain(*(np.array(places[name]) for name in Chain._fields))
+    friction = FrictionModel.from_json(state['friction'])
+    return RigidBodyFriction(*joints, chain, state['links'], friction)
