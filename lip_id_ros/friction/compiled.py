@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IntArray
-from lip_id_ros.friction.model import Drive, FrictionModel
+from lip_id_ros.friction.model import Drive, FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
     ONE,
@@ -56,29 +57,42 @@ class CompiledFriction(NamedTuple):
     @classmethod
     def of(cls, friction: FrictionModel) -> CompiledFriction:
         """Compile friction; terms with coefficients of zero cost nothing."""
-        drives = _factors(friction)
-        parts = [
-            (drive, primitive, factor)
-            for drive, primitives in drives.items()
-            for primitive, factor in sorted(primitives.items())
+        drives = _factors(friction).items()
+        return _laid_out([(drive, sorted(p.items())) for drive, p in drives], friction.n_joints)
+
+    @classmethod
+    def features_of(cls, basis: FrictionBasis) -> CompiledFriction:
+        """Compile the features of a basis, each as a drive of its own with a coefficient of 1."""
+        columns = [
+            (part.drive, [(primitive, factor) for factor, primitive in column])
+            for part in basis.terms
+            for column in part.term.columns()
         ]
-        ratios = np.zeros((len(drives), friction.n_joints))
-        for row, drive in zip(ratios, drives, strict=True):
-            row[list(drive.joints)] = drive.ratios
-        sizes = [len(primitives) for primitives in drives.values()]
-        primitives = [primitive for _, primitive, _ in parts]
-        return cls(
-            ratios,
-            np.array([drive.joints[0] for drive in drives], dtype=np.int64),
-            np.cumsum(sizes, dtype=np.int64),
-            np.array([each.shape for each in primitives], dtype=np.int64),
-            np.array([each.side for each in primitives], dtype=np.int64),
-            np.array([each.position for each in primitives], dtype=np.int64),
-            np.array([each.width for each in primitives], dtype=np.float64),
-            np.array([each.harmonic for each in primitives], dtype=np.float64),
-            np.array([factor for _, _, factor in parts], dtype=np.float64),
-            np.array([each.loaded for each in primitives], dtype=np.bool_),
-        )
+        return _laid_out(columns, basis.n_joints)
+
+
+def _laid_out(
+    drives: Sequence[tuple[Drive, Sequence[tuple[Primitive, float]]]], n_joints: int
+) -> CompiledFriction:
+    """Lay the primitives of drives out in arrays, with the factor of each."""
+    ratios = np.zeros((len(drives), n_joints))
+    for row, (drive, _) in zip(ratios, drives, strict=True):
+        row[list(drive.joints)] = drive.ratios
+    sizes = [len(parts) for _, parts in drives]
+    every = [part for _, parts in drives for part in parts]
+    primitives = [primitive for primitive, _ in every]
+    return CompiledFriction(
+        ratios,
+        np.array([drive.joints[0] for drive, _ in drives], dtype=np.int64),
+        np.cumsum(sizes, dtype=np.int64),
+        np.array([each.shape for each in primitives], dtype=np.int64),
+        np.array([each.side for each in primitives], dtype=np.int64),
+        np.array([each.position for each in primitives], dtype=np.int64),
+        np.array([each.width for each in primitives], dtype=np.float64),
+        np.array([each.harmonic for each in primitives], dtype=np.float64),
+        np.array([factor for _, factor in every], dtype=np.float64),
+        np.array([each.loaded for each in primitives], dtype=np.bool_),
+    )
 
 
 def _factors(friction: FrictionModel) -> dict[Drive, dict[Primitive, float]]:
@@ -111,16 +125,69 @@ def add_friction(friction: CompiledFriction, q: Array, dq: Array, load: Array, o
     """
     first = 0
     for m in range(len(friction.ends)):
-        position = speed = 0.0
-        for j in range(len(q)):
-            position += friction.ratios[m, j] * q[j]
-            speed += friction.ratios[m, j] * dq[j]
-        torque = drive_friction(
-            friction, first, friction.ends[m], position, speed, abs(load[friction.bearing[m]])
-        )
+        torque = _torque_of_drive(friction, m, first, q, dq, load)
         first = friction.ends[m]
         for j in range(len(q)):
             out[j] += friction.ratios[m, j] * torque
+
+
+@jit
+def set_features(features: CompiledFriction, q: Array, dq: Array, load: Array, out: Array) -> None:
+    """
+    Set the features of friction at one state.
+
+    Parameters
+    ----------
+    features : CompiledFriction
+        By `CompiledFriction.features_of`.
+    q, dq, load : arrays, shape (n,)
+    out : array, shape (n, K)
+
+    """
+    first = 0
+    for k in range(len(features.ends)):
+        feature = _torque_of_drive(features, k, first, q, dq, load)
+        first = features.ends[k]
+        for j in range(len(q)):
+            out[j, k] = features.ratios[k, j] * feature
+
+
+@jit
+def _features(features: CompiledFriction, q: Array, dq: Array, load: Array) -> Array:
+    out = np.empty((*q.shape, len(features.ends)))
+    for t in range(len(q)):
+        set_features(features, q[t], dq[t], load[t], out[t])
+    return out
+
+
+def friction_features(basis: FrictionBasis, q: Array, dq: Array, load: Array) -> Array:
+    """
+    Return the features of friction for all torques.
+
+    Parameters
+    ----------
+    basis : FrictionBasis
+    q, dq, load : arrays, shape (N, n)
+
+    Returns
+    -------
+    array, shape (N, n, K)
+
+    """
+    states = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, load))
+    return _features(CompiledFriction.features_of(basis), *states)
+
+
+@jit
+def _torque_of_drive(
+    friction: CompiledFriction, m: int, first: int, q: Array, dq: Array, load: Array
+) -> float:
+    position = speed = 0.0
+    for j in range(len(q)):
+        position += friction.ratios[m, j] * q[j]
+        speed += friction.ratios[m, j] * dq[j]
+    own = abs(load[friction.bearing[m]])
+    return drive_friction(friction, first, friction.ends[m], position, speed, own)
 
 
 @jit

@@ -16,6 +16,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import farthest_points
+from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
@@ -34,7 +35,6 @@ from lip_id_ros.identification.placement_search import (
     refine,
 )
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.model.arm_posterior import friction_features
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.log_cholesky import scale_of

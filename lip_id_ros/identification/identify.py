@@ -15,7 +15,7 @@ from lip_id_ros.identification.laplace import posterior
 from lip_id_ros.identification.outliers import explained, plausible
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.progress import Progress, silent
 
@@ -115,6 +115,8 @@ def _identified(dataset: Dataset, seed: int, progress: Progress) -> Identified:
     if remainder is not None:
         std = np.where(remainder.joints, remainder.left_out_std, arm.noise.std)
         arm = replace(arm, noise=replace(arm.noise, std=std))
+    states = np.stack([fitter.dataset.q, fitter.dataset.dq, fitter.dataset.ddq])
+    arm = compacted(arm, (states.min(axis=1), states.max(axis=1)))
     progress(STAGE, STEPS, STEPS)
     return Identified(
         arm=arm,

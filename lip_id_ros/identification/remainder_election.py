@@ -24,6 +24,8 @@ from lip_id_ros.model.remainder import (
     FRICTION_VARIANCE,
     Inputs,
     Remainder,
+    stored_inputs,
+    stored_weights,
 )
 
 MOST_SAMPLES = 300
@@ -136,7 +138,7 @@ class RemainderElection:
         folds: Sequence[Fold],
     ) -> None:
         self._inputs, self._tau, self._residual, self._folds = inputs, tau, residual, folds
-        self._x = inputs(*state)
+        self._x = stored_inputs(inputs(*state))
         self._friction = inputs.friction(state[1])
         self._grams = {length: correlation(self._x, self._x, length) for length in LENGTHS}
 
@@ -156,7 +158,7 @@ class RemainderElection:
             left_out_std[joint] = choice.left_out_std
             target = (self._tau if choice.replaces else self._residual)[:, joint]
             gram = self._gram(choice, joint) + choice.noise * np.eye(len(target))
-            alpha[:, joint] = cho_solve(cho_factor(gram, lower=True), target)
+            alpha[:, joint] = stored_weights(cho_solve(cho_factor(gram, lower=True), target))
             variance[joint] = float(target @ alpha[:, joint]) / len(target)
             if choice.replaces:
                 friction[joint] = FRICTION_VARIANCE * self._friction[:, joint].T @ alpha[:, joint]

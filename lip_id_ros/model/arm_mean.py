@@ -2,28 +2,28 @@
 Posterior mean of an arm at joint states, compiled: links, friction and remainder.
 
 A call from Python takes a quarter of a microsecond longer for every array that is passed, so that
-the parameters of the arm are packed into two.
+all numbers of a query are in one.
 
 """
 
 from __future__ import annotations
-
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
-import os
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.process_mean import FRICTION, GRAVITY, KINETIC
 from lip_id_ros.model.remainder import Remainder
+from lip_id_ros.model.threads import in_threads
+from lip_id_ros.model.torque_model import Parts
 from lip_id_ros.numba_jit import jit
-from lip_id_ros.rigid_body.rnea import pack_links, rnea, WORK_VECTORS
-
-FEW = 5000
-"""States that one thread evaluates; more are shared among all threads."""
+from lip_id_ros.rigid_body.rnea import (
+    inertial_torque,
+    pack_links,
+    rnea,
+    unpack_links,
+    WORK_VECTORS,
+)
 
 REMAINDER_ROWS = 1000
 """States of which the covariances with the samples of the remainder are in memory at a time."""
@@ -44,63 +44,58 @@ class ArmMean:
     """
 
     def __init__(self, arm: ArmPosterior, remainder: Remainder | None) -> None:
-        n = len(arm.links)
-        self._n = n
-        self._packed = pack(arm)
-        self._work = np.zeros((n, WORK_VECTORS, 3))
-        self._state = np.zeros((3, n))
+        self._n = n = len(arm.links)
+        floats, self._integers = pack(arm, CompiledFriction.of(arm.friction))
+        self._floats = floats
+        out = 4 * n + 2
+        self._memory = np.concatenate([np.zeros(3 * n + out + n * WORK_VECTORS * 3), floats])
+        self._q, self._dq, self._ddq = self._memory[: 3 * n].reshape(3, n)
+        self._out = self._memory[3 * n : 3 * n + out]
         self._remainder = remainder
 
     def one(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, float, float]:
         """Return torques, gravity torques, T and V at one joint state."""
-        n, state, out = self._n, self._state, np.empty(4 * self._n + 2)
+        n = self._n
         # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
-        state[0], state[1], state[2] = q, dq, ddq
-        evaluate_arm(out, state, *self._packed, self._work)
-        tau = out[:n]
+        self._q[:], self._dq[:], self._ddq[:] = q, dq, ddq
+        evaluate_in_memory(self._memory, self._integers)
+        out = self._out.copy()
+        tau, energies = out[:n], out[4 * n :].tolist()
         if self._remainder is not None:
-            rest = self._remainder.torque(*state[:, None])[0]
+            rest = self._remainder.torque(self._q[None], self._dq[None], self._ddq[None])[0]
             tau = np.where(self._remainder.replaces, rest, tau + rest)
-        return tau, out[2 * n : 3 * n], out[4 * n], out[4 * n + 1]
+        return tau, out[2 * n : 3 * n], energies[0], energies[1]
 
-    def many(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
-        """Return parts, shape (N, 3, n), and T and V, shape (N, 2), at contiguous (N, n)."""
-        n, out = self._n, np.empty((len(q), 4 * self._n + 2))
-        states = np.stack([q, dq, ddq], axis=1)
-        if len(q) <= FEW:
-            evaluate_arm_many(out, states, *self._packed)
-        else:
-            self._in_threads(out, states)
-        parts = out[:, n : 4 * n].reshape(len(q), 3, n)
+    def many(self, q: Array, dq: Array, ddq: Array) -> Parts:
+        """Return the parts of the torques, and T and V, at contiguous (N, n)."""
+        n, out = self._n, np.empty((len(q), 5 * self._n + 2))
+
+        def evaluate(rows: slice) -> None:
+            states = q[rows], dq[rows], ddq[rows]
+            evaluate_arm_many(out[rows], *states, self._floats, self._integers)
+
+        in_threads(evaluate, len(q))
+        tau, inertial, coriolis, gravity, friction = (
+            out[:, k * n : (k + 1) * n] for k in range(5)
+        )
+        parts = Parts(tau, inertial, coriolis, gravity, friction, out[:, -2], out[:, -1])
         if self._remainder is not None:
-            self._add_remainder(parts, states)
-        return parts, out[:, 4 * n :]
-
-    def _in_threads(self, out: Array, states: Array) -> None:
-        count = os.cpu_count() or 1
-        ends = np.linspace(0, len(states), count + 1).astype(int)
-        with ThreadPoolExecutor(count) as pool:
-            runs = [
-                pool.submit(evaluate_arm_many, out[a:b], states[a:b], *self._packed)
-                for a, b in pairwise(ends)
-            ]
-            for run in runs:
-                run.result()
-
-    def _add_remainder(self, parts: Array, states: Array) -> None:
-        remainder = self._remainder
-        assert remainder is not None
-        for start in range(0, len(parts), REMAINDER_ROWS):
-            rows = slice(start, start + REMAINDER_ROWS)
-            torque = remainder.torque(*states[rows].transpose(1, 0, 2))
-            links = parts[rows, KINETIC] + parts[rows, GRAVITY]
-            own = np.where(remainder.replaces, -links, parts[rows, FRICTION])
-            parts[rows, FRICTION] = own + torque
+            _add_remainder(parts, self._remainder, (q, dq, ddq))
+        return parts
 
 
-def pack(arm: ArmPosterior) -> tuple[Array, IntArray]:
-    """Return the numbers of an arm's mean, and its integers."""
-    friction = CompiledFriction.of(arm.friction)
+def _add_remainder(parts: Parts, remainder: Remainder, states: tuple[Array, Array, Array]) -> None:
+    for start in range(0, len(parts.tau), REMAINDER_ROWS):
+        rows = slice(start, start + REMAINDER_ROWS)
+        tau, friction = parts.tau[rows], parts.friction[rows]
+        links = tau - friction
+        tau *= ~remainder.replaces
+        tau += remainder.torque(*(x[rows] for x in states))
+        friction[:] = tau - links
+
+
+def pack(arm: ArmPosterior, friction: CompiledFriction) -> tuple[Array, IntArray]:
+    """Return the numbers of an arm with compiled friction, and its integers."""
     links = pack_links(arm.chain, arm.links)
     floats = (links, friction.ratios, friction.width, friction.harmonic, friction.factor)
     sizes = [len(arm.links), len(links), len(friction.ends), len(friction.shape)]
@@ -121,7 +116,8 @@ def pack(arm: ArmPosterior) -> tuple[Array, IntArray]:
 
 
 @jit
-def _friction(floats: Array, integers: IntArray) -> CompiledFriction:
+def unpack_friction(floats: Array, integers: IntArray) -> CompiledFriction:
+    """Return the friction that `pack` packed."""
     n, first, m, p = integers[0], integers[1], integers[2], integers[3]
     own = floats[first:]
     ratios = own[: m * n].reshape(m, n)
@@ -143,39 +139,67 @@ def _friction(floats: Array, integers: IntArray) -> CompiledFriction:
 
 
 @jit
-def evaluate_arm(out: Array, state: Array, floats: Array, integers: IntArray, work: Array) -> None:
+def evaluate_in_memory(memory: Array, integers: IntArray) -> None:
     """
     Evaluate an arm at one joint state.
 
     Parameters
     ----------
-    out : array, shape (4 n + 2,)
-        Set to torques; torques of the kinetic energy, of gravity and of friction; T and V.
-    state : array, shape (3, n)
-        q, dq, ddq.
-    floats, integers : arrays
+    memory : array
+        One after the other: q, dq, ddq; the result, which is set: torques; torques of the
+        kinetic energy, of gravity and of friction; T and V; working memory; `pack`'s numbers.
+    integers : array
         By `pack`.
-    work : array, shape (n, 7, 3)
-        Working memory.
 
     """
     n = integers[0]
+    q, dq, ddq = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n]
+    out = memory[3 * n : 7 * n + 2]
+    end = 7 * n + 2 + n * WORK_VECTORS * 3
+    work = memory[7 * n + 2 : end].reshape(n, WORK_VECTORS, 3)
+    floats = memory[end:]
     out[:] = 0.0
     kinetic, gravity, friction = out[n : 2 * n], out[2 * n : 3 * n], out[3 * n : 4 * n]
-    links, prismatic = floats[: integers[1]], integers[4 : 4 + n] != 0
-    q, dq, ddq = state[0], state[1], state[2]
-    out[4 * n], out[4 * n + 1] = rnea(kinetic, gravity, links, prismatic, work, q, dq, ddq)
+    links = unpack_links(floats[: integers[1]], integers[4 : 4 + n])
+    out[4 * n], out[4 * n + 1] = rnea(kinetic, gravity, links, work, q, dq, ddq)
     load = out[:n]
     for i in range(n):
         load[i] = kinetic[i] + gravity[i]
-    add_friction(_friction(floats, integers), q, dq, load, friction)
+    add_friction(unpack_friction(floats, integers), q, dq, load, friction)
     for i in range(n):
         out[i] = load[i] + friction[i]
 
 
 @jit
-def evaluate_arm_many(out: Array, states: Array, floats: Array, integers: IntArray) -> None:
-    """Evaluate an arm at N joint states, shape (N, 3, n): `evaluate_arm` for every row."""
-    work = np.empty((integers[0], WORK_VECTORS, 3))
-    for t in range(states.shape[0]):
-        evaluate_arm(out[t], states[t], floats, integers, work)
+def evaluate_arm_many(
+    out: Array, q: Array, dq: Array, ddq: Array, floats: Array, integers: IntArray
+) -> None:
+    """
+    Evaluate an arm at N joint states.
+
+    Parameters
+    ----------
+    out : array, shape (N, 5 n + 2)
+        Set to torques, inertial, Coriolis, gravity and friction torques; T and V.
+    q, dq, ddq : arrays, shape (N, n)
+    floats, integers : arrays
+        By `pack`.
+
+    """
+    n = integers[0]
+    work = np.empty((n, WORK_VECTORS, 3))
+    links = unpack_links(floats[: integers[1]], integers[4 : 4 + n])
+    drives = unpack_friction(floats, integers)
+    still = np.zeros(n)
+    for t in range(len(out)):
+        row = out[t]
+        row[:] = 0.0
+        load, inertial, coriolis = row[:n], row[n : 2 * n], row[2 * n : 3 * n]
+        gravity, friction = row[3 * n : 4 * n], row[4 * n : 5 * n]
+        row[5 * n], row[5 * n + 1] = rnea(coriolis, gravity, links, work, q[t], dq[t], still)
+        inertial_torque(inertial, links, work, ddq[t])
+        for i in range(n):
+            load[i] = inertial[i] + coriolis[i] + gravity[i]
+        add_friction(drives, q[t], dq[t], load, friction)
+        for i in range(n):
+            load[i] += friction[i]

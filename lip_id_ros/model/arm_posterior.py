@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import qr, solve_triangular
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.compiled import friction_features
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
@@ -17,6 +19,17 @@ from lip_id_ros.rigid_body.regressor import (
     torque_regressor,
 )
 from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
+
+MOST_CHANGE = 5e-4
+"""Largest relative change of a deviation at random states that a compact posterior may make."""
+
+TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
+"""Torques of coordinates that are left out, as shares of the largest torque of a coordinate."""
+
+MOST_BITS = 24
+"""Of a float32."""
+
+STATES, SEED = 150, 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,27 +127,80 @@ class ArmPosterior:
         return np.hypot(self.torque_std(q, dq, ddq), self.noise.std_at(dq))
 
 
-def friction_features(basis: FrictionBasis, q: Array, dq: Array, load: Array) -> Array:
+def _contiguous(*arrays: Array) -> tuple[Array, ...]:
+    return tuple(np.ascontiguousarray(x, dtype=np.float64) for x in arrays)
+
+
+def compacted(arm: ArmPosterior, ranges: tuple[Array, Array]) -> ArmPosterior:
     """
-    Return the features of friction for all torques.
+    Return an arm with a covariance root of as few numbers and bits as its deviations need.
+
+    Some combinations of coordinates change no torque, as a turn of a frame about its own axis. So
+    the coordinates whose torques those of others can stand for are left out (QR factorisation
+    with column pivoting: Golub and Van Loan, Matrix Computations, 4th ed., 5.4.2), and their rows
+    are zero. What remains is triangular, and is rounded to so many bits that no standard deviation
+    of a torque at random states changes by more than `MOST_CHANGE`.
 
     Parameters
     ----------
-    basis : FrictionBasis
-    q, dq, load : arrays, shape (N, n)
-
-    Returns
-    -------
-    array, shape (N, n, K)
+    arm : ArmPosterior
+    ranges : two arrays, shape (3, n)
+        Lowest and highest q, dq, ddq of the training samples.
 
     """
-    out = np.zeros((*q.shape, basis.size))
-    features = basis.features(q, dq, load)
-    for joint, (rows, columns) in enumerate(zip(features, basis.columns(), strict=True)):
-        for column, row in zip(columns, rows.T, strict=True):
-            out[:, joint, column] += row
+    rng = np.random.default_rng(SEED)
+    basis, checks = (_random_states(arm, ranges, rng) for _ in range(2))
+    expected = arm.torque_std(*checks)
+
+    def change(root: Array) -> float:
+        found = replace(arm, covariance_root=root).torque_std(*checks)
+        return float(np.max(np.abs(found - expected) / np.maximum(expected, 1e-300)))
+
+    for tolerance in TOLERANCES:
+        root = _in_few_coordinates(arm, basis, tolerance)
+        if change(root) < 0.5 * MOST_CHANGE:
+            break
+    bits = next((b for b in range(6, MOST_BITS) if change(_rounded(root, b)) < MOST_CHANGE), 24)
+    return replace(arm, covariance_root=_rounded(root, bits))
+
+
+def _random_states(
+    arm: ArmPosterior, ranges: tuple[Array, Array], rng: np.random.Generator
+) -> Array:
+    """Draw q, dq, ddq, shape (3, STATES, n): whole turns, and twice the range of all else."""
+    low, high = ranges
+    middle, extent = 0.5 * (low + high), np.maximum(high - low, 1e-6)
+    extent[0, ~arm.chain.prismatic] = np.pi
+    return middle[:, None] + extent[:, None] * rng.uniform(-1.0, 1.0, (3, STATES, low.shape[1]))
+
+
+def _in_few_coordinates(arm: ArmPosterior, states: Array, tolerance: float) -> Array:
+    """Return a root whose rows are zero but for coordinates whose torques are independent."""
+    root = arm.covariance_root
+    std = np.linalg.norm(root, axis=1)
+    jacobian = arm.jacobian(*states).reshape(-1, len(std)) * std
+    triangle, pivots = qr(jacobian, mode='r', pivoting=True)
+    size = np.abs(np.diagonal(triangle))
+    rank = int(np.sum(size > tolerance * size[0]))
+    kept, rest = pivots[:rank], pivots[rank:]
+    stand_in = solve_triangular(triangle[:rank, :rank], triangle[:rank, rank:])
+    scaled = root / np.where(std > 0.0, std, 1.0)[:, None]
+    moved = std[kept, None] * (scaled[kept] + stand_in @ scaled[rest])
+    order = np.argsort(kept)
+    out = np.zeros((len(root), rank))
+    out[kept[order]] = _lower(moved[order])
     return out
 
 
-def _contiguous(*arrays: Array) -> tuple[Array, ...]:
-    return tuple(np.ascontiguousarray(x, dtype=np.float64) for x in arrays)
+def _lower(root: Array) -> Array:
+    """Return the lower triangular square root of root times its transpose."""
+    triangle = np.asarray(qr(root.T, mode='r')[0])[: len(root)]
+    out = np.zeros((len(root), len(root)))
+    out[:, : len(triangle)] = triangle.T
+    return out
+
+
+def _rounded(root: Array, bits: int) -> Array:
+    """Return numbers with mantissas of so many bits."""
+    mantissa, exponent = np.frexp(root)
+    return np.asarray(np.ldexp(np.round(np.ldexp(mantissa, bits)), exponent - bits))

@@ -15,15 +15,16 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.kernels import TorquePosterior
 from lip_id_ros.model import serialization
+from lip_id_ros.model.arm_deviation import ArmDeviation
 from lip_id_ros.model.arm_mean import ArmMean
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.checked_file import Arrays, MODEL, read_checked, write_checked
 from lip_id_ros.model.effort_calibration import EffortCalibration
-from lip_id_ros.model.process_mean import FRICTION, GRAVITY, KINETIC, ProcessMean
+from lip_id_ros.model.process_mean import ProcessMean
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.torque_model import Prediction, Query, StandardDeviation
 
-VERSION = 3
+VERSION = 4
 
 ARTICULATED = 'articulated'
 """Name of the kernel of a model that is an arm."""
@@ -149,18 +150,10 @@ class InverseDynamicsModel:
 
         """
         x = self._checked(q, dq, ddq)
-        parts, energies = self._mean.many(*x)
-        inertial = self._mean.many(x[0], np.zeros_like(x[1]), x[2])[0][:, KINETIC]
-        return Prediction(
-            tau=parts.sum(axis=1),
-            inertial=inertial,
-            coriolis=parts[:, KINETIC] - inertial,
-            gravity=parts[:, GRAVITY],
-            friction=parts[:, FRICTION],
-            kinetic=energies[:, 0],
-            potential=energies[:, 1] - self._potential_offset if self.has_potential else None,
-            std=self._standard_deviation(*x) if return_std else None,
-        )
+        parts = self._mean.many(*x)
+        potential = parts.potential - self._potential_offset if self.has_potential else None
+        std = self._standard_deviation(*x) if return_std else None
+        return Prediction(**{**parts._asdict(), 'potential': potential}, std=std)
 
     def inertia_matrix(self, q: ArrayLike) -> Array:
         """
@@ -182,20 +175,20 @@ class InverseDynamicsModel:
         (positions,) = self._checked(q)
         still = np.zeros_like(positions)
         units = (np.broadcast_to(unit, still.shape).copy() for unit in np.eye(self.n_joints))
-        columns = [self._mean.many(positions, still, unit)[0][:, KINETIC] for unit in units]
+        columns = [self._mean.many(positions, still, unit).inertial for unit in units]
         matrix = np.stack(columns, axis=-1)
         return np.asarray(0.5 * (matrix + matrix.transpose(0, 2, 1)))
 
     def coriolis(self, q: ArrayLike, dq: ArrayLike) -> Array:
         """Coriolis and centrifugal torques, shape (N, n) [N m or N]."""
         positions, velocities = self._checked(q, dq)
-        return self._mean.many(positions, velocities, np.zeros_like(positions))[0][:, KINETIC]
+        return self._mean.many(positions, velocities, np.zeros_like(positions)).coriolis
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques, shape (N, n) [N m or N]; zero where the model has no potential."""
         (positions,) = self._checked(q)
         still = np.zeros_like(positions)
-        return self._mean.many(positions, still, still)[0][:, GRAVITY]
+        return self._mean.many(positions, still, still).gravity
 
     def friction(self, dq: ArrayLike, q: ArrayLike | None = None) -> Array:
         """
@@ -213,18 +206,18 @@ class InverseDynamicsModel:
         if q is None:
             q = np.broadcast_to(self.potential_reference, velocities.shape)
         positions, velocities = self._checked(q, dq)
-        return self._mean.many(positions, velocities, np.zeros_like(positions))[0][:, FRICTION]
+        return self._mean.many(positions, velocities, np.zeros_like(positions)).friction
 
     def kinetic_energy(self, q: ArrayLike, dq: ArrayLike) -> Array:
         """Kinetic energy, shape (N,) [J]."""
         positions, velocities = self._checked(q, dq)
-        return self._mean.many(positions, velocities, np.zeros_like(positions))[1][:, 0]
+        return self._mean.many(positions, velocities, np.zeros_like(positions)).kinetic
 
     def potential_energy(self, q: ArrayLike) -> Array:
         """Potential energy relative to the reference, shape (N,) [J]; nan without potential."""
         (positions,) = self._checked(q)
         still = np.zeros_like(positions)
-        return self._mean.many(positions, still, still)[1][:, 1] - self._potential_offset
+        return self._mean.many(positions, still, still).potential - self._potential_offset
 
     def standard_deviation(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> StandardDeviation:
         """
@@ -320,6 +313,10 @@ class InverseDynamicsModel:
         return ArmMean(self._known_arm, self.remainder)
 
     @cached_property
+    def _arm_deviation(self) -> ArmDeviation:
+        return ArmDeviation(self._known_arm)
+
+    @cached_property
     def _potential_offset(self) -> float:
         if not self.has_potential:
             return np.nan
@@ -351,7 +348,7 @@ class InverseDynamicsModel:
         """
         if self.process is not None:
             return np.sqrt(self.process.variances(q, dq, ddq, self.potential_reference)[0])
-        arm = self._known_arm.torque_std(q, dq, ddq)
+        arm = self._arm_deviation.torque_std(q, dq, ddq)
         if self.remainder is None:
             return arm
         rest = self.remainder.torque_std(q, dq, ddq)

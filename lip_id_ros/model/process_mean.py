@@ -17,6 +17,7 @@ from lip_id_ros.model.contraction import (
     Scratch,
     TrainingSide,
 )
+from lip_id_ros.model.torque_model import Parts
 from lip_id_ros.numba_jit import jit, LANES
 
 KINETIC, GRAVITY, FRICTION = 0, 1, 2
@@ -108,8 +109,19 @@ class ProcessMean:
         tau = parts[KINETIC] + parts[GRAVITY] + parts[FRICTION]
         return tau, parts[GRAVITY], float(energies[0]), float(energies[1])
 
-    def many(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
-        """Return parts, shape (N, 3, n), and T and V, shape (N, 2), at contiguous (N, n)."""
+    def many(self, q: Array, dq: Array, ddq: Array) -> Parts:
+        """Return the parts of the torques, and T and V, at contiguous (N, n)."""
+        parts, energies = self._evaluated(q, dq, ddq)
+        inertial = self._evaluated(q, np.zeros_like(dq), ddq)[0][:, KINETIC]
+        coriolis, gravity, friction = (
+            parts[:, KINETIC] - inertial,
+            parts[:, GRAVITY],
+            parts[:, FRICTION],
+        )
+        tau = parts.sum(axis=1)
+        return Parts(tau, inertial, coriolis, gravity, friction, energies[:, 0], energies[:, 1])
+
+    def _evaluated(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         parts, energies = np.empty((len(q), 3, q.shape[1])), np.empty((len(q), 2))
         work, features = new_scratch(self._contracted.k), np.empty((4, q.shape[1]))
         evaluate_many(parts, energies, *self._contracted, work, features, q, dq, ddq)

@@ -57,6 +57,16 @@ class Inputs:
         return np.stack([np.tanh(ratio), 0.05 * ratio, np.ones_like(dq)], axis=2)
 
 
+def stored_inputs(x: Array) -> Array:
+    """Round inputs, which are of the size of 1, to what a model file keeps: half precision."""
+    return np.asarray(x, dtype=np.float16).astype(np.float64)
+
+
+def stored_weights(alpha: Array) -> Array:
+    """Round weights to what a model file keeps: single precision."""
+    return np.asarray(alpha, dtype=np.float32).astype(np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class Remainder:
     """
@@ -66,7 +76,7 @@ class Remainder:
     ----------
     inputs : Inputs
     x : array, shape (M, d)
-        Of the training samples.
+        Of the training samples, by `stored_inputs`.
     length, noise, variance : arrays, shape (n,)
         Length scales (0 for joints without a process), variances of the noise in those of the
         process, and these [(N m)^2 or N^2].
@@ -75,7 +85,7 @@ class Remainder:
     replaces : bool array, shape (n,)
         Joints whose process takes the place of links and friction.
     alpha : array, shape (M, n)
-        Weights of the posterior mean [N m or N].
+        Weights of the posterior mean, by `stored_weights` [N m or N].
     friction : array, shape (n, 3)
         Coefficients of `Inputs.friction` [N m or N]; zero beside links.
 

@@ -97,13 +97,15 @@ def calibrations_from_json(
 def put_arm(arm: ArmPosterior, arrays: Arrays) -> dict[str, Any]:
     """Add the arrays of an arm; return its entry in the header."""
     chain, noise = arm.chain, arm.noise
+    coordinates = np.flatnonzero(arm.covariance_root.any(axis=1))
     arrays |= {
         'arm_rotations': chain.rotations,
         'arm_translations': chain.translations,
         'arm_gravity': chain.gravity,
         'arm_links': arm.links,
         'arm_noise': np.stack([noise.std, noise.ratio, noise.velocity]),
-        'arm_covariance_root': arm.covariance_root,
+        'arm_coordinates': coordinates.astype(np.uint16),
+        'arm_covariance_root': arm.covariance_root[coordinates].astype(np.float32),
     }
     return {'friction': arm.friction.to_json()}
 
@@ -118,7 +120,7 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
         If its parts contradict each other.
 
     """
-    n, root = len(types), arrays['arm_covariance_root']
+    n, coordinates = len(types), arrays['arm_coordinates']
     friction = FrictionModel.from_json(entry['friction'])
     if friction.n_joints != n:
         raise ShapeError(f'friction of {friction.n_joints} joints for {n}')
@@ -130,9 +132,12 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
             'arm_gravity': (3,),
             'arm_links': (n, LINK_PARAMETERS),
             'arm_noise': (3, n),
-            'arm_covariance_root': (17 * n + friction.basis.size, root.shape[1]),
+            'arm_coordinates': (coordinates.size,),
+            'arm_covariance_root': (coordinates.size, arrays['arm_covariance_root'].shape[1]),
         },
     )
+    root = np.zeros((17 * n + friction.basis.size, arrays['arm_covariance_root'].shape[1]))
+    root[coordinates] = arrays['arm_covariance_root']
     prismatic = np.array([kind == PRISMATIC for kind in types])
     places = arrays['arm_rotations'], arrays['arm_translations']
     chain = Chain(*places, prismatic, arrays['arm_gravity'])
@@ -144,6 +149,8 @@ def put_remainder(remainder: Remainder, arrays: Arrays) -> dict[str, Any]:
     """Add the arrays of a remainder; return its entry in the header."""
     arrays |= {f'remainder_{name}': getattr(remainder, name) for name in REMAINDER}
     arrays |= {f'remainder_{name}': getattr(remainder.inputs, name) for name in INPUTS}
+    arrays['remainder_x'] = remainder.x.astype(np.float16)
+    arrays['remainder_alpha'] = remainder.alpha.astype(np.float32)
     return {'replaces': remainder.replaces.tolist()}
 
 
@@ -169,7 +176,7 @@ def remainder_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str
     if replaces.shape != (n,):
         raise ShapeError(f'replaces of shape {replaces.shape} for {n} joints')
     inputs = Inputs(revolute, *(arrays[f'remainder_{name}'] for name in INPUTS))
-    own = {name: arrays[f'remainder_{name}'] for name in REMAINDER}
+    own = {name: arrays[f'remainder_{name}'].astype(np.float64) for name in REMAINDER}
     return Remainder(inputs=inputs, replaces=replaces, **own)
 
 

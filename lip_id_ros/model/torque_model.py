@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from lip_id_ros.arrays import Array
 
@@ -76,10 +76,31 @@ class Prediction(TorquePrediction):
     std: StandardDeviation | None = None
 
 
-@dataclass(frozen=True)
-class Query:
+class Parts(NamedTuple):
     """
-    Posterior mean at one joint state.
+    Parts of the torques at N joint states, and energies.
+
+    Attributes
+    ----------
+    tau, inertial, coriolis, gravity, friction : arrays, shape (N, n)
+        The first is the sum of the others [N m or N].
+    kinetic, potential : arrays, shape (N,)
+        [J], the potential energy up to a constant.
+
+    """
+
+    tau: Array
+    inertial: Array
+    coriolis: Array
+    gravity: Array
+    friction: Array
+    kinetic: Array
+    potential: Array
+
+
+class Query(NamedTuple):
+    """
+    Posterior mean at one joint state: a tuple, since a control loop waits for it.
 
     Attributes
     ----------

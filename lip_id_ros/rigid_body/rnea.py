@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.numba_jit import jit
 from lip_id_ros.rigid_body.chain import (
     add_joint_motion,
@@ -56,7 +56,7 @@ TORQUE, FORCE, UP, WORK_VECTORS = 4, 5, 6, 7
 
 class Links(NamedTuple):
     """
-    A chain with the parameters of its links; without any, of no links.
+    A chain with the parameters of its links.
 
     Attributes
     ----------
@@ -80,29 +80,19 @@ def pack_links(chain: Chain, parameters: Array) -> Array:
     return np.concatenate([part.ravel() for part in parts])
 
 
-NO_LINKS = np.zeros(3)
-"""The packed form of no links."""
-
-
 @jit
-def _unpack(packed: Array, prismatic: BoolArray) -> Links:
+def unpack_links(packed: Array, prismatic: IntArray) -> Links:
+    """Return what `pack_links` packed, with the types of the joints beside it."""
     n = (packed.shape[0] - 3) // (12 + LINK_PARAMETERS)
     rotations = packed[: 9 * n].reshape(n, 3, 3)
     translations = packed[9 * n : 12 * n].reshape(n, 3)
     parameters = packed[12 * n : -3].reshape(n, LINK_PARAMETERS)
-    return Links(Chain(rotations, translations, prismatic, packed[-3:]), parameters)
+    return Links(Chain(rotations, translations, prismatic != 0, packed[-3:]), parameters)
 
 
 @jit
 def rnea(
-    tau: Array,
-    gravity: Array,
-    packed: Array,
-    prismatic: BoolArray,
-    work: Array,
-    q: Array,
-    dq: Array,
-    ddq: Array,
+    tau: Array, gravity: Array, links: Links, work: Array, q: Array, dq: Array, ddq: Array
 ) -> tuple[float, float]:
     """
     Return T and V; add the torques of T to `tau`, and those of V to `gravity`.
@@ -110,17 +100,49 @@ def rnea(
     Parameters
     ----------
     tau, gravity : arrays, shape (n,)
-    packed : array
-        Chain and link parameters, by `pack_links`.
-    prismatic : bool array, shape (n,)
+    links : Links
     work : array, shape (n, 7, 3)
         Working memory.
     q, dq, ddq : arrays, shape (n,)
 
     """
-    links = _unpack(packed, prismatic)
     kinetic = _to_tip(links, work, q, dq, ddq)
     return kinetic, _to_base(tau, gravity, links, work, ddq)
+
+
+@jit
+def inertial_torque(tau: Array, links: Links, work: Array, ddq: Array) -> None:
+    """
+    Add the inertial torques M(q) ddq at the position of the last `rnea`.
+
+    Parameters
+    ----------
+    tau : array, shape (n,)
+    links, work
+        Those of that call of `rnea`.
+    ddq : array, shape (n,)
+
+    """
+    chain, p = links
+    a = d = ZERO
+    n = len(ddq)
+    for i in range(n):
+        x = load_transform(work, i)
+        d = to_child(x.rotation, add(d, cross(a, x.translation)))
+        a = to_child(x.rotation, a)
+        if chain.prismatic[i]:
+            d = add(d, (0.0, 0.0, ddq[i]))
+        else:
+            a = add(a, (0.0, 0.0, ddq[i]))
+        body = link_inertia(p, i)
+        h = body.first_moment
+        store(work, i, TORQUE, add(inertia_times(body, a), cross(h, d)))
+        store(work, i, FORCE, add(scale(body.mass, d), cross(a, h)))
+    total = Wrench(ZERO, ZERO)
+    for i in range(n - 1, -1, -1):
+        total = add_wrenches(total, Wrench(load(work, i, TORQUE), load(work, i, FORCE)))
+        tau[i] += joint_component(total, chain.prismatic[i]) + p[i, ROTOR] * ddq[i]
+        total = transform_wrench(total, load_transform(work, i))
 
 
 @jit

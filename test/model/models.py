@@ -31,7 +31,7 @@ from lip_id_ros.kernels.program import without_potential
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
-from lip_id_ros.model.remainder import Inputs, Remainder
+from lip_id_ros.model.remainder import Inputs, Remainder, stored_inputs, stored_weights
 
 BOTH = ('friction', 'residual')
 KERNELS = (*MEMBERS, ARTICULATED)
@@ -131,12 +131,13 @@ def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior
     coupled = DriveTerm(Drive((n - 1, 0), (1.0, -0.5)), Viscous())
     basis = FrictionBasis(n, (*plain, load, coupled))
     friction = FrictionModel(basis, rng.random(basis.size))
+    root = 0.1 * rng.normal(size=(17 * n + basis.size, 5))
     return ArmPosterior(
         chain=random_chain(types, rng),
         links=np.stack([random_body(rng) for _ in types]),
         friction=friction,
         noise=TorqueNoise(0.1 + rng.random(n), rng.random(n), 0.1 + rng.random(n)),
-        covariance_root=0.1 * rng.normal(size=(17 * n + basis.size, 5)),
+        covariance_root=root.astype(np.float32).astype(np.float64),  # as in a file
     )
 
 
@@ -153,12 +154,12 @@ def random_remainder(
     replaces = np.arange(n) == n - 1
     return Remainder(
         inputs=inputs,
-        x=inputs(q, dq, ddq),
+        x=stored_inputs(inputs(q, dq, ddq)),
         length=np.where(own, 1.5, 0.0),
         noise=np.where(own, 0.1, 0.0),
         variance=np.where(own, 2.0, 0.0),
         left_out_std=np.where(own, 0.3, 0.0),
         replaces=replaces,
-        alpha=rng.normal(size=(9, n)) * own,
+        alpha=stored_weights(rng.normal(size=(9, n)) * own),
         friction=rng.normal(size=(n, 3)) * replaces[:, None],
     )

@@ -181,8 +181,8 @@ def changed(path: Path, change: Callable[[Arrays, Header], None]) -> Path:
 
 
 def test_a_newer_format(saved: Path) -> None:
-    newer = changed(saved, lambda _, header: header.update(version=4))
-    check_refused(newer, 'has model format 4, but this program reads format 3')
+    newer = changed(saved, lambda _, header: header.update(version=5))
+    check_refused(newer, 'has model format 5, but this program reads format 4')
 
 
 def flip(arrays: Arrays, _: Header) -> None:

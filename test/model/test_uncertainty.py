@@ -17,7 +17,8 @@ from lip_id_ros.friction.terms import LoadCoulomb
 from lip_id_ros.kernels.energy_covariance import kinetic_covariance, potential_covariance
 from lip_id_ros.kernels.posterior import BLOCK
 from lip_id_ros.model import InverseDynamicsModel, StandardDeviation
-from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.model.arm_deviation import FEW
+from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 
 States = tuple[Array, Array, Array]
@@ -142,6 +143,32 @@ def test_deviations_of_an_arm_by_differences_of_the_mean() -> None:
     assert got.potential is not None
     found = np.column_stack([got.tau, got.kinetic, got.potential])
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * expected.max())
+
+
+@pytest.mark.parametrize('count', [1, 3 * FEW])
+def test_compiled_deviations_are_the_plain_ones(count: int) -> None:
+    model = random_model(ARTICULATED, terms=())
+    assert model.arm is not None
+    x = queries(count)
+    got = model.torque_std(*x)
+    np.testing.assert_allclose(got, model.arm.torque_std(*x), rtol=1e-12)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_a_compact_posterior_has_the_deviations_of_the_whole(seed: int) -> None:
+    """In fewer coordinates and bits, at states that were not looked at, energies included."""
+    rng = np.random.default_rng(seed)
+    model = random_model(ARTICULATED, terms=(), seed=seed)
+    assert model.arm is not None
+    count = len(model.arm.covariance_root)
+    whole = replace(model.arm, covariance_root=rng.normal(size=(count, count)))
+    few = compacted(whole, model.training_range)
+    assert few.covariance_root.any(axis=1).sum() < 0.75 * count
+    x = queries(100)
+    np.testing.assert_allclose(few.torque_std(*x), whole.torque_std(*x), rtol=1e-3)
+    energies = zip(few.energy_std(*x[:2], x[0][0]), whole.energy_std(*x[:2], x[0][0]), strict=True)
+    for got, expected in energies:
+        np.testing.assert_allclose(got, expected, rtol=1e-3, atol=1e-9)
 
 
 def without_load(model: InverseDynamicsModel) -> ArmPosterior:

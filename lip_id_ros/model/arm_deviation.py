@@ -1,0 +1,145 @@
+"""Standard deviations of the torques of an arm, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, IndexArray, IntArray
+from lip_id_ros.friction.compiled import CompiledFriction, set_features
+from lip_id_ros.model.arm_mean import pack, unpack_friction
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.model.threads import in_threads
+from lip_id_ros.numba_jit import jit
+from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.rigid_body.rnea import unpack_links
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
+
+FEW, CHUNK = 20, 2000
+"""States whose deviations a compiled loop computes; of more, so many by one matrix product."""
+
+
+class ArmDeviation:
+    """
+    Posterior standard deviations of torques: norms of Jacobian times root of the covariance.
+
+    Construction lays the posterior out; nothing is checked after that.
+
+    Parameters
+    ----------
+    arm : ArmPosterior
+
+    """
+
+    def __init__(self, arm: ArmPosterior) -> None:
+        self._used = np.flatnonzero(arm.covariance_root.any(axis=1))
+        self._root = np.ascontiguousarray(arm.covariance_root[self._used])
+        reversed_rows = self._root[:, ::-1] != 0.0
+        self._ends = self._root.shape[1] - np.argmax(reversed_rows, axis=1)
+        self._packed = pack(arm, CompiledFriction.features_of(arm.friction.basis))
+
+    def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return standard deviations of the noiseless torques, (N, n) [N m or N]."""
+        states = tuple(np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
+        out = np.empty(states[0].shape)
+        if len(out) <= FEW:
+            spread_by_rows(out, *states, *self._packed, self._used, self._root, self._ends)
+            return out
+        for start in range(0, len(out), CHUNK):
+            rows = slice(start, start + CHUNK)
+            spread = self._jacobian(tuple(x[rows] for x in states)) @ self._root
+            out[rows] = np.sqrt(np.einsum('tik,tik->ti', spread, spread))
+        return out
+
+    def _jacobian(self, states: tuple[Array, ...]) -> Array:
+        out = np.empty((*states[0].shape, self._used.size))
+
+        def evaluate(rows: slice) -> None:
+            used_jacobian(out[rows], *(x[rows] for x in states), *self._packed, self._used)
+
+        in_threads(evaluate, len(out))
+        return out
+
+
+@jit
+def used_jacobian(
+    out: Array,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    floats: Array,
+    integers: IntArray,
+    used: IndexArray,
+) -> None:
+    """
+    Differentiate the torques by some coordinates of `ArmPosterior`.
+
+    Parameters
+    ----------
+    out : array, shape (N, n, p)
+        Set to the derivatives.
+    q, dq, ddq : arrays, shape (N, n)
+    floats, integers : arrays
+        By `pack`, with the features of friction.
+    used : int array, shape (p,)
+        The coordinates.
+
+    """
+    n = integers[0]
+    chain, links = unpack_links(floats[: integers[1]], integers[4 : 4 + n])
+    features = unpack_friction(floats, integers)
+    placements = placement_derivatives(chain, links, q, dq, ddq)
+    regressor = torque_regressor(chain, q, dq, ddq)
+    first, last = DIRECTIONS * n, (DIRECTIONS + LINK_PARAMETERS) * n
+    own, load = np.empty((n, len(features.ends))), np.empty(n)
+    parameters = links.ravel()
+    for t in range(len(out)):
+        for i in range(n):
+            load[i] = 0.0
+            for c in range(LINK_PARAMETERS * n):
+                load[i] += regressor[t, i, c] * parameters[c]
+        set_features(features, q[t], dq[t], load, own)
+        for k in range(len(used)):
+            at = used[k]
+            for i in range(n):
+                if at < first:
+                    out[t, i, k] = placements[t, i, at // DIRECTIONS, at % DIRECTIONS]
+                elif at < last:
+                    out[t, i, k] = regressor[t, i, at - first]
+                else:
+                    out[t, i, k] = own[i, at - last]
+
+
+@jit
+def spread_by_rows(
+    out: Array,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    floats: Array,
+    integers: IntArray,
+    used: IndexArray,
+    root: Array,
+    ends: IndexArray,
+) -> None:
+    """
+    Set `out`, shape (N, n), to the norms of the rows of Jacobian times `root`.
+
+    Row k of the root, shape (p, r), has nothing but zeros from column `ends[k]` on.
+
+    """
+    jacobian = np.empty((*out.shape, len(used)))
+    used_jacobian(jacobian, q, dq, ddq, floats, integers, used)
+    spread = np.empty(root.shape[1])
+    for t in range(len(out)):
+        for i in range(out.shape[1]):
+            spread[:] = 0.0
+            for k in range(len(used)):
+                by = jacobian[t, i, k]
+                if by != 0.0:
+                    for c in range(ends[k]):
+                        spread[c] += by * root[k, c]
+            total = 0.0
+            for c in range(len(spread)):
+                total += spread[c] * spread[c]
+            out[t, i] = np.sqrt(total)
