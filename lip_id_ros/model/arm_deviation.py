@@ -40,22 +40,22 @@ class ArmDeviation:
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return standard deviations of the noiseless torques, (N, n) [N m or N]."""
-        states = tuple(np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
-        out = np.empty(states[0].shape)
+        q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
+        out = np.empty(q.shape)
         if len(out) <= FEW:
-            spread_by_rows(out, *states, *self._packed, self._used, self._root, self._ends)
+            spread_by_rows(out, q, dq, ddq, *self._packed, self._used, self._root, self._ends)
             return out
         for start in range(0, len(out), CHUNK):
             rows = slice(start, start + CHUNK)
-            spread = self._jacobian(tuple(x[rows] for x in states)) @ self._root
+            spread = self._jacobian(q[rows], dq[rows], ddq[rows]) @ self._root
             out[rows] = np.sqrt(np.einsum('tik,tik->ti', spread, spread))
         return out
 
-    def _jacobian(self, states: tuple[Array, ...]) -> Array:
-        out = np.empty((*states[0].shape, self._used.size))
+    def _jacobian(self, q: Array, dq: Array, ddq: Array) -> Array:
+        out = np.empty((*q.shape, self._used.size))
 
         def evaluate(rows: slice) -> None:
-            used_jacobian(out[rows], *(x[rows] for x in states), *self._packed, self._used)
+            used_jacobian(out[rows], q[rows], dq[rows], ddq[rows], *self._packed, self._used)
 
         in_threads(evaluate, len(out))
         return out
