@@ -59,6 +59,12 @@ LIFTS = (1e-1, 1e-2)
 EVALUATIONS = (60, 30, 30)
 """Most evaluations of the rounds of a fit."""
 
+ROUND, MOST_ROUNDS, LEAST_GAIN = (30,), 12, 1e-4
+"""
+Of a fit that converges: evaluations of a round, most rounds, and the least gain of one in log
+likelihood per sample.
+"""
+
 FIRST_ROUND, LAST_ROUNDS, KEPT = (40,), (30, 20), 2
 """Of starts: all go through the first round, the best through the last ones."""
 
@@ -190,6 +196,14 @@ class ArmFitter:
         for evaluations in rounds:
             problem = self.problem(dataset, fit)
             fit = self._measured(dataset, fit, problem, problem.minimised(fit.state, evaluations))
+        return fit
+
+    def converged(self, dataset: Dataset, fit: ArmFit) -> ArmFit:
+        """Descend until a round improves the likelihood by next to nothing."""
+        for _ in range(MOST_ROUNDS):
+            before, fit = fit.score, self.refined(dataset, fit, ROUND)
+            if before - fit.score < LEAST_GAIN:
+                break
         return fit
 
     def problem(self, dataset: Dataset, fit: ArmFit) -> ArmProblem:

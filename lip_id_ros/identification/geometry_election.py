@@ -30,11 +30,12 @@ def elect_geometry(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
         Without a geometry.
 
     """
-    fitter = fitter.thinned(ELECTION_SAMPLES)
-    _, arm, left_out = posterior(fitter, fit)
+    thinned = fitter.thinned(ELECTION_SAMPLES)
+    _, arm, left_out = posterior(thinned, fit)
     offers = [geometry for _, geometry in candidates(arm.chain, arm.covariance_root)]
-    election = _Election(fitter, _score(left_out) + MOST_LOSS * fitter.dataset.n_joints)
-    return election.elected(fit, offers)
+    election = _Election(thinned, _score(left_out) + MOST_LOSS * fitter.dataset.n_joints)
+    # the left-out errors of a trial are those of its minimum, which its descent has not reached
+    return fitter.converged(fitter.some(MOST_SAMPLES), election.elected(fit, offers))
 
 
 class _Election:

@@ -1,0 +1,48 @@
+"""Twists and lengths elected on a simulated Panda, whose last joint bears hardly a load."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks._panda import run_pair
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
+from lip_id_ros.identification.geometry_election import elect_geometry
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.simulation import panda
+
+pinocchio = pytest.importorskip('pinocchio')
+pytestmark = pytest.mark.slow
+QUARTER = 0.5 * np.pi
+
+
+def true_chain() -> Chain:
+    placements = list(panda(7)._model.jointPlacements)[1:]
+    return Chain(
+        np.stack([each.rotation for each in placements]),
+        np.stack([each.translation for each in placements]),
+        np.zeros(7, dtype=bool),
+        np.array([0.0, 0.0, -9.80665]),
+    )
+
+
+@pytest.fixture(scope='module')
+def elected() -> tuple[ArmFitter, ArmFit]:
+    fitter, chain = ArmFitter(run_pair(7, seed=3)[0]), true_chain()
+    fit = fitter.best_start([chain], fitter.elected(chain))
+    return fitter, elect_geometry(fitter, fitter.refined(fitter.dataset, fit))
+
+
+def test_axes_of_loaded_joints_are_at_right_angles(elected: tuple[ArmFitter, ArmFit]) -> None:
+    np.testing.assert_array_equal(elected[1].geometry.twists[1:6], QUARTER)
+
+
+def test_lengths_that_the_data_identify_stay(elected: tuple[ArmFitter, ArmFit]) -> None:
+    """Joints 4 and 5 are 82.5 mm beside those before them; joints 2 and 3 meet theirs."""
+    np.testing.assert_array_equal(elected[1].geometry.meets[1:5], [True, True, False, False])
+
+
+def test_the_elected_fit_has_converged(elected: tuple[ArmFitter, ArmFit]) -> None:
+    """Trials stop early, the fit that is returned does not."""
+    fitter, fit = elected
+    assert fit.score - fitter.refined(fitter.dataset, fit).score < 1e-3
