@@ -117,7 +117,7 @@ def small_model() -> Any:
     tau = ddq * [1.5, 0.6] + np.sin(q) * [8.0, 3.0]
     data = Dataset.from_arrays(q, dq, ddq, tau, joint_names=NAMES, t=t[:, 0])
     cheap = FitSettings(
-        kernel='recursive', subset=30, max_samples=60, iterations=5, friction=False, residual=False
+        kernel='recursive', subset=30, max_samples=60, iterations=5, friction=False
     )
     return fit(data, cheap)
 

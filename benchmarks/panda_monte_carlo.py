@@ -106,7 +106,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
         nargs='*',
         default=[],
         metavar='NAME=VALUE',
-        help='such as residual=true',
+        help='such as friction=false',
     )
     parser.add_argument(
         '--results', type=Path, default=Path('panda_monte_carlo.json'),

@@ -145,8 +145,8 @@ def test_empty_file_means_defaults(config_file: Path) -> None:
         ('fit: {1: 2}', r'fit.1 in .* is not a setting; known are kernel, .*seed.$'),
         (
             'fit: {kernel: rbf}',
-            r'fit.kernel in .*robot.yaml must be a text articulated or lip or '
-            r"recursive or recursive_per_link, not 'rbf'.$",
+            r'fit.kernel in .*robot.yaml must be a text articulated or lip or recursive, '
+            r"not 'rbf'.$",
         ),
         ('fit: {seed: 1.5}', r'fit.seed in .*robot.yaml must be a whole number >= 0, not 1.5.$'),
         ('recording: {topic: }', r'recording.topic in .* must be a text, not None.$'),

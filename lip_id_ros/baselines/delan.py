@@ -19,7 +19,7 @@ from torch import nn
 from torch.optim.lr_scheduler import OneCycleLR
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines.interface import Baseline, State
+from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
@@ -110,12 +110,10 @@ class Network(Baseline):
         return {'width': network.width, 'depth': network.depth, 'weights': weights}
 
 
-def delan() -> Delan:
-    """Return the method of that name."""
-    return Delan()
+METHODS: Methods = {'delan': lambda _: Delan()}
 
 
-def read_delan(joints: tuple[tuple[str, ...], tuple[str, ...]], state: State) -> Network:
+def read(joints: Joints, state: State) -> Network:
     """Return the model of a state."""
     network = DelanNetwork(_prismatic(joints[1]), state['width'], state['depth'])
     network.load_state_dict({name: torch.from_numpy(x) for name, x in state['weights'].items()})

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+import os
 from typing import Any, Protocol
 
 from lip_id_ros.arrays import Array
@@ -15,6 +16,11 @@ from lip_id_ros.settings import FitSettings
 
 State = Mapping[str, Any]
 """Numbers, texts, arrays, and lists and mappings of these."""
+
+Joints = tuple[tuple[str, ...], tuple[str, ...]]
+"""Names and types of the joints."""
+
+Urdf = str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
@@ -106,3 +112,10 @@ class Method(Protocol):
             If fitting fails for numerical reasons.
 
         """
+
+
+Methods = Mapping[str, Callable[[Urdf], Method]]
+"""
+What a module offers as `METHODS`: for each name a function from a robot description, which may be
+empty where the method needs none, to the method. Its `read(joints, state)` restores the models.
+"""

@@ -8,10 +8,11 @@ import numpy as np
 import torch
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines.interface import Baseline, State
+from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State
 from lip_id_ros.baselines.lse_kernel import energy_gram, Lengths, States, torque_gram
-from lip_id_ros.baselines.marginal_likelihood import covering, maximise
+from lip_id_ros.baselines.marginal_likelihood import maximise
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp.fitting import covering
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model import TorquePrediction
@@ -237,12 +238,10 @@ def _condition(
     )
 
 
-def lse() -> Lse:
-    """Return the method of that name."""
-    return Lse()
+METHODS: Methods = {'lse': lambda _: Lse()}
 
 
-def read_lse(joints: tuple[tuple[str, ...], tuple[str, ...]], state: State) -> LagrangianModel:
+def read(joints: Joints, state: State) -> LagrangianModel:
     """Return the model of a state."""
     names, types = joints
     vector, variance, alpha, *states = (

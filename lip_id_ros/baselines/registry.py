@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import import_module
-import os
 import time
 from typing import Any
 
-from lip_id_ros.baselines.interface import Baseline, FitRecord, Method, State
+from lip_id_ros.baselines.interface import Baseline, FitRecord, Joints, Method, State, Urdf
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError, LipIdError
 from lip_id_ros.identification import fit
 from lip_id_ros.model import TorqueModel
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
-
-Urdf = str | os.PathLike[str]
-Joints = tuple[tuple[str, ...], tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -50,7 +45,7 @@ class Entry:
     meaning : str
         For the readers of a comparison.
     module : str
-        In `lip_id_ros.baselines`; has `NAME(urdf)`, or `NAME()`, and `read_NAME(joints, state)`.
+        In `lip_id_ros.baselines`; has `METHODS` (see `interface`) and `read(joints, state)`.
     version : int
         Of the state that its models write.
     needs_urdf : bool
@@ -131,14 +126,11 @@ def method(name: str, urdf: Urdf | None = None) -> Method:
         return Energies(name)
     if name not in LITERATURE:
         raise ConfigError(f'{name!r} is not a model; there are {", ".join(MODELS)}.')
-    arguments: tuple[Urdf, ...] = ()
-    if needs_urdf(name):
-        if urdf is None:
-            raise ConfigError(
-                f'the model {name!r} needs the kinematics of the robot; name its URDF file.'
-            )
-        arguments = (urdf,)
-    made: Method = _function(name, name)(*arguments)
+    if needs_urdf(name) and urdf is None:
+        raise ConfigError(
+            f'the model {name!r} needs the kinematics of the robot; name its URDF file.'
+        )
+    made: Method = _module(name).METHODS[name](urdf or '')
     return made
 
 
@@ -190,17 +182,15 @@ def restore(name: str, joints: Joints, state: State) -> Baseline:
         If a package is missing.
 
     """
-    model: Baseline = _function(name, f'read_{name}')(joints, state)
+    model: Baseline = _module(name).read(joints, state)
     return model
 
 
-def _function(name: str, function: str) -> Callable[..., Any]:
-    place = f'lip_id_ros.baselines.{LITERATURE[name].module}'
+def _module(name: str) -> Any:
     try:
-        found: Callable[..., Any] = getattr(import_module(place), function)
+        return import_module(f'lip_id_ros.baselines.{LITERATURE[name].module}')
     except ImportError as error:
         raise LipIdError(
             f'the model {name!r} needs a package that is missing ({error}); '
             "install it with `pip install 'lip_id_ros[torch,sim]'`."
         ) from error
-    return found

@@ -18,7 +18,7 @@ import pinocchio
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines.interface import State
+from lip_id_ros.baselines.interface import State, Urdf
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.rigid_body import Chain
@@ -66,7 +66,7 @@ class Regressor:
         self._neutral = pinocchio.neutral(self._model)
 
     @classmethod
-    def of(cls, urdf: str | os.PathLike[str], dataset: Dataset) -> Regressor:
+    def of(cls, urdf: Urdf, dataset: Dataset) -> Regressor:
         """
         Read a URDF for the joints of a data set.
 

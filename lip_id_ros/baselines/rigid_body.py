@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 from scipy.linalg import lstsq
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines.interface import Baseline, State
+from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State, Urdf
 from lip_id_ros.baselines.regressor import Regressor
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.model import TorquePrediction
@@ -120,7 +118,7 @@ class Identification:
 
     """
 
-    def __init__(self, urdf: str | os.PathLike[str]) -> None:
+    def __init__(self, urdf: Urdf) -> None:
         self._urdf = urdf
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> RigidBody:
@@ -133,12 +131,10 @@ class Identification:
         return RigidBody(dataset.joint_names, dataset.joint_types, features, parameters)
 
 
-def rigid_body(urdf: str | os.PathLike[str]) -> Identification:
-    """Return the method of that name."""
-    return Identification(urdf)
+METHODS: Methods = {'rigid_body': Identification}
 
 
-def read_rigid_body(joints: tuple[tuple[str, ...], tuple[str, ...]], state: State) -> RigidBody:
+def read(joints: Joints, state: State) -> RigidBody:
     """Return the model of a state."""
     return RigidBody(*joints, restored_features(state['features']), state['parameters'])
 

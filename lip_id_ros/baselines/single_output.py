@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import os
 from typing import Any
 
 import numpy as np
 import torch
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines.interface import Baseline, State
-from lip_id_ros.baselines.marginal_likelihood import covering, maximise
+from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State, Urdf
+from lip_id_ros.baselines.marginal_likelihood import maximise
 from lip_id_ros.baselines.terms import Linear, MakeTerm, Motion, Term, TERMS
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp.fitting import covering
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model import TorquePrediction
@@ -48,7 +48,7 @@ class SingleOutput:
 
     terms: tuple[str, ...]
     friction: bool = False
-    urdf: str | os.PathLike[str] | None = None
+    urdf: Urdf | None = None
     iterations: int = ITERATIONS
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> PerJoint:
@@ -74,19 +74,11 @@ class SingleOutput:
         return chosen_features(Regressor.of(self.urdf, dataset), dataset)
 
 
-def se() -> SingleOutput:
-    """Return the squared exponential (paper, eq. K-SE)."""
-    return SingleOutput(('squared_exponential',))
-
-
-def gip() -> SingleOutput:
-    """Return the geometrically inspired polynomial with friction."""
-    return SingleOutput(('geometric_polynomial',), friction=True)
-
-
-def semiparametric(urdf: str | os.PathLike[str]) -> SingleOutput:
-    """Return the paper's estimator SP (eq. K-SP)."""
-    return SingleOutput((RIGID_BODY, 'squared_exponential'), urdf=urdf)
+METHODS: Methods = {
+    'se': lambda _: SingleOutput(('squared_exponential',)),
+    'gip': lambda _: SingleOutput(('geometric_polynomial',), friction=True),
+    'semiparametric': lambda urdf: SingleOutput((RIGID_BODY, 'squared_exponential'), urdf=urdf),
+}
 
 
 class RigidBodyTerm(Linear):
@@ -267,7 +259,7 @@ class PerJoint(Baseline):
         }
 
 
-def read_se(joints: tuple[tuple[str, ...], tuple[str, ...]], state: State) -> PerJoint:
+def read(joints: Joints, state: State) -> PerJoint:
     """Return the model of a state."""
     terms = _Terms.restored(joints[1], state['terms'])
     posteriors = [
@@ -275,9 +267,6 @@ def read_se(joints: tuple[tuple[str, ...], tuple[str, ...]], state: State) -> Pe
         for joint, each in enumerate(state['joints'])
     ]
     return PerJoint(*joints, terms, posteriors)
-
-
-read_gip = read_semiparametric = read_se
 
 
 def _optimise(

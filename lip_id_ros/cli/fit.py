@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument(
         '--kernel',
-        choices=('articulated', 'recursive', 'recursive_per_link', 'lip'),
+        choices=('articulated', 'recursive', 'lip'),
         help='the model of the torques (default: articulated)',
     )
     kind.add_argument(

@@ -1,4 +1,4 @@
-"""One method on one case: its errors, its cost, and the version of the code that made them."""
+"""A case, and one method on it: its errors, its cost and the version of the code."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import cache
 import hashlib
 from importlib.metadata import PackageNotFoundError, version
 import math
+import os
 from pathlib import Path
 import time
 from typing import Any
@@ -15,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.baselines import Method
-from lip_id_ros.comparison.case import Case
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import Outcome, score
 from lip_id_ros.evaluation.metrics import mean_of_known
@@ -32,6 +32,53 @@ PARTS = (
     *('comparison/cell.py', 'evaluation/metrics.py'),
 )
 UNKNOWN = 'unknown'
+SIGNALS = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless', 'kinetic', 'potential')
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    One training set and the motions on which its models are evaluated.
+
+    Attributes
+    ----------
+    name : str
+        Unique among the cases that are compared together.
+    group : str
+        Cases of one group make one table and one box plot.
+    train : Dataset
+    tests : mapping from str to Dataset
+        Unseen motions by name, with the joints of `train` in its order.
+    urdf : path, optional
+        Robot description, for methods that need one.
+
+    """
+
+    name: str
+    group: str
+    train: Dataset
+    tests: Mapping[str, Dataset]
+    urdf: str | os.PathLike[str] | None = None
+
+    def fingerprint(self) -> str:
+        """Return a digest of all numbers of the data."""
+        digest = hashlib.sha256()
+        for data in (self.train, *self.tests.values()):
+            for name in SIGNALS:
+                values = getattr(data, name)
+                digest.update(b'-' if values is None else np.ascontiguousarray(values).tobytes())
+        digest.update(repr((self.name, self.group, list(self.tests))).encode())
+        if self.urdf is not None:
+            with open(self.urdf, 'rb') as file:
+                digest.update(file.read())
+        return digest.hexdigest()
+
+
+def thinned(dataset: Dataset, count: int) -> Dataset:
+    """Return `count` evenly spaced samples, or all where there are fewer."""
+    if count >= dataset.n_samples:
+        return dataset
+    return dataset.select(np.linspace(0, dataset.n_samples - 1, count).round().astype(np.int64))
 
 
 @dataclass(frozen=True)

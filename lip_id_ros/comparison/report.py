@@ -15,8 +15,7 @@ from matplotlib.ticker import LogFormatter
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.comparison.case import Case
-from lip_id_ros.comparison.cell import Cell, code_version
+from lip_id_ros.comparison.cell import Case, Cell, code_version
 from lip_id_ros.comparison.run import ENERGIES, Results, Store
 from lip_id_ros.comparison.summary import (
     groups,
@@ -36,10 +35,7 @@ from lip_id_ros.files import write_whole
 from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress, silent
 
-Color = tuple[float, ...]
-
 N_COLUMNS = 4
-LEAST_SHOWN = 1e-6  # percent; the axes are logarithmic
 JSON = 'comparison.json'
 BOXES = (
     'Each box: quartiles over the unseen motions; whiskers: up to 1.5 times their range. '
@@ -138,7 +134,7 @@ def _energy_drawings(cases: Sequence[Case], results: Results, store: Store) -> I
         yield 'energies', 'Energies', caption, partial(energies, test, answers, palette)
 
 
-def colors(models: Sequence[str]) -> dict[str, Color]:
+def colors(models: Sequence[str]) -> dict[str, style.Color]:
     """Return a colour for each model."""
     return {model: colormaps['tab10'](number % 10) for number, model in enumerate(models)}
 
@@ -151,16 +147,14 @@ def boxes(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
         for i, name in enumerate(joints)
     }
     panels['mean of the joints'] = {m: mean_errors(cells) for m, cells in by_model.items()}
-    n_rows = math.ceil(len(panels) / N_COLUMNS)
-    figure = Figure(figsize=(style.WIDTH, 2.9 * n_rows), layout='constrained')
-    axes = list(figure.subplots(n_rows, N_COLUMNS, squeeze=False).flat)
+    size = (style.WIDTH, 2.9 * math.ceil(len(panels) / N_COLUMNS))
+    figure = Figure(figsize=size, layout='constrained')
+    axes = style.grid(figure, len(panels), N_COLUMNS)
     draw = _boxes if several(by_model) else _points
-    for panel, (title, errors) in zip(axes, panels.items(), strict=False):
+    for panel, (title, errors) in zip(axes, panels.items(), strict=True):
         values = {model: _shown(x[np.isfinite(x)]) for model, x in errors.items()}
         draw(panel, values)
         _label(panel, title, values)
-    for panel in axes[len(panels) :]:
-        panel.set_visible(False)
     figure.supylabel('nMSE [%]')
     return figure
 
@@ -194,7 +188,7 @@ def learning_curves(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
 
 
 def energies(
-    test: Dataset, predictions: Mapping[str, TorquePrediction], palette: Mapping[str, Color]
+    test: Dataset, predictions: Mapping[str, TorquePrediction], palette: Mapping[str, style.Color]
 ) -> Figure:
     """Draw the predicted energies along one unseen motion, and the true ones where known."""
     known = {
@@ -207,7 +201,7 @@ def energies(
     }
     drawn = [name for name in ENERGIES if known[name]]
     figure = Figure(figsize=(style.WIDTH, 3.2 * len(drawn)), layout='constrained')
-    panels = list(figure.subplots(len(drawn), 1, sharex=True, squeeze=False).flat)
+    panels = style.grid(figure, len(drawn), 1, sharex=True)
     for panel, name in zip(panels, drawn, strict=True):
         _energy(panel, test, name, known[name], palette)
     panels[-1].set_xlabel('time [s]')
@@ -220,17 +214,17 @@ def _energy(
     test: Dataset,
     name: str,
     found: Mapping[str, Array],
-    palette: Mapping[str, Color],
+    palette: Mapping[str, style.Color],
 ) -> None:
     truth = getattr(test, name)
     if truth is not None:
-        _curve(panel, test, truth, style.MEASURED, 'true', 4.0)
+        style.over_time(panel, test, truth, style.MEASURED, 'true', 4.0)
         _limit(panel, truth)
     for model, values in found.items():
         # the constant of the potential energy is free: the means are made equal
         middle = 0.0 if truth is None else truth.mean()
         offset = middle - values.mean() if name == 'potential' else 0.0
-        _curve(panel, test, values + offset, palette[model], for_plot(model), 1.3)
+        style.over_time(panel, test, values + offset, palette[model], for_plot(model))
     panel.set_title(f'{name} energy', loc='left')
     panel.set_ylabel('energy [J]')
 
@@ -282,14 +276,5 @@ def _logarithmic(panel: Axes) -> None:
     panel.yaxis.set_minor_formatter(_Plain(minor_thresholds=(1, 0.4)))
 
 
-def _curve(
-    panel: Axes, test: Dataset, values: Array, color: Color | str, label: str, width: float
-) -> None:
-    rows = style.shown_rows(test.n_samples)
-    curve = style.broken_at(test.segment[rows], values[rows])
-    time = (test.t - test.t[0])[rows]
-    panel.plot(time, curve, color=color, label=label, linewidth=width)
-
-
 def _shown(values: Array) -> Array:
-    return np.maximum(values, LEAST_SHOWN)
+    return np.maximum(values, style.LEAST_SHOWN)

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.baselines import Method, method
-from lip_id_ros.comparison.case import Case
-from lip_id_ros.comparison.cell import Cell, measure
+from lip_id_ros.comparison.cell import Case, Cell, measure
 from lip_id_ros.errors import DataError, FitError
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import TorquePrediction

@@ -10,26 +10,20 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.gp.initialisation import (
-    initial_guesses,
-    InitialGuess,
-    make_friction,
-    make_residual,
-)
+from lip_id_ros.dataset.subsets import farthest_points
+from lip_id_ros.gp.initialisation import initial_guesses, InitialGuess, make_friction
 from lip_id_ros.gp.likelihood import Backend, choose
 from lip_id_ros.gp.sign_width import with_likely_sign_widths
-from lip_id_ros.gp.subset import spread
 from lip_id_ros.gp.training import maximise, Objective, Optimum
 from lip_id_ros.kernels import (
     FAMILY,
     Hyperparameters,
     JointBasis,
-    PerJointKernel,
     TorqueKernel,
     TorquePosterior,
     TorquePrior,
 )
-from lip_id_ros.kernels.program import EnergyKernel, POTENTIALS, without_potential
+from lip_id_ros.kernels.program import without_potential
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import FitSettings
 
@@ -59,7 +53,7 @@ def fit_process(
     dataset: Dataset, settings: FitSettings, kernel: str, progress: Progress = silent
 ) -> FittedProcess:
     """
-    Fit Gaussian processes on energies, friction and residual to a data set.
+    Fit Gaussian processes on energies and friction to a data set.
 
     The hyperparameters are optimised on a well-spread subset of the samples; the posterior is
     then conditioned on all of them, or on the best spread `max_samples`.
@@ -84,7 +78,7 @@ def fit_process(
     torques, optimum = _optimise(torques, dataset, settings, backend, progress)
     seconds = round(time.monotonic() - started, 3)
     progress(CONDITIONING, 0, 1)
-    some = _covering(dataset, torques, settings.max_samples)
+    some = covering(dataset, torques.basis, settings.max_samples)
     states = torques.states(some.q, some.dq, some.ddq)
     prior = TorquePrior(torques, optimum.hyperparameters)
     posterior = TorquePosterior.condition(prior, states, some.tau)
@@ -95,26 +89,25 @@ def fit_process(
 
 
 def make_kernel(dataset: Dataset, settings: FitSettings, name: str) -> TorqueKernel:
-    """Return an energy kernel, and what the settings add to it, in the units of the data."""
-    basis = JointBasis.of(dataset.joint_types, dataset.q)
-    per_joint: list[PerJointKernel] = []
-    if settings.friction:
-        per_joint.append(make_friction(dataset.dq))
-    if settings.residual:
-        per_joint.append(make_residual(basis, dataset.dq, dataset.ddq))
-    return TorqueKernel(_energy_kernel(dataset, settings, name), basis, tuple(per_joint))
-
-
-def _energy_kernel(dataset: Dataset, settings: FitSettings, name: str) -> EnergyKernel:
-    kernel = FAMILY[name](dataset.n_joints)
+    """Return an energy kernel, with friction where the settings ask for it."""
+    energy = FAMILY[name](dataset.n_joints)
     if dataset.gravity_compensated:
-        return without_potential(kernel)
-    return POTENTIALS[settings.potential](kernel)
+        energy = without_potential(energy)
+    basis = JointBasis.of(dataset.joint_types, dataset.q)
+    return TorqueKernel(energy, basis, make_friction(dataset.dq) if settings.friction else None)
 
 
-def _covering(dataset: Dataset, kernel: TorqueKernel, count: int) -> Dataset:
-    rows = spread(kernel.basis, dataset.q, dataset.dq, dataset.ddq, count)
-    return dataset.select(rows)
+def covering(dataset: Dataset, basis: JointBasis, count: int) -> Dataset:
+    """
+    Return the samples that cover the motion best, all where there are not more than `count`.
+
+    They are chosen by farthest-point selection in joint features, velocities and accelerations, in
+    the order of time, with no randomness.
+
+    """
+    f, _ = basis.features(dataset.q)
+    points = np.concatenate([f[0].T, f[1].T, dataset.dq, dataset.ddq], axis=1)
+    return dataset.select(farthest_points(points, count))
 
 
 def _optimise(
@@ -129,14 +122,14 @@ def _optimise(
         likelihood = backend.likelihood(kernel, states, some.tau, centre)
         return Objective(likelihood, centre, settings.prior_precision)
 
-    few = _covering(dataset, kernel, max(LEAST_SAMPLES, settings.subset // 3))
+    few = covering(dataset, kernel.basis, max(LEAST_SAMPLES, settings.subset // 3))
     # Tried on fewer samples, so that all of them together cost less than the optimisation itself.
     tried = [
         _tried(guess, objective(guess.centre, few), settings, progress, number)
         for number, guess in enumerate(initial_guesses(kernel, dataset), start=1)
     ]
     guess, trial = min(tried, key=lambda pair: pair[1].value)
-    some = _covering(dataset, kernel, settings.subset)
+    some = covering(dataset, kernel.basis, settings.subset)
     kernel = with_likely_sign_widths(kernel, trial.hyperparameters, some)
     followed = objective(guess.centre, some)
     return kernel, maximise(followed, trial.hyperparameters, settings.iterations, progress)

@@ -9,15 +9,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
-from lip_id_ros.gp.log_vector import to_vector
-from lip_id_ros.kernels import (
-    Hyperparameters,
-    JointBasis,
-    PerJointKernel,
-    TorqueKernel,
-    Weights,
-)
-from lip_id_ros.kernels.per_joint import Friction, Residual
+from lip_id_ros.kernels import FrictionKernel, Hyperparameters, TorqueKernel, Weights
 from lip_id_ros.kernels.program import EnergyKernel, unit_weights
 from lip_id_ros.linear_algebra import NOT_FINITE
 
@@ -32,12 +24,6 @@ WEAKER = 0.01
 
 SIGN_SHARE = 0.05
 """Initial width of the smooth sign of friction, as a share of each joint's usual velocity."""
-
-RESIDUAL_SHARE = 0.05
-"""Initial standard deviation of the residual, likewise."""
-
-RESIDUAL_LENGTH = 3.0
-"""Initial length scales of the residual, in standard deviations of the inputs."""
 
 
 @dataclass(frozen=True)
@@ -61,24 +47,34 @@ def initial_guesses(kernel: TorqueKernel, dataset: Dataset) -> list[InitialGuess
     """
     Return guesses under which the energies explain all of the torques.
 
+    They differ in the noise: little, much, and much with weak inertia. From little noise alone the
+    first steps can collapse the noise of one joint, and the rest then interpolates; which guess is
+    right shows after a few iterations.
+
     Raises
     ------
     FitError
         If the data are not finite.
 
     """
-    centre = _centre(kernel, dataset)
-    return [InitialGuess(centre, guess) for guess in starting_points(centre)]
-
-
-def _centre(kernel: TorqueKernel, dataset: Dataset) -> Hyperparameters:
     with np.errstate(over='ignore', divide='ignore'):
-        centre = initial_hyperparameters(
-            kernel.energy, kernel.per_joint, dataset.dq, dataset.ddq, dataset.tau
-        )
-        if np.isfinite(to_vector(centre)).all():
-            return centre
-    raise FitError(NOT_FINITE)
+        centre = initial_hyperparameters(kernel, dataset)
+        if not np.isfinite(centre.vector()).all():
+            raise FitError(NOT_FINITE)
+    noisy = replace(centre, noise_variance=centre.noise_variance * NOISIER**2)
+    weak = noisy.weights._replace(kinetic_scales=noisy.weights.kinetic_scales * WEAKER)
+    return [InitialGuess(centre, x) for x in (centre, noisy, replace(noisy, weights=weak))]
+
+
+def initial_hyperparameters(kernel: TorqueKernel, dataset: Dataset) -> Hyperparameters:
+    """Return the centre of the prior on the hyperparameters: the guess with little noise."""
+    deviation = _positive(dataset.tau.std(axis=0))
+    friction = None if kernel.friction is None else initial_friction(dataset.dq, deviation)
+    return Hyperparameters(
+        weights=initial_weights(kernel.energy, dataset.ddq, dataset.tau.var(axis=0)),
+        friction=friction,
+        noise_variance=(NOISE_SHARE * deviation) ** 2,
+    )
 
 
 def initial_weights(kernel: EnergyKernel, ddq: Array, variance: Array) -> Weights:
@@ -105,59 +101,15 @@ def initial_weights(kernel: EnergyKernel, ddq: Array, variance: Array) -> Weight
     )
 
 
-def initial_hyperparameters(
-    kernel: EnergyKernel,
-    per_joint: tuple[PerJointKernel, ...],
-    dq: Array,
-    ddq: Array,
-    tau: Array,
-) -> Hyperparameters:
-    """Return the starting point of the optimisation for motions and torques of shape (N, n)."""
-    deviation = _positive(tau.std(axis=0))
-    starts = {
-        'friction': lambda: initial_friction(dq, deviation),
-        'residual': lambda: initial_residual(deviation),
-    }
-    return Hyperparameters(
-        weights=initial_weights(kernel, ddq, tau.var(axis=0)),
-        per_joint=tuple(starts[kernel.name]() for kernel in per_joint),
-        noise_variance=(NOISE_SHARE * deviation) ** 2,
-    )
-
-
-def starting_points(centre: Hyperparameters) -> list[Hyperparameters]:
-    """
-    Return starting points of an optimisation: little noise, much noise, and weak inertia with it.
-
-    From little noise alone the first steps can collapse the noise of one joint, and the rest then
-    interpolates; which start is right shows after a few iterations.
-
-    """
-    noisy = replace(centre, noise_variance=centre.noise_variance * NOISIER**2)
-    weak = noisy.weights._replace(kinetic_scales=noisy.weights.kinetic_scales * WEAKER)
-    return [centre, noisy, replace(noisy, weights=weak)]
-
-
 def initial_friction(dq: Array, deviation: Array) -> Array:
     """Return prior variances of friction that makes up a tenth of each torque, shape (n, 3)."""
     share = (0.1 * deviation) ** 2
     return np.column_stack([share / _root_mean_square(dq) ** 2, share, share])
 
 
-def initial_residual(deviation: Array) -> Array:
-    """Return the parameters of a small, smooth residual, shape (n, 4)."""
-    lengths = np.full((len(deviation), 3), RESIDUAL_LENGTH * np.sqrt(len(deviation)))
-    return np.column_stack([(RESIDUAL_SHARE * deviation) ** 2, lengths])
-
-
-def make_friction(dq: Array) -> Friction:
+def make_friction(dq: Array) -> FrictionKernel:
     """Return the friction kernel whose sign is smooth within a share of the usual velocity."""
-    return Friction(sign_width=SIGN_SHARE * _root_mean_square(dq))
-
-
-def make_residual(basis: JointBasis, dq: Array, ddq: Array) -> Residual:
-    """Return the residual kernel in units of the usual velocities and accelerations."""
-    return Residual(basis, np.stack([_root_mean_square(dq), _root_mean_square(ddq)]))
+    return FrictionKernel(sign_width=SIGN_SHARE * _root_mean_square(dq))
 
 
 def _root_mean_square(x: Array) -> Array:

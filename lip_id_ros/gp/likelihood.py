@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Protocol
@@ -9,9 +10,9 @@ from typing import Protocol
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.gp.log_vector import from_vector, to_log_gradient
 from lip_id_ros.kernels import Hyperparameters, JointStates, TorqueKernel, TorquePrior
 from lip_id_ros.kernels.gram import contracted_gradient
+from lip_id_ros.kernels.prior import friction_gradient
 from lip_id_ros.linear_algebra import CholeskyFactor
 
 
@@ -60,7 +61,7 @@ class MarginalLikelihood:
             If the Gram matrix cannot be factorised.
 
         """
-        at = from_vector(vector, self.like)
+        at = self.like.with_vector(vector)
         prior = TorquePrior(self.kernel, at)
         factor = CholeskyFactor.of(prior.noisy_gram(self.states))
         y = self.tau.ravel()
@@ -70,7 +71,7 @@ class MarginalLikelihood:
         contraction = factor.inverse()
         contraction -= np.multiply.outer(alpha, alpha)
         contraction *= 0.5
-        return value, to_log_gradient(self._gradient(at, contraction), at)
+        return value, at.log_gradient(self._gradient(at, contraction))
 
     def _gradient(self, at: Hyperparameters, contraction: Array) -> Hyperparameters:
         n = self.tau.shape[1]
@@ -78,23 +79,15 @@ class MarginalLikelihood:
             self.kernel.energy, at.weights, self.states.packed, contraction
         )
         blocks = np.stack([contraction[i::n, i::n] for i in range(n)])
-        per_joint = tuple(
-            kernel.gradient(parameters, inputs, blocks)
-            for kernel, parameters, inputs in zip(
-                self.kernel.per_joint, at.per_joint, self.states.per_joint, strict=True
-            )
-        )
-        noise = np.einsum('itt->i', blocks)
-        return Hyperparameters(weights, per_joint, noise)
+        features = self.states.friction
+        friction = None if features is None else friction_gradient(features, blocks)
+        return Hyperparameters(weights, friction, np.einsum('itt->i', blocks))
 
 
-class MakeLikelihood(Protocol):
-    """Makes a likelihood of N samples with torques tau, shape (N, n)."""
-
-    def __call__(
-        self, kernel: TorqueKernel, states: JointStates, tau: Array, like: Hyperparameters
-    ) -> Likelihood:
-        """Return the likelihood; `like` gives the shapes of the hyperparameters."""
+MakeLikelihood = Callable[[TorqueKernel, JointStates, Array, Hyperparameters], Likelihood]
+"""
+From kernel, N samples, torques (N, n), and hyperparameters that give the shapes.
+"""
 
 
 @dataclass(frozen=True)

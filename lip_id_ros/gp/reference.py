@@ -1,7 +1,7 @@
 """
 Torque covariances by nested automatic differentiation, with torch.
 
-The definition of the kernels (`lip_id_ros.kernels.energy_covariance`) is differentiated as it
+The definition of the kernels (`lip_id_ros.kernels.program`) is differentiated as it
 stands: no closed form, no compiled loop. The tests compare all compiled code with this module, and
 `fit.device: cuda` evaluates the marginal likelihood with it (docs/maths.md, section 5). It has run
 on the CPU only: no machine of this project had a CUDA device.
@@ -21,7 +21,6 @@ from torch.func import jacrev, jvp, vmap
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
-from lip_id_ros.gp.log_vector import arrays
 from lip_id_ros.kernels import (
     EnergyKernel,
     Hyperparameters,
@@ -30,7 +29,7 @@ from lip_id_ros.kernels import (
     TorqueKernel,
     Weights,
 )
-from lip_id_ros.kernels.energy_covariance import kinetic_covariance, potential_covariance
+from lip_id_ros.kernels.program import kinetic_covariance, potential_covariance
 from lip_id_ros.linear_algebra import JITTERS, NOT_FINITE, NOT_POSITIVE_DEFINITE
 
 Tensor = Any  # torch is optional, also for the type checker
@@ -136,22 +135,6 @@ def euler_lagrange(lagrangian: Callable[[Tensor, Tensor], Tensor], x: State) -> 
     return rate - jacrev(lagrangian, argnums=0)(x.q, x.dq)
 
 
-def friction(parameters: Tensor, x: Tensor, z: Tensor) -> Tensor:
-    """Return the covariances of friction torques, shape (n, N, M)."""
-    return (x * parameters[:, None, :]) @ z.transpose(1, 2)
-
-
-def residual(parameters: Tensor, x: Tensor, z: Tensor) -> Tensor:
-    """Return the covariances of residual torques, shape (n, N, M)."""
-    distances = (x[:, :, None] - z[:, None]).square().sum(-1)
-    precision = 0.5 / parameters[:, 1:, None, None] ** 2
-    return parameters[:, 0, None, None] * (-(precision * distances).sum(1)).exp()
-
-
-PER_JOINT = {function.__name__: function for function in (friction, residual)}
-"""Covariances by the name of the kernel."""
-
-
 class _Inputs(NamedTuple):
     """
     Joint states as every kernel needs them.
@@ -159,20 +142,18 @@ class _Inputs(NamedTuple):
     Attributes
     ----------
     state : State
-    per_joint : tuple of tensors
-        The inputs of each per-joint kernel; the second index is the sample.
+    friction : tensor, shape (n, N, 3), or None
+        Features of the friction kernel.
 
     """
 
     state: State
-    per_joint: tuple[Tensor, ...]
+    friction: Tensor
 
     def rows(self, samples: slice) -> _Inputs:
         """Return some of the samples."""
-        return _Inputs(
-            State(*(values[samples] for values in self.state)),
-            tuple(inputs[:, samples] for inputs in self.per_joint),
-        )
+        friction = None if self.friction is None else self.friction[:, samples]
+        return _Inputs(State(*(values[samples] for values in self.state)), friction)
 
 
 @dataclass(frozen=True)
@@ -216,10 +197,8 @@ class TorchMarginalLikelihood:
             return torch.tensor(values, device=self.device)
 
         x = self.states
-        inputs = _Inputs(
-            State(tensor(x.q), tensor(x.dq), tensor(x.ddq)),
-            tuple(tensor(values) for values in x.per_joint),
-        )
+        friction = None if x.friction is None else tensor(x.friction)
+        inputs = _Inputs(State(tensor(x.q), tensor(x.dq), tensor(x.ddq)), friction)
         object.__setattr__(self, '_x', inputs)
         object.__setattr__(self, '_y', tensor(self.tau.ravel()))
 
@@ -278,18 +257,18 @@ class TorchMarginalLikelihood:
         x, z = self._x.rows(slice(first, last)), self._x.rows(slice(0, last))
         energies = EnergyReference(self.kernel.energy, self.kernel.basis, at.weights)
         blocks = energies.torque_blocks(x.state, z.state)
-        for k, term in enumerate(self.kernel.per_joint):
-            each = PER_JOINT[term.name](at.per_joint[k], x.per_joint[k], z.per_joint[k])
+        if at.friction is not None:
+            each = (x.friction * at.friction[:, None]) @ z.friction.transpose(1, 2)
             blocks = blocks + torch.diag_embed(each.permute(1, 2, 0))
         return blocks.permute(0, 2, 1, 3).reshape(len(blocks) * n, -1)
 
     def _at(self, theta: Tensor) -> Hyperparameters:
         """Return the tensors whose logarithms are `theta`, in the shapes of `like`."""
-        shapes = [values.shape for _, values in arrays(self.like)]
-        pieces = theta.exp().split([values.size for _, values in arrays(self.like)])
-        parts = [piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)]
-        count = len(Weights._fields)
-        return Hyperparameters(Weights(*parts[:count]), tuple(parts[count:-1]), parts[-1])
+        groups = self.like.groups().values()
+        pieces = theta.exp().split([values.size for values in groups])
+        return self.like.filled(
+            [piece.reshape(values.shape) for piece, values in zip(pieces, groups, strict=True)]
+        )
 
     def _chunks(self) -> Iterator[tuple[int, int]]:
         """Yield the first sample of each chunk and that after its last."""

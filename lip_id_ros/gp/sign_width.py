@@ -8,8 +8,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.kernels import Hyperparameters, TorqueKernel, TorquePrior
-from lip_id_ros.kernels.per_joint import Friction, PerJointKernel
+from lip_id_ros.kernels import FrictionKernel, Hyperparameters, TorqueKernel, TorquePrior
 from lip_id_ros.linear_algebra import CholeskyFactor
 
 FACTORS = (0.2, 0.5, 1.0, 2.0)
@@ -35,25 +34,13 @@ def with_likely_sign_widths(
         On which it is.
 
     """
-    for place, term in enumerate(kernel.per_joint):
-        if isinstance(term, Friction):
-            likely = _likely(kernel, hyperparameters, dataset, place, term)
-            return replace(kernel, per_joint=_replaced(kernel.per_joint, place, likely))
-    return kernel
-
-
-def _likely(
-    kernel: TorqueKernel,
-    hyperparameters: Hyperparameters,
-    dataset: Dataset,
-    place: int,
-    term: Friction,
-) -> Friction:
+    if kernel.friction is None or hyperparameters.friction is None:
+        return kernel
     states = kernel.states(dataset.q, dataset.dq, dataset.ddq)
     gram = TorquePrior(kernel, hyperparameters).noisy_gram(states)
     y = dataset.tau.ravel()
-    widths = term.sign_width.copy()
-    for joint, (_, coulomb, _) in enumerate(hyperparameters.per_joint[place]):
+    widths = kernel.friction.sign_width.copy()
+    for joint, coulomb in enumerate(hyperparameters.friction[:, 1]):
         now, *tried = np.tanh(dataset.dq[:, joint] / np.outer((1.0, *FACTORS), widths[joint]))
         signs = np.zeros((len(tried) + 1, *dataset.tau.shape))
         signs[:, :, joint] = np.sqrt(coulomb) * np.array([now, *tried])
@@ -62,12 +49,12 @@ def _likely(
         block = gram[joint :: dataset.n_joints, joint :: dataset.n_joints]
         block += coulomb * (np.outer(tried[best], tried[best]) - np.outer(now, now))
         widths[joint] *= FACTORS[best]
-    return replace(term, sign_width=widths)
+    return replace(kernel, friction=FrictionKernel(widths))
 
 
 def _values(gram: Array, y: Array, now: Array, *tried: Array) -> list[float]:
     """
-    Return what is likely where one vector takes another's place, up to a constant.
+    Return negative log likelihoods, up to a constant, where one vector replaces another.
 
     Half of y^T K^-1 y + log det K for K = gram - now now^T + z z^T of every z: one factorisation,
     and the lemmas of Woodbury and of the determinant.
@@ -85,9 +72,3 @@ def _values(gram: Array, y: Array, now: Array, *tried: Array) -> list[float]:
         explained = float(along @ np.linalg.solve(change, along))
         values.append(0.5 * (np.log(-np.linalg.det(change)) - explained))
     return values
-
-
-def _replaced(
-    terms: tuple[PerJointKernel, ...], place: int, term: PerJointKernel
-) -> tuple[PerJointKernel, ...]:
-    return (*terms[:place], term, *terms[place + 1 :])

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize, OptimizeResult
 
-from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp.likelihood import Likelihood
-from lip_id_ros.gp.log_vector import cosines_and_sines, from_vector, names, to_vector
 from lip_id_ros.kernels import Hyperparameters
 from lip_id_ros.progress import Progress, silent
 
@@ -22,6 +24,10 @@ ALIKE = 3.0
 """Precision of the prior on how far the weights of a joint's cosine and sine are apart."""
 
 FAR_WORSE = 10.0
+"""Increase of the worst value so far, relative, at a step that cannot be evaluated."""
+
+ValueAndGradient = Callable[[Array], tuple[float, Array]]
+
 STAGE = 'hyperparameters'
 
 
@@ -73,14 +79,14 @@ class Objective:
 
     @cached_property
     def _pairs(self) -> tuple[IntArray, IntArray]:
-        return cosines_and_sines(self.centre)
+        return self.centre.cosines_and_sines()
 
     def _apart(self, away: Array) -> Array:
         cosines, sines = self._pairs
         return away[cosines] - away[sines]
 
     def _away(self, vector: Array) -> Array:
-        away = vector - to_vector(self.centre)
+        away = vector - self.centre.vector()
         away[-self.centre.noise_variance.size :] = 0.0
         return away
 
@@ -145,50 +151,106 @@ def maximise(
         If the Gram matrix cannot be factorised at the start.
 
     """
-    done = 0
-    guarded = _Guarded(objective)
-
-    def report(_: Array) -> None:
-        nonlocal done
-        done += 1
-        progress(stage, done, iterations)
-
-    progress(stage, 0, iterations)
-    first, centre = to_vector(start), to_vector(objective.centre)
-    bounds = np.column_stack([centre - RANGE, centre + RANGE])
-    result = OptimizeResult(x=first, nit=0, success=False, message='no iterations asked for')
-    if iterations > 0:  # else L-BFGS would still take one
-        options = {'maxiter': iterations, 'maxcor': 30, 'maxfun': 4 * iterations}
-        result = minimize(
-            guarded, first, jac=True, method='L-BFGS-B', bounds=bounds, callback=report,
-            options=options,
-        )  # fmt: skip
-    progress(stage, iterations, iterations)
-    found = np.asarray(result.x)
-    likelihood, _ = objective.likelihood.value_and_gradient(found)
+    first, centre = start.vector(), objective.centre.vector()
+    found = minimise(
+        objective.value_and_gradient, first, centre, iterations, partial(progress, stage)
+    )
+    likelihood, _ = objective.likelihood.value_and_gradient(found.vector)
+    labels = zip(start.names(), found.at_bounds.tolist(), strict=True)
     return Optimum(
-        hyperparameters=from_vector(found, start),
-        value=likelihood + objective.penalty(found),
+        hyperparameters=start.with_vector(found.vector),
+        value=likelihood + objective.penalty(found.vector),
         negative_log_likelihood=likelihood,
-        iterations=int(result.nit),
-        converged=bool(result.success),
-        message=str(result.message),
-        at_bounds=_at_bounds(found, bounds, names(start)),
-        rejected=guarded.rejected,
+        iterations=found.iterations,
+        converged=found.converged,
+        message=found.message,
+        at_bounds=tuple(label for label, hit in labels if hit),
+        rejected=found.rejected,
     )
 
 
-class _Guarded:
-    """The objective for a line search: a step too far is a bad step, not the end of the fit."""
+class Minimum(NamedTuple):
+    """
+    Where a minimisation ended.
 
-    def __init__(self, objective: Objective) -> None:
-        self._objective = objective
+    Attributes
+    ----------
+    vector : array, shape (p,)
+    at_bounds : bool array, shape (p,)
+    iterations : int
+    converged : bool
+    message : str
+    rejected : int
+        As in `Optimum`.
+
+    """
+
+    vector: Array
+    at_bounds: BoolArray
+    iterations: int
+    converged: bool
+    message: str
+    rejected: int
+
+
+def minimise(
+    function: ValueAndGradient,
+    start: Array,
+    centre: Array,
+    iterations: int,
+    report: Callable[[int, int], None],
+) -> Minimum:
+    """
+    Minimise a function of log-hyperparameters by L-BFGS, within `RANGE` of a centre.
+
+    Parameters
+    ----------
+    function : callable
+        Value and gradient at a vector (p,); FitError where it has none.
+    start, centre : arrays, shape (p,)
+    iterations : int
+        At most; 0 keeps the start.
+    report : callable
+        Gets the iterations that are done, and their largest number.
+
+    Raises
+    ------
+    FitError
+        If the function has no value at the start.
+
+    """
+    guarded, counter = _Guarded(function), count(1)
+    report(0, iterations)
+    bounds = np.column_stack([centre - RANGE, centre + RANGE])
+    result = OptimizeResult(x=start, nit=0, success=False, message='no iterations asked for')
+    if iterations > 0:  # else L-BFGS would still take one
+        result = minimize(
+            guarded,
+            start,
+            jac=True,
+            method='L-BFGS-B',
+            bounds=bounds,
+            callback=lambda _: report(next(counter), iterations),
+            options={'maxiter': iterations, 'maxcor': 30, 'maxfun': 4 * iterations},
+        )
+    report(iterations, iterations)
+    found = np.asarray(result.x)
+    close: BoolArray = np.isclose(found[:, None], bounds).any(axis=1)
+    converged, message = bool(result.success), str(result.message)
+    return Minimum(found, close, int(result.nit), converged, message, guarded.rejected)
+
+
+class _Guarded:
+    """A function for a line search: a step too far is a bad step, not the end of the fit."""
+
+    def __init__(self, function: ValueAndGradient) -> None:
+        self._function = function
         self._worst: float | None = None
         self.rejected = 0
 
     def __call__(self, vector: Array) -> tuple[float, Array]:
         try:
-            value, gradient = self._objective.value_and_gradient(vector)
+            value, gradient = self._function(vector)
         except FitError:
             if self._worst is None:
                 raise
@@ -196,8 +258,3 @@ class _Guarded:
             return self._worst + FAR_WORSE * (1.0 + abs(self._worst)), np.zeros_like(vector)
         self._worst = value if self._worst is None else max(value, self._worst)
         return value, gradient
-
-
-def _at_bounds(found: Array, bounds: Array, labels: list[str]) -> tuple[str, ...]:
-    close = np.isclose(found[:, None], bounds).any(axis=1)
-    return tuple(label for label, hit in zip(labels, close, strict=True) if hit)

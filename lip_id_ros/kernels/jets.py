@@ -72,17 +72,23 @@ class Factor(NamedTuple):
 
 
 @jit
-def new_jet(n: int) -> Jet:
-    """Allocate a jet for n joints."""
+def new_jets(count: int, n: int) -> Jet:
+    """Allocate jets for n joints, stacked along a new first index."""
     return Jet(
-        np.zeros((4, LANES)),
-        np.zeros((4, n, LANES)),
-        np.zeros((4, n, LANES)),
-        np.zeros((n, LANES)),
-        np.zeros((n, n, LANES)),
-        np.zeros((n, n, LANES)),
-        np.zeros((n, n, LANES)),
+        np.zeros((count, 4, LANES)),
+        np.zeros((count, 4, n, LANES)),
+        np.zeros((count, 4, n, LANES)),
+        np.zeros((count, n, LANES)),
+        np.zeros((count, n, n, LANES)),
+        np.zeros((count, n, n, LANES)),
+        np.zeros((count, n, n, LANES)),
     )
+
+
+@jit
+def jet_at(y: Jet, k: int) -> Jet:
+    """View one of several jets."""
+    return Jet(y.s[k], y.r[k], y.c[k], y.pp[k], y.pg[k], y.gp[k], y.gg[k])
 
 
 @jit
@@ -92,17 +98,15 @@ def new_factor() -> Factor:
 
 
 @jit
-def reset(y: Jet, low: int, high: int) -> None:
-    """Set y = 0 for a y that will depend on joints low..high-1 only; the rest is never read."""
+def reset(y: Jet, high: int) -> None:
+    """Set y = 0 for a y that will depend on joints 0..high-1 only; the rest is never read."""
     y.s[:] = 0.0
-    for i in range(low, high):
-        y.r[:, i] = 0.0
-        y.c[:, i] = 0.0
-        y.pp[i] = 0.0
-        for j in range(low, high):
-            y.pg[i, j] = 0.0
-            y.gp[i, j] = 0.0
-            y.gg[i, j] = 0.0
+    y.r[:, :high] = 0.0
+    y.c[:, :high] = 0.0
+    y.pp[:high] = 0.0
+    y.pg[:high, :high] = 0.0
+    y.gp[:high, :high] = 0.0
+    y.gg[:high, :high] = 0.0
 
 
 @jit
@@ -129,24 +133,34 @@ def load_factor(out: Factor, w: Array, x: Samples, t: Index, z: Samples, u: Inde
 
 
 @jit
-def multiply(y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
-    """Set y = a(q_b, q'_b) y; before, y depends on joints low..high-1, afterwards on b too."""
-    _multiply_matrices(y, factor, low, high)
-    _couple_matrices(y, factor, b, low, high)
-    _multiply_vectors(y, factor, low, high)
+def multiply(y: Jet, factor: Factor, b: int, coupled: int, high: int) -> None:
+    """Set y = a(q_b, q'_b) y; before, y depends on joints 0..high-1, afterwards on b too."""
+    for i in range(high):
+        _multiply_row(y, factor, i, 0, high if i < coupled else coupled)
+        if i >= coupled:
+            _multiply_row(y, factor, i, i, i + 1)
+    _multiply_diagonal(y, factor, high)
+    _couple_joint(y, factor, b, high)
+    _multiply_vectors(y.r, factor, 0, 1, high)
+    _multiply_vectors(y.c, factor, 1, 0, high)
     _multiply_scalars(y, factor, b)
 
 
 @jit
-def _multiply_matrices(y: Jet, factor: Factor, low: int, high: int) -> None:
+def _multiply_row(y: Jet, factor: Factor, i: int, first: int, last: int) -> None:
     a, rate = factor
-    for i in range(low, high):
-        for j in range(low, high):
-            for m in range(LANES):
-                pg, gp = y.pg[i, j, m], y.gp[i, j, m]
-                y.gg[i, j, m] = a[0, m] * y.gg[i, j, m] + rate[0, m] * pg + rate[1, m] * gp
-                y.pg[i, j, m] = a[0, m] * pg
-                y.gp[i, j, m] = a[0, m] * gp
+    for j in range(first, last):
+        for m in range(LANES):
+            pg, gp = y.pg[i, j, m], y.gp[i, j, m]
+            y.gg[i, j, m] = a[0, m] * y.gg[i, j, m] + rate[0, m] * pg + rate[1, m] * gp
+            y.pg[i, j, m] = a[0, m] * pg
+            y.gp[i, j, m] = a[0, m] * gp
+
+
+@jit
+def _multiply_diagonal(y: Jet, factor: Factor, high: int) -> None:
+    a, rate = factor
+    for i in range(high):
         for m in range(LANES):
             pp = y.pp[i, m]
             y.gg[i, i, m] += rate[2, m] * pp
@@ -156,10 +170,10 @@ def _multiply_matrices(y: Jet, factor: Factor, low: int, high: int) -> None:
 
 
 @jit
-def _couple_matrices(y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
+def _couple_joint(y: Jet, factor: Factor, b: int, high: int) -> None:
     # Row b and column b: the operators of joint b that differentiate the factor itself.
     a, rate = factor
-    for i in range(low, high):
+    for i in range(high):
         for m in range(LANES):
             y.gg[b, i, m] -= a[1, m] * y.c[2, i, m] + rate[4, m] * y.c[0, i, m]
             y.gp[b, i, m] -= a[1, m] * y.c[0, i, m]
@@ -170,22 +184,16 @@ def _couple_matrices(y: Jet, factor: Factor, b: int, low: int, high: int) -> Non
 
 
 @jit
-def _multiply_vectors(y: Jet, factor: Factor, low: int, high: int) -> None:
+def _multiply_vectors(v: Array, factor: Factor, own: int, other: int, high: int) -> None:
+    # Rows of a jet, or columns with the rates of the two sides exchanged.
     a, rate = factor
-    r, c = y.r, y.c
-    for i in range(low, high):
+    for i in range(high):
         for m in range(LANES):
-            p, dp, g, dg = r[0, i, m], r[1, i, m], r[2, i, m], r[3, i, m]
-            r[0, i, m] = a[0, m] * p
-            r[1, i, m] = a[0, m] * dp + rate[1, m] * p
-            r[2, i, m] = a[0, m] * g + rate[0, m] * p
-            r[3, i, m] = a[0, m] * dg + rate[1, m] * g + rate[0, m] * dp + rate[2, m] * p
-        for m in range(LANES):
-            p, dp, g, dg = c[0, i, m], c[1, i, m], c[2, i, m], c[3, i, m]
-            c[0, i, m] = a[0, m] * p
-            c[1, i, m] = a[0, m] * dp + rate[0, m] * p
-            c[2, i, m] = a[0, m] * g + rate[1, m] * p
-            c[3, i, m] = a[0, m] * dg + rate[0, m] * g + rate[1, m] * dp + rate[2, m] * p
+            p, dp, g, dg = v[0, i, m], v[1, i, m], v[2, i, m], v[3, i, m]
+            v[0, i, m] = a[0, m] * p
+            v[1, i, m] = a[0, m] * dp + rate[other, m] * p
+            v[2, i, m] = a[0, m] * g + rate[own, m] * p
+            v[3, i, m] = a[0, m] * dg + rate[other, m] * g + rate[own, m] * dp + rate[2, m] * p
 
 
 @jit
@@ -225,12 +233,12 @@ def add_velocity(
 
 
 @jit
-def emit_square(block: Array, y: Jet, scale: float, low: int, high: int) -> None:
+def emit_square(block: Array, y: Jet, scale: float, high: int) -> None:
     """Add scale G_i G'_j (y^2) to block[i, j]."""
     s, r, c = y.s, y.r, y.c
     k = 2.0 * scale
-    for i in range(low, high):
-        for j in range(low, high):
+    for i in range(high):
+        for j in range(high):
             for m in range(LANES):
                 block[i, j, m] += k * (
                     s[0, m] * y.gg[i, j, m]
@@ -246,9 +254,9 @@ def emit_square(block: Array, y: Jet, scale: float, low: int, high: int) -> None
 
 
 @jit
-def emit_energy_square(row: Array, y: Jet, scale: float, low: int, high: int) -> None:
+def emit_energy_square(row: Array, y: Jet, scale: float, high: int) -> None:
     """Add scale G'_j (y^2), the covariance of the kinetic energy with torque j, to row[j]."""
     s, c = y.s, y.c
-    for j in range(low, high):
+    for j in range(high):
         for m in range(LANES):
             row[j, m] += 2.0 * scale * (s[0, m] * c[2, j, m] + s[2, m] * c[0, j, m])

@@ -9,8 +9,6 @@ weight, scale). The forward jets that it needs were kept on a tape (docs/maths.m
 
 from __future__ import annotations
 
-import numpy as np
-
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import Samples
 from lip_id_ros.kernels.jets import Factor, Jet
@@ -18,35 +16,20 @@ from lip_id_ros.numba_jit import Index, jit, LANES
 
 
 @jit
-def new_tape(length: int, n: int) -> Jet:
-    """Allocate `length` jets for n joints, stacked along a new first index."""
-    return Jet(
-        np.zeros((length, 4, LANES)),
-        np.zeros((length, 4, n, LANES)),
-        np.zeros((length, 4, n, LANES)),
-        np.zeros((length, n, LANES)),
-        np.zeros((length, n, n, LANES)),
-        np.zeros((length, n, n, LANES)),
-        np.zeros((length, n, n, LANES)),
-    )
-
-
-@jit
-def tape_entry(tape: Jet, k: int) -> Jet:
-    """View jet k of a tape."""
-    return Jet(tape.s[k], tape.r[k], tape.c[k], tape.pp[k], tape.pg[k], tape.gp[k], tape.gg[k])
-
-
-@jit
-def copy_jet(out: Jet, y: Jet, low: int, high: int) -> None:
-    """Copy the part of a jet that belongs to joints low..high-1."""
+def copy_jet(out: Jet, y: Jet, coupled: int, high: int) -> None:
+    """Copy the part of a jet that a step reads."""
     out.s[:] = y.s
-    out.r[:, low:high] = y.r[:, low:high]
-    out.c[:, low:high] = y.c[:, low:high]
-    out.pp[low:high] = y.pp[low:high]
-    out.pg[low:high, low:high] = y.pg[low:high, low:high]
-    out.gp[low:high, low:high] = y.gp[low:high, low:high]
-    out.gg[low:high, low:high] = y.gg[low:high, low:high]
+    out.r[:, :high] = y.r[:, :high]
+    out.c[:, :high] = y.c[:, :high]
+    out.pp[:high] = y.pp[:high]
+    for i in range(high):
+        last = high if i < coupled else coupled
+        out.pg[i, :last] = y.pg[i, :last]
+        out.gp[i, :last] = y.gp[i, :last]
+        out.gg[i, :last] = y.gg[i, :last]
+        out.pg[i, i] = y.pg[i, i]
+        out.gp[i, i] = y.gp[i, i]
+        out.gg[i, i] = y.gg[i, i]
 
 
 @jit
@@ -57,9 +40,7 @@ def clear_factor(factor: Factor) -> None:
 
 
 @jit
-def emit_square(
-    adj: Jet, work: Array, w: Array, y: Jet, scale: float, low: int, high: int
-) -> float:
+def emit_square(adj: Jet, work: Array, w: Array, y: Jet, scale: float, high: int) -> float:
     """
     Transpose the emission of scale y^2, contracted with w[i, j].
 
@@ -73,9 +54,9 @@ def emit_square(
     k = 2.0 * scale
     total = 0.0
     work[4:8] = 0.0
-    for i in range(low, high):
+    for i in range(high):
         work[0:4] = 0.0
-        for j in range(low, high):
+        for j in range(high):
             for m in range(LANES):
                 x = w[i, j, m]
                 work[0, m] += x * c[3, j, m]
@@ -109,12 +90,19 @@ def emit_square(
 
 
 @jit
-def multiply(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
+def multiply(
+    adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, coupled: int, high: int
+) -> None:
     """Transpose y = a y; `y` is the jet before it, add the factor's adjoint to `out`."""
     _scalars(adj, out, y, factor, b)
-    _vectors(adj, out, y, factor, low, high)
-    _couplings(adj, out, y, factor, b, low, high)
-    _matrices(adj, out, y, factor, low, high)
+    _vectors(adj.r, y.r, out, factor, 0, 1, high)
+    _vectors(adj.c, y.c, out, factor, 1, 0, high)
+    _couplings(adj, out, y, factor, b, high)
+    _diagonal(adj, out, y, factor, high)
+    for i in range(high):
+        _row(adj, out, y, factor, i, 0, high if i < coupled else coupled)
+        if i >= coupled:
+            _row(adj, out, y, factor, i, i, i + 1)
 
 
 @jit
@@ -146,38 +134,29 @@ def _scalars(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int) -> None:
 
 
 @jit
-def _vectors(adj: Jet, out: Factor, y: Jet, factor: Factor, low: int, high: int) -> None:
+def _vectors(
+    v: Array, y: Array, out: Factor, factor: Factor, own: int, other: int, high: int
+) -> None:
+    # Rows of a jet, or columns with the rates of the two sides exchanged.
     a, rate = factor
-    r, c = adj.r, adj.c
-    for i in range(low, high):
+    for i in range(high):
         for m in range(LANES):
-            p, dp, g, dg = y.r[0, i, m], y.r[1, i, m], y.r[2, i, m], y.r[3, i, m]
-            r0, r1, r2, r3 = r[0, i, m], r[1, i, m], r[2, i, m], r[3, i, m]
-            out.a[0, m] += r0 * p + r1 * dp + r2 * g + r3 * dg
-            out.rate[0, m] += r2 * p + r3 * dp
-            out.rate[1, m] += r1 * p + r3 * g
-            out.rate[2, m] += r3 * p
-            r[0, i, m] = a[0, m] * r0 + rate[1, m] * r1 + rate[0, m] * r2 + rate[2, m] * r3
-            r[1, i, m] = a[0, m] * r1 + rate[0, m] * r3
-            r[2, i, m] = a[0, m] * r2 + rate[1, m] * r3
-            r[3, i, m] = a[0, m] * r3
-        for m in range(LANES):
-            p, dp, g, dg = y.c[0, i, m], y.c[1, i, m], y.c[2, i, m], y.c[3, i, m]
-            c0, c1, c2, c3 = c[0, i, m], c[1, i, m], c[2, i, m], c[3, i, m]
-            out.a[0, m] += c0 * p + c1 * dp + c2 * g + c3 * dg
-            out.rate[1, m] += c2 * p + c3 * dp
-            out.rate[0, m] += c1 * p + c3 * g
-            out.rate[2, m] += c3 * p
-            c[0, i, m] = a[0, m] * c0 + rate[0, m] * c1 + rate[1, m] * c2 + rate[2, m] * c3
-            c[1, i, m] = a[0, m] * c1 + rate[1, m] * c3
-            c[2, i, m] = a[0, m] * c2 + rate[0, m] * c3
-            c[3, i, m] = a[0, m] * c3
+            p, dp, g, dg = y[0, i, m], y[1, i, m], y[2, i, m], y[3, i, m]
+            v0, v1, v2, v3 = v[0, i, m], v[1, i, m], v[2, i, m], v[3, i, m]
+            out.a[0, m] += v0 * p + v1 * dp + v2 * g + v3 * dg
+            out.rate[own, m] += v2 * p + v3 * dp
+            out.rate[other, m] += v1 * p + v3 * g
+            out.rate[2, m] += v3 * p
+            v[0, i, m] = a[0, m] * v0 + rate[other, m] * v1 + rate[own, m] * v2 + rate[2, m] * v3
+            v[1, i, m] = a[0, m] * v1 + rate[own, m] * v3
+            v[2, i, m] = a[0, m] * v2 + rate[other, m] * v3
+            v[3, i, m] = a[0, m] * v3
 
 
 @jit
-def _couplings(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, low: int, high: int) -> None:
+def _couplings(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, high: int) -> None:
     a, rate = factor
-    for i in range(low, high):
+    for i in range(high):
         for m in range(LANES):
             row_gg, row_gp = adj.gg[b, i, m], adj.gp[b, i, m]
             column_gg, column_pg = adj.gg[i, b, m], adj.pg[i, b, m]
@@ -192,9 +171,9 @@ def _couplings(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, low: int, 
 
 
 @jit
-def _matrices(adj: Jet, out: Factor, y: Jet, factor: Factor, low: int, high: int) -> None:
+def _diagonal(adj: Jet, out: Factor, y: Jet, factor: Factor, high: int) -> None:
     a, rate = factor
-    for i in range(low, high):
+    for i in range(high):
         for m in range(LANES):
             gg, pg, gp, pp = adj.gg[i, i, m], adj.pg[i, i, m], adj.gp[i, i, m], adj.pp[i, m]
             x = y.pp[i, m]
@@ -203,16 +182,21 @@ def _matrices(adj: Jet, out: Factor, y: Jet, factor: Factor, low: int, high: int
             out.rate[1, m] += pg * x
             out.rate[2, m] += gg * x
             adj.pp[i, m] = a[0, m] * pp + rate[0, m] * gp + rate[1, m] * pg + rate[2, m] * gg
-        for j in range(low, high):
-            for m in range(LANES):
-                gg, pg, gp = adj.gg[i, j, m], adj.pg[i, j, m], adj.gp[i, j, m]
-                y_pg, y_gp = y.pg[i, j, m], y.gp[i, j, m]
-                out.a[0, m] += gg * y.gg[i, j, m] + pg * y_pg + gp * y_gp
-                out.rate[0, m] += gg * y_pg
-                out.rate[1, m] += gg * y_gp
-                adj.gg[i, j, m] = a[0, m] * gg
-                adj.pg[i, j, m] = a[0, m] * pg + rate[0, m] * gg
-                adj.gp[i, j, m] = a[0, m] * gp + rate[1, m] * gg
+
+
+@jit
+def _row(adj: Jet, out: Factor, y: Jet, factor: Factor, i: int, first: int, last: int) -> None:
+    a, rate = factor
+    for j in range(first, last):
+        for m in range(LANES):
+            gg, pg, gp = adj.gg[i, j, m], adj.pg[i, j, m], adj.gp[i, j, m]
+            y_pg, y_gp = y.pg[i, j, m], y.gp[i, j, m]
+            out.a[0, m] += gg * y.gg[i, j, m] + pg * y_pg + gp * y_gp
+            out.rate[0, m] += gg * y_pg
+            out.rate[1, m] += gg * y_gp
+            adj.gg[i, j, m] = a[0, m] * gg
+            adj.pg[i, j, m] = a[0, m] * pg + rate[0, m] * gg
+            adj.gp[i, j, m] = a[0, m] * gp + rate[1, m] * gg
 
 
 @jit

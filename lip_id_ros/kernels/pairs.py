@@ -62,20 +62,16 @@ class Tapes(NamedTuple):
 @jit
 def new_scratch(n: int) -> Scratch:
     """Allocate working memory for n joints."""
-    return Scratch(jets.new_jet(n), products.new_product(n), jets.new_factor())
+    y, p = jets.new_jets(1, n), products.new_products(1, n)
+    return Scratch(jets.jet_at(y, 0), products.product_at(p, 0), jets.new_factor())
 
 
 @jit
 def new_tapes(n_steps: int, n: int) -> Tapes:
     """Allocate working memory for runs of at most `n_steps` steps, and n joints."""
-    return Tapes(
-        jets.new_jet(n),
-        jets_adjoint.new_tape(n_steps, n),
-        products.new_product(n),
-        products.new_tape(n, n),
-        jets.new_factor(),
-        np.empty((8, LANES)),
-    )
+    adjoint = new_scratch(n)
+    tape, p_tape = jets.new_jets(n_steps, n), products.new_products(n, n)
+    return Tapes(adjoint.y, tape, adjoint.p, p_tape, adjoint.factor, np.empty((8, LANES)))
 
 
 @jit
@@ -83,12 +79,12 @@ def _run_step(
     work: Scratch, step: IntArray, k: KernelArrays, x: Samples, t: Index, z: Samples, u: Index
 ) -> None:
     """Run one step on the velocity kernel other than the emission."""
-    operation, b, group, low, high = step[0], step[1], step[2], step[4], step[5]
+    operation, b, group, coupled, high = step[0], step[1], step[2], step[4], step[5]
     if operation == Operation.RESET:
-        jets.reset(work.y, low, high)
+        jets.reset(work.y, high)
     elif operation == Operation.MULTIPLY:
         jets.load_factor(work.factor, k.factors[group, b], x, t, z, u, b)
-        jets.multiply(work.y, work.factor, b, low, high)
+        jets.multiply(work.y, work.factor, b, coupled, high)
     elif operation == Operation.ADD:
         jets.add_velocity(work.y, k.velocities[group, b], x, t, z, u, b)
 
@@ -109,10 +105,10 @@ def torque_block(
     block[:] = 0.0
     for step in k.steps:
         if step[0] == Operation.SQUARE:
-            jets.emit_square(block, work.y, k.kinetic_scales[step[3]], step[4], step[5])
+            jets.emit_square(block, work.y, k.kinetic_scales[step[3]], step[5])
         else:
             _run_step(work, step, k, x, t, z, u)
-    products.start(work.p, k.potential_scales.shape[0])
+    products.fill(work.p, 1.0, k.potential_scales.shape[0])
     for b in range(k.potential_scales.shape[0]):
         _extend_product(work, b, k, x, t, z, u)
         if k.potential_scales[b] != 0.0:
@@ -135,10 +131,10 @@ def energy_rows(
     potential[:] = 0.0
     for step in k.steps:
         if step[0] == Operation.SQUARE:
-            jets.emit_energy_square(kinetic, work.y, k.kinetic_scales[step[3]], step[4], step[5])
+            jets.emit_energy_square(kinetic, work.y, k.kinetic_scales[step[3]], step[5])
         else:
             _run_step(work, step, k, x, t, z, u)
-    products.start(work.p, k.potential_scales.shape[0])
+    products.fill(work.p, 1.0, k.potential_scales.shape[0])
     for b in range(k.potential_scales.shape[0]):
         _extend_product(work, b, k, x, t, z, u)
         if k.potential_scales[b] != 0.0:
@@ -162,21 +158,21 @@ def add_kinetic_gradient(
     for s in range(steps.shape[0]):
         step = steps[s]
         if step[0] == Operation.MULTIPLY or step[0] == Operation.SQUARE:
-            jets_adjoint.copy_jet(jets_adjoint.tape_entry(tape, s), work.y, step[4], step[5])
+            jets_adjoint.copy_jet(jets.jet_at(tape, s), work.y, step[4], step[5])
         if step[0] != Operation.SQUARE:
             _run_step(work, step, k, x, t, x, u)
-    jets.reset(adj, steps[0, 4], steps[0, 5])
+    jets.reset(adj, steps[0, 5])
     for s in range(steps.shape[0] - 1, 0, -1):
-        operation, b, group, link, low, high = steps[s]
-        before = jets_adjoint.tape_entry(tape, s)
+        operation, b, group, link, coupled, high = steps[s]
+        before = jets.jet_at(tape, s)
         if operation == Operation.SQUARE:
             grad.kinetic_scales[link] += jets_adjoint.emit_square(
-                adj, tapes.sums, block, before, k.kinetic_scales[link], low, high
+                adj, tapes.sums, block, before, k.kinetic_scales[link], high
             )
         elif operation == Operation.MULTIPLY:
             jets.load_factor(work.factor, k.factors[group, b], x, t, x, u, b)
             jets_adjoint.clear_factor(out)
-            jets_adjoint.multiply(adj, out, before, work.factor, b, low, high)
+            jets_adjoint.multiply(adj, out, before, work.factor, b, coupled, high)
             jets_adjoint.load_factor(grad.factors[group, b], out, x, t, x, u, b)
         elif operation == Operation.ADD:
             grad.velocities[group, b] += jets_adjoint.add_velocity(adj, x, t, x, u, b)
@@ -197,18 +193,18 @@ def add_potential_gradient(
     p, factor = work.p, work.factor
     adj, tape, out = tapes.p_adj, tapes.p_tape, tapes.factor_adj
     n = k.potential_scales.shape[0]
-    products.start(p, n)
+    products.fill(p, 1.0, n)
     for b in range(n):
-        products.copy_product(products.tape_entry(tape, b), p, n)
+        products.copy_product(products.product_at(tape, b), p, n)
         _extend_product(work, b, k, x, t, x, u)
-    products.clear(adj, n)
+    products.fill(adj, 0.0, n)
     for b in range(n - 1, -1, -1):
         if k.potential_scales[b] != 0.0:
-            after = p if b == n - 1 else products.tape_entry(tape, b + 1)
+            after = p if b == n - 1 else products.product_at(tape, b + 1)
             grad.potential_scales[b] += products.emit_adjoint(
                 adj, block, after, k.potential_scales[b], b + 1
             )
         jets.load_factor(factor, k.potential_factors[b], x, t, x, u, b)
         jets_adjoint.clear_factor(out)
-        products.extend_adjoint(adj, out, products.tape_entry(tape, b), factor, b)
+        products.extend_adjoint(adj, out, products.product_at(tape, b), factor, b)
         jets_adjoint.load_factor(grad.potential_factors[b], out, x, t, x, u, b)

@@ -1,4 +1,4 @@
-"""The whole prior of the torques: energies, what is not Lagrangian, and noise."""
+"""The whole prior of the torques: energies, friction and noise."""
 
 from __future__ import annotations
 
@@ -7,11 +7,48 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels import energy_covariance as definition
 from lip_id_ros.kernels import gram as energy
 from lip_id_ros.kernels.features import JointBasis, Samples
-from lip_id_ros.kernels.per_joint import PerJointKernel
-from lip_id_ros.kernels.program import EnergyKernel, Weights
+from lip_id_ros.kernels.hyperparameters import Hyperparameters
+from lip_id_ros.kernels.program import EnergyKernel, kinetic_covariance, potential_covariance
+
+
+@dataclass(frozen=True)
+class FrictionKernel:
+    """
+    Linear kernel in velocity, its sign and a constant, each joint by itself.
+
+    Parameters (n, 3) are prior variances of the viscous coefficient, of the Coulomb torque and of
+    the offset (paper, eq. `kernel_epsilon`, without its squared exponential).
+
+    Attributes
+    ----------
+    sign_width : array, shape (n,)
+        The sign is tanh(dq / sign_width) [rad/s or m/s]: the torque that a controller adds must
+        not jump.
+
+    """
+
+    sign_width: Array
+
+    def features(self, dq: Array) -> Array:
+        """Return the features of velocities (N, n), shape (n, N, 3)."""
+        return np.stack([dq.T, np.tanh(dq / self.sign_width).T, np.ones_like(dq.T)], axis=-1)
+
+
+def friction_covariance(parameters: Array, x: Array, z: Array) -> Array:
+    """Return the covariances (n, N, M) of friction torques with features (n, N, 3), (n, M, 3)."""
+    return np.asarray((x * parameters[:, None, :]) @ z.transpose(0, 2, 1))
+
+
+def friction_gradient(x: Array, contraction: Array) -> Array:
+    """Return the derivatives (n, 3) of sum(contraction * covariance); contraction (n, N, N)."""
+    return np.asarray(np.einsum('itc,itc->ic', x, contraction @ x))
+
+
+def friction_coefficients(parameters: Array, x: Array, alpha: Array) -> Array:
+    """Return the coefficients' posterior mean, shape (n, 3), for alpha of shape (N, n)."""
+    return np.asarray(parameters * np.einsum('itc,ti->ic', x, alpha))
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +60,8 @@ class JointStates:
     ----------
     q, dq, ddq : arrays, shape (N, n)
     packed : Samples
-    per_joint : tuple of arrays
-        The inputs of each per_joint kernel.
+    friction : array, shape (n, N, 3), or None
+        Features of the friction kernel.
 
     """
 
@@ -32,7 +69,7 @@ class JointStates:
     dq: Array
     ddq: Array
     packed: Samples
-    per_joint: tuple[Array, ...]
+    friction: Array | None = None
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -48,13 +85,13 @@ class TorqueKernel:
     ----------
     energy : EnergyKernel
     basis : JointBasis
-    per_joint : tuple of PerJointKernel
+    friction : FrictionKernel or None
 
     """
 
     energy: EnergyKernel
     basis: JointBasis
-    per_joint: tuple[PerJointKernel, ...] = ()
+    friction: FrictionKernel | None = None
 
     @property
     def has_potential(self) -> bool:
@@ -64,29 +101,8 @@ class TorqueKernel:
     def states(self, q: Array, dq: Array, ddq: Array) -> JointStates:
         """Prepare joint states, each of shape (N, n); ShapeError if they are not."""
         packed = self.basis.pack(q, dq, ddq)
-        inputs = tuple(kernel.inputs(q, dq, ddq) for kernel in self.per_joint)
-        return JointStates(q, dq, ddq, packed, inputs)
-
-
-@dataclass(frozen=True)
-class Hyperparameters:
-    """
-    Everything that is optimised; all numbers positive.
-
-    Attributes
-    ----------
-    weights : Weights
-        Of the energy kernel.
-    per_joint : tuple of arrays
-        Of each per_joint kernel.
-    noise_variance : array, shape (n,)
-        [(N m)^2 or N^2].
-
-    """
-
-    weights: Weights
-    per_joint: tuple[Array, ...]
-    noise_variance: Array
+        friction = None if self.friction is None else self.friction.features(dq)
+        return JointStates(q, dq, ddq, packed, friction)
 
 
 @dataclass(frozen=True)
@@ -115,7 +131,7 @@ class TorquePrior:
 
         """
         out = energy.gram(self.kernel.energy, self.hyperparameters.weights, x.packed)
-        return self._add_others(out, x, x)
+        return self._with_friction(out, x, x)
 
     def noisy_gram(self, x: JointStates) -> Array:
         """Gram matrix of measured torques: `gram` plus the noise variances on the diagonal."""
@@ -127,22 +143,23 @@ class TorquePrior:
         """Covariances of noiseless torques at x and z, shape (N n, M n)."""
         weights = self.hyperparameters.weights
         out = energy.cross_gram(self.kernel.energy, weights, x.packed, z.packed)
-        return self._add_others(out, x, z)
+        return self._with_friction(out, x, z)
 
     def torque_variance(self, x: JointStates) -> Array:
         """Prior variances of noiseless torques, shape (N, n)."""
         weights = self.hyperparameters.weights
         blocks = energy.prior_blocks(self.kernel.energy, weights, x.packed)
         out: Array = np.einsum('tii->ti', blocks).copy()
-        for kernel, parameters, inputs in self._terms(x):
-            out += kernel.prior_variance(parameters, inputs)
+        parameters = self.hyperparameters.friction
+        if x.friction is not None and parameters is not None:
+            out += np.einsum('itc,ic->ti', x.friction**2, parameters)
         return out
 
     def kinetic_variance(self, x: JointStates) -> Array:
         """Prior variances of the kinetic energy, shape (N,) [J^2]."""
         f, _ = self.kernel.basis.features(x.q)
         weights = self.hyperparameters.weights
-        values = definition.kinetic_covariance(self.kernel.energy, weights, f, x.dq.T, f, x.dq.T)
+        values = kinetic_covariance(self.kernel.energy, weights, f, x.dq.T, f, x.dq.T)
         return np.full(len(x), values, dtype=np.float64)
 
     def potential_covariance(self, q: Array, z: Array) -> Array:
@@ -150,7 +167,7 @@ class TorquePrior:
         f, _ = self.kernel.basis.features(q)
         fz, _ = self.kernel.basis.features(z)
         weights = self.hyperparameters.weights
-        values = definition.potential_covariance(self.kernel.energy, weights, f, fz)
+        values = potential_covariance(self.kernel.energy, weights, f, fz)
         return np.array(values, dtype=np.float64)
 
     def energy_covariance(self, x: JointStates, z: JointStates) -> tuple[Array, Array]:
@@ -158,14 +175,11 @@ class TorquePrior:
         weights = self.hyperparameters.weights
         return energy.energy_covariance(self.kernel.energy, weights, x.packed, z.packed)
 
-    def _terms(self, x: JointStates) -> list[tuple[PerJointKernel, Array, Array]]:
-        parameters = self.hyperparameters.per_joint
-        return list(zip(self.kernel.per_joint, parameters, x.per_joint, strict=True))
-
-    def _add_others(self, out: Array, x: JointStates, z: JointStates) -> Array:
-        n = self.kernel.energy.n_joints
-        for (kernel, parameters, left), right in zip(self._terms(x), z.per_joint, strict=True):
-            covariance = kernel.covariance(parameters, left, right)
-            for i in range(n):
-                out[i::n, i::n] += covariance[i]
+    def _with_friction(self, out: Array, x: JointStates, z: JointStates) -> Array:
+        n, parameters = self.kernel.energy.n_joints, self.hyperparameters.friction
+        if parameters is not None and x.friction is not None and z.friction is not None:
+            for i, covariance in enumerate(
+                friction_covariance(parameters, x.friction, z.friction)
+            ):
+                out[i::n, i::n] += covariance
         return out

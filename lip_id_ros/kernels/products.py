@@ -38,17 +38,26 @@ class Product(NamedTuple):
 
 
 @jit
-def new_product(n: int) -> Product:
-    """Allocate a product for n joints."""
+def new_products(count: int, n: int) -> Product:
+    """Allocate products for n joints, stacked along a new first index."""
     return Product(
-        np.zeros((1, LANES)), np.zeros((n, LANES)), np.zeros((n, LANES)), np.zeros((n, n, LANES))
+        np.zeros((count, 1, LANES)),
+        np.zeros((count, n, LANES)),
+        np.zeros((count, n, LANES)),
+        np.zeros((count, n, n, LANES)),
     )
 
 
 @jit
-def start(x: Product, high: int) -> None:
-    """Set p = 1 for a p that will depend on joints 0..high-1 only; the rest is never read."""
-    x.p[:] = 1.0
+def product_at(x: Product, k: int) -> Product:
+    """View one of several products."""
+    return Product(x.p[k], x.r[k], x.c[k], x.h[k])
+
+
+@jit
+def fill(x: Product, value: float, high: int) -> None:
+    """Set p to a number, for a p that will depend on joints 0..high-1 only."""
+    x.p[:] = value
     x.r[:high] = 0.0
     x.c[:high] = 0.0
     x.h[:high, :high] = 0.0
@@ -94,38 +103,12 @@ def emit_energy(row: Array, x: Product, scale: float, high: int) -> None:
 
 
 @jit
-def new_tape(length: int, n: int) -> Product:
-    """Allocate `length` products for n joints, stacked along a new first index."""
-    return Product(
-        np.zeros((length, 1, LANES)),
-        np.zeros((length, n, LANES)),
-        np.zeros((length, n, LANES)),
-        np.zeros((length, n, n, LANES)),
-    )
-
-
-@jit
-def tape_entry(tape: Product, k: int) -> Product:
-    """View product k of a tape."""
-    return Product(tape.p[k], tape.r[k], tape.c[k], tape.h[k])
-
-
-@jit
 def copy_product(out: Product, x: Product, high: int) -> None:
     """Copy the part of a product that belongs to joints 0..high-1."""
     out.p[:] = x.p
     out.r[:high] = x.r[:high]
     out.c[:high] = x.c[:high]
     out.h[:high, :high] = x.h[:high, :high]
-
-
-@jit
-def clear(x: Product, high: int) -> None:
-    """Set the part of an adjoint that belongs to joints 0..high-1 to zero."""
-    x.p[:] = 0.0
-    x.r[:high] = 0.0
-    x.c[:high] = 0.0
-    x.h[:high, :high] = 0.0
 
 
 @jit

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,8 +45,9 @@ class Step(NamedTuple):
     joint : int
     factor_set : int
     link : int
-    low, high : int
-        Before the step, y depends on joints low..high-1; at a reset, those that it will depend on.
+    coupled, high : int
+        Before the step, y depends on joints 0..high-1 (at a reset, those that it will depend on),
+        and derivatives by two different joints vanish unless one of them is below `coupled`.
 
     """
 
@@ -54,7 +55,7 @@ class Step(NamedTuple):
     joint: int
     factor_set: int
     link: int
-    low: int
+    coupled: int
     high: int
 
 
@@ -170,23 +171,10 @@ def recursive(n_joints: int) -> EnergyKernel:
     steps = [Step(Operation.RESET, 0, 0, 0, 0, n_joints)]
     for b in range(n_joints):
         if b > 0:
-            steps.append(Step(Operation.MULTIPLY, b, 0, 0, 0, b))
-        steps.append(Step(Operation.ADD, b, 0, 0, 0, b))
-        steps.append(Step(Operation.SQUARE, 0, 0, b, 0, b + 1))
+            steps.append(Step(Operation.MULTIPLY, b, 0, 0, b, b))
+        steps.append(Step(Operation.ADD, b, 0, 0, b, b))
+        steps.append(Step(Operation.SQUARE, 0, 0, b, b + 1, b + 1))
     return _kernel('recursive', n_joints, steps, n_factor_sets=1)
-
-
-def recursive_per_link(n_joints: int) -> EnergyKernel:
-    """As `recursive`, with factors and velocity weights of its own for every link."""
-    steps: list[Step] = []
-    for i in range(n_joints):
-        steps.append(Step(Operation.RESET, 0, i, 0, 0, i + 1))
-        for b in range(i + 1):
-            if b > 0:
-                steps.append(Step(Operation.MULTIPLY, b, i, 0, 0, b))
-            steps.append(Step(Operation.ADD, b, i, 0, 0, b))
-        steps.append(Step(Operation.SQUARE, 0, i, i, 0, i + 1))
-    return _kernel('recursive_per_link', n_joints, steps, n_joints)
 
 
 def lip(n_joints: int) -> EnergyKernel:
@@ -203,12 +191,13 @@ def lip(n_joints: int) -> EnergyKernel:
         end = i + 1
         steps.append(Step(Operation.RESET, 0, i, 0, 0, end))
         steps.extend(Step(Operation.ADD, b, i, 0, 0, end) for b in range(end))
-        steps.extend(Step(Operation.MULTIPLY, b, i, 0, 0, end) for b in range(end))
-        steps.append(Step(Operation.SQUARE, 0, i, i, 0, end))
-    return with_product_potential(_kernel('lip', n_joints, steps, n_joints))
+        steps.extend(Step(Operation.MULTIPLY, b, i, 0, b, end) for b in range(end))
+        steps.append(Step(Operation.SQUARE, 0, i, i, end, end))
+    kernel = _kernel('lip', n_joints, steps, n_factor_sets=n_joints)
+    return with_potential_after(kernel, [n_joints - 1])
 
 
-FAMILY = {kernel.__name__: kernel for kernel in (recursive, recursive_per_link, lip)}
+FAMILY = {kernel.__name__: kernel for kernel in (recursive, lip)}
 """Every energy kernel by its name."""
 
 
@@ -217,33 +206,67 @@ def without_potential(kernel: EnergyKernel) -> EnergyKernel:
     return with_potential_after(kernel, [])
 
 
-def with_product_potential(kernel: EnergyKernel) -> EnergyKernel:
-    """Return the kernel with the paper's potential energy: one product over all joints."""
-    return with_potential_after(kernel, [kernel.n_joints - 1])
-
-
-def with_potential_per_link(kernel: EnergyKernel) -> EnergyKernel:
-    """Return the kernel with one potential energy for every link, the product up to it."""
-    return with_potential_after(kernel, range(kernel.n_joints))
-
-
 def with_potential_after(kernel: EnergyKernel, links: Iterable[int]) -> EnergyKernel:
     """Return the kernel with the running product emitted after the factors of the given links."""
     return replace(kernel, potential_links=np.array(list(links), dtype=np.int64))
 
 
-def with_own_potential(kernel: EnergyKernel) -> EnergyKernel:
-    """Return the kernel as the family has it."""
-    return kernel
-
-
-POTENTIALS = {
-    'kernel': with_own_potential,
-    'product': with_product_potential,
-    'per_link': with_potential_per_link,
-}
-
-
 def _kernel(name: str, n_joints: int, steps: Sequence[Step], n_factor_sets: int) -> EnergyKernel:
     table = np.array(steps, dtype=np.int64).reshape(len(steps), len(Step._fields))
     return EnergyKernel(name, n_joints, table, n_factor_sets, np.arange(n_joints))
+
+
+def factor(w: Any, f: Any, fz: Any, b: int) -> Any:
+    """Return w_0 + w_1 f_1 f_1' + w_2 f_2 f_2' of joint b; see `kinetic_covariance`."""
+    return w[0] + w[1] * f[0][b] * fz[0][b] + w[2] * f[1][b] * fz[1][b]
+
+
+def kinetic_covariance(
+    kernel: EnergyKernel, weights: Weights, f: Any, dq: Any, fz: Any, dz: Any
+) -> Any:
+    """
+    Prior covariance of the kinetic energies at two joint states: the definition of a kernel.
+
+    It takes numbers, numpy arrays and torch tensors alike. numpy gives prior variances; torch
+    differentiates these lines to give torques (`lip_id_ros.gp.reference`), which every compiled
+    loop is tested against.
+
+    Parameters
+    ----------
+    kernel : EnergyKernel
+    weights : Weights
+    f, fz : array-likes, first indices (2, n)
+        Joint features of the two states; further indices are states.
+    dq, dz : array-likes, first index n
+        Velocities [rad/s or m/s].
+
+    Returns
+    -------
+    array-like
+        [J^2].
+
+    """
+    y: Any = 0.0
+    total: Any = 0.0
+    for operation, b, group, link, _, _ in kernel.steps.tolist():
+        if operation == Operation.RESET:
+            y = 0.0
+        elif operation == Operation.MULTIPLY:
+            y = y * factor(weights.factors[group, b], f, fz, b)
+        elif operation == Operation.ADD:
+            y = y + weights.velocities[group, b] * dq[b] * dz[b]
+        elif operation == Operation.SQUARE:
+            total = total + weights.kinetic_scales[link] * y * y
+    return total
+
+
+def potential_covariance(kernel: EnergyKernel, weights: Weights, f: Any, fz: Any) -> Any:
+    """Prior covariance of the potential energies [J^2]; parameters as in `kinetic_covariance`."""
+    product: Any = 1.0
+    total: Any = 0.0
+    links = kernel.potential_links.tolist()
+    for b in range(kernel.n_joints):
+        product = product * factor(weights.potential_factors[b], f, fz, b)
+        if b in links:
+            total = total + weights.potential_scales[links.index(b)] * product
+    return total

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.kernels.per_joint import Friction, Residual
 from lip_id_ros.kernels.posterior import TorquePosterior
+from lip_id_ros.kernels.prior import friction_coefficients
 from lip_id_ros.kernels.program import kernel_arrays, KernelArrays
 from lip_id_ros.model.contraction import (
     kinetic_energy,
@@ -21,7 +21,7 @@ from lip_id_ros.model.torque_model import Parts
 from lip_id_ros.numba_jit import jit, LANES
 
 KINETIC, GRAVITY, FRICTION = 0, 1, 2
-"""Parts of the torque: of the kinetic energy (inertial and Coriolis), of the potential, others."""
+"""Parts of the torque: of kinetic energy (inertial and Coriolis), of gravity, of friction."""
 
 
 class Arm(NamedTuple):
@@ -40,33 +40,20 @@ class Arm(NamedTuple):
     half_range: Array
 
 
-class JointTerms(NamedTuple):
+class FrictionMean(NamedTuple):
     """
-    Posterior mean of what is not Lagrangian.
+    Posterior mean of friction.
 
     Attributes
     ----------
     coefficients : array, shape (n, 3)
         Viscous, Coulomb, offset; zero without a friction kernel.
     sign_width : array, shape (n,)
-    scales : array, shape (2, n)
-        Units of velocities and accelerations in the residual.
-    precision : array, shape (n, 3)
-        1 / (2 l^2) of positions, velocities, accelerations.
-    dq, ddq : arrays, shape (n, P)
-        Training inputs of the residual in those units; P = 0 without a residual.
-    weights : array, shape (n, P)
-        Prior variance times alpha.
 
     """
 
     coefficients: Array
     sign_width: Array
-    scales: Array
-    precision: Array
-    dq: Array
-    ddq: Array
-    weights: Array
 
 
 class Contracted(NamedTuple):
@@ -75,12 +62,12 @@ class Contracted(NamedTuple):
     arm: Arm
     k: KernelArrays
     side: TrainingSide
-    terms: JointTerms
+    friction: FrictionMean
 
 
 class ProcessMean:
     """
-    Posterior mean of Gaussian processes on energies, friction and residual.
+    Posterior mean of Gaussian processes on energies and friction.
 
     Construction lays it out; `one` is then hot: no checks, and nothing allocated but the result.
     Not for several threads at once.
@@ -135,7 +122,7 @@ def contract(posterior: TorquePosterior) -> Contracted:
         arm=Arm(basis.prismatic, basis.centre, basis.half_range),
         k=kernel_arrays(posterior.prior.kernel.energy, posterior.prior.hyperparameters.weights),
         side=_training_side(posterior),
-        terms=_joint_terms(posterior),
+        friction=_friction_mean(posterior),
     )
 
 
@@ -151,36 +138,14 @@ def _training_side(posterior: TorquePosterior) -> TrainingSide:
     return TrainingSide(*(np.ascontiguousarray(part) for part in parts))
 
 
-def _joint_terms(posterior: TorquePosterior) -> JointTerms:
-    n = posterior.tau.shape[1]
-    terms = JointTerms(
-        coefficients=np.zeros((n, 3)),
-        sign_width=np.ones(n),
-        scales=np.ones((2, n)),
-        precision=np.zeros((n, 3)),
-        dq=np.zeros((n, 0)),
-        ddq=np.zeros((n, 0)),
-        weights=np.zeros((n, 0)),
-    )
-    kernels = zip(
-        posterior.prior.kernel.per_joint,
-        posterior.prior.hyperparameters.per_joint,
-        posterior.states.per_joint,
-        strict=True,
-    )
-    for kernel, parameters, inputs in kernels:
-        if isinstance(kernel, Friction):
-            coefficients = kernel.coefficients(parameters, inputs, posterior.alpha)
-            terms = terms._replace(coefficients=coefficients, sign_width=kernel.sign_width)
-        if isinstance(kernel, Residual):
-            terms = terms._replace(
-                scales=kernel.scales,
-                precision=np.ascontiguousarray(0.5 / parameters[:, 1:] ** 2),
-                dq=np.ascontiguousarray((posterior.states.dq / kernel.scales[0]).T),
-                ddq=np.ascontiguousarray((posterior.states.ddq / kernel.scales[1]).T),
-                weights=np.ascontiguousarray((posterior.alpha * parameters[:, 0]).T),
-            )
-    return terms
+def _friction_mean(posterior: TorquePosterior) -> FrictionMean:
+    kernel, parameters = posterior.prior.kernel.friction, posterior.prior.hyperparameters.friction
+    features = posterior.states.friction
+    if kernel is None or parameters is None or features is None:
+        n = posterior.tau.shape[1]
+        return FrictionMean(np.zeros((n, 3)), np.ones(n))
+    coefficients = friction_coefficients(parameters, features, posterior.alpha)
+    return FrictionMean(coefficients, kernel.sign_width)
 
 
 @jit
@@ -199,30 +164,10 @@ def _features(f: Array, g: Array, arm: Arm, q: Array) -> None:
 
 
 @jit
-def _friction(tau: Array, terms: JointTerms, dq: Array) -> None:
-    c = terms.coefficients
+def _friction(tau: Array, friction: FrictionMean, dq: Array) -> None:
+    c = friction.coefficients
     for i in range(len(dq)):
-        tau[i] += c[i, 0] * dq[i] + c[i, 1] * np.tanh(dq[i] / terms.sign_width[i]) + c[i, 2]
-
-
-@jit
-def _residual(
-    tau: Array, terms: JointTerms, side: TrainingSide, f: Array, dq: Array, ddq: Array
-) -> None:
-    n = len(dq)
-    for t in range(terms.weights.shape[1]):
-        position, velocity, acceleration = 0.0, 0.0, 0.0
-        for b in range(n):
-            position += (side.f[0, b, t] - f[0, b]) ** 2 + (side.f[1, b, t] - f[1, b]) ** 2
-            velocity += (terms.dq[b, t] - dq[b] / terms.scales[0, b]) ** 2
-            acceleration += (terms.ddq[b, t] - ddq[b] / terms.scales[1, b]) ** 2
-        for i in range(n):
-            exponent = (
-                terms.precision[i, 0] * position
-                + terms.precision[i, 1] * velocity
-                + terms.precision[i, 2] * acceleration
-            )
-            tau[i] += terms.weights[i, t] * np.exp(-exponent)
+        tau[i] += c[i, 0] * dq[i] + c[i, 1] * np.tanh(dq[i] / friction.sign_width[i]) + c[i, 2]
 
 
 @jit
@@ -232,7 +177,7 @@ def evaluate_one(
     arm: Arm,
     k: KernelArrays,
     side: TrainingSide,
-    terms: JointTerms,
+    friction: FrictionMean,
     work: Scratch,
     features: Array,
     q: Array,
@@ -245,10 +190,10 @@ def evaluate_one(
     Parameters
     ----------
     parts : array, shape (3, n)
-        Set to the torques of the kinetic energy, of gravity, and of friction and residual.
+        Set to the torques of the kinetic energy, of gravity and of friction.
     energies : array, shape (2,)
         Set to kinetic and potential energy.
-    arm, k, side, terms
+    arm, k, side, friction
         The model, as `Contracted`.
     work : Scratch
     features : array, shape (4, n)
@@ -261,8 +206,7 @@ def evaluate_one(
     parts[:] = 0.0
     energies[0] = kinetic_energy(parts[0], k, work, side, f, g, dq, ddq)
     energies[1] = potential_energy(parts[1], k, work, side, f, g)
-    _friction(parts[2], terms, dq)
-    _residual(parts[2], terms, side, f, dq, ddq)
+    _friction(parts[2], friction, dq)
 
 
 @jit
@@ -272,7 +216,7 @@ def evaluate_many(
     arm: Arm,
     k: KernelArrays,
     side: TrainingSide,
-    terms: JointTerms,
+    friction: FrictionMean,
     work: Scratch,
     features: Array,
     q: Array,
@@ -287,7 +231,7 @@ def evaluate_many(
             arm,
             k,
             side,
-            terms,
+            friction,
             work,
             features,
             q[t],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import os
 from typing import Any
@@ -16,11 +16,9 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.kernels import (
     EnergyKernel,
     FAMILY,
-    Friction,
+    FrictionKernel,
     Hyperparameters,
     JointBasis,
-    PerJointKernel,
-    Residual,
     TorqueKernel,
     TorquePosterior,
     TorquePrior,
@@ -193,18 +191,15 @@ def put_process(process: TorquePosterior, arrays: Arrays) -> dict[str, Any]:
         'basis_centre': kernel.basis.centre,
         'basis_half_range': kernel.basis.half_range,
     }
-    for name, values in zip(Weights._fields, prior.hyperparameters.weights, strict=True):
+    for name, values in prior.hyperparameters.weights._asdict().items():
         arrays[f'weights_{name}'] = values
-    for term, parameters in zip(kernel.per_joint, prior.hyperparameters.per_joint, strict=True):
-        arrays[f'{term.name}_parameters'] = parameters
-        if isinstance(term, Friction):
-            arrays['friction_sign_width'] = term.sign_width
-        if isinstance(term, Residual):
-            arrays['residual_scales'] = term.scales
+    if kernel.friction is not None and prior.hyperparameters.friction is not None:
+        arrays['friction_parameters'] = prior.hyperparameters.friction
+        arrays['friction_sign_width'] = kernel.friction.sign_width
     return {
         'kernel': kernel.energy.name,
         'potential_links': kernel.energy.potential_links.tolist(),
-        'per_joint': [term.name for term in kernel.per_joint],
+        'friction': kernel.friction is not None,
     }
 
 
@@ -221,13 +216,14 @@ def process_from(
 
     """
     energy = _energy_kernel(entry, len(types))
-    expect(arrays, _process_shapes(energy, entry['per_joint']))
+    has_friction = bool(entry['friction'])
+    expect(arrays, _process_shapes(energy, has_friction))
     basis = JointBasis(tuple(types), arrays['basis_centre'], arrays['basis_half_range'])
-    per_joint = tuple(_per_joint(name, basis, arrays) for name in entry['per_joint'])
-    kernel = TorqueKernel(energy, basis, per_joint)
+    friction = FrictionKernel(arrays['friction_sign_width']) if has_friction else None
+    kernel = TorqueKernel(energy, basis, friction)
     hyperparameters = Hyperparameters(
         weights=Weights(*(arrays[f'weights_{name}'] for name in Weights._fields)),
-        per_joint=tuple(arrays[f'{name}_parameters'] for name in entry['per_joint']),
+        friction=arrays['friction_parameters'] if has_friction else None,
         noise_variance=arrays['noise_variance'],
     )
     states = kernel.states(arrays['q'], arrays['dq'], arrays['ddq'])
@@ -236,7 +232,7 @@ def process_from(
     return TorquePosterior(prior, states, arrays['tau'], arrays['alpha'])
 
 
-def _process_shapes(energy: EnergyKernel, per_joint: Sequence[str]) -> dict[str, tuple[int, ...]]:
+def _process_shapes(energy: EnergyKernel, has_friction: bool) -> dict[str, tuple[int, ...]]:
     """Return the shapes of the arrays of a process: compiled loops do not check them."""
     n = energy.n_joints
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
@@ -244,20 +240,10 @@ def _process_shapes(energy: EnergyKernel, per_joint: Sequence[str]) -> dict[str,
     )
     weights = unit_weights(energy)._asdict()
     shapes |= {f'weights_{name}': values.shape for name, values in weights.items()}
-    if 'friction' in per_joint:
+    if has_friction:
         shapes |= {'friction_parameters': (n, 3), 'friction_sign_width': (n,)}
-    if 'residual' in per_joint:
-        shapes |= {'residual_parameters': (n, 4), 'residual_scales': (2, n)}
     return shapes
 
 
 def _energy_kernel(entry: Mapping[str, Any], n_joints: int) -> EnergyKernel:
     return with_potential_after(FAMILY[entry['kernel']](n_joints), entry['potential_links'])
-
-
-def _per_joint(name: str, basis: JointBasis, arrays: Arrays) -> PerJointKernel:
-    makers: dict[str, Callable[[], PerJointKernel]] = {
-        'friction': lambda: Friction(arrays['friction_sign_width']),
-        'residual': lambda: Residual(basis, arrays['residual_scales']),
-    }
-    return makers[name]()

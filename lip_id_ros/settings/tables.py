@@ -121,20 +121,9 @@ class FitSettings(Settings):
         'The model: an arm of rigid links with friction, whose joints are located by the fit, '
         'with a Gaussian process for the remainder where it helps (articulated), or a kernel on '
         'energies alone, to which the settings below apply, all but the seed.',
-        choices=('articulated', 'lip', 'recursive', 'recursive_per_link'),
-    )
-    potential: str = setting(
-        'kernel',
-        'Potential energy: one product over all joints, one for every link, or the choice of the '
-        'kernel (product for lip, one for every link for the others).',
-        choices=('kernel', 'product', 'per_link'),
+        choices=('articulated', 'lip', 'recursive'),
     )
     friction: bool = setting(True, 'Add friction per joint, linear in dq and sign(dq).')
-    residual: bool = setting(
-        False,
-        'Add a squared-exponential term per joint: it fits the recorded motion more closely, and '
-        'usually predicts other motions worse.',
-    )
     subset: int = setting(
         250, 'Samples for the fit of hyperparameters, well spread over the data.', minimum=1
     )

@@ -43,7 +43,7 @@ def test_a_matrix_without_factor_at_the_start_is_an_error() -> None:
     def indefinite(theta: torch.Tensor) -> torch.Tensor:
         return -torch.exp(theta[0]) * torch.eye(40).double()
 
-    with pytest.raises(FitError, match='positive definite at the start but is not'):
+    with pytest.raises(FitError, match='positive definite but is not'):
         maximise(indefinite, Y, np.zeros(1), 5, silent, 'test')
 
 

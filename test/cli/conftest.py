@@ -18,7 +18,6 @@ fit:
   subset: 25
   max_samples: 50
   iterations: 8
-  residual: false
 """
 
 

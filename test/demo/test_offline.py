@@ -19,7 +19,7 @@ Capture = pytest.CaptureFixture[str]
 SMALL = offline.Size(n_joints=3, duration=25.0)
 QUICK = Config(
     preprocessing=PreprocessingSettings(decimate=20),
-    fit=FitSettings(subset=60, iterations=20, residual=False),
+    fit=FitSettings(subset=60, iterations=20),
 )
 
 

@@ -11,7 +11,7 @@ from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
 
-QUICK = FitSettings(kernel='recursive', subset=25, max_samples=50, iterations=10, residual=False)
+QUICK = FitSettings(kernel='recursive', subset=25, max_samples=50, iterations=10)
 
 
 @cache

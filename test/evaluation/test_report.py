@@ -137,8 +137,10 @@ def test_band_is_that_of_a_measurement_and_known_everywhere() -> None:
     np.testing.assert_allclose(uncertainty.tau, 0.5)  # 0.3 of the prediction, 0.4 of the noise
     assert len(uncertainty.rows) == 200
     assert (uncertainty.rows[0], uncertainty.rows[-1]) == (0, outcome.dataset.n_samples - 1)
-    halfway = uncertainty.at(np.array([1]), np.arange(200.0))
-    assert 0 < halfway[0] < 1
+    (shade,) = plots.residual(outcome, uncertainty).axes[0].collections
+    outline = np.asarray(shade.get_paths()[0].vertices)
+    np.testing.assert_allclose(abs(outline[:, 1]), 1.0)  # two deviations, at every time
+    assert len(np.unique(outline[:, 0])) == min(MOST_POINTS, outcome.dataset.n_samples)
 
 
 def test_no_line_crosses_a_gap() -> None:

@@ -31,7 +31,7 @@ def samples(n_samples: int = 40) -> Dataset:
 def quick(dataset: Dataset, **settings: Any) -> InverseDynamicsModel:
     return fit(
         dataset,
-        FitSettings(**{'kernel': 'recursive', 'iterations': 3, 'residual': False, **settings}),
+        FitSettings(**{'kernel': 'recursive', 'iterations': 3, **settings}),
     )
 
 
@@ -50,7 +50,7 @@ def test_a_torque_that_never_changes(torque: float) -> None:
 
 
 def test_summary() -> None:
-    model = quick(samples(), kernel='recursive_per_link')
+    model = quick(samples(), kernel='lip')
     summary = json.loads(json.dumps(model.summary))
     assert summary == model.summary
     assert summary.keys() == {
@@ -102,42 +102,15 @@ def test_alpha_solves_the_normal_equations() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ('friction', 'residual', 'terms'),
-    [
-        (False, False, ()),
-        (True, False, ('friction',)),
-        (False, True, ('residual',)),
-        (True, True, ('friction', 'residual')),
-    ],
-)
-def test_terms_are_switchable(friction: bool, residual: bool, terms: tuple[str, ...]) -> None:
-    model = quick(samples(), friction=friction, residual=residual)
-    assert tuple(kernel.name for kernel in process_of(model).prior.kernel.per_joint) == terms
+@pytest.mark.parametrize('friction', [False, True])
+def test_friction_is_switchable(friction: bool) -> None:
+    model = quick(samples(), friction=friction)
+    assert (process_of(model).prior.kernel.friction is not None) == friction
 
 
 def test_gravity_compensated_torques_have_no_potential() -> None:
     assert quick(samples()).has_potential
     assert not quick(replace(samples(), gravity_compensated=True)).has_potential
-
-
-@pytest.mark.parametrize(
-    ('kernel', 'potential', 'links'),
-    [
-        ('recursive', 'kernel', [0, 1]),
-        ('recursive', 'product', [1]),
-        ('lip', 'kernel', [1]),
-        ('lip', 'per_link', [0, 1]),
-    ],
-)
-def test_the_potential_is_the_settings(kernel: str, potential: str, links: list[int]) -> None:
-    model = quick(samples(), kernel=kernel, potential=potential)
-    np.testing.assert_array_equal(process_of(model).prior.kernel.energy.potential_links, links)
-
-
-def test_gravity_compensation_overrules_the_choice_of_the_potential() -> None:
-    model = quick(replace(samples(), gravity_compensated=True), potential='per_link')
-    assert not model.has_potential
 
 
 def test_the_same_data_give_the_same_model() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gp.cases import random_likelihood, TERMS, TYPES, without_gravity
+from gp.cases import random_likelihood, TYPES, without_gravity
 from kernels.cases import MEMBERS
 import numpy as np
 import pytest
@@ -10,8 +10,8 @@ from scipy.stats import multivariate_normal
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.gp.likelihood import MarginalLikelihood
-from lip_id_ros.gp.log_vector import arrays, to_vector
 from lip_id_ros.kernels.gram import cross_gram
+from lip_id_ros.kernels.prior import friction_covariance
 
 
 def dense_covariance(likelihood: MarginalLikelihood) -> Array:
@@ -19,9 +19,9 @@ def dense_covariance(likelihood: MarginalLikelihood) -> Array:
     kernel, at, x = likelihood.kernel, likelihood.like, likelihood.states
     n = kernel.energy.n_joints
     total = cross_gram(kernel.energy, at.weights, x.packed, x.packed)
-    terms = zip(kernel.per_joint, at.per_joint, x.per_joint, strict=True)
-    for term, parameters, inputs in terms:
-        for joint, covariance in enumerate(term.covariance(parameters, inputs, inputs)):
+    if at.friction is not None and x.friction is not None:
+        covariances = friction_covariance(at.friction, x.friction, x.friction)
+        for joint, covariance in enumerate(covariances):
             for row in range(len(x)):
                 for column in range(len(x)):
                     total[row * n + joint, column * n + joint] += covariance[row, column]
@@ -30,7 +30,7 @@ def dense_covariance(likelihood: MarginalLikelihood) -> Array:
 
 def differences(likelihood: MarginalLikelihood, direction: Array, step: float = 1e-5) -> float:
     """Return the derivative along a direction by central differences of fourth order."""
-    at = to_vector(likelihood.like)
+    at = likelihood.like.vector()
 
     def value(steps: int) -> float:
         return likelihood.value_and_gradient(at + steps * step * direction)[0]
@@ -38,24 +38,24 @@ def differences(likelihood: MarginalLikelihood, direction: Array, step: float = 
     return (8.0 * (value(1) - value(-1)) - (value(2) - value(-2))) / (12.0 * step)
 
 
-@pytest.mark.parametrize('terms', TERMS)
+@pytest.mark.parametrize('friction', [False, True])
 @pytest.mark.parametrize('member', MEMBERS)
-def test_value_is_the_textbooks(member: str, terms: tuple[str, ...]) -> None:
-    likelihood = random_likelihood(member, TYPES, terms, 11)
-    value, _ = likelihood.value_and_gradient(to_vector(likelihood.like))
+def test_value_is_the_textbooks(member: str, friction: bool) -> None:
+    likelihood = random_likelihood(member, TYPES, friction, 11)
+    value, _ = likelihood.value_and_gradient(likelihood.like.vector())
     normal = multivariate_normal(cov=dense_covariance(likelihood))
     assert value == pytest.approx(-normal.logpdf(likelihood.tau.ravel()), rel=1e-10)
 
 
-@pytest.mark.parametrize('terms', TERMS)
+@pytest.mark.parametrize('friction', [False, True])
 @pytest.mark.parametrize('member', MEMBERS)
-def test_gradient_by_every_group(member: str, terms: tuple[str, ...]) -> None:
+def test_gradient_by_every_group(member: str, friction: bool) -> None:
     """Each group of hyperparameters by itself, so that none hides behind a larger one."""
-    likelihood = random_likelihood(member, TYPES, terms, 9)
-    _, gradient = likelihood.value_and_gradient(to_vector(likelihood.like))
+    likelihood = random_likelihood(member, TYPES, friction, 9)
+    _, gradient = likelihood.value_and_gradient(likelihood.like.vector())
     rng = np.random.default_rng(1)
     start = 0
-    for name, values in arrays(likelihood.like):
+    for name, values in likelihood.like.groups().items():
         direction = np.zeros_like(gradient)
         direction[start : start + values.size] = rng.normal(size=values.size)
         start += values.size
@@ -66,8 +66,8 @@ def test_gradient_by_every_group(member: str, terms: tuple[str, ...]) -> None:
 @pytest.mark.parametrize('types', [('revolute',), ('prismatic',), ('prismatic', 'revolute')])
 @pytest.mark.parametrize('member', MEMBERS)
 def test_gradient_of_other_arms(member: str, types: tuple[str, ...]) -> None:
-    likelihood = random_likelihood(member, types, ('friction', 'residual'), 35)
-    _, gradient = likelihood.value_and_gradient(to_vector(likelihood.like))
+    likelihood = random_likelihood(member, types, True, 35)
+    _, gradient = likelihood.value_and_gradient(likelihood.like.vector())
     direction = np.random.default_rng(2).normal(size=len(gradient))
     expected = differences(likelihood, direction)
     assert gradient @ direction == pytest.approx(expected, rel=1e-7)
@@ -76,10 +76,10 @@ def test_gradient_of_other_arms(member: str, types: tuple[str, ...]) -> None:
 @pytest.mark.parametrize('member', MEMBERS)
 def test_gradient_without_potential_energy(member: str) -> None:
     """The potential's factors have no part in torques that leave gravity out."""
-    likelihood = without_gravity(random_likelihood(member, TYPES, ('friction',), 9))
-    _, gradient = likelihood.value_and_gradient(to_vector(likelihood.like))
+    likelihood = without_gravity(random_likelihood(member, TYPES, True, 9))
+    _, gradient = likelihood.value_and_gradient(likelihood.like.vector())
     direction = np.random.default_rng(3).normal(size=len(gradient))
     expected = differences(likelihood, direction)
     assert gradient @ direction == pytest.approx(expected, rel=1e-6)
-    names = [name for name, values in arrays(likelihood.like) for _ in range(values.size)]
+    names = [name for name, values in likelihood.like.groups().items() for _ in range(values.size)]
     assert not gradient[np.array(names) == 'potential_factors'].any()

@@ -12,7 +12,8 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification import fit
-from lip_id_ros.kernels import Friction, TorquePosterior, TorquePrior
+from lip_id_ros.kernels import TorquePosterior, TorquePrior
+from lip_id_ros.kernels.prior import friction_coefficients
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
 
@@ -20,6 +21,7 @@ MEMBERS = ('lip', 'recursive')
 CASES = [(name, member) for name in ARMS for member in MEMBERS]
 N_SAMPLES = 80
 ITERATIONS = 25
+STATE = ('q', 'dq', 'ddq')
 
 VISCOUS, COULOMB = np.array([0.8, 0.3]), np.array([1.5, 0.6])
 
@@ -88,14 +90,27 @@ def test_noise_is_recovered(name: str, member: str) -> None:
 
 
 @pytest.mark.parametrize('member', MEMBERS)
-def test_true_torques_lie_within_the_uncertainty(member: str) -> None:
-    """The deviation tells the size of the error: neither far too small nor far too large."""
-    arm = ARMS['two_links']
-    motion = unseen(arm)
-    predictor = learned('two_links', member)
-    error = predictor.predict(*motion).tau - arm.torque(*motion)
-    score = np.sqrt(np.mean((error / predictor.standard_deviation(*motion).tau) ** 2))
-    assert 0.3 < score < 2.0
+def test_deviations_are_those_of_the_errors(member: str) -> None:
+    """Torques drawn from the prior lie about their posterior mean as its deviations say."""
+    model = learned('two_links', member)
+    prior, training = process_of(model).prior, process_of(model).states
+    queries = [x[:20] for x in unseen(ARMS['two_links'])]
+    both = prior.kernel.states(
+        *(np.vstack([getattr(training, name), x]) for name, x in zip(STATE, queries, strict=True))
+    )
+    rng, m = np.random.default_rng(5), training.q.size
+    gram = prior.gram(both)
+    values, vectors = np.linalg.eigh(gram)
+    drawn = vectors @ (
+        np.sqrt(np.maximum(values, 0.0))[:, None] * rng.normal(size=(len(gram), 400))
+    )
+    noise = np.tile(prior.hyperparameters.noise_variance, len(training))
+    measured = drawn[:m] + np.sqrt(noise)[:, None] * rng.normal(size=(m, 400))
+    mean = gram[m:, :m] @ np.linalg.solve(gram[:m, :m] + np.diag(noise), measured)
+    deviation = model.standard_deviation(*queries).tau.ravel()
+    scores = np.mean(((drawn[m:] - mean) / deviation[:, None]) ** 2, axis=1)
+    np.testing.assert_allclose(scores, 1.0, atol=0.35)  # five deviations of a mean of 400 squares
+    assert scores.mean() == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize('member', MEMBERS)
@@ -134,12 +149,11 @@ def learned_with_friction(member: str) -> InverseDynamicsModel:
 @pytest.mark.parametrize('member', MEMBERS)
 def test_friction_coefficients_are_recovered(member: str) -> None:
     model = learned_with_friction(member)
-    (friction,) = process_of(model).prior.kernel.per_joint
-    (parameters,) = process_of(model).prior.hyperparameters.per_joint
-    assert isinstance(friction, Friction)
-    got = friction.coefficients(
-        parameters, process_of(model).states.per_joint[0], process_of(model).alpha
-    )
+    process = process_of(model)
+    parameters, features = process.prior.hyperparameters.friction, process.states.friction
+    assert parameters is not None
+    assert features is not None
+    got = friction_coefficients(parameters, features, process.alpha)
     np.testing.assert_allclose(got[:, 0], VISCOUS, rtol=0.02)
     np.testing.assert_allclose(got[:, 1], COULOMB, rtol=0.02)
     np.testing.assert_allclose(got[:, 2], 0.0, atol=0.02)
@@ -182,9 +196,10 @@ def test_torques_without_gravity(member: str) -> None:
 def with_offset_variance(model: InverseDynamicsModel, variance: float) -> InverseDynamicsModel:
     """Condition on the same samples under another prior of the friction's offset."""
     at = process_of(model).prior.hyperparameters
-    friction = at.per_joint[0].copy()
+    assert at.friction is not None
+    friction = at.friction.copy()
     friction[:, 2] = variance
-    prior = replace(process_of(model).prior, hyperparameters=replace(at, per_joint=(friction,)))
+    prior = replace(process_of(model).prior, hyperparameters=replace(at, friction=friction))
     process = TorquePosterior.condition(prior, process_of(model).states, process_of(model).tau)
     return replace(model, process=process)
 

@@ -15,11 +15,9 @@ from lip_id_ros.gp import sign_width
 from lip_id_ros.gp.fitting import make_kernel
 from lip_id_ros.gp.initialisation import initial_hyperparameters, SIGN_SHARE
 from lip_id_ros.gp.likelihood import MarginalLikelihood
-from lip_id_ros.gp.log_vector import to_vector
 from lip_id_ros.gp.sign_width import FACTORS, with_likely_sign_widths
 from lip_id_ros.identification import fit
-from lip_id_ros.kernels import TorquePrior
-from lip_id_ros.kernels.per_joint import Friction
+from lip_id_ros.kernels import FrictionKernel, TorqueKernel, TorquePrior
 from lip_id_ros.settings import FitSettings
 
 ARM = ARMS['polar']
@@ -34,12 +32,15 @@ def with_friction(shares: list[float]) -> Dataset:
     return dataset_of(ARM, MOTION, tau + noise_of(tau, 0.01))
 
 
+def widths_of(kernel: TorqueKernel) -> Array:
+    assert kernel.friction is not None
+    return kernel.friction.sign_width
+
+
 @pytest.mark.parametrize('shares', [[0.01, 0.4], [0.4, 0.01]])
 def test_every_joint_has_a_width_of_its_own(shares: list[float]) -> None:
     model = fit(with_friction(shares), FitSettings(kernel='recursive', iterations=10))
-    (friction,) = process_of(model).prior.kernel.per_joint
-    assert isinstance(friction, Friction)
-    found = friction.sign_width / USUAL
+    found = widths_of(process_of(model).prior.kernel) / USUAL
     narrow, wide = int(np.argmin(shares)), int(np.argmax(shares))
     assert found[narrow] <= SIGN_SHARE
     assert found[wide] == pytest.approx(FACTORS[-1] * SIGN_SHARE)
@@ -48,27 +49,26 @@ def test_every_joint_has_a_width_of_its_own(shares: list[float]) -> None:
 def test_no_other_width_of_a_single_joint_is_likelier() -> None:
     data = with_friction([0.1, 0.3])
     kernel = make_kernel(data, FitSettings(kernel='recursive'), 'recursive')
-    at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
-    (friction,) = with_likely_sign_widths(kernel, at, data).per_joint
-    assert isinstance(friction, Friction)
+    at = initial_hyperparameters(kernel, data)
+    found = widths_of(with_likely_sign_widths(kernel, at, data))
     last = data.n_joints - 1
 
     def value(factor: float) -> float:
-        widths = friction.sign_width.copy()
+        widths = found.copy()
         widths[last] = factor * SIGN_SHARE * USUAL[last]
-        tried = replace(kernel, per_joint=(Friction(widths),))
+        tried = replace(kernel, friction=FrictionKernel(widths))
         states = tried.states(data.q, data.dq, data.ddq)
         likelihood = MarginalLikelihood(tried, states, data.tau, at)
-        return likelihood.value_and_gradient(to_vector(at))[0]
+        return likelihood.value_and_gradient(at.vector())[0]
 
     best = min(FACTORS, key=value)
-    assert friction.sign_width[last] == pytest.approx(best * SIGN_SHARE * USUAL[last])
+    assert found[last] == pytest.approx(best * SIGN_SHARE * USUAL[last])
 
 
 def test_without_friction_nothing_changes() -> None:
     data = with_friction([0.1, 0.1])
     kernel = make_kernel(data, FitSettings(friction=False), 'recursive')
-    at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
+    at = initial_hyperparameters(kernel, data)
     assert with_likely_sign_widths(kernel, at, data) is kernel
 
 
@@ -90,7 +90,7 @@ def test_each_joint_is_judged_with_the_widths_found_before(
 ) -> None:
     data = with_friction([0.01, 0.4])
     kernel = make_kernel(data, FitSettings(kernel='recursive'), 'recursive')
-    at = initial_hyperparameters(kernel.energy, kernel.per_joint, data.dq, data.ddq, data.tau)
+    at = initial_hyperparameters(kernel, data)
     grams: list[Array] = []
     values = sign_width._values
 
@@ -99,14 +99,10 @@ def test_each_joint_is_judged_with_the_widths_found_before(
         return values(gram, *vectors)
 
     monkeypatch.setattr(sign_width, '_values', seen)
-    (found,) = with_likely_sign_widths(kernel, at, data).per_joint
-    (old,) = kernel.per_joint
-    assert isinstance(found, Friction)
-    assert isinstance(old, Friction)
-    assert found.sign_width[0] != old.sign_width[0]
-    widths = old.sign_width.copy()
-    widths[0] = found.sign_width[0]
-    after_first = replace(kernel, per_joint=(Friction(widths),))
+    found, widths = widths_of(with_likely_sign_widths(kernel, at, data)), widths_of(kernel).copy()
+    assert found[0] != widths[0]
+    widths[0] = found[0]
+    after_first = replace(kernel, friction=FrictionKernel(widths))
     states = after_first.states(data.q, data.dq, data.ddq)
     expected = TorquePrior(after_first, at).noisy_gram(states)
     np.testing.assert_allclose(grams[1], expected, rtol=1e-9, atol=1e-12 * expected.max())

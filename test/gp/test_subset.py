@@ -7,11 +7,28 @@ from hypothesis import strategies as st
 from kernels.cases import random_states
 import numpy as np
 
-from lip_id_ros.gp.subset import spread
+from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp.fitting import covering
 from lip_id_ros.kernels import JointBasis
 
 TYPES = ('revolute', 'prismatic')
 SIZES = {'n_samples': st.integers(1, 40), 'count': st.integers(1, 50), 'seed': st.integers(0, 99)}
+
+
+def spread(basis: JointBasis, q: Array, dq: Array, ddq: Array, count: int) -> IntArray:
+    """Return the numbers of the chosen samples."""
+    data = Dataset(
+        t=np.arange(float(len(q))),
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        tau=q,
+        joint_names=tuple(f'joint_{i + 1}' for i in range(q.shape[1])),
+        joint_types=basis.joint_types,
+        segment=np.zeros(len(q), dtype=np.int64),
+    )
+    return covering(data, basis, count).t.astype(np.int64)
 
 
 @given(**SIZES)

@@ -10,12 +10,11 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp.likelihood import MarginalLikelihood
-from lip_id_ros.gp.log_vector import cosines_and_sines, from_vector, to_vector
 from lip_id_ros.gp.training import ALIKE, maximise, Objective, Optimum, RANGE, STAGE
 
 
 def small(member: str = 'recursive') -> MarginalLikelihood:
-    return random_likelihood(member, TYPES, ('friction',), 12)
+    return random_likelihood(member, TYPES, True, 12)
 
 
 def improve(likelihood: MarginalLikelihood, iterations: int, prior_precision: float) -> Optimum:
@@ -32,8 +31,8 @@ def value(likelihood: MarginalLikelihood, vector: Array) -> float:
 def test_the_likelihood_rises(member: str) -> None:
     likelihood = small(member)
     found = improve(likelihood, 8, 0.0)
-    assert found.negative_log_likelihood < value(likelihood, to_vector(likelihood.like)) - 1.0
-    end = to_vector(found.hyperparameters)
+    assert found.negative_log_likelihood < value(likelihood, likelihood.like.vector()) - 1.0
+    end = found.hyperparameters.vector()
     assert found.negative_log_likelihood == pytest.approx(value(likelihood, end), rel=1e-12)
     assert 0 < found.iterations <= 8
 
@@ -45,11 +44,11 @@ def test_a_stationary_point_is_reached() -> None:
     found = improve(likelihood, 500, precision)
     assert found.converged
     assert found.at_bounds == ()
-    start, end = to_vector(likelihood.like), to_vector(found.hyperparameters)
+    start, end = likelihood.like.vector(), found.hyperparameters.vector()
     slope = likelihood.value_and_gradient(end)[1]
     noise = likelihood.like.noise_variance.size
     slope[:-noise] += precision * (end - start)[:-noise]
-    cosines, sines = cosines_and_sines(likelihood.like)
+    cosines, sines = likelihood.like.cosines_and_sines()
     pull = ALIKE * ((end - start)[cosines] - (end - start)[sines])
     slope[cosines] += pull
     slope[sines] -= pull
@@ -61,7 +60,7 @@ def test_the_gradient_is_that_of_the_objective(member: str) -> None:
     likelihood = small(member)
     objective = Objective(likelihood, likelihood.like, 0.5)
     rng = np.random.default_rng(0)
-    at = to_vector(likelihood.like) + 0.3 * rng.standard_normal(to_vector(likelihood.like).size)
+    at = likelihood.like.vector() + 0.3 * rng.standard_normal(likelihood.like.vector().size)
     way = rng.standard_normal(at.size)
     step = 1e-5
     ahead, behind = (objective.value_and_gradient(at + s * way)[0] for s in (step, -step))
@@ -72,8 +71,8 @@ def test_the_gradient_is_that_of_the_objective(member: str) -> None:
 def test_cosine_and_sine_are_alike_in_the_prior() -> None:
     likelihood = small()
     objective = Objective(likelihood, likelihood.like, 0.05)
-    cosines, sines = cosines_and_sines(likelihood.like)
-    at = to_vector(likelihood.like)
+    cosines, sines = likelihood.like.cosines_and_sines()
+    at = likelihood.like.vector()
     at[cosines] += 1.0
     together = at.copy()
     together[sines] += 1.0
@@ -84,7 +83,7 @@ def test_cosine_and_sine_are_alike_in_the_prior() -> None:
 def test_a_strong_prior_keeps_all_but_the_noise() -> None:
     likelihood = small()
     found = improve(likelihood, 30, 1e6)
-    moved = abs(to_vector(found.hyperparameters) - to_vector(likelihood.like))
+    moved = abs(found.hyperparameters.vector() - likelihood.like.vector())
     noise = likelihood.like.noise_variance.size
     assert moved[:-noise].max() < 1e-3
     assert moved[-noise:].max() > 0.1
@@ -93,8 +92,8 @@ def test_a_strong_prior_keeps_all_but_the_noise() -> None:
 def test_no_iterations_keep_the_start() -> None:
     likelihood = small()
     found = improve(likelihood, 0, 0.05)
-    start = to_vector(likelihood.like)
-    np.testing.assert_allclose(to_vector(found.hyperparameters), start, atol=1e-14)
+    start = likelihood.like.vector()
+    np.testing.assert_allclose(found.hyperparameters.vector(), start, atol=1e-14)
     assert found.iterations == 0
     assert not found.converged
     assert found.negative_log_likelihood == pytest.approx(value(likelihood, start))
@@ -105,7 +104,7 @@ def test_what_runs_to_a_bound_is_named() -> None:
     likelihood = small()
     found = improve(likelihood, 300, 0.0)
     assert found.at_bounds
-    moved = abs(to_vector(found.hyperparameters) - to_vector(likelihood.like))
+    moved = abs(found.hyperparameters.vector() - likelihood.like.vector())
     assert moved.max() == pytest.approx(RANGE)
     assert len(found.at_bounds) == np.isclose(moved, RANGE, atol=1e-4).sum()
 
@@ -113,9 +112,9 @@ def test_what_runs_to_a_bound_is_named() -> None:
 def test_the_start_need_not_be_the_centre_of_the_prior() -> None:
     """The objective tells starts apart by where they are, not by how far they came."""
     likelihood = small()
-    centre = to_vector(likelihood.like)
+    centre = likelihood.like.vector()
     objective = Objective(likelihood, likelihood.like, 0.5)
-    away = from_vector(centre + 0.3, likelihood.like)
+    away = likelihood.like.with_vector(centre + 0.3)
     noise = likelihood.like.noise_variance.size
     found = maximise(objective, away, 0)
     penalty = 0.5 * 0.5 * 0.3**2 * (len(centre) - noise)
@@ -129,7 +128,7 @@ class Walled(MarginalLikelihood):
     RADIUS = 1.5
 
     def value_and_gradient(self, vector: Array) -> tuple[float, Array]:
-        if np.linalg.norm(vector - to_vector(self.like)) > self.RADIUS:
+        if np.linalg.norm(vector - self.like.vector()) > self.RADIUS:
             raise FitError('beyond the wall')
         return super().value_and_gradient(vector)
 
@@ -138,14 +137,14 @@ def test_a_step_too_far_is_shortened() -> None:
     likelihood = Walled(**vars(small()))
     found = improve(likelihood, 30, 0.0)
     assert found.rejected > 0
-    start, end = to_vector(likelihood.like), to_vector(found.hyperparameters)
+    start, end = likelihood.like.vector(), found.hyperparameters.vector()
     assert 0.5 < np.linalg.norm(end - start) <= Walled.RADIUS
     assert found.value < value(likelihood, start) - 1.0
 
 
 def test_a_start_that_cannot_be_factorised_is_an_error() -> None:
     likelihood = Walled(**vars(small()))
-    away = from_vector(to_vector(likelihood.like) + 1.0, likelihood.like)
+    away = likelihood.like.with_vector(likelihood.like.vector() + 1.0)
     with pytest.raises(FitError, match='beyond the wall'):
         maximise(Objective(likelihood, likelihood.like, 0.0), away, 10)
 

@@ -10,8 +10,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import EnergyKernel, FAMILY, Weights
-from lip_id_ros.kernels.energy_covariance import factor, kinetic_covariance, potential_covariance
-from lip_id_ros.kernels.program import POTENTIALS
+from lip_id_ros.kernels.program import factor, kinetic_covariance, potential_covariance
 
 TYPES = ('revolute', 'prismatic', 'revolute', 'revolute')
 N = len(TYPES)
@@ -51,7 +50,7 @@ def degree(member: str, j: int, k: int, b: int) -> int:
     return {
         'lip': 2,
         'recursive': (b > near) + (b > far),
-    }[member.removesuffix('_per_link')]
+    }[member]
 
 
 @pytest.mark.parametrize('member', MEMBERS)
@@ -94,14 +93,3 @@ def test_potential_energy_by_products(member: str) -> None:
         total += scale * float(np.prod(factors))
     got = potential_covariance(pair.kernel, weights, pair.f[:, :, 0], pair.fz[:, :, 0])
     assert got == pytest.approx(total, rel=1e-12)
-
-
-@pytest.mark.parametrize('member', MEMBERS)
-@pytest.mark.parametrize(('potential', 'links'), [('product', [N - 1]), ('per_link', range(N))])
-def test_the_potential_can_be_chosen(member: str, potential: str, links: list[int]) -> None:
-    """Apart from the kinetic energy, which stays; otherwise it is the member's own."""
-    own = FAMILY[member](N)
-    chosen = POTENTIALS[potential](own)
-    np.testing.assert_array_equal(chosen.potential_links, links)
-    np.testing.assert_array_equal(chosen.steps, own.steps)
-    assert POTENTIALS['kernel'](own) is own

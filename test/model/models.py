@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from gp.cases import random_hyperparameters, random_kernel, TYPES
@@ -21,19 +20,13 @@ from lip_id_ros.friction.model import (
 )
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import LoadCoulomb, Viscous
-from lip_id_ros.kernels import (
-    EnergyKernel,
-    Hyperparameters,
-    TorquePosterior,
-    TorquePrior,
-)
+from lip_id_ros.kernels import TorquePosterior, TorquePrior
 from lip_id_ros.kernels.program import without_potential
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.model.remainder import Inputs, Remainder, stored_inputs, stored_weights
 
-BOTH = ('friction', 'residual')
 KERNELS = (*MEMBERS, ARTICULATED)
 
 
@@ -41,20 +34,24 @@ def random_model(
     member: str,
     types: tuple[str, ...] = TYPES,
     n_samples: int = 7,
-    terms: tuple[str, ...] = BOTH,
-    seed: int = 0,
+    friction: bool = True,
+    remainder: bool = True,
 ) -> InverseDynamicsModel:
     """Return a model that is conditioned on random torques; `ARTICULATED` is a random arm."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     if member == ARTICULATED:
-        return of_arm(random_arm(types, rng), types, random_remainder(types, terms, rng))
-    kernel = random_kernel(member, types, terms, rng)
+        arm = random_arm(types, rng)
+        return of_arm(arm, types, random_remainder(types, rng) if remainder else None)
+    kernel = random_kernel(member, types, friction, rng)
     return conditioned(TorquePrior(kernel, random_hyperparameters(kernel, rng)), n_samples, rng)
 
 
 def random_model_without_potential(member: str) -> InverseDynamicsModel:
-    """Return a model whose energy kernel has no potential."""
-    return random_model_with(without_potential, member)
+    """Return a model whose energy kernel has no potential, without friction."""
+    rng = np.random.default_rng(0)
+    own = random_kernel(member, TYPES, False, rng)
+    kernel = replace(own, energy=without_potential(own.energy))
+    return conditioned(TorquePrior(kernel, random_hyperparameters(kernel, rng)), 7, rng)
 
 
 def random_model_without_gravity() -> InverseDynamicsModel:
@@ -63,24 +60,11 @@ def random_model_without_gravity() -> InverseDynamicsModel:
     return of_arm(replace(arm, chain=arm.chain._replace(gravity=np.zeros(3))), TYPES)
 
 
-def random_model_with(
-    potential: Callable[[EnergyKernel], EnergyKernel], member: str
-) -> InverseDynamicsModel:
-    """Return a model whose energy kernel has another potential than its own."""
-    rng = np.random.default_rng(0)
-    own = random_kernel(member, TYPES, (), rng)
-    kernel = replace(own, energy=potential(own.energy))
-    hyperparameters = random_hyperparameters(kernel, rng)
-    return conditioned(TorquePrior(kernel, hyperparameters), 7, rng)
-
-
 def with_noise(model: InverseDynamicsModel, variance: float) -> InverseDynamicsModel:
     """Condition the model's prior on the same motions, with a noise variance for all joints."""
     at = process_of(model).prior.hyperparameters
     noise = np.full_like(at.noise_variance, variance)
-    prior = TorquePrior(
-        process_of(model).prior.kernel, Hyperparameters(at.weights, at.per_joint, noise)
-    )
+    prior = TorquePrior(process_of(model).prior.kernel, replace(at, noise_variance=noise))
     return conditioned(prior, model.n_samples, np.random.default_rng(1))
 
 
@@ -141,12 +125,8 @@ def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior
     )
 
 
-def random_remainder(
-    types: tuple[str, ...], terms: tuple[str, ...], rng: np.random.Generator
-) -> Remainder | None:
-    """Return processes beside the first joint and in place of the last, if `residual` is named."""
-    if 'residual' not in terms:
-        return None
+def random_remainder(types: tuple[str, ...], rng: np.random.Generator) -> Remainder:
+    """Return processes beside the first joint and in place of the last."""
     n, own = len(types), np.zeros(len(types), dtype=bool)
     own[[0, -1]] = True
     q, dq, ddq = random_states(9, n, rng)

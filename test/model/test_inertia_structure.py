@@ -31,7 +31,7 @@ def harmonics(values: Array) -> Array:
 @pytest.mark.parametrize('member', MEMBERS)
 def test_degree_of_every_entry(member: str, joint: int) -> None:
     """An entry has the harmonics up to its degree, which is zero for the joints before it."""
-    matrix = random_model(member, TYPES, terms=()).inertia_matrix(turned(joint))
+    matrix = random_model(member, TYPES, friction=False).inertia_matrix(turned(joint))
     size = abs(matrix).max()
     for j, k in np.ndindex(4, 4):
         found = harmonics(matrix[:, j, k]) / size
@@ -46,7 +46,7 @@ def test_degree_of_the_potential(member: str, joint: int) -> None:
     """A body's height is linear in the sine and cosine of every joint before it."""
     q = turned(joint)
     still = np.zeros_like(q)
-    potential = random_model(member, TYPES, terms=()).predict(q, still, still).potential
+    potential = random_model(member, TYPES, friction=False).predict(q, still, still).potential
     assert potential is not None
     found = harmonics(potential) / abs(potential).max()
     assert (found[2:] < 1e-12).all()
@@ -56,6 +56,6 @@ def test_degree_of_the_potential(member: str, joint: int) -> None:
 @pytest.mark.parametrize('member', MEMBERS)
 def test_positive_definiteness_is_not_promised(member: str) -> None:
     """From torques that no arm can have, an inertia matrix that no arm can have is learned."""
-    model = random_model(member, terms=())
+    model = random_model(member, friction=False)
     eigenvalues = np.linalg.eigvalsh(model.inertia_matrix(process_of(model).states.q))
     assert eigenvalues.min() < 0.0

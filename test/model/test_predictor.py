@@ -93,9 +93,9 @@ def test_numbers_of_samples_around_the_width_of_the_loops(member: str, n_samples
     check_against_covariances(random_model(member, n_samples=n_samples))
 
 
-@pytest.mark.parametrize('terms', [(), ('friction',), ('residual',)])
-def test_other_terms(terms: tuple[str, ...]) -> None:
-    check_against_covariances(random_model('recursive', terms=terms))
+@pytest.mark.parametrize('member', KERNELS)
+def test_without_friction_and_remainder(member: str) -> None:
+    check_against_covariances(random_model(member, friction=False, remainder=False))
 
 
 @pytest.mark.parametrize('member', KERNELS)

@@ -1,8 +1,10 @@
-"""Posterior standard deviations against the textbook's dense formula."""
+"""Posterior standard deviations against the textbook's formula with covariances by torch."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from gp.processes import process_of
 from kernels.cases import MEMBERS, random_states
@@ -14,12 +16,16 @@ from scipy.spatial.transform import Rotation
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.terms import LoadCoulomb
-from lip_id_ros.kernels.energy_covariance import kinetic_covariance, potential_covariance
+from lip_id_ros.kernels import JointStates, TorquePrior, Weights
 from lip_id_ros.kernels.posterior import BLOCK
 from lip_id_ros.model import InverseDynamicsModel, StandardDeviation
 from lip_id_ros.model.arm_deviation import FEW
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
+
+torch = pytest.importorskip('torch', reason='the reference differentiates with torch')
+
+from lip_id_ros.gp.reference import EnergyReference, State  # noqa: E402
 
 States = tuple[Array, Array, Array]
 
@@ -28,55 +34,82 @@ def queries(n_samples: int) -> States:
     return random_states(n_samples, 3, np.random.default_rng(9))
 
 
-def explained(model: InverseDynamicsModel, cross: Array) -> Array:
-    """Return diag(k K^-1 k^T)."""
-    gram = process_of(model).prior.cross_gram(process_of(model).states, process_of(model).states)
-    noise = np.tile(process_of(model).prior.hyperparameters.noise_variance, model.n_samples)
-    return np.asarray(np.diagonal(cross @ np.linalg.solve(gram + np.diag(noise), cross.T)))
-
-
-def prior_energies(model: InverseDynamicsModel, x: States) -> tuple[Array, Array]:
-    """Return the prior variances of T, and of V less V at the reference, one sample at a time."""
-    kernel, weights = (
-        process_of(model).prior.kernel,
-        process_of(model).prior.hyperparameters.weights,
-    )
-    reference, _ = kernel.basis.features(model.potential_reference[None])
-    kinetic, potential = [], []
-    for q, dq in zip(x[0], x[1], strict=True):
-        f, _ = kernel.basis.features(q[None])
-        at, rest = f[:, :, 0], reference[:, :, 0]
-        kinetic.append(kinetic_covariance(kernel.energy, weights, at, dq, at, dq))
-        between = [
-            potential_covariance(kernel.energy, weights, left, right)
-            for left, right in ((at, at), (at, rest), (rest, rest))
-        ]
-        potential.append(between[0] - 2.0 * between[1] + between[2])
-    return np.array(kinetic), np.array(potential)
-
-
 def textbook(model: InverseDynamicsModel, x: States) -> StandardDeviation:
     """Return the prior variance less what the data explain, under a square root."""
-    prior = process_of(model).prior
-    states = prior.kernel.states(*x)
-    still = np.zeros((1, model.n_joints))
-    rest = prior.kernel.states(model.potential_reference[None], still, still)
-    cross = prior.cross_gram(states, process_of(model).states)
-    kinetic, potential = prior.energy_covariance(states, process_of(model).states)
-    _, reference = prior.energy_covariance(rest, process_of(model).states)
-    tau = np.diagonal(prior.cross_gram(states, states)) - explained(model, cross)
-    prior_kinetic, prior_potential = prior_energies(model, x)
+    process = process_of(model)
+    prior, training = Covariances(process.prior), tensors(process.states)
+    here, rest = State(*map(torch.tensor, x)), at_rest(model.potential_reference)
+    noise = np.tile(process.prior.hyperparameters.noise_variance, len(process.states))
+    gram = prior.torques(training, training) + np.diag(noise)
+
+    def remaining(own: Array, cross: Array) -> Array:
+        return np.sqrt(own - np.diagonal(cross @ np.linalg.solve(gram, cross.T)))
+
+    potential = prior.energies(prior.energy.potential_row, here, training) - prior.energies(
+        prior.energy.potential_row, rest, training
+    )
     return StandardDeviation(
-        np.sqrt(tau).reshape(x[0].shape),
-        np.sqrt(prior_kinetic - explained(model, kinetic)),
-        np.sqrt(prior_potential - explained(model, potential - reference)),
+        remaining(np.diagonal(prior.torques(here, here)), prior.torques(here, training)).reshape(
+            x[0].shape
+        ),
+        remaining(
+            np.array(
+                [float(prior.energy.kinetic(q, dq, q, dq)) for q, dq, _ in zip(*here, strict=True)]
+            ),
+            prior.energies(prior.energy.kinetic_row, here, training),
+        ),
+        remaining(prior.potential_variance(here, rest), potential),
     )
 
 
-@pytest.mark.parametrize('terms', [(), ('friction', 'residual')])
+class Covariances:
+    """Covariances of a prior by automatic differentiation of its definition."""
+
+    def __init__(self, prior: TorquePrior) -> None:
+        at = prior.hyperparameters
+        weights = Weights(*map(torch.tensor, at.weights))
+        self.energy = EnergyReference(prior.kernel.energy, prior.kernel.basis, weights)
+        self.friction, self.kernel = at.friction, prior.kernel.friction
+
+    def torques(self, x: State, z: State) -> Array:
+        """Return the covariances of torques, shape (N n, M n)."""
+        blocks = self.energy.torque_blocks(x, z).numpy()
+        if self.kernel is not None and self.friction is not None:
+            n, width = len(self.friction), self.kernel.sign_width
+            for joint, (viscous, coulomb, offset) in enumerate(self.friction):
+                v, w = x.dq[:, None, joint].numpy(), z.dq[None, :, joint].numpy()
+                signs = np.tanh(v / width[joint]) * np.tanh(w / width[joint])
+                blocks[:, :, joint, joint] += viscous * v * w + coulomb * signs + offset
+            assert blocks.shape[2:] == (n, n)
+        return np.asarray(blocks.transpose(0, 2, 1, 3).reshape(x.q.numel(), z.q.numel()))
+
+    def energies(self, row: Callable[[State, State], Any], x: State, z: State) -> Array:
+        """Return the covariances of an energy with torques, shape (N, M n)."""
+        rows = [[row(a, b).numpy() for b in samples(z)] for a in samples(x)]
+        return np.array(rows).reshape(len(x.q), -1)
+
+    def potential_variance(self, x: State, rest: State) -> Array:
+        """Return the variances of V less V at rest, shape (N,)."""
+        k, q0 = self.energy.potential, rest.q[0]
+        return np.array([float(k(q, q) - 2.0 * k(q, q0) + k(q0, q0)) for q in x.q])
+
+
+def samples(x: State) -> list[State]:
+    return [State(*row) for row in zip(*x, strict=True)]
+
+
+def tensors(states: JointStates) -> State:
+    return State(*(torch.tensor(values) for values in (states.q, states.dq, states.ddq)))
+
+
+def at_rest(q: Array) -> State:
+    return State(*torch.tensor(np.stack([q, 0.0 * q, 0.0 * q])[:, None]))
+
+
+@pytest.mark.parametrize('friction', [False, True])
 @pytest.mark.parametrize('member', MEMBERS)
-def test_against_the_textbook(member: str, terms: tuple[str, ...]) -> None:
-    model = random_model(member, terms=terms)
+def test_against_the_textbook(member: str, friction: bool) -> None:
+    model = random_model(member, friction=friction)
     x = queries(5)
     got, expected = model.standard_deviation(*x), textbook(model, x)
     assert got.potential is not None
@@ -88,7 +121,7 @@ def test_against_the_textbook(member: str, terms: tuple[str, ...]) -> None:
 
 @pytest.mark.parametrize('member', MEMBERS)
 def test_nothing_is_uncertain_where_it_was_measured_without_noise(member: str) -> None:
-    model = with_noise(random_model(member, terms=()), 1e-10)
+    model = with_noise(random_model(member, friction=False), 1e-10)
     states = process_of(model).states
     got = model.standard_deviation(states.q, states.dq, states.ddq)
     prior = np.sqrt(process_of(model).prior.torque_variance(states))
@@ -130,7 +163,7 @@ def test_queries_are_independent_of_their_block() -> None:
 
 def test_deviations_of_an_arm_by_differences_of_the_mean() -> None:
     """Torques and energies change along each column of the covariance's root as they should."""
-    model = random_model(ARTICULATED, terms=())
+    model = random_model(ARTICULATED, remainder=False)
     arm = without_load(model)
     model = replace(model, arm=arm)
     x, step = queries(4), 1e-6

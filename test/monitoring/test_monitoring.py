@@ -57,7 +57,7 @@ def test_observer_follows_what_is_not_explained(step: float) -> None:
 
 @pytest.mark.parametrize('member', ['recursive', 'lip'])
 def test_momentum_and_rate_are_those_of_the_learned_energies(member: str) -> None:
-    predictor = random_model(member, terms=('friction',))
+    predictor = random_model(member)
     n = predictor.n_joints
     rng = np.random.default_rng(4)
     q, dq, tau = 0.5 * rng.normal(size=(3, 5, n))

@@ -66,7 +66,6 @@ def test_records_fits_and_saves(ros: tuple[Graph, Client], tmp_path: Path) -> No
         fit__subset=30,
         fit__max_samples=60,
         fit__iterations=15,
-        fit__residual=False,
         preprocessing__decimate=5,
     )
     answer = client.trigger('/train/fit')
@@ -181,8 +180,7 @@ def test_wrong_parameters_are_refused_with_a_sentence(ros: tuple[Graph, Client])
         (
             'fit.kernel',
             'rbf',
-            'fit.kernel must be a text articulated or lip or recursive or '
-            "recursive_per_link, not 'rbf'.",
+            "fit.kernel must be a text articulated or lip or recursive, not 'rbf'.",
         ),
         ('fit.subset', 2.5, 'fit.subset must be a whole number >= 1, not 2.5.'),
         ('fit.friction', 'yes', "fit.friction must be true or false, not 'yes'."),
@@ -213,10 +211,7 @@ def test_wrong_start_gives_one_line_and_status_one(ros: tuple[Graph, Client]) ->
     graph, _ = ros
     train = graph.start('train', fit__kernel='rbf')
     assert train.wait() == 1
-    assert (
-        'must be a text articulated or lip or recursive or recursive_per_link, '
-        "not 'rbf'." in train.log
-    )
+    assert "must be a text articulated or lip or recursive, not 'rbf'." in train.log
     assert 'Traceback' not in train.log
 
 

@@ -14,7 +14,7 @@ JOINTS = ('shoulder', 'elbow')
 INERTIA = np.array([1.5, 0.6])  # kg m^2
 WEIGHT = np.array([8.0, 3.0])  # N m
 RATE_HZ = 100.0
-CHEAP = FitSettings(subset=30, max_samples=60, iterations=15, friction=False, residual=False)
+CHEAP = FitSettings(subset=30, max_samples=60, iterations=15, friction=False)
 
 
 def torque(q: Array, ddq: Array) -> Array:

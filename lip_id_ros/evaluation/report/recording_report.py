@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+import math
 import os
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.recording_health import finding_lines, health_table
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.page import page, Picture, picture, write_folder
+from lip_id_ros.evaluation.report.page import Drawing, drawn, page, write_folder
 from lip_id_ros.evaluation.tables import POSITION_UNITS, Table, TORQUE_UNITS
 from lip_id_ros.health import Evidence
 from lip_id_ros.progress import Progress, silent
@@ -82,7 +84,7 @@ def _report(
     health: Mapping[str, Any],
     units: Mapping[str, str],
 ) -> Path:
-    pictures = _pictures(evidence, units)
+    pictures = drawn(_drawings(evidence, units), silent)
     findings = health['findings']
     samples = evidence.samples
     facts = (
@@ -102,14 +104,10 @@ def _report(
     return write_folder(target, text, pictures)
 
 
-def _pictures(evidence: Evidence, units: Mapping[str, str]) -> list[Picture]:
-    with style.styled():
-        drawn = signals(evidence, units)
-        pictures = [picture('signals', 'Recorded signals', SIGNALS, drawn)]
-        if evidence.motion.stretches:
-            drawn = coverage(evidence, units)
-            pictures.append(picture('coverage', 'Coverage', COVERAGE, drawn))
-    return pictures
+def _drawings(evidence: Evidence, units: Mapping[str, str]) -> Iterator[Drawing]:
+    yield 'signals', 'Recorded signals', SIGNALS, partial(signals, evidence, units)
+    if evidence.motion.stretches:
+        yield 'coverage', 'Coverage', COVERAGE, partial(coverage, evidence, units)
 
 
 def signals(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> Figure:
@@ -143,12 +141,11 @@ def coverage(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> F
     """Draw velocity over position of each joint."""
     n_joints = len(evidence.names)
     n_columns = min(COVERAGE_COLUMNS, n_joints)
-    n_rows = -(-n_joints // n_columns)
     figure = Figure(
-        figsize=(style.WIDTH, 2.6 * n_rows + 0.2),
+        figsize=(style.WIDTH, 2.6 * math.ceil(n_joints / n_columns) + 0.2),
         layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08),
     )
-    panels = list(figure.subplots(n_rows, n_columns, squeeze=False).flat)
+    panels = style.grid(figure, n_joints, n_columns)
     for joint, (name, kind) in enumerate(zip(evidence.names, evidence.joint_types, strict=True)):
         panel, unit = panels[joint], units[kind]
         for stretch in evidence.motion.stretches:
@@ -158,8 +155,6 @@ def coverage(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> F
         panel.set_title(for_plot(name), loc='left')
         panel.set_xlabel(f'position [{unit}]')
         panel.set_ylabel(f'velocity [{unit}/s]')
-    for panel in panels[n_joints:]:
-        panel.set_visible(False)
     return figure
 
 

@@ -14,6 +14,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.tables import TORQUE_UNITS
 
@@ -29,6 +30,9 @@ GRAVITY = '#7c3aed'
 FRICTION = '#dc2626'
 
 LINE = 1.3  # width of a curve [points]
+LEAST_SHOWN = 1e-6  # percent; on a logarithmic axis every error needs some length
+
+Color = str | tuple[float, ...]
 
 SETTINGS: Any = {
     'font.size': 11,
@@ -88,18 +92,24 @@ def joint_grid(
     n_columns = 1 if len(joint_names) == 1 else 2
     n_rows = math.ceil(len(joint_names) / n_columns)
     figure = new_figure(ROW_HEIGHT * n_rows + LEGEND_HEIGHT)
-    grid = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False)
-    panels = list(grid.flat)
+    panels = grid(figure, len(joint_names), n_columns, sharex=True)
     for joint, (name, kind) in enumerate(zip(joint_names, joint_types, strict=True)):
         panels[joint].set_title(for_plot(name), loc='left')
         panels[joint].set_ylabel(f'{symbol} [{TORQUE_UNITS[kind]}]')
         draw(panels[joint], joint)
-    for panel in panels[len(joint_names) :]:
-        panel.set_visible(False)
-    for panel in panels[max(0, len(joint_names) - n_columns) : len(joint_names)]:
+    for panel in panels[-n_columns:]:
         panel.tick_params(labelbottom=True)
     finish(figure, panels[0])
     return figure
+
+
+def grid(figure: Figure, count: int, n_columns: int, sharex: bool = False) -> list[Axes]:
+    """Return `count` panels in rows of `n_columns`; the rest of the last row stays empty."""
+    n_rows = math.ceil(count / n_columns)
+    panels = list(figure.subplots(n_rows, n_columns, sharex=sharex, squeeze=False).flat)
+    for panel in panels[count:]:
+        panel.set_visible(False)
+    return panels[:count]
 
 
 def new_figure(height: float) -> Figure:
@@ -123,6 +133,15 @@ def remark(panel: Axes, nmse_percent: float | None) -> None:
     if nmse_percent is not None and not math.isnan(nmse_percent):
         text = f'nMSE {nmse_percent:.3g} %'
         panel.set_title(text, loc='right', fontsize=11, fontweight='normal', color='#52606d')
+
+
+def over_time(
+    panel: Axes, data: Dataset, values: Array, color: Color, label: str, width: float = LINE
+) -> None:
+    """Draw a quantity (N,) of the samples over time, broken where the recording has a gap."""
+    rows = shown_rows(data.n_samples)
+    curve = broken_at(data.segment[rows], values[rows])
+    panel.plot((data.t - data.t[0])[rows], curve, color=color, linewidth=width, label=label)
 
 
 def shown_rows(n_samples: int) -> IntArray:
