@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines.interface import Baseline, State
+from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State, Urdf
 from lip_id_ros.baselines.regressor import Regressor
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.model import FrictionModel
@@ -88,7 +86,7 @@ class Identification:
 
     """
 
-    def __init__(self, urdf: str | os.PathLike[str]) -> None:
+    def __init__(self, urdf: Urdf) -> None:
         self._urdf = urdf
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Baseline:
@@ -100,14 +98,10 @@ class Identification:
         return RigidBodyFriction(*names, chain, elected.link_parameters, elected.friction)
 
 
-def rigid_body_friction(urdf: str | os.PathLike[str]) -> Identification:
-    """Return the method of that name."""
-    return Identification(urdf)
+METHODS: Methods = {'rigid_body_friction': Identification}
 
 
-def read_rigid_body_friction(
-    joints: tuple[tuple[str, ...], tuple[str, ...]], state: State
-) -> RigidBodyFriction:
+def read(joints: Joints, state: State) -> RigidBodyFriction:
     """Return the model of a state."""
     places = state['chain']
     chain = Chain(*(np.array(places[name]) for name in Chain._fields))
