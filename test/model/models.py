@@ -36,9 +36,10 @@ def random_model(
     n_samples: int = 7,
     friction: bool = True,
     remainder: bool = True,
+    seed: int = 0,
 ) -> InverseDynamicsModel:
     """Return a model that is conditioned on random torques; `ARTICULATED` is a random arm."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     if member == ARTICULATED:
         arm = random_arm(types, rng)
         return of_arm(arm, types, random_remainder(types, rng) if remainder else None)

@@ -180,7 +180,7 @@ def test_deviations_of_an_arm_by_differences_of_the_mean() -> None:
 
 @pytest.mark.parametrize('count', [1, 3 * FEW])
 def test_compiled_deviations_are_the_plain_ones(count: int) -> None:
-    model = random_model(ARTICULATED, terms=())
+    model = random_model(ARTICULATED, remainder=False)
     assert model.arm is not None
     x = queries(count)
     got = model.torque_std(*x)
@@ -191,7 +191,7 @@ def test_compiled_deviations_are_the_plain_ones(count: int) -> None:
 def test_a_compact_posterior_has_the_deviations_of_the_whole(seed: int) -> None:
     """In fewer coordinates and bits, at states that were not looked at, energies included."""
     rng = np.random.default_rng(seed)
-    model = random_model(ARTICULATED, terms=(), seed=seed)
+    model = random_model(ARTICULATED, remainder=False, seed=seed)
     assert model.arm is not None
     count = len(model.arm.covariance_root)
     whole = replace(model.arm, covariance_root=rng.normal(size=(count, count)))
