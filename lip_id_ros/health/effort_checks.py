@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from lip_id_ros.arrays import Array
-from lip_id_ros.health.effort_regression import EffortRegression
-from lip_id_ros.health.evidence import Evidence
-from lip_id_ros.health.finding import check, JointText, Severity
-from lip_id_ros.health.signal_checks import clipped_share
+from lip_id_ros.health.evidence import Evidence, Joint
+from lip_id_ros.health.finding import check, joint_check, JointText, Severity
 
 SMALL = 5.0
 HUGE = 5000.0
@@ -23,95 +18,82 @@ LEAST_LAG_GAIN = 0.15
 
 
 @check(
-    'effort_missing',
-    Severity.ERROR,
-    'No efforts were recorded.',
-    'record them with a driver that measures torque or current',
+    'effort_missing', Severity.ERROR, 'record them with a driver that measures torque or current'
 )
-def missing(evidence: Evidence) -> Iterator[JointText]:
-    """Find recordings without efforts."""
+def effort_missing(evidence: Evidence) -> Iterator[JointText]:
+    """No efforts were recorded."""
     if evidence.samples.n_samples and not evidence.samples.has_effort:
-        yield ('', 'no efforts were recorded')
+        yield '', 'no efforts were recorded'
 
 
-@check(
+@joint_check(
     'effort_constant',
     Severity.ERROR,
-    'An effort never changes.',
     'let the driver publish it, or leave the joint out by recording.joints',
 )
-def constant(evidence: Evidence) -> Iterator[JointText]:
-    """Find efforts that never change."""
-    for joint, name, effort in _efforts(evidence):
-        if effort.size > 1 and np.ptp(effort) == 0.0:
-            moves = ', although the joint moves' if evidence.moves(joint) else ''
-            yield (name, f'the effort of {name} is {effort[0]:g} throughout{moves}')
+def effort_constant(joint: Joint) -> Iterator[str]:
+    """An effort never changes."""
+    if 'effort' in joint.signals and joint.t.size > 1 and not joint.varies('effort'):
+        value, moves = joint.signals['effort'].ends[0], ', although the joint moves'
+        yield f'the effort of {joint.name} is {value:g} throughout{moves if joint.moves else ""}'
 
 
-@check(
+@joint_check(
     'effort_clipped',
     Severity.WARNING,
-    'At least 0.5 % of the samples lie on a flat end of the range of an effort.',
     'move more slowly or with less load, since what was cut off cannot be learned',
 )
-def clipped(evidence: Evidence) -> Iterator[JointText]:
-    """Find efforts with flat ends of their range."""
-    for _, name, effort in _efforts(evidence):
-        share = clipped_share(effort)
-        if share:
-            yield (
-                name,
-                f'the effort of {name} stays at an end of its range ({effort.min():.3g} to '
-                f'{effort.max():.3g}) in {100 * share:.2g} % of the samples, as if it was clipped',
-            )
+def effort_clipped(joint: Joint) -> Iterator[str]:
+    """At least 0.5 % of the samples lie on a flat end of the range of an effort."""
+    if joint.varies('effort') and (share := joint.signals['effort'].clipped_share):
+        low, high = joint.signals['effort'].ends
+        yield (
+            f'the effort of {joint.name} stays at an end of its range ({low:.3g} to {high:.3g}) '
+            f'in {100 * share:.2g} % of the samples, as if it was clipped'
+        )
 
 
-@check(
+@joint_check(
     'effort_sign',
     Severity.WARNING,
-    'The friction in an effort would drive the motion.',
     'see whether gravity has the right sign, and turn the sign by a negative value in '
     'recording.effort_scale',
 )
-def turned(evidence: Evidence) -> Iterator[JointText]:
-    """Find efforts whose friction drives the motion instead of braking it."""
-    for joint, name, explanation in _explained(evidence):
-        cosine = explanation.friction_cosine[joint]
-        if cosine < TURNED and explanation.friction_weight[joint] > FRICTION_SHOWS:
-            yield (
-                name,
-                f'the effort of {name} contains friction that would drive the motion instead of '
-                'braking it, as if its sign was turned round',
-            )
+def effort_sign(joint: Joint) -> Iterator[str]:
+    """The friction in an effort would drive the motion."""
+    is_turned = joint.friction_cosine < TURNED and joint.friction_weight > FRICTION_SHOWS
+    if is_turned and joint.moves and joint.varies('effort'):
+        yield (
+            f'the effort of {joint.name} contains friction that would drive the motion instead of '
+            'braking it, as if its sign was turned round'
+        )
 
 
-@check(
+@joint_check(
     'effort_unrelated',
     Severity.WARNING,
-    'The motion explains less than 15 % of the variance of an effort.',
     'see whether it belongs to another joint, or leave the joint out by recording.joints',
 )
-def unrelated(evidence: Evidence) -> Iterator[JointText]:
-    """Find efforts that do not follow the motion."""
-    for joint, name, explanation in _explained(evidence):
-        share = explanation.explained[joint]
-        if share < LEAST_EXPLAINED:
-            yield (
-                name,
-                f'the motion explains {100 * max(0.0, share):.2g} % of the effort of {name}',
-            )
+def effort_unrelated(joint: Joint) -> Iterator[str]:
+    """The motion explains less than 15 % of the variance of an effort."""
+    share = joint.effort_explained
+    if share < LEAST_EXPLAINED and joint.moves and joint.varies('effort'):
+        yield f'the motion explains {100 * max(0.0, share):.2g} % of the effort of {joint.name}'
 
 
 @check(
     'effort_delay',
     Severity.WARNING,
-    'Efforts fit the motion clearly better when they are shifted in time. Only friction, '
-    'gravity and inertia of each joint by itself are asked, so that a delay below one sample '
-    'or of an arm without friction may not be seen.',
     'see whether the driver filters one of them, and record both with the same delay',
 )
-def late(evidence: Evidence) -> Iterator[JointText]:
-    """Find efforts that come late or early against the motion, all of them together."""
+def effort_delay(evidence: Evidence) -> Iterator[JointText]:
+    """
+    Efforts fit the motion clearly better when they are shifted in time.
+
+    Only friction, gravity and inertia of each joint by itself are asked, so that a delay below one
+    sample or of an arm without friction may not be seen.
+
+    """
     explanation = evidence.explanation
     if explanation is None or not explanation.lag_gain > LEAST_LAG_GAIN:
         return
@@ -128,42 +110,19 @@ def late(evidence: Evidence) -> Iterator[JointText]:
 @check(
     'effort_small',
     Severity.NOTE,
-    'No effort of the arm exceeds 5.',
     'if it is a motor current or a share of the maximum, give motor constant times gear ratio'
     ' as recording.effort_scale',
 )
-def small(evidence: Evidence) -> Iterator[JointText]:
-    """Find arms of which no effort exceeds 5 N m."""
-    largest = max(
-        (float(np.abs(effort).max()) for _, _, effort in _efforts(evidence)), default=0.0
-    )
-    if 0.0 < largest < SMALL and evidence.samples.n_joints > 1:
-        yield ('', f'no effort exceeds {largest:.3g}, which is little for torques of an arm')
+def effort_small(evidence: Evidence) -> Iterator[JointText]:
+    """No effort of the arm exceeds 5."""
+    efforts = [each.signals['effort'] for each in evidence.joints if 'effort' in each.signals]
+    largest = max((effort.largest for effort in efforts), default=0.0)
+    if 0.0 < largest < SMALL and len(efforts) > 1:
+        yield '', f'no effort exceeds {largest:.3g}, which is little for torques of an arm'
 
 
-@check(
-    'effort_huge',
-    Severity.WARNING,
-    'An effort exceeds 5000.',
-    'give the factor to N m as recording.effort_scale',
-)
-def huge(evidence: Evidence) -> Iterator[JointText]:
-    """Find efforts that no joint of an arm bears."""
-    for _, name, effort in _efforts(evidence):
-        largest = float(np.abs(effort).max(initial=0.0))
-        if largest > HUGE:
-            yield (name, f'the effort of {name} reaches {largest:.3g}, which is no torque in N m')
-
-
-def _efforts(evidence: Evidence) -> Iterator[tuple[int, str, Array]]:
-    if evidence.samples.has_effort and evidence.samples.n_samples:
-        yield from evidence.columns('effort')
-
-
-def _explained(evidence: Evidence) -> Iterator[tuple[int, str, EffortRegression]]:
-    explanation = evidence.explanation
-    if explanation is None:
-        return
-    for joint, name in enumerate(evidence.names):
-        if evidence.moves(joint) and evidence.varies['effort'][joint]:
-            yield joint, name, explanation
+@joint_check('effort_huge', Severity.WARNING, 'give the factor to N m as recording.effort_scale')
+def effort_huge(joint: Joint) -> Iterator[str]:
+    """An effort exceeds 5000."""
+    if 'effort' in joint.signals and (largest := joint.signals['effort'].largest) > HUGE:
+        yield f'the effort of {joint.name} reaches {largest:.3g}, which is no torque in N m'

@@ -2,21 +2,179 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+import math
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.health.effort_regression import effort_regression, EffortRegression
 from lip_id_ros.health.motion import Agreement, motion_of, SmoothMotion, velocity_agreement
-from lip_id_ros.preprocessing.cleaning import quantum, stale
+from lip_id_ros.preprocessing.cleaning import quantum, repeated, stale
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.recording.spill import release
+from lip_id_ros.recording.spill import extent, marked, thinned
 
 STILL = 1e-3
 """Joints whose velocity stays below this root mean square [rad/s or m/s] do not move."""
+UNITS = {'revolute': 'rad', 'prismatic': 'm'}
+
+_MOST_VALUES = 2**18
+_TOP_WIDTH = 0.002
+_LEAST_TOP = 0.005
+_TOP_OVER_NEXT = 5
+_LEAST_RUN = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """One signal of one joint, shape (N,), which may lie in a file."""
+
+    values: Array
+
+    @cached_property
+    def ends(self) -> tuple[float, float]:
+        """Least and largest value, 0 where there is none."""
+        least, largest = extent(self.values) if self.values.size else (0.0, 0.0)
+        return float(least), float(largest)
+
+    @property
+    def range(self) -> float:
+        """Largest minus least value."""
+        return self.ends[1] - self.ends[0]
+
+    @property
+    def largest(self) -> float:
+        """Largest absolute value."""
+        return max(map(abs, self.ends))
+
+    @cached_property
+    def step(self) -> float:
+        """Step of a quantised signal, 0 where there is none."""
+        return quantum(self.values)
+
+    def some_values(self) -> Array:
+        """Return all values, or very many of them at even distances."""
+        return thinned(self.values, _MOST_VALUES)
+
+    def count_beyond(self, low: float, high: float) -> int:
+        """Return how many values are smaller or larger than two limits."""
+        return int(marked(lambda values: (values < low) | (values > high), self.values).sum())
+
+    @cached_property
+    def clipped_share(self) -> float:
+        """
+        Share of samples that lie on a flat end of the range.
+
+        A sine that is only quantised has at most two and a half times as many samples on its last
+        level as on the one before; a clipped signal has far more.
+
+        """
+        low, high = self.ends
+        if not self.range > 0.0:
+            return 0.0
+        width = max(_TOP_WIDTH * self.range, 0.5 * self.step)
+
+        def at_end(distance: float) -> tuple[BoolArray, BoolArray]:
+            return (
+                marked(lambda values: values >= high - distance, self.values),
+                marked(lambda values: values <= low + distance, self.values),
+            )
+
+        ends = zip(at_end(width), at_end(3.0 * width), strict=True)
+        return max(_flat_end(top, nearby) for top, nearby in ends)
+
+    def longest_plateau(self, t: Array) -> tuple[int, int]:
+        """Return first and last row of the longest time that the signal is exactly the same."""
+        edges = _edges(repeated(self.values[:, np.newaxis])[1:])
+        if not edges.size:
+            return 0, 0
+        starts, ends = edges[::2], edges[1::2]
+        longest = int(np.argmax(t[ends] - t[starts]))
+        return int(starts[longest]), int(ends[longest])
+
+
+def _flat_end(top: BoolArray, nearby: BoolArray) -> float:
+    count = int(top.sum())
+    following = int(nearby.sum()) - count
+    edges = _edges(top)
+    longest_run = int((edges[1::2] - edges[::2]).max(initial=0))
+    is_flat = count >= _TOP_OVER_NEXT * (following + 1) and longest_run >= _LEAST_RUN
+    share = count / top.size
+    return share if is_flat and share >= _LEAST_TOP else 0.0
+
+
+def _edges(mask: BoolArray) -> IndexArray:
+    """Return where runs of True begin and, one behind, where they end, in turns."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """
+    One joint of a recording.
+
+    A figure that is not known is nan, so that no comparison with it is true.
+
+    Attributes
+    ----------
+    name, kind : str
+    t : ndarray, shape (N,)
+        Times of the samples [s].
+    signals : mapping
+        Position, and velocity and effort where they were recorded.
+    smooth_velocity : ndarray, shape (K,)
+        Derivative of the smooth position [rad/s or m/s], K = 0 where the recording is too short.
+    velocity_scale, velocity_correlation, velocity_lag_s : float
+        See `motion.Agreement`.
+    effort_explained, friction_cosine, friction_weight : float
+        See `effort_regression.EffortRegression`.
+
+    """
+
+    name: str
+    kind: str
+    t: Array
+    signals: Mapping[str, Signal]
+    smooth_velocity: Array
+    acceleration: float
+    velocity_scale: float = math.nan
+    velocity_correlation: float = math.nan
+    velocity_lag_s: float = math.nan
+    effort_explained: float = math.nan
+    friction_cosine: float = math.nan
+    friction_weight: float = math.nan
+
+    @property
+    def position(self) -> Signal:
+        """The recorded position."""
+        return self.signals['position']
+
+    @property
+    def reach(self) -> float:
+        """Range of the position [rad or m]."""
+        return self.position.range
+
+    @cached_property
+    def speed(self) -> float:
+        """Root mean square velocity [rad/s or m/s]."""
+        velocity = self.smooth_velocity
+        return float(np.sqrt(np.mean(np.square(velocity)))) if velocity.size else math.nan
+
+    @property
+    def moves(self) -> bool:
+        """Whether the joint moves at all; not where that is unknown."""
+        return self.speed > STILL
+
+    @property
+    def unit(self) -> str:
+        """Unit of the position."""
+        return UNITS[self.kind]
+
+    def varies(self, signal: str) -> bool:
+        """Whether a signal was recorded and takes more than one value."""
+        return signal in self.signals and self.signals[signal].range > 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,29 +210,6 @@ class Evidence:
         return motion_of(self.samples)
 
     @cached_property
-    def speed(self) -> Array:
-        """Root mean square velocity of each joint [rad/s or m/s], nan if too short."""
-        if not self.motion.stretches:
-            return np.full(self.samples.n_joints, np.nan)
-        rms: Array = np.sqrt(np.mean(np.square(self.motion.joined('velocity')), axis=0))
-        return rms
-
-    @cached_property
-    def acceleration(self) -> Array:
-        """Absolute acceleration of each joint that a hundredth of the samples exceeds."""
-        if not self.motion.stretches:
-            return np.full(self.samples.n_joints, np.nan)
-        high: Array = np.percentile(np.abs(self.motion.joined('acceleration')), 99, axis=0)
-        return high
-
-    @cached_property
-    def reach(self) -> Array:
-        """Range of each position [rad or m]."""
-        if self.samples.n_samples == 0:
-            return np.zeros(self.samples.n_joints)
-        return np.array([float(np.ptp(values)) for _, _, values in self.columns('position')])
-
-    @cached_property
     def agreement(self) -> Agreement | None:
         """Recorded against differentiated velocities, where they can be compared."""
         if not self.samples.has_velocity or not self.motion.stretches:
@@ -89,35 +224,28 @@ class Evidence:
         return effort_regression(self.motion)
 
     @cached_property
-    def quanta(self) -> dict[str, list[float]]:
-        """Step of each joint's position, velocity and effort, 0 where not quantised."""
-        signals = {
-            'position': True,
-            'velocity': self.samples.has_velocity,
-            'effort': self.samples.has_effort,
-        }
-        return {
-            signal: [quantum(values) for _, _, values in self.columns(signal)]
-            for signal, is_recorded in signals.items()
-            if is_recorded
-        }
+    def joints(self) -> tuple[Joint, ...]:
+        """Signals and figures of each joint."""
+        return tuple(self._joint(k, name) for k, name in enumerate(self.names))
 
-    @cached_property
-    def varies(self) -> dict[str, list[bool]]:
-        """Whether each joint's velocity and effort take more than one value."""
-        return {
-            signal: [bool(np.ptp(values) > 0.0) for _, _, values in self.columns(signal)]
-            for signal in ('velocity', 'effort')
-            if self.samples.n_samples
-        }
-
-    def columns(self, signal: str) -> Iterator[tuple[int, str, Array]]:
-        """Yield number, name and values of each joint, which may lie in a file."""
-        for joint, name in enumerate(self.names):
-            values = getattr(self.samples, signal)[:, joint]
-            yield joint, name, values
-            release(values)
-
-    def moves(self, joint: int) -> bool:
-        """Whether a joint moves at all."""
-        return bool(self.speed[joint] > STILL)
+    def _joint(self, k: int, name: str) -> Joint:
+        samples, motion = self.samples, self.motion
+        recorded = {'velocity': samples.has_velocity, 'effort': samples.has_effort}
+        names = ['position', *(signal for signal, is_there in recorded.items() if is_there)]
+        signals = {signal: Signal(getattr(samples, signal)[:, k]) for signal in names}
+        velocity, acceleration = np.empty(0), math.nan
+        if motion.stretches:
+            velocity = motion.joined('velocity')[:, k]
+            accelerations = np.abs(motion.joined('acceleration')[:, k])
+            acceleration = float(np.percentile(accelerations, 99))
+        figures: dict[str, float] = {}
+        if (agreement := self.agreement) is not None:
+            figures['velocity_scale'] = float(agreement.scale[k])
+            figures['velocity_correlation'] = float(agreement.correlation[k])
+            figures['velocity_lag_s'] = float(agreement.lag_s[k])
+        if (explanation := self.explanation) is not None:
+            figures['effort_explained'] = float(explanation.explained[k])
+            figures['friction_cosine'] = float(explanation.friction_cosine[k])
+            figures['friction_weight'] = float(explanation.friction_weight[k])
+        kind = self.joint_types[k]
+        return Joint(name, kind, samples.t, signals, velocity, acceleration, **figures)

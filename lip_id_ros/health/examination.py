@@ -9,51 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.health import effort_checks as effort
-from lip_id_ros.health import excitation_checks as excitation
-from lip_id_ros.health import signal_checks as signal
-from lip_id_ros.health import velocity_checks as velocity
-from lip_id_ros.health.evidence import Evidence
+from lip_id_ros.health import effort_checks, excitation_checks, signal_checks
+from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import Check, Finding, Severity
 from lip_id_ros.preprocessing.cleaning import per_joint, torque
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import RecordingSettings
 
-CHECKS: tuple[Check, ...] = (
-    signal.short,
-    signal.low_rate,
-    signal.jitter,
-    signal.gaps,
-    signal.dropped,
-    signal.stale,
-    signal.outliers,
-    excitation.far,
-    velocity.missing,
-    velocity.constant,
-    velocity.turned,
-    velocity.scaled,
-    velocity.unlike,
-    velocity.late,
-    effort.missing,
-    effort.constant,
-    effort.clipped,
-    effort.turned,
-    effort.unrelated,
-    effort.late,
-    effort.small,
-    effort.huge,
-    signal.coarse,
-    signal.frozen,
-    signal.position_frozen,
-    excitation.still,
-    excitation.little_range,
-    excitation.slow,
-    excitation.gentle,
-    excitation.one_way,
-    excitation.together,
-    excitation.resting,
-    excitation.order,
-    excitation.gripper,
+CHECKS: tuple[Check, ...] = tuple(
+    each
+    for module in (signal_checks, effort_checks, excitation_checks)
+    for each in vars(module).values()
+    if isinstance(each, Check)
 )
 """Every kind of finding, in the order of docs/health.md."""
 
@@ -110,29 +77,24 @@ def health(evidence: Evidence) -> dict[str, Any]:
         explanation = evidence.explanation
         return {
             'findings': [finding.to_json() for finding in examine(evidence)],
-            'joints': {name: _joint(evidence, joint) for joint, name in enumerate(evidence.names)},
+            'joints': {joint.name: _figures(joint) for joint in evidence.joints},
             'stale_share': evidence.stale_share,
             'effort_lag_s': None if explanation is None else _number(explanation.lag_s),
             'effort_lag_gain': None if explanation is None else _number(explanation.lag_gain),
         }
 
 
-def _joint(evidence: Evidence, joint: int) -> dict[str, Any]:
-    figures: dict[str, Any] = {
-        'range': evidence.reach[joint],
-        'velocity_rms': evidence.speed[joint],
-        'acceleration_p99': evidence.acceleration[joint],
+def _figures(joint: Joint) -> dict[str, float | None]:
+    figures = {
+        'range': joint.reach,
+        'velocity_rms': joint.speed,
+        'acceleration_p99': joint.acceleration,
+        'velocity_scale': joint.velocity_scale,
+        'velocity_correlation': joint.velocity_correlation,
+        'velocity_lag_s': joint.velocity_lag_s,
+        'effort_explained': joint.effort_explained,
     }
-    agreement, explanation = evidence.agreement, evidence.explanation
-    if agreement is not None:
-        figures |= {
-            'velocity_scale': agreement.scale[joint],
-            'velocity_correlation': agreement.correlation[joint],
-            'velocity_lag_s': agreement.lag_s[joint],
-        }
-    if explanation is not None:
-        figures['effort_explained'] = explanation.explained[joint]
-    figures |= {f'{signal}_step': quanta[joint] for signal, quanta in evidence.quanta.items()}
+    figures |= {f'{name}_step': signal.step for name, signal in joint.signals.items()}
     return {name: _number(value) for name, value in figures.items()}
 
 

@@ -7,13 +7,12 @@ import re
 
 import numpy as np
 
-from lip_id_ros.health.evidence import Evidence
-from lip_id_ros.health.finding import check, JointText, Severity
+from lip_id_ros.health.evidence import Evidence, Joint, STILL
+from lip_id_ros.health.finding import check, joint_check, JointText, Severity
 
 LEAST_RANGE = {'revolute': 0.3, 'prismatic': 0.05}
 LEAST_SPEED = {'revolute': 0.05, 'prismatic': 0.005}
 LEAST_ACCELERATION = {'revolute': 0.5, 'prismatic': 0.05}
-UNITS = {'revolute': 'rad', 'prismatic': 'm'}
 LEAST_RETURN = 0.1
 TOGETHER = 0.97
 LEAST_SAMPLES = 100
@@ -34,170 +33,128 @@ SIDES = ('left', 'right', 'l', 'r')
 TIP = ('gripper', 'finger')
 
 
-@check(
+@joint_check(
     'position_unit',
     Severity.WARNING,
-    'A revolute joint turns by more than five turns.',
     'see whether positions are in degrees, and publish them in rad',
 )
-def far(evidence: Evidence) -> Iterator[JointText]:
-    """Find revolute joints that turn by more than five turns."""
-    for joint, (name, kind) in enumerate(zip(evidence.names, evidence.joint_types, strict=True)):
-        if kind == 'revolute' and evidence.reach[joint] > MOST_RANGE:
-            yield (name, f'{name} turns by {evidence.reach[joint]:.3g} rad')
+def position_unit(joint: Joint) -> Iterator[str]:
+    """A revolute joint turns by more than five turns."""
+    if joint.kind == 'revolute' and joint.reach > MOST_RANGE:
+        yield f'{joint.name} turns by {joint.reach:.3g} rad'
 
 
-@check(
-    'still',
-    Severity.WARNING,
-    'A joint does not move.',
-    'move it, or leave it out by recording.joints if it never will',
+@joint_check(
+    'still', Severity.WARNING, 'move it, or leave it out by recording.joints if it never will'
 )
-def still(evidence: Evidence) -> Iterator[JointText]:
-    """Find joints that do not move."""
-    for joint, name, _ in _joints(evidence):
-        if not evidence.moves(joint):
-            yield (name, f'{name} does not move')
+def still(joint: Joint) -> Iterator[str]:
+    """A joint does not move."""
+    if joint.speed <= STILL:
+        yield f'{joint.name} does not move'
 
 
-@check(
+@joint_check(
     'little_range',
     Severity.WARNING,
-    'A joint moves over less than 0.3 rad or 0.05 m.',
     'move it over the range that will be used, since the model knows only that',
 )
-def little_range(evidence: Evidence) -> Iterator[JointText]:
-    """Find joints that cover little of their range."""
-    for joint, name, kind in _joints(evidence):
-        if evidence.moves(joint) and evidence.reach[joint] < LEAST_RANGE[kind]:
-            yield (name, f'{name} moves over {evidence.reach[joint]:.2g} {UNITS[kind]} only')
+def little_range(joint: Joint) -> Iterator[str]:
+    """A joint moves over less than 0.3 rad or 0.05 m."""
+    if joint.moves and joint.reach < LEAST_RANGE[joint.kind]:
+        yield f'{joint.name} moves over {joint.reach:.2g} {joint.unit} only'
 
 
-@check(
+@joint_check(
     'slow',
     Severity.WARNING,
-    'The root mean square velocity of a joint is below 0.05 rad/s or 0.005 m/s.',
     'move it faster, or its viscous and Coulomb friction cannot be separated',
 )
-def slow(evidence: Evidence) -> Iterator[JointText]:
-    """Find joints that move slowly."""
-    for joint, name, kind in _joints(evidence):
-        if evidence.moves(joint) and evidence.speed[joint] < LEAST_SPEED[kind]:
-            yield (
-                name,
-                f'the root mean square velocity of {name} is {evidence.speed[joint]:.2g} '
-                f'{UNITS[kind]}/s',
-            )
+def slow(joint: Joint) -> Iterator[str]:
+    """The root mean square velocity of a joint is below 0.05 rad/s or 0.005 m/s."""
+    if joint.moves and joint.speed < LEAST_SPEED[joint.kind]:
+        speed = f'{joint.speed:.2g} {joint.unit}/s'
+        yield f'the root mean square velocity of {joint.name} is {speed}'
 
 
-@check(
+@joint_check(
     'gentle',
     Severity.NOTE,
-    'The acceleration of a joint exceeds 0.5 rad/s^2 or 0.05 m/s^2 in less than a hundredth '
-    'of the samples.',
     'accelerate more, or its inertia is not identified (slow motions are not harmed)',
 )
-def gentle(evidence: Evidence) -> Iterator[JointText]:
-    """Find joints that hardly accelerate."""
-    for joint, name, kind in _joints(evidence):
-        high = evidence.acceleration[joint]
-        if evidence.moves(joint) and high < LEAST_ACCELERATION[kind]:
-            yield (name, f'{name} accelerates with {high:.2g} {UNITS[kind]}/s^2 at the most')
+def gentle(joint: Joint) -> Iterator[str]:
+    """
+    The acceleration of a joint hardly ever exceeds 0.5 rad/s^2 or 0.05 m/s^2.
+
+    It does so in less than a hundredth of the samples.
+
+    """
+    if joint.moves and joint.acceleration < LEAST_ACCELERATION[joint.kind]:
+        high = f'{joint.acceleration:.2g} {joint.unit}/s^2'
+        yield f'{joint.name} accelerates with {high} at the most'
 
 
-@check(
+@joint_check(
     'one_way',
     Severity.WARNING,
-    'Less than a tenth of the way of a joint goes in the other direction.',
     'move it back and forth, or Coulomb friction and gravity cannot be separated',
 )
-def one_way(evidence: Evidence) -> Iterator[JointText]:
-    """Find joints that move in one direction."""
-    for joint, name, _ in _joints(evidence):
-        if not evidence.moves(joint):
-            continue
-        velocity = evidence.motion.joined('velocity')[:, joint]
-        forward, backward = np.maximum(velocity, 0.0).sum(), np.maximum(-velocity, 0.0).sum()
-        if min(forward, backward) < LEAST_RETURN * (forward + backward):
-            yield (name, f'{name} moves in one direction only')
+def one_way(joint: Joint) -> Iterator[str]:
+    """Less than a tenth of the way of a joint goes in the other direction."""
+    forward = float(np.maximum(joint.smooth_velocity, 0.0).sum())
+    backward = float(np.maximum(-joint.smooth_velocity, 0.0).sum())
+    if joint.moves and min(forward, backward) < LEAST_RETURN * (forward + backward):
+        yield f'{joint.name} moves in one direction only'
 
 
 @check(
     'together',
     Severity.WARNING,
-    'The velocities of two joints correlate by more than 0.97.',
     'give each joint a motion of its own, or their shares cannot be separated',
 )
 def together(evidence: Evidence) -> Iterator[JointText]:
-    """Find joints whose velocity is proportional to that of one before."""
-    moving = [joint for joint, _, _ in _joints(evidence) if evidence.moves(joint)]
-    if len(moving) < 2:
+    """The velocities of two joints correlate by more than 0.97."""
+    moving = [joint for joint in evidence.joints if joint.moves]
+    if len(moving) < 2 or moving[0].smooth_velocity.size < LEAST_SAMPLES:
         return
-    velocity = evidence.motion.joined('velocity')[:, moving]
-    if len(velocity) < LEAST_SAMPLES:
-        return
-    correlation = np.atleast_2d(np.corrcoef(velocity, rowvar=False))
+    correlation = np.corrcoef([joint.smooth_velocity for joint in moving])
     for number, joint in enumerate(moving):
         alike = np.flatnonzero(np.abs(correlation[number, :number]) > TOGETHER)
         if alike.size:
-            name, other = evidence.names[joint], evidence.names[moving[alike[0]]]
-            yield (name, f'{name} moves in step with {other}')
+            yield joint.name, f'{joint.name} moves in step with {moving[alike[0]].name}'
 
 
-@check(
-    'resting',
-    Severity.NOTE,
-    'All joints rest in more than half of the recording.',
-    'record while the arm moves',
-)
+@check('resting', Severity.NOTE, 'record while the arm moves')
 def resting(evidence: Evidence) -> Iterator[JointText]:
-    """Find recordings in which the arm rests most of the time."""
-    if not evidence.motion.stretches or not np.any(evidence.speed > 0.0):
-        return
-    moving = evidence.speed > 0.0
-    velocity = np.abs(evidence.motion.joined('velocity')[:, moving])
-    rest = float((velocity < AT_REST * evidence.speed[moving]).all(axis=1).mean())
+    """All joints rest in more than half of the recording."""
+    rests = [
+        np.abs(joint.smooth_velocity) < AT_REST * joint.speed
+        for joint in evidence.joints
+        if joint.speed > 0.0
+    ]
+    rest = float(np.logical_and.reduce(rests).mean()) if rests else 0.0
     if rest > MOST_REST:
-        yield ('', f'the arm rests in {100 * rest:.2g} % of the recording')
+        yield '', f'the arm rests in {100 * rest:.2g} % of the recording'
 
 
-def _joints(evidence: Evidence) -> Iterator[tuple[int, str, str]]:
-    if evidence.motion.stretches:
-        yield from (
-            (joint, name, kind)
-            for joint, (name, kind) in enumerate(
-                zip(evidence.names, evidence.joint_types, strict=True)
-            )
-        )
-
-
-@check(
-    'joint_order',
-    Severity.WARNING,
-    'Names suggest another order than from base to tip: wrist before elbow, 10 before 2.',
-    'name the joints from base to tip in recording.joints',
-)
-def order(evidence: Evidence) -> Iterator[JointText]:
-    """Find names whose parts of an arm, or whose numbers, do not go from base to tip."""
+@check('joint_order', Severity.WARNING, 'name the joints from base to tip in recording.joints')
+def joint_order(evidence: Evidence) -> Iterator[JointText]:
+    """Names suggest another order than from base to tip: wrist before elbow, 10 before 2."""
     names = evidence.names
-    for pair in (_misplaced(names), _miscounted(names)):
-        if pair is not None:
-            alphabetical = ' (the order is alphabetical)' if list(names) == sorted(names) else ''
-            yield ('', f'joint {pair[0]} comes before {pair[1]}{alphabetical}')
-            return
+    pair = _misplaced(names) or _miscounted(names)
+    if pair is not None:
+        alphabetical = ' (the order is alphabetical)' if list(names) == sorted(names) else ''
+        yield '', f'joint {pair[0]} comes before {pair[1]}{alphabetical}'
 
 
-@check(
+@joint_check(
     'gripper_joint',
     Severity.NOTE,
-    'By its name a joint belongs to a gripper.',
     'leave it out by recording.joints unless it is to be identified',
 )
-def gripper(evidence: Evidence) -> Iterator[JointText]:
-    """Find joints that by their name belong to a gripper."""
-    for name in evidence.names:
-        if any(word in TIP for word in _words(name)):
-            yield (name, f'{name} seems to be part of a gripper')
+def gripper_joint(joint: Joint) -> Iterator[str]:
+    """By its name a joint belongs to a gripper."""
+    if any(word in TIP for word in _words(joint.name)):
+        yield f'{joint.name} seems to be part of a gripper'
 
 
 def _misplaced(names: Sequence[str]) -> tuple[str, str] | None:

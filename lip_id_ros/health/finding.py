@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 
-from lip_id_ros.health.evidence import Evidence
+from lip_id_ros.health.evidence import Evidence, Joint
 
 
 class Severity(StrEnum):
@@ -48,12 +48,13 @@ JointText = tuple[str, str]
 """Name of a joint, empty for the whole recording, and what is wrong with it."""
 
 Search = Callable[[Evidence], Iterable[JointText]]
+JointSearch = Callable[[Joint], Iterable[str]]
 
 
 @dataclass(frozen=True)
 class Check:
     """
-    One kind of finding.
+    One kind of finding; made by the decorators `check` and `joint_check`.
 
     Attributes
     ----------
@@ -61,7 +62,7 @@ class Check:
         Stable name.
     severity : Severity
     meaning : str
-        When it is found, for the documentation.
+        When it is found, for docs/health.md: the docstring of the search.
     remedy : str
         What to do, as the end of a sentence.
     search : callable
@@ -83,10 +84,23 @@ class Check:
         ]
 
 
-def check(code: str, severity: Severity, meaning: str, remedy: str) -> Callable[[Search], Check]:
-    """Make a check of the search that follows; see `Check` for the parameters."""
+def check(code: str, severity: Severity, remedy: str) -> Callable[[Search], Check]:
+    """Make a check of a search through a recording; see `Check` for the parameters."""
 
     def of(search: Search) -> Check:
-        return Check(code, severity, meaning, remedy, search)
+        return Check(code, severity, ' '.join((search.__doc__ or '').split()), remedy, search)
+
+    return of
+
+
+def joint_check(code: str, severity: Severity, remedy: str) -> Callable[[JointSearch], Check]:
+    """Make a check of a search that yields what is wrong with one joint."""
+
+    def of(search: JointSearch) -> Check:
+        def all_joints(evidence: Evidence) -> Iterator[JointText]:
+            return ((each.name, text) for each in evidence.joints for text in search(each))
+
+        all_joints.__doc__ = search.__doc__
+        return check(code, severity, remedy)(all_joints)
 
     return of

@@ -1,17 +1,16 @@
-"""Stamps and raw signals: rates, gaps, coarse steps, frozen values, outliers."""
+"""Stamps, raw signals, and recorded velocities against the positions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+import math
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray, IndexArray
-from lip_id_ros.health.evidence import Evidence
-from lip_id_ros.health.finding import check, JointText, Severity
-from lip_id_ros.preprocessing.cleaning import quantum
-from lip_id_ros.recording.spill import release
-from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step
+from lip_id_ros.health.evidence import Evidence, Joint
+from lip_id_ros.health.finding import check, joint_check, JointText, Severity
+from lip_id_ros.recording.spill import extent, thinned
+from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step, some_steps
 
 SHORT_S = 20.0
 LOW_RATE_HZ = 20.0
@@ -22,258 +21,257 @@ MOST_GAPS_PER_MINUTE = 6.0
 COARSE = {'position': 0.01, 'velocity': 0.1, 'effort': 0.1}
 """Largest step in standard deviations of the signal."""
 FROZEN_S = 1.0
+FROZEN_SHARE = 0.2
+LEAST_WAY = 0.05
+MOST_VALUES = 2**18
 OUTLIER_PERCENT = 1.0
 OUTLIER_RANGES = 10.0
 LEAST_RANGE = 1e-3
-FROZEN_SHARE = 0.2
-TOP_WIDTH = 0.002
-LEAST_TOP = 0.005
-TOP_OVER_NEXT = 5
-LEAST_RUN = 5
+
+ALIKE = 0.7
+PROPORTIONAL = 0.95
+LEAST_SCALE, MOST_SCALE = 0.8, 1.25
+SPEED_UNITS = {
+    180.0 / math.pi: 'degrees per second',
+    30.0 / math.pi: 'revolutions per minute',
+    0.5 / math.pi: 'revolutions per second',
+    1e3: 'thousandths',
+    1e-3: 'thousands',
+}
+UNIT_TOLERANCE = 0.05
+LEAST_LAG_S = 0.01
+LEAST_SPEED = 0.01
 
 
-@check(
-    'short',
-    Severity.WARNING,
-    'The recording lasts less than 20 s.',
-    'record a minute or more',
-)
+@check('short', Severity.WARNING, 'record a minute or more')
 def short(evidence: Evidence) -> Iterator[JointText]:
-    """Find recordings of less than 20 s."""
+    """The recording lasts less than 20 s."""
     t = evidence.samples.t
     duration = float(t[-1] - t[0]) if t.size else 0.0
     if duration < SHORT_S:
-        yield ('', f'the recording lasts {duration:.3g} s')
+        yield '', f'the recording lasts {duration:.3g} s'
 
 
-@check(
-    'low_rate',
-    Severity.WARNING,
-    'Samples come at less than 20 Hz.',
-    'raise the publishing rate, or move slowly enough for it',
-)
+@check('low_rate', Severity.WARNING, 'raise the publishing rate, or move slowly enough for it')
 def low_rate(evidence: Evidence) -> Iterator[JointText]:
-    """Find rates below 20 Hz."""
+    """Samples come at less than 20 Hz."""
     step = median_step(evidence.samples.t)
     if step > 1.0 / LOW_RATE_HZ:
-        yield ('', f'samples come at {1.0 / step:.3g} Hz')
+        yield '', f'samples come at {1.0 / step:.3g} Hz'
 
 
-@check(
-    'jitter',
-    Severity.NOTE,
-    'Steps between samples scatter by more than a fifth.',
-    'let the driver stamp the messages when it reads the encoders',
-)
+@check('jitter', Severity.NOTE, 'let the driver stamp the messages when it reads the encoders')
 def jitter(evidence: Evidence) -> Iterator[JointText]:
-    """Find steps that scatter by more than a fifth of the median step."""
-    steps = np.diff(evidence.samples.t)
+    """Steps between samples scatter by more than a fifth."""
+    steps = some_steps(evidence.samples.t)
     if steps.size < 2:
         return
     typical = float(np.median(steps))
     scatter = float(np.std(steps[steps <= GAP_STEPS * typical]))
     if scatter > MOST_JITTER * typical:
-        yield (
-            '',
-            f'the steps between samples scatter by {1e3 * scatter:.3g} ms around '
-            f'{1e3 * typical:.3g} ms',
-        )
+        text = f'{1e3 * scatter:.3g} ms around {1e3 * typical:.3g} ms'
+        yield '', f'the steps between samples scatter by {text}'
 
 
 @check(
     'gaps',
     Severity.WARNING,
-    'More than six gaps in a minute; motion is cut at each, and its edges are lost.',
     "record on the robot's own computer, or set preprocessing.max_gap_s",
 )
 def gaps(evidence: Evidence) -> Iterator[JointText]:
-    """Find recordings that are cut into many pieces."""
+    """More than six gaps in a minute; motion is cut at each, and its edges are lost."""
     t = evidence.samples.t
     starts = gap_starts(t, GAP_STEPS * median_step(t))
     if starts.size and starts.size > MOST_GAPS_PER_MINUTE * (t[-1] - t[0]) / 60.0:
-        longest = float(np.diff(t)[starts].max())
-        yield ('', f'the recording has {starts.size} gaps, the longest of {longest:.3g} s')
+        longest = float((t[starts + 1] - t[starts]).max())
+        yield '', f'the recording has {starts.size} gaps, the longest of {longest:.3g} s'
 
 
 @check(
     'dropped',
     Severity.WARNING,
-    'More than one message in a hundred cannot be used.',
     'look at the reasons, and choose topic and joints by recording.topic and recording.joints',
 )
 def dropped(evidence: Evidence) -> Iterator[JointText]:
-    """Find recordings in which more than one message in a hundred cannot be used."""
+    """More than one message in a hundred cannot be used."""
     counts = {str(reason): count for reason, count in evidence.samples.counts.items() if count}
     lost = sum(counts.values())
     total = lost + evidence.samples.n_samples
     if lost > MOST_DROPPED * total:
         reasons = ', '.join(f'{reason}: {count}' for reason, count in counts.items())
-        yield ('', f'{lost} of {total} messages cannot be used ({reasons})')
+        yield '', f'{lost} of {total} messages cannot be used ({reasons})'
 
 
 @check(
     'stale',
     Severity.NOTE,
-    'More than one sample in a hundred repeats the one before under a new stamp.',
     'nothing needs to be done, they are left out; better publish no faster than the driver reads',
 )
 def stale(evidence: Evidence) -> Iterator[JointText]:
-    """Find recordings in which more than one sample in a hundred repeats the one before."""
+    """More than one sample in a hundred repeats the one before under a new stamp."""
     share = evidence.stale_share
     if share > MOST_STALE:
-        yield ('', f'{100 * share:.2g} % of the samples repeat the one before under a new stamp')
+        yield '', f'{100 * share:.2g} % of the samples repeat the one before under a new stamp'
 
 
-@check(
+@joint_check(
     'outliers',
     Severity.WARNING,
-    'A few samples, at most one in a hundred, lie further from all others than ten times the '
-    'range of those.',
     'see what the driver publishes at these times, and leave this part of the recording out',
 )
-def outliers(evidence: Evidence) -> Iterator[JointText]:
-    """Find values that cannot be of the same motion as the others."""
-    if not evidence.samples.n_samples:
-        return
-    for signal in evidence.quanta:
-        for _, name, values in evidence.columns(signal):
-            low = float(np.percentile(values, OUTLIER_PERCENT, method='higher'))
-            high = float(np.percentile(values, 100.0 - OUTLIER_PERCENT, method='lower'))
-            reach = OUTLIER_RANGES * max(high - low, LEAST_RANGE)
-            count = int(((values < low - reach) | (values > high + reach)).sum())
-            if count:
-                yield (
-                    name,
-                    f'{count} samples of the {signal} of {name} are outliers (up to '
-                    f'{np.abs(values).max():.3g}, where 98 % lie from {low:.3g} to {high:.3g})',
-                )
+def outliers(joint: Joint) -> Iterator[str]:
+    """
+    A few samples lie further from all others than ten times the range of those.
 
+    They are at most one in a hundred.
 
-@check(
-    'coarse',
-    Severity.NOTE,
-    'A signal comes in steps: a position of more than 1 %, a velocity or effort of more than '
-    '10 % of its standard deviation.',
-    'record it with more digits, or move more',
-)
-def coarse(evidence: Evidence) -> Iterator[JointText]:
-    """Find signals that take few values."""
-    for signal, quanta in evidence.quanta.items():
-        for joint, name, values in evidence.columns(signal):
-            step = quanta[joint]
-            if step == 0.0 or not evidence.moves(joint):
-                continue
-            deviation = float(np.std(values))
-            if step > COARSE[signal] * deviation:
-                yield (
-                    name,
-                    f'the {signal} of {name} comes in steps of {step:.3g}, '
-                    f'{100 * step / deviation:.2g} % of its standard deviation',
-                )
-
-
-@check(
-    'frozen',
-    Severity.WARNING,
-    'A velocity or effort stays exactly the same for more than a second while the joint moves'
-    ' over a fifth of its range; not judged where it comes in steps.',
-    'leave this part of the recording out',
-)
-def frozen(evidence: Evidence) -> Iterator[JointText]:
-    """Find efforts and velocities that stop for a while although the joint moves."""
-    samples = evidence.samples
-    for signal, quanta in evidence.quanta.items():
-        if signal == 'position':
+    """
+    for name, signal in joint.signals.items():
+        values = signal.some_values()
+        if not values.size:
+            return
+        low = float(np.percentile(values, OUTLIER_PERCENT, method='higher'))
+        high = float(np.percentile(values, 100.0 - OUTLIER_PERCENT, method='lower'))
+        reach = OUTLIER_RANGES * max(high - low, LEAST_RANGE)
+        if low - reach <= signal.ends[0] and signal.ends[1] <= high + reach:
             continue
-        for joint, name, values in evidence.columns(signal):
-            if values.size < 2 or np.ptp(values) == 0.0 or quanta[joint] > 0.0:
-                continue
-            first, last = longest_plateau(samples.t, values)
-            seconds = float(samples.t[last] - samples.t[first])
-            moved = float(np.ptp(samples.position[first : last + 1, joint]))
-            release(samples.position)
-            if not (seconds > FROZEN_S and moved > FROZEN_SHARE * evidence.reach[joint] > 0.0):
-                continue
-            is_end = values[first] in (values.min(), values.max()) and clipped_share(values)
-            if not is_end:
+        count = signal.count_beyond(low - reach, high + reach)
+        yield (
+            f'{count} samples of the {name} of {joint.name} are outliers (up to '
+            f'{signal.largest:.3g}, where 98 % lie from {low:.3g} to {high:.3g})'
+        )
+
+
+@joint_check('coarse', Severity.NOTE, 'record it with more digits, or move more')
+def coarse(joint: Joint) -> Iterator[str]:
+    """
+    A signal comes in steps that are large beside its standard deviation.
+
+    That is 1 % for a position, 10 % for a velocity or effort.
+
+    """
+    for name, signal in joint.signals.items():
+        if signal.step > 0.0 and joint.moves:
+            deviation = float(np.std(signal.some_values()))
+            if signal.step > COARSE[name] * deviation:
                 yield (
-                    name,
-                    f'the {signal} of {name} stays {values[first]:.3g} for {seconds:.3g} s from '
-                    f'{samples.t[first]:.3g} s on, while its position changes by {moved:.3g}',
+                    f'the {name} of {joint.name} comes in steps of {signal.step:.3g}, '
+                    f'{100 * signal.step / deviation:.2g} % of its standard deviation'
                 )
 
 
-@check(
-    'position_frozen',
-    Severity.WARNING,
-    'A position stays exactly the same for more than a second while the velocity goes on.',
-    'leave this part of the recording out',
-)
-def position_frozen(evidence: Evidence) -> Iterator[JointText]:
-    """Find positions that stop for a while although the recorded velocity goes on."""
-    samples = evidence.samples
-    if not samples.has_velocity or samples.n_samples < 2:
-        return
-    for joint, name, values in evidence.columns('position'):
-        first, last = longest_plateau(samples.t, values)
-        t = samples.t[first : last + 1]
-        speed = np.abs(samples.velocity[first : last + 1, joint])
-        release(samples.velocity)
-        seconds = float(t[-1] - t[0])
-        way = float(np.median(speed)) * seconds
-        if seconds > FROZEN_S and way > max(FROZEN_SHARE * evidence.reach[joint], 0.05):
+@joint_check('frozen', Severity.WARNING, 'leave this part of the recording out')
+def frozen(joint: Joint) -> Iterator[str]:
+    """
+    A velocity or effort does not change for more than a second while the joint moves.
+
+    The joint moves over a fifth of its range meanwhile. Signals that come in steps are not judged.
+
+    """
+    t = joint.t
+    for name in ('velocity', 'effort'):
+        if not joint.varies(name) or joint.signals[name].step > 0.0:
+            continue
+        signal = joint.signals[name]
+        first, last = signal.longest_plateau(t)
+        seconds, value = float(t[last] - t[first]), float(signal.values[first])
+        low, high = extent(joint.position.values[first : last + 1])
+        moved = float(high - low)
+        is_end = value in signal.ends and signal.clipped_share > 0.0
+        if seconds > FROZEN_S and moved > FROZEN_SHARE * joint.reach > 0.0 and not is_end:
             yield (
-                name,
-                f'the position of {name} stays {values[first]:.3g} for '
-                f'{seconds:.3g} s from {t[0]:.3g} s on, while its velocity goes on',
+                f'the {name} of {joint.name} stays {value:.3g} for {seconds:.3g} s from '
+                f'{t[first]:.3g} s on, while its position changes by {moved:.3g}'
             )
 
 
-def longest_plateau(t: Array, values: Array) -> tuple[int, int]:
-    """Return first and last row of the longest time [s] that a signal stays exactly the same."""
-    edges = _edges(values[1:] == values[:-1])
-    if not edges.size:
-        return 0, 0
-    starts, ends = edges[::2], edges[1::2]
-    longest = int(np.argmax(t[ends] - t[starts]))
-    return int(starts[longest]), int(ends[longest])
+@joint_check('position_frozen', Severity.WARNING, 'leave this part of the recording out')
+def position_frozen(joint: Joint) -> Iterator[str]:
+    """A position does not change for more than a second while the velocity goes on."""
+    if 'velocity' not in joint.signals or joint.t.size < 2:
+        return
+    first, last = joint.position.longest_plateau(joint.t)
+    velocity = thinned(joint.signals['velocity'].values[first : last + 1], MOST_VALUES)
+    seconds = float(joint.t[last] - joint.t[first])
+    way = float(np.median(np.abs(velocity))) * seconds
+    if seconds > FROZEN_S and way > max(FROZEN_SHARE * joint.reach, LEAST_WAY):
+        yield (
+            f'the position of {joint.name} stays {joint.position.values[first]:.3g} for '
+            f'{seconds:.3g} s from {joint.t[first]:.3g} s on, while its velocity goes on'
+        )
 
 
-def clipped_share(values: Array) -> float:
-    """
-    Return the share of samples that lie on a flat end of a signal's range.
-
-    A sine that is only quantised has at most two and a half times as many samples on its last
-    level as on the one before; a clipped signal has far more.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-
-    """
-    low, high = float(values.min()), float(values.max())
-    if low == high:
-        return 0.0
-    width = max(TOP_WIDTH * (high - low), 0.5 * quantum(values))
-    return max(
-        _flat_end(values >= high - width, values >= high - 3.0 * width),
-        _flat_end(values <= low + width, values <= low + 3.0 * width),
-    )
+@check(
+    'velocity_missing',
+    Severity.NOTE,
+    'nothing needs to be done, positions are differentiated; recorded velocities are often '
+    'less noisy',
+)
+def velocity_missing(evidence: Evidence) -> Iterator[JointText]:
+    """No velocities were recorded."""
+    if evidence.samples.n_samples and not evidence.samples.has_velocity:
+        yield '', 'no velocities were recorded'
 
 
-def _flat_end(top: BoolArray, nearby: BoolArray) -> float:
-    count = int(top.sum())
-    following = int(nearby.sum()) - count
-    share = float(count / top.size)
-    steep = count >= TOP_OVER_NEXT * (following + 1) and _longest_run(top) >= LEAST_RUN
-    return share if steep and share >= LEAST_TOP else 0.0
+@joint_check('velocity_constant', Severity.WARNING, 'set preprocessing.velocity to differentiated')
+def velocity_constant(joint: Joint) -> Iterator[str]:
+    """A velocity never changes although the joint moves."""
+    if 'velocity' in joint.signals and joint.moves and not joint.varies('velocity'):
+        yield (
+            f'the velocity of {joint.name} is {joint.signals["velocity"].ends[0]:g} throughout, '
+            f'although its position changes by {joint.reach:.3g}'
+        )
 
 
-def _longest_run(mask: BoolArray) -> int:
-    edges = _edges(mask)
-    return int((edges[1::2] - edges[::2]).max(initial=0))
+@joint_check(
+    'velocity_sign',
+    Severity.WARNING,
+    'set preprocessing.velocity to differentiated, and ask which of the two signs the effort has',
+)
+def velocity_sign(joint: Joint) -> Iterator[str]:
+    """A velocity has the other sign than the change of position."""
+    if _is_compared(joint) and joint.velocity_correlation < -ALIKE:
+        yield f'the velocity of {joint.name} has the other sign than the change of its position'
 
 
-def _edges(mask: BoolArray) -> IndexArray:
-    """Return where runs of True begin and, one behind, where they end, in turns."""
-    return np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+@joint_check(
+    'velocity_scale',
+    Severity.WARNING,
+    'correct the unit in the driver, or set preprocessing.velocity to differentiated',
+)
+def velocity_scale(joint: Joint) -> Iterator[str]:
+    """A velocity is less than 0.8 or more than 1.25 times the change of position."""
+    scale, is_alike = abs(joint.velocity_scale), abs(joint.velocity_correlation) > PROPORTIONAL
+    if _is_compared(joint) and is_alike and not LEAST_SCALE <= scale <= MOST_SCALE:
+        unit = next((u for k, u in SPEED_UNITS.items() if abs(scale / k - 1) < UNIT_TOLERANCE), '')
+        yield (
+            f'the velocity of {joint.name} is {scale:.3g} times the change of its position'
+            f'{unit and f", as if in {unit}"}'
+        )
+
+
+@joint_check(
+    'velocity_unlike',
+    Severity.WARNING,
+    'see whether it belongs to another joint, or set preprocessing.velocity to differentiated',
+)
+def velocity_unlike(joint: Joint) -> Iterator[str]:
+    """A velocity correlates with the change of position by less than 0.7."""
+    if _is_compared(joint) and abs(joint.velocity_correlation) <= ALIKE:
+        yield (
+            f'the velocity of {joint.name} hardly follows the change of its position (correlation '
+            f'{joint.velocity_correlation:.2g})'
+        )
+
+
+@joint_check('velocity_delay', Severity.WARNING, 'set preprocessing.velocity to differentiated')
+def velocity_delay(joint: Joint) -> Iterator[str]:
+    """A velocity is more than 10 ms behind or ahead of the position."""
+    lag, is_alike = joint.velocity_lag_s, abs(joint.velocity_correlation) > ALIKE
+    if _is_compared(joint) and is_alike and abs(lag) > LEAST_LAG_S:
+        side = 'behind' if lag > 0 else 'ahead of'
+        yield f'the velocity of {joint.name} is {1e3 * abs(lag):.2g} ms {side} its position'
+
+
+def _is_compared(joint: Joint) -> bool:
+    return joint.speed > LEAST_SPEED and joint.varies('velocity')

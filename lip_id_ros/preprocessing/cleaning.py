@@ -1,22 +1,30 @@
-"""Repeated and quantised samples, and the meaning of recorded efforts."""
+"""Repeated and quantised samples, copies of recordings, and the meaning of recorded efforts."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+import hashlib
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ConfigError, SourceError
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.recording.spill import column_array, release, row_blocks
+from lip_id_ros.recording.spill import mapped, marked, release, row_blocks, thinned
 from lip_id_ros.settings import RecordingSettings
 
 Value = TypeVar('Value')
+Hashes = NDArray[np.uint64]
 
 LEAST_REPETITION = 4
 ON_GRID = 0.9
 MOST_VALUES = 50_000
+WINDOW = 20
+"""Consecutive samples that two recordings share only where one repeats the other."""
+MOVING = 5
+"""Steps of a window at which something changes, at least: at rest, any recordings are alike."""
 
 
 def stale(samples: JointSamples) -> BoolArray:
@@ -34,7 +42,8 @@ def stale(samples: JointSamples) -> BoolArray:
     same = repeated(samples.position)
     if not samples.has_velocity:
         return same & repeated(samples.effort)
-    return same & repeated(samples.velocity) & _moving(samples.velocity)
+    moving = marked(lambda velocity: (velocity != 0.0).any(axis=1), samples.velocity)
+    return same & repeated(samples.velocity) & moving
 
 
 def repeated(values: Array) -> BoolArray:
@@ -48,14 +57,6 @@ def repeated(values: Array) -> BoolArray:
     return same
 
 
-def _moving(velocity: Array) -> BoolArray:
-    moving = np.zeros(len(velocity), bool)
-    for block in row_blocks(len(velocity)):
-        moving[block] = (velocity[block] != 0.0).any(axis=1)
-        release(velocity)
-    return moving
-
-
 def quantum(values: Array) -> float:
     """
     Return the step of a quantised signal, 0 where there is none to be seen.
@@ -65,7 +66,7 @@ def quantum(values: Array) -> float:
     values : ndarray, shape (N,)
 
     """
-    values = values[:: max(1, values.size // MOST_VALUES)]
+    values = thinned(values, MOST_VALUES)
     levels = np.unique(values)
     if levels.size < 2 or LEAST_REPETITION * levels.size > values.size:
         return 0.0
@@ -102,11 +103,7 @@ def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
     offset = np.array(per_joint(samples, 'effort_offset', recording.effort_offset, 0.0))
     if (scale == 1.0).all() and (offset == 0.0).all():
         return samples.effort
-    scaled = column_array(samples.n_samples, samples.n_joints)
-    for block in row_blocks(samples.n_samples):
-        scaled[block] = samples.effort[block] * scale + offset
-        release(scaled, samples.effort)
-    return scaled
+    return mapped(lambda effort: effort * scale + offset, samples.effort)
 
 
 def per_joint(
@@ -129,3 +126,82 @@ def per_joint(
             f'not {len(values)}; give {samples.n_joints}.'
         )
     return values
+
+
+class RepeatedSamples:
+    """
+    Finds the samples of each recording that an earlier one has too, by their contents.
+
+    A copy of a recording would be in the training data and in the held-out data, and count twice.
+    Names and start times prove little: files are renamed, and logs begin at zero.
+
+    """
+
+    def __init__(self) -> None:
+        self._known: Hashes = np.zeros(0, dtype=np.uint64)
+
+    def repeated(self, joint_names: Sequence[str], *signals: Array) -> BoolArray:
+        """
+        Return which samples belong to a window of an earlier recording.
+
+        Parameters
+        ----------
+        joint_names : sequence of str, n of them
+            Their order is of no importance.
+        signals : ndarrays, shape (N, n)
+            Such as positions and efforts, compared bit by bit.
+
+        Returns
+        -------
+        ndarray of bool, shape (N,)
+
+        """
+        rows = mapped(lambda *some: _row_hashes(joint_names, some), *signals)
+        windows, usable = _windows(rows)
+        found = usable & np.isin(windows, self._known)
+        self._known = np.union1d(self._known, windows[usable])
+        if not found.any():
+            return np.zeros(len(signals[0]), dtype=bool)
+        marks = np.zeros(len(signals[0]) + 1, dtype=np.int64)
+        np.add.at(marks, np.flatnonzero(found), 1)
+        np.add.at(marks, np.flatnonzero(found) + WINDOW, -1)
+        return np.cumsum(marks[:-1]) > 0
+
+
+def content_digest(joint_names: Sequence[str], *signals: Array) -> str:
+    """Return a text that identifies the contents of a recording; see `RepeatedSamples`."""
+    digest = hashlib.sha256()
+    for block in row_blocks(len(signals[0])):
+        digest.update(_row_hashes(joint_names, [signal[block] for signal in signals]).tobytes())
+        release(*signals)
+    return digest.hexdigest()[:16]
+
+
+def _row_hashes(joint_names: Sequence[str], signals: Sequence[Array]) -> Hashes:
+    """Return one hash per row, shape (N,): a sum of its bits' numbers with random weights."""
+    order = np.argsort(np.array(joint_names, dtype=object))
+    weights = _weights(len(signals) * len(order))
+    total = np.zeros(len(signals[0]), dtype=np.uint64)
+    columns = (signal[:, joint] for signal in signals for joint in order)
+    for weight, column in zip(weights, columns, strict=True):
+        bits = np.ascontiguousarray(column, dtype=np.float64).view(np.uint64)
+        total += (bits ^ (bits >> np.uint64(29))) * weight
+    return total ^ (total >> np.uint64(32))
+
+
+def _windows(rows: Hashes) -> tuple[Hashes, BoolArray]:
+    """Return a hash of every window, and whether enough changes in it, shape (N - W + 1,)."""
+    count = max(0, len(rows) - WINDOW + 1)
+    total = np.zeros(count, dtype=np.uint64)
+    moving = np.zeros(count, dtype=np.int8)
+    changes = np.diff(rows) != 0
+    for offset, weight in enumerate(_weights(WINDOW)):
+        total += rows[offset : offset + count] * weight
+        if offset < WINDOW - 1:
+            moving += changes[offset : offset + count]
+    return total, moving >= MOVING
+
+
+def _weights(count: int) -> Hashes:
+    random = np.random.default_rng(0).integers(2**63, size=count, dtype=np.uint64)
+    return 2 * random + np.uint64(1)

@@ -16,11 +16,10 @@ from lip_id_ros.errors import SourceError
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import Bag, JointSamples
 from lip_id_ros.recording.bags import joint_topics
-from lip_id_ros.recording.csv_log import read_log
 from lip_id_ros.recording.joint_samples import SIGNALS
-from lip_id_ros.recording.reading import read_topic
-from lip_id_ros.recording.spill import release, row_blocks
-from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step
+from lip_id_ros.recording.reading import read_log, read_topic
+from lip_id_ros.recording.spill import extent
+from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step, some_steps
 
 Assess = Callable[[JointSamples], Mapping[str, Any]]
 
@@ -141,25 +140,21 @@ def _dataset(path: str | os.PathLike[str], data: Dataset) -> dict[str, Any]:
 
 
 def _timing(t: Array) -> dict[str, Any]:
-    steps = np.diff(t)
-    if steps.size == 0:
-        return {
-            'duration_s': 0.0,
-            'rate_hz': None,
-            'jitter_s': None,
-            'gaps': 0,
-            'longest_gaps': [],
-        }
+    if t.size < 2:
+        unknown = {'rate_hz': None, 'jitter_s': None}
+        return {'duration_s': 0.0, **unknown, 'gaps': 0, 'longest_gaps': []}
     typical = median_step(t)
     starts = gap_starts(t, GAP_STEPS * typical)
-    longest = starts[np.argsort(-steps[starts], kind='stable')][:_MOST_GAPS]
+    lengths = t[starts + 1] - t[starts]
+    longest = np.argsort(-lengths, kind='stable')[:_MOST_GAPS].tolist()
+    some = some_steps(t)
     return {
         'duration_s': float(t[-1] - t[0]),
         'rate_hz': 1.0 / typical if typical > 0 else None,
-        'jitter_s': float(np.std(np.delete(steps, starts))),
+        'jitter_s': float(np.std(some[some <= GAP_STEPS * typical])),
         'gaps': int(starts.size),
         'longest_gaps': [
-            {'at_s': float(t[start]), 'length_s': float(steps[start])} for start in longest
+            {'at_s': float(t[starts[gap]]), 'length_s': float(lengths[gap])} for gap in longest
         ],
     }
 
@@ -176,12 +171,7 @@ def _ranges(
 
 def _range(values: Array) -> list[list[float] | None]:
     """Return least and largest value of each column, None where one is not known."""
-    least, largest = np.full(values.shape[1], np.inf), np.full(values.shape[1], -np.inf)
-    for block in row_blocks(len(values)):
-        least = np.minimum(least, values[block].min(axis=0))
-        largest = np.maximum(largest, values[block].max(axis=0))
-        release(values)
-    return [
-        [float(low), float(high)] if np.isfinite([low, high]).all() else None
-        for low, high in zip(least, largest, strict=True)
-    ]
+    if not len(values):
+        return [None] * values.shape[1]
+    ends = np.transpose(extent(values))
+    return [each.tolist() if np.isfinite(each).all() else None for each in ends]

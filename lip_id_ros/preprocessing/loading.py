@@ -15,12 +15,12 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.errors import DataError, SourceError
-from lip_id_ros.preprocessing.copies import RepeatedSamples
+from lip_id_ros.preprocessing.cleaning import RepeatedSamples
 from lip_id_ros.preprocessing.pipeline import preprocess
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples, read_sources
-from lip_id_ros.recording.csv_log import read_log
+from lip_id_ros.recording.reading import read_log
 from lip_id_ros.settings import Config
 
 PathLike = str | os.PathLike[str]

@@ -19,8 +19,14 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.preprocessing.cleaning import per_joint, quantum, repeated, stale, torque
-from lip_id_ros.preprocessing.copies import content_digest
+from lip_id_ros.preprocessing.cleaning import (
+    content_digest,
+    per_joint,
+    quantum,
+    repeated,
+    stale,
+    torque,
+)
 from lip_id_ros.preprocessing.selection import at_most, stride
 from lip_id_ros.preprocessing.smoothing import (
     cut,
@@ -37,7 +43,7 @@ from lip_id_ros.preprocessing.smoothing import (
 )
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.spill import release
-from lip_id_ros.recording.timing import GAP_STEPS, median_step
+from lip_id_ros.recording.timing import GAP_STEPS, median_step, MOST_STEPS, some_steps
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 STALE = 'sample stale'
@@ -102,7 +108,8 @@ def _recording(
     fresh = dataclasses.replace(fresh, effort=torque(fresh, recording))
     given = cut(fresh.t, settings.max_gap_s or GAP_STEPS * median_step(fresh.t))
     repeats, step = samples.t[is_stale], median_step(samples.t)
-    segments = [_retimed(fresh.rows(rows), repeats, step) for rows in given]
+    recorded = [fresh.rows(rows) for rows in given]
+    segments = [_retimed(segment, repeats, step) for segment in recorded]
     rate = _rate(segments)
     dropped = Counter(samples.counts)
     dropped[STALE] = int(is_stale.sum())
@@ -112,7 +119,9 @@ def _recording(
     provenance = _provenance(samples, rate, settings, dropped)
     provenance['repeated'] = _repetition(fresh)
     provenance['segments'] = len(motions)
-    provenance['retimed'] = any(segment.t.base is None for segment in segments)
+    provenance['retimed'] = any(
+        segment is not original for segment, original in zip(segments, recorded, strict=True)
+    )
     provenance['recording'] = dataclasses.asdict(recording)
     return Dataset(
         **{name: np.concatenate([motion[name] for motion in motions]) for name in motions[0]},
@@ -133,15 +142,19 @@ def _retimed(segment: JointSamples, repeats: Array, step: float) -> JointSamples
     first = np.searchsorted(repeats, segment.t[0], side='right')
     if first == np.searchsorted(repeats, segment.t[-1]):
         return segment
-    return dataclasses.replace(segment, t=evenly_timed(segment.t, step))
+    t = evenly_timed(segment.t, step)
+    return segment if t is segment.t else dataclasses.replace(segment, t=t)
 
 
 def _rate(segments: Sequence[JointSamples]) -> float:
     """Return the rate of most steps [Hz]; no more than twice the mean, as messages in bursts."""
-    steps = np.concatenate([np.diff(segment.t) for segment in segments])
-    if not steps.size:
+    count = sum(segment.n_samples - 1 for segment in segments)
+    if not count:
         return 0.0
-    return min(1.0 / float(np.median(steps)), MOST_RATE / float(steps.mean()))
+    total = sum(float(segment.t[-1] - segment.t[0]) for segment in segments)
+    share = min(1.0, MOST_STEPS / count)
+    steps = [some_steps(segment.t, round(share * segment.n_samples)) for segment in segments]
+    return min(1.0 / float(np.median(np.concatenate(steps))), MOST_RATE * count / total)
 
 
 def _motions(

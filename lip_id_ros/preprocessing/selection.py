@@ -19,17 +19,10 @@ LEAST_LEFT = 0.25
 
 def stride(rate_hz: float, settings: PreprocessingSettings) -> int:
     """
-    Return k where every k-th sample is kept.
+    Return k where every k-th sample of a recording is kept.
 
     Errors of low-passed samples are correlated: kept at the full rate, they would pass for many
     independent measurements, and the fit would trust them too much.
-
-    Parameters
-    ----------
-    rate_hz : float
-        Of the recording.
-    settings : PreprocessingSettings
-        A `decimate` above 0 is taken as it is.
 
     """
     if settings.decimate > 0:

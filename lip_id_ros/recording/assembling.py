@@ -4,36 +4,45 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.recording.joint_samples import gathered, JointSamples, Reason, SIGNALS
-from lip_id_ros.recording.sample_collector import Part, SampleCollector
-from lip_id_ros.recording.spill import column_array, release, row_blocks
+from lip_id_ros.recording.joint_samples import counted, JointSamples, Reason, SIGNALS
+from lip_id_ros.recording.sample_collector import (
+    HEADER,
+    Part,
+    PUBLISHER,
+    RECEIVE,
+    SampleCollector,
+)
+from lip_id_ros.recording.spill import gathered, large_array, marked, release, row_blocks, steps
 from lip_id_ros.recording.timing import (
     arrange,
     GAP_STEPS,
     is_one_clock,
     jumps_between_clocks,
+    median_step,
     SECOND,
-    seconds,
     stamps_advance,
+    Timeline,
 )
 
-HEADER, RECEIVE = 'header', 'receive'
+CLOCKS = {'header': HEADER, 'receive': RECEIVE}
 
 _SHOWN_NAMES = 3
+_VELOCITY, _EFFORT = 1, 2
 
 
 class _Source(NamedTuple):
-    """What is taken of a part: joints by column, and rows in the order of time."""
+    """What is taken of a part: columns, messages in the order of time, its longest step [ns]."""
 
     part: Part
     columns: IndexArray
-    stamps_ns: IntArray
-    rows: IndexArray
+    timeline: Timeline
+    longest_ns: float
 
 
 def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamples:
@@ -58,21 +67,20 @@ def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamp
         if not any(part is one for one, _ in chosen):
             has_all = set(part.joints) >= set(joints)
             reason = Reason.OTHER_PUBLISHER if has_all else Reason.MISSING_JOINT
-            counts[reason] += part.header_ns.size
+            counts[reason] += len(part.numbers)
     clock = clock_of([part for part, _ in chosen], wanted_clock, notes)
     if len(chosen) > 1:
         notes[f'joints of {len(chosen)} publishers were merged in time'] = None
     sources = [_source(part, taken, clock, counts, notes) for part, taken in chosen]
     names = [joint for _, taken in chosen for joint in taken]
-    order = [names.index(joint) for joint in joints] if names else []
-    stamps, values = merged(sources, order, counts)
-    start_ns = int(stamps[0]) if stamps.size else 0
+    order = np.array([names.index(joint) for joint in joints] if names else [], np.intp)
+    timeline, values = merged(sources, order, counts)
     return JointSamples(
-        t=seconds(stamps - start_ns),
+        t=timeline.t,
         **dict(zip(SIGNALS, values, strict=True)),
         joint_names=joints,
-        start_s=start_ns / SECOND,
-        counts={str(reason): count for reason, count in counts.items() if count},
+        start_s=timeline.start_ns / SECOND,
+        counts=counted(counts),
         source=', '.join(dict.fromkeys(topic.source for topic in topics)),
         topic=', '.join(dict.fromkeys(topic.topic for topic in topics)),
         seen_joints=tuple(dict.fromkeys(name for topic in topics for name in topic.seen)),
@@ -92,11 +100,12 @@ def of_one_publisher(part: Part, counts: Counter[str], notes: dict[str, None]) -
     """
     if len(part.publishers) < 2 or not _are_apart(part):
         return part
-    sizes = np.bincount(part.publisher, minlength=len(part.publishers))
-    filled = [_filled(part.effort), _filled(part.velocity)]
+    publisher = part.numbers[:, PUBLISHER]
+    sizes = np.bincount(publisher, minlength=len(part.publishers))
+    filled = [~_absent(part, signal) for signal in (_EFFORT, _VELOCITY)]
 
     def worth(number: int) -> tuple[bool, bool, int]:
-        own = part.publisher == number
+        own = publisher == number
         has_effort, has_velocity = (bool((own & has).any()) for has in filled)
         return has_effort, has_velocity, int(sizes[number])
 
@@ -106,24 +115,18 @@ def of_one_publisher(part: Part, counts: Counter[str], notes: dict[str, None]) -
         f'{len(sizes)} publishers have the same joints: the one with {sizes[best]} messages'
         f'{_described(part, best)} was taken'
     ] = None
-    rows = np.flatnonzero(part.publisher == best)
-    return part._replace(
-        header_ns=part.header_ns[rows],
-        receive_ns=part.receive_ns[rows],
-        publisher=part.publisher[rows],
-        position=gathered(part.position, rows),
-        velocity=gathered(part.velocity, rows),
-        effort=gathered(part.effort, rows),
-    )
+    rows = np.flatnonzero(publisher == best)
+    return part._replace(numbers=part.numbers[rows], values=gathered(part.values, rows))
 
 
 def _are_apart(part: Part) -> bool:
     """Whether publishers take turns and cannot be one."""
-    if (np.diff(part.publisher) != 0).sum() < len(part.publishers):
+    turns = sum(np.count_nonzero(step) for step in steps(part.numbers[:, PUBLISHER]))
+    if turns < len(part.publishers):
         return False  # one after the other
     if len({names for names, _ in part.publishers}) > 1:
         return True
-    return not is_one_clock(part.header_ns)
+    return not is_one_clock(part.numbers[:, HEADER])
 
 
 def _described(part: Part, number: int) -> str:
@@ -139,21 +142,19 @@ def _described(part: Part, number: int) -> str:
 
 def clock_of(parts: Sequence[Part], wanted: str, notes: dict[str, None]) -> str:
     """Return the clock that is wanted, else headers if those of all parts are of one clock."""
-    if wanted in (HEADER, RECEIVE):
+    if wanted in CLOCKS:
         return wanted
-    if not all(stamps_advance(part.header_ns) for part in parts):
-        return RECEIVE
-    is_torn = any(jumps_between_clocks(part.header_ns) for part in parts)
-    if is_torn and all(_is_of_one_clock(part.receive_ns) for part in parts):
+    headers, received = ([part.numbers[:, clock] for part in parts] for clock in CLOCKS.values())
+    if not all(stamps_advance(stamps) for stamps in headers):
+        return 'receive'
+    if any(jumps_between_clocks(stamps) for stamps in headers) and all(
+        stamps_advance(stamps) and not jumps_between_clocks(stamps) for stamps in received
+    ):
         notes[
             'the header stamps are those of several clocks: the times of reception were taken'
         ] = None
-        return RECEIVE
-    return HEADER
-
-
-def _is_of_one_clock(stamps_ns: IntArray) -> bool:
-    return stamps_advance(stamps_ns) and not jumps_between_clocks(stamps_ns)
+        return 'receive'
+    return 'header'
 
 
 def covering(parts: Sequence[Part], joints: Sequence[str]) -> list[tuple[Part, list[str]]]:
@@ -176,118 +177,120 @@ def covering(parts: Sequence[Part], joints: Sequence[str]) -> list[tuple[Part, l
     return chosen
 
 
+def _source(
+    part: Part, taken: Sequence[str], clock: str, counts: Counter[str], notes: dict[str, None]
+) -> _Source:
+    """Put the usable messages of a part in the order of time; count the others."""
+    keep = _complete(part, counts)
+    stamps = part.numbers[:, CLOCKS[clock]]
+    timeline = arrange(stamps if keep.all() else stamps[keep])
+    counts.update(timeline.dropped)
+    notes.update(dict.fromkeys(timeline.notes))
+    if not keep.all():
+        timeline = timeline._replace(rows=np.flatnonzero(keep)[timeline.rows])
+    columns = np.array([part.joints.index(joint) for joint in taken])
+    return _Source(part, columns, timeline, GAP_STEPS * median_step(timeline.stamps_ns))
+
+
+def _complete(part: Part, counts: Counter[str]) -> BoolArray:
+    """Mark messages that have velocity and effort, unless none has; count the others once."""
+    keep = np.ones(len(part.numbers), bool)
+    for signal, reason in ((_VELOCITY, Reason.NO_VELOCITY), (_EFFORT, Reason.NO_EFFORT)):
+        absent = _absent(part, signal)
+        if not absent.all():
+            counts[reason] += int((keep & absent).sum())
+            keep &= ~absent
+    return keep
+
+
+def _absent(part: Part, signal: int) -> BoolArray:
+    return marked(lambda values: np.isnan(values[:, signal, 0]), part.values)
+
+
 def merged(
-    sources: Sequence[_Source], order: Sequence[int], counts: Counter[str]
-) -> tuple[IntArray, list[Array]]:
+    sources: Sequence[_Source], order: IndexArray, counts: Counter[str]
+) -> tuple[Timeline, list[Array]]:
     """
     Bring several sources to the stamps of the one with the fewest, and join their columns.
 
     Between two samples no further apart than five median steps the others are interpolated
-    linearly; at an equal stamp they are taken as they are. Where there are no two such samples,
-    the message is dropped and counted.
+    linearly; at an equal stamp they are taken unchanged. Where there are no two such samples, the
+    message is dropped and counted.
 
     Parameters
     ----------
     sources : sequence of _Source
-    order : sequence of int
+    order : ndarray of int, shape (n,)
         Where in the joined columns each joint is.
     counts : Counter
 
     Returns
     -------
-    stamps_ns : ndarray of int, shape (N,)
+    timeline : Timeline
+        Of N samples.
     values : list of three ndarray, shape (N, n)
         Position, velocity, effort.
 
     """
     if not sources:
-        return np.empty(0, np.int64), [np.empty((0, len(order)))] * 3
-    stamps = min((source.stamps_ns for source in sources), key=len)
-    if len(sources) == 1:
-        return stamps, [_taken(sources[0], name) for name in SIGNALS]
-    placed = [_placed(source.stamps_ns, stamps) for source in sources]
-    keep = np.logical_and.reduce([known for _, _, known in placed])
-    counts[Reason.OTHER_JOINTS_AWAY] += int((~keep).sum())
-    results = [column_array(int(keep.sum()), len(order)) for _ in SIGNALS]
-    for name, result in zip(SIGNALS, results, strict=True):
-        for block in row_blocks(len(result)):
-            kept = np.flatnonzero(keep)[block]
-            columns = [
-                _between(source, name, before[kept], weight[kept])
-                for source, (before, weight, _) in zip(sources, placed, strict=True)
-            ]
-            result[block] = np.hstack(columns)[:, order]
-            release(result, *(getattr(source.part, name) for source in sources))
-    return stamps[keep], results
+        nothing = np.empty(0, np.int64)
+        return Timeline(nothing, nothing, Counter()), [np.empty((0, order.size))] * 3
+    base = min(sources, key=lambda each: each.timeline.rows.size)
+    others = [source for source in sources if source is not base]
+    timeline = base.timeline
+    if others:
+        known = [marked(partial(_is_known, source), timeline.stamps_ns) for source in others]
+        kept = np.flatnonzero(np.logical_and.reduce(known))
+        counts[Reason.OTHER_JOINTS_AWAY] += timeline.rows.size - kept.size
+        timeline = timeline._replace(rows=timeline.rows[kept], stamps_ns=timeline.stamps_ns[kept])
+    results = [large_array(timeline.rows.size, order.size) for _ in SIGNALS]
+    for block in row_blocks(timeline.rows.size):
+        values = [
+            _taken(source, timeline.rows[block])
+            if source is base
+            else _between(source, timeline.stamps_ns[block])
+            for source in sources
+        ]
+        joined = np.concatenate(values, axis=2)[:, :, order]
+        for signal, result in enumerate(results):
+            result[block] = joined[:, signal]
+        release(*results, *(source.part.values for source in sources), *timeline[:2])
+    return timeline, results
 
 
-def _source(
-    part: Part,
-    taken: Sequence[str],
-    clock: str,
-    counts: Counter[str],
-    notes: dict[str, None],
-) -> _Source:
-    """Put the usable messages of a part in the order of time; count the others."""
-    keep = _complete(part, counts)
-    stamps = part.header_ns if clock == HEADER else part.receive_ns
-    timeline = arrange(stamps if keep.all() else stamps[keep])
-    counts.update(timeline.dropped)
-    notes.update(dict.fromkeys(timeline.notes()))
-    rows = timeline.rows if keep.all() else np.flatnonzero(keep)[timeline.rows]
-    columns = np.array([part.joints.index(joint) for joint in taken])
-    return _Source(part, columns, timeline.start_ns + timeline.t_ns, rows)
+def _taken(source: _Source, rows: IndexArray) -> Array:
+    values: Array = source.part.values[rows][:, :, source.columns]
+    return values
 
 
-def _filled(values: Array) -> BoolArray:
-    """Mark rows that are not empty."""
-    filled = np.empty(len(values), bool)
-    for block in row_blocks(len(values)):
-        filled[block] = ~np.isnan(values[block, 0])
-        release(values)
-    return filled
+def _between(source: _Source, stamps_ns: IntArray) -> Array:
+    """Interpolate the values of a source, shape (k, 3, n)."""
+    rows = source.timeline.rows
+    before, weight, _ = _places(source, stamps_ns)
+    first = _taken(source, rows[before])
+    if rows.size < 2:
+        return first
+    second = _taken(source, rows[before + 1])
+    share = weight[:, np.newaxis, np.newaxis]
+    return np.where(share == 1.0, second, first + share * (second - first))
 
 
-def _complete(part: Part, counts: Counter[str]) -> BoolArray:
-    """Mark messages that have velocity and effort, unless none has; count the others once."""
-    keep = np.ones(part.header_ns.size, bool)
-    absent = ((part.velocity, Reason.NO_VELOCITY), (part.effort, Reason.NO_EFFORT))
-    for values, reason in absent:
-        filled = _filled(values)
-        if filled.any():
-            counts[reason] += int((keep & ~filled).sum())
-            keep &= filled
-    return keep
+def _is_known(source: _Source, stamps_ns: IntArray) -> BoolArray:
+    return _places(source, stamps_ns)[2]
 
 
-def _taken(source: _Source, name: str) -> Array:
-    return gathered(getattr(source.part, name), source.rows, source.columns)
-
-
-def _placed(given: IntArray, wanted: IntArray) -> tuple[IndexArray, Array, BoolArray]:
+def _places(source: _Source, wanted: IntArray) -> tuple[IndexArray, Array, BoolArray]:
     """Return for each wanted stamp the sample before, the share of the next, and if both are."""
-    if given.size < 2:
+    given = source.timeline.stamps_ns
+    last = given.size - 1
+    if last < 1:
         before = np.zeros(wanted.size, np.intp)
-        known = wanted == given[0] if given.size else np.zeros(wanted.size, bool)
+        known = wanted == given[0] if last == 0 else np.zeros(wanted.size, bool)
         return before, np.zeros(wanted.size), known
     before = np.searchsorted(given, wanted, side='right') - 1
     exact = given[np.maximum(before, 0)] == wanted
-    start = np.clip(before, 0, given.size - 2)
-    steps = np.diff(given)
-    near = steps[start] <= GAP_STEPS * float(np.median(steps))
-    inside = (before >= 0) & (before < given.size - 1)
-    weight = (wanted - given[start]) / steps[start]
-    weight[exact & (before < given.size - 1)] = 0.0
-    return start, np.clip(weight, 0.0, 1.0), exact | (inside & near)
-
-
-def _between(source: _Source, name: str, before: IndexArray, weight: Array) -> Array:
-    values, rows = getattr(source.part, name), source.rows
-    first: Array = values[rows[before]][:, source.columns]
-    if rows.size < 2:
-        return first
-    second = values[rows[before + 1]][:, source.columns]
-    mixed: Array = first + weight[:, np.newaxis] * (second - first)
-    at_second = weight == 1.0
-    mixed[at_second] = second[at_second]
-    return mixed
+    inside = (before >= 0) & (before < last)
+    start = np.clip(before, 0, last - 1)
+    step = given[start + 1] - given[start]
+    weight = np.where(exact & inside, 0.0, (wanted - given[start]) / step)
+    return start, np.clip(weight, 0.0, 1.0), exact | (inside & (step <= source.longest_ns))

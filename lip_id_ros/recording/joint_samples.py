@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
-from lip_id_ros.recording.spill import column_array, release, row_blocks
+from lip_id_ros.recording.spill import gathered, marked
 
 LARGEST = 1e9
 """No joint has a position, velocity or effort beyond this in any unit; it is noise in memory."""
@@ -106,12 +106,12 @@ class JointSamples:
     @cached_property
     def has_velocity(self) -> bool:
         """Whether velocities were recorded."""
-        return _is_complete(self.velocity)
+        return not marked(_is_empty, self.velocity).any()
 
     @cached_property
     def has_effort(self) -> bool:
         """Whether efforts were recorded."""
-        return _is_complete(self.effort)
+        return not marked(_is_empty, self.effort).any()
 
     def rows(self, chosen: slice) -> JointSamples:
         """Return views of some samples."""
@@ -127,28 +127,21 @@ class JointSamples:
         """Return some of the samples; all of them without a copy."""
         if keep.all():
             return self
-        numbers = np.flatnonzero(keep)
-        values: dict[str, Any] = {name: gathered(getattr(self, name), numbers) for name in SIGNALS}
-        return replace(self, t=self.t[numbers], **values)
+        rows = np.flatnonzero(keep)
+        values: dict[str, Any] = {
+            name: gathered(getattr(self, name), rows) for name in ('t', *SIGNALS)
+        }
+        return replace(self, **values)
 
 
-def gathered(values: Array, rows: IndexArray, columns: IndexArray | None = None) -> Array:
-    """Return rows of an array that may be large, in any order, and some or all columns."""
-    width = values.shape[1] if columns is None else columns.size
-    result = column_array(rows.size, width)
-    for block in row_blocks(rows.size):
-        some = values[rows[block]]
-        result[block] = some if columns is None else some[:, columns]
-        release(values, result)
-    return result
+def _is_empty(values: Array) -> BoolArray:
+    empty: BoolArray = np.isnan(values).any(axis=1)
+    return empty
 
 
-def _is_complete(values: Array) -> bool:
-    for block in row_blocks(len(values)):
-        if np.isnan(values[block]).any():
-            return False
-        release(values)
-    return True
+def counted(counts: Mapping[str, int]) -> dict[str, int]:
+    """Return the reasons that came up, with their numbers."""
+    return {str(reason): count for reason, count in counts.items() if count}
 
 
 def name_reason(names: Sequence[str]) -> Reason | None:

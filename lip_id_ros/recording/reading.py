@@ -1,26 +1,36 @@
-"""Joint samples from bags: which topic, which clock, which joints."""
+"""Joint samples from bags and CSV logs: which topic, which clock, which joints."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 import os
 
 import numpy as np
 
+from lip_id_ros.csv_table import check_columns, joints_of, read_table
 from lip_id_ros.errors import SourceError
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.assembling import assembled
 from lip_id_ros.recording.bags import Bag, choose_topics, Topic
 from lip_id_ros.recording.decoding import message_blocks
-from lip_id_ros.recording.joint_samples import JointSamples, Reason
-from lip_id_ros.recording.sample_collector import SampleCollector
+from lip_id_ros.recording.joint_samples import (
+    counted,
+    JointSamples,
+    MOST_JOINTS,
+    Reason,
+    SIGNALS,
+)
+from lip_id_ros.recording.sample_collector import SampleCollector, usable
 from lip_id_ros.recording.storage import Channel
-from lip_id_ros.recording.timing import LATEST_NS
+from lip_id_ros.recording.timing import arrange, LATEST_NS, SECOND
 from lip_id_ros.settings import RecordingSettings
 
 _BATCH = 1024
 _BATCH_BYTES = 4 * 2**20
 _SHOWN_JOINTS = 50
+_LATEST_S = 4e9
+_CSV_SIGNALS = ('q', 'dq', 'tau')
 
 PathLike = str | os.PathLike[str]
 Batch = list[tuple[Channel, int, bytes]]
@@ -39,7 +49,8 @@ def read_sources(
     partial: list[SampleCollector] = []
     for path in paths:
         topics = _topics(path, settings, progress)
-        if _is_partial(topics, settings.joints):
+        have = {joint for topic in topics for joint in topic.collected_joints}
+        if have and not have >= set(settings.joints):
             partial += topics
         else:
             yield _checked(topics, settings)
@@ -53,14 +64,14 @@ def read_bag(
     """
     Read the joint samples of a bag.
 
-    The topics are those that the settings name, else as `topics.choose_topics` finds. Times are
+    The topics are those that the settings name, else as `bags.choose_topics` finds. Times are
     those of the message headers if these are of one clock (see `assembling.clock_of`), else those
     of reception, unless the settings choose. Messages are put in the order of time (see
     `timing.arrange`). Joints that come in messages of their own are merged (see
     `assembling.merged`) where the settings name the joints.
 
-    Memory: about 40 bytes for each message and one block of the file; the numbers of messages lie
-    in temporary files once they are many (see `spill`).
+    Memory does not grow with the number of messages, as long as their stamps are in order: arrays
+    lie in temporary files once they are large (see `spill`).
 
     Parameters
     ----------
@@ -88,9 +99,7 @@ def read_bag(
     return _checked(_topics(path, settings, progress), settings)
 
 
-def read_topic(
-    bag: Bag, topic: Topic, joints: Sequence[str] = (), progress: Progress = silent
-) -> JointSamples:
+def read_topic(bag: Bag, topic: Topic, progress: Progress = silent) -> JointSamples:
     """
     Read the joint samples of one topic, be they few or none.
 
@@ -100,7 +109,74 @@ def read_topic(
         If the bag defines the message type in a way that cannot be read.
 
     """
-    return assembled([_collected(bag, topic, joints, progress)], RecordingSettings().clock)
+    return assembled([_collected(bag, topic, (), progress)], RecordingSettings().clock)
+
+
+def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
+    """
+    Read the joint samples of a CSV log; rows that cannot be used are dropped and counted.
+
+    Times may be negative. As in bags, rows are put in the order of time, and single times far
+    from those around them are dropped (see `timing.arrange`).
+
+    Parameters
+    ----------
+    path : path
+        Columns t [s], q_NAME, tau_NAME and optionally dq_NAME of every joint NAME.
+    joints : sequence of str
+        Joints to keep; empty for all, in the order of their positions.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
+    DataError
+        If it is no table of numbers, or lacks a column.
+    SourceError
+        If no row can be used, or there are too many joints.
+
+    """
+    table = read_table(path)
+    names = tuple(joints) or joints_of(list(table.columns))
+    if len(names) > MOST_JOINTS:
+        raise SourceError(
+            f'{os.fspath(path)} must have at most {MOST_JOINTS} joints, not {len(names)}; choose '
+            'some with recording.joints.'
+        )
+    check_columns(path, table, ['t', *(f'q_{name}' for name in names)])
+    values = {
+        name: table.per_joint(signal, names)
+        for name, signal in zip(SIGNALS, _CSV_SIGNALS, strict=True)
+        if all(f'{signal}_{joint}' in table.columns for joint in names)
+    }
+    counts: Counter[str] = Counter()
+    keep = usable(list(values.values()), counts)
+    t = table.columns['t']
+    known = np.abs(t) <= _LATEST_S  # not where t is nan
+    counts[Reason.BAD_STAMP] += int((keep & ~known).sum())
+    kept = np.flatnonzero(keep & known)
+    timeline = arrange(np.round(t[kept] * SECOND).astype(np.int64), is_epoch=False)
+    counts.update(timeline.dropped)
+    if not timeline.rows.size:
+        reasons = ', '.join(f'{reason}: {count}' for reason, count in counted(counts).items())
+        raise SourceError(f'no row of {os.fspath(path)} can be used ({reasons}); correct the log.')
+    rows = kept[timeline.rows]
+    nothing = np.full((rows.size, len(names)), np.nan)
+    position, velocity, effort = (
+        values[name][rows] if name in values else nothing for name in SIGNALS
+    )
+    return JointSamples(
+        timeline.t,
+        position,
+        velocity,
+        effort,
+        joint_names=names,
+        start_s=timeline.start_ns / SECOND,
+        counts=counted(counts),
+        source=os.fspath(path),
+        seen_joints=names,
+        notes=(*table.notes, *timeline.notes),
+    )
 
 
 def _topics(
@@ -158,50 +234,37 @@ def _batches(bag: Bag, topic: Topic) -> Iterator[Batch]:
         yield batch
 
 
-def _is_partial(topics: Sequence[SampleCollector], joints: Sequence[str]) -> bool:
-    have = {joint for topic in topics for joint in topic.collected_joints}
-    return bool(have) and not have >= set(joints)
-
-
 def _checked(topics: Sequence[SampleCollector], settings: RecordingSettings) -> JointSamples:
     samples = assembled(topics, settings.clock)
-    _check_any(samples)
-    if not settings.joints:
-        _check_joints(samples)
+    if not samples.n_samples:
+        raise SourceError(_why_empty(samples))
+    strange = (Reason.FOREIGN_JOINTS, Reason.MISSING_JOINT)
+    dropped = sum(samples.counts.get(reason, 0) for reason in strange)
+    if dropped > samples.n_samples and not settings.joints:
+        raise SourceError(
+            f'most messages of {samples.topic} in {samples.source} lack joints of the first one, '
+            f'{", ".join(samples.joint_names)} ({_reasons(samples)}); name the joints to use '
+            'with recording.joints.'
+        )
     return samples
 
 
-def _check_any(samples: JointSamples) -> None:
-    if samples.n_samples:
-        return
+def _why_empty(samples: JointSamples) -> str:
     where = f'{samples.topic} in {samples.source}'
     if not samples.counts:
         notes = f' ({"; ".join(samples.notes)})' if samples.notes else ''
-        raise SourceError(
-            f'{where} must hold messages, but is empty{notes}; record while the arm moves.'
-        )
+        return f'{where} must hold messages, but is empty{notes}; record while the arm moves.'
     absent = [name for name in samples.joint_names if name not in samples.seen_joints]
     if absent:
-        raise SourceError(
+        return (
             f'recording.joints must be joints of {where}, but {", ".join(absent)} is not among '
             f'{", ".join(samples.seen_joints[:_SHOWN_JOINTS]) or "none"}; correct the names.'
         )
-    raise SourceError(
-        f'no message of {where} can be used ({_counted(samples)}); record position, velocity and '
+    return (
+        f'no message of {where} can be used ({_reasons(samples)}); record position, velocity and '
         'effort of every joint, or choose other joints with recording.joints.'
     )
 
 
-def _check_joints(samples: JointSamples) -> None:
-    strange = (Reason.FOREIGN_JOINTS, Reason.MISSING_JOINT)
-    dropped = sum(samples.counts.get(reason, 0) for reason in strange)
-    if dropped > samples.n_samples:
-        raise SourceError(
-            f'most messages of {samples.topic} in {samples.source} lack joints of the first one, '
-            f'{", ".join(samples.joint_names)} ({_counted(samples)}); name the joints to use '
-            'with recording.joints.'
-        )
-
-
-def _counted(samples: JointSamples) -> str:
+def _reasons(samples: JointSamples) -> str:
     return ', '.join(f'{count} {reason}' for reason, count in samples.counts.items())

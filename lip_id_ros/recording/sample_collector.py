@@ -1,13 +1,12 @@
-"""What is collected of a topic: for each set of joints that come together, arrays that grow."""
+"""The usable messages of a topic, by the set of joints that come together."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.recording.decoding import MessageBlock
@@ -18,15 +17,19 @@ from lip_id_ros.recording.joint_samples import (
     name_reason,
     Reason,
 )
-from lip_id_ros.recording.spill import grown, RowStore
+from lip_id_ros.recording.spill import RowStore
 from lip_id_ros.recording.timing import LATEST_NS
 
-_FIRST_ROWS = 1024
+HEADER, RECEIVE, PUBLISHER = range(3)
+"""Columns of `Part.numbers`."""
+
 _MOST_PARTS = 64
+_MOST_SEEN = 4096
 _MOST_PUBLISHERS = 16
 _SMALLEST = np.finfo(np.float64).tiny
 
 Publisher = tuple[frozenset[str], str]
+"""Joints and frame of its messages."""
 
 
 class Part(NamedTuple):
@@ -35,94 +38,50 @@ class Part(NamedTuple):
 
     Attributes
     ----------
-    joints : tuple of str
-    header_ns, receive_ns : ndarray of int, shape (N,)
-        Both clocks [ns].
-    publisher : ndarray of int, shape (N,)
-        Messages with other joints beside these, or another frame, have another number; 0 for all
-        where there are too many to be publishers.
+    joints : tuple of str, n of them
     publishers : tuple
-        Joints and frame of each number.
-    position, velocity, effort : ndarray, shape (N, n)
-        NaN where a message has none.
+        Joints and frame of each number; one where there are too many to be publishers.
+    numbers : ndarray of int, shape (N, 3)
+        Stamp of the header and time of reception [ns], and number of the publisher: messages with
+        other joints beside these, or another frame, are of another publisher.
+    values : ndarray, shape (N, 3, n)
+        Position, velocity and effort; NaN where a message has none.
 
     """
 
     joints: tuple[str, ...]
-    header_ns: IntArray
-    receive_ns: IntArray
-    publisher: NDArray[np.int8]
     publishers: tuple[Publisher, ...]
-    position: Array
-    velocity: Array
-    effort: Array
+    numbers: IntArray
+    values: Array
 
 
-class _Growing:
+class _GrowingPart:
     """A part that takes messages at its end."""
 
     def __init__(self, joints: tuple[str, ...]) -> None:
         self._joints = joints
-        self._size = 0
-        self._clocks = [np.empty(_FIRST_ROWS, np.int64) for _ in range(2)]
-        self._publisher = np.empty(_FIRST_ROWS, np.int8)
-        self._stores = [RowStore(len(joints)) for _ in range(3)]
+        self._numbers = RowStore(3, dtype=np.int64)
+        self._values = RowStore(3, len(joints))
         self._publishers: dict[Publisher, int] = {}
 
     def number_of(self, publisher: Publisher) -> int:
-        """Return the number of a publisher; of publishers that are too many, any."""
+        """Return the number of a publisher; 0 for a new one where there are too many."""
         if len(self._publishers) > _MOST_PUBLISHERS:
             return self._publishers.get(publisher, 0)
         return self._publishers.setdefault(publisher, len(self._publishers))
 
-    def extend(self, messages: _Messages) -> None:
-        """Append messages."""
-        needed = self._size + messages.rows.size
-        if needed > len(self._publisher):
-            self._clocks = [grown(clock, needed) for clock in self._clocks]
-            self._publisher = grown(self._publisher, needed)
-        for clock, stamps in zip(self._clocks, messages.clocks, strict=True):
-            clock[self._size : needed] = stamps
-        self._publisher[self._size : needed] = messages.publisher
-        self._size = needed
-        for store, values in zip(self._stores, messages.values, strict=True):
-            store.extend(values)
+    def extend(self, pieces: Sequence[tuple[IndexArray, IntArray, Array]]) -> None:
+        """Append messages (rows in the file, numbers, values) in the order of the file."""
+        rows, numbers, values = (np.concatenate(each) for each in zip(*pieces, strict=True))
+        order = np.argsort(rows)
+        self._numbers.extend(numbers[order])
+        self._values.extend(values[order])
 
     def part(self) -> Part:
         """Return what was appended; nothing may be appended any more."""
-        known = len(self._publishers) <= _MOST_PUBLISHERS
-        publisher = self._publisher[: self._size]
-        header_ns, receive_ns = (clock[: self._size] for clock in self._clocks)
-        position, velocity, effort = (store.values() for store in self._stores)
-        return Part(
-            self._joints,
-            header_ns,
-            receive_ns,
-            publisher if known else np.zeros_like(publisher),
-            tuple(self._publishers)[: None if known else 1],
-            position,
-            velocity,
-            effort,
-        )
-
-
-class _Messages(NamedTuple):
-    """Usable messages of a batch, all of the same joints."""
-
-    rows: IndexArray
-    clocks: Sequence[IntArray]
-    publisher: NDArray[np.int8]
-    values: Sequence[Array]
-
-    def in_order(self) -> _Messages:
-        """Return them in the order of the file: several forms lie between each other."""
-        order = np.argsort(self.rows)
-        return _Messages(
-            self.rows[order],
-            [clock[order] for clock in self.clocks],
-            self.publisher[order],
-            [values[order] for values in self.values],
-        )
+        too_many = len(self._publishers) > _MOST_PUBLISHERS
+        publishers = tuple(self._publishers)[: 1 if too_many else None]
+        return Part(self._joints, publishers, self._numbers.values(), self._values.values())
 
 
 class SampleCollector:
@@ -156,7 +115,7 @@ class SampleCollector:
         self.seen: dict[str, None] = {}
         self.notes: dict[str, None] = {}
         self._denormal = 0
-        self._parts: dict[tuple[str, ...], _Growing] = {}
+        self._parts: dict[tuple[str, ...], _GrowingPart] = {}
 
     def add(self, blocks: Sequence[MessageBlock], receive_ns: IntArray) -> None:
         """
@@ -170,7 +129,7 @@ class SampleCollector:
             Of all messages, also of those that are in no block [ns].
 
         """
-        taken: dict[tuple[str, ...], list[_Messages]] = {}
+        taken: dict[tuple[str, ...], list[Any]] = {}
         for block in sorted(blocks, key=lambda each: int(each.rows[0])):
             reason = name_reason(block.names) or length_reason(
                 len(block.names), *(values.shape[1] for values in block.values)
@@ -179,8 +138,7 @@ class SampleCollector:
             if reason is not None:
                 self.counts[reason] += block.rows.size
         for joints, pieces in taken.items():
-            messages = pieces[0] if len(pieces) == 1 else _joined(pieces).in_order()
-            self._parts[joints].extend(messages)
+            self._parts[joints].extend(pieces)
 
     @property
     def collected_joints(self) -> set[str]:
@@ -196,12 +154,9 @@ class SampleCollector:
         return [growing.part() for growing in self._parts.values()]
 
     def _take(
-        self,
-        block: MessageBlock,
-        receive_ns: IntArray,
-        taken: dict[tuple[str, ...], list[_Messages]],
+        self, block: MessageBlock, receive_ns: IntArray, taken: dict[tuple[str, ...], list[Any]]
     ) -> Reason | None:
-        if len(self.seen) < 64 * _MOST_PARTS:
+        if len(self.seen) < _MOST_SEEN:
             self.seen.update(dict.fromkeys(block.names))
         columns = columns_of(block.names, self.joints or block.names)
         if not columns.size:
@@ -216,20 +171,16 @@ class SampleCollector:
         if present not in self._parts and len(self._parts) == _MOST_PARTS:
             self.counts[Reason.MISSING_JOINT] += int(keep.sum())
             return None
-        growing = self._parts.setdefault(present, _Growing(present))
+        growing = self._parts.setdefault(present, _GrowingPart(present))
         publisher = growing.number_of((frozenset(block.names), block.frame_id))
-        nothing = np.full((block.rows.size, columns.size), np.nan)
-        filled = iter(values)
-        columns_of_all = [next(filled) if part.shape[1] else nothing for part in block.values]
-        clocks = [np.clip(each, -1, LATEST_NS) for each in (block.stamp_ns, receive_ns)]
-        taken.setdefault(present, []).append(
-            _Messages(
-                block.rows[keep],
-                [clock[keep] for clock in clocks],
-                np.full(int(keep.sum()), publisher, np.int8),
-                [column[keep] for column in columns_of_all],
-            )
-        )
+        numbers = np.empty((block.rows.size, 3), np.int64)
+        numbers[:, HEADER] = np.clip(block.stamp_ns, -1, LATEST_NS)
+        numbers[:, RECEIVE] = np.clip(receive_ns, -1, LATEST_NS)
+        numbers[:, PUBLISHER] = publisher
+        found = np.full((block.rows.size, 3, columns.size), np.nan)
+        filled = [k for k, part in enumerate(block.values) if part.shape[1]]
+        found[:, filled] = np.stack(values, axis=1)
+        taken.setdefault(present, []).append((block.rows[keep], numbers[keep], found[keep]))
         return None
 
 
@@ -251,12 +202,3 @@ def _cleared(values: Sequence[Array]) -> int:
         cleared += int(denormal.sum())
         part[denormal] = 0.0
     return cleared
-
-
-def _joined(pieces: Sequence[_Messages]) -> _Messages:
-    return _Messages(
-        np.concatenate([piece.rows for piece in pieces]),
-        [np.concatenate([piece.clocks[k] for piece in pieces]) for k in range(2)],
-        np.concatenate([piece.publisher for piece in pieces]),
-        [np.concatenate([piece.values[k] for piece in pieces]) for k in range(3)],
-    )

@@ -1,25 +1,25 @@
 """
 Arrays of any length in little memory: what is large lies in temporary files.
 
-A mapped file counts as memory of the process as long as its pages are mapped. So whoever goes
-through a large array does it in blocks of rows and releases the pages behind.
+A mapped file counts as memory of the process as long as its pages are mapped. So large arrays are
+read and written in blocks of rows, and the pages of each block are released.
 
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import mmap
 import os
 import tempfile
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 
-LARGE_BYTES = 64 * 2**20
+LARGE_BYTES = 32 * 2**20
 """Arrays beyond this size lie in a temporary file."""
 BLOCK_ROWS = 65_536
 
@@ -32,9 +32,9 @@ def row_blocks(size: int) -> Iterator[slice]:
         yield slice(start, min(start + BLOCK_ROWS, size))
 
 
-def column_array(rows: int, width: int) -> Array:
+def large_array(*shape: int, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """
-    Return an array of shape (rows, width) to be filled, column-major.
+    Return an array to be filled, column-major.
 
     Raises
     ------
@@ -42,12 +42,12 @@ def column_array(rows: int, width: int) -> Array:
         If the temporary folder has no room for it.
 
     """
-    size = 8 * rows * width
+    size = np.dtype(dtype).itemsize * int(np.prod(shape))
     if size <= LARGE_BYTES:
-        return np.empty((rows, width), order='F')
+        return np.empty(shape, dtype, order='F')
     with tempfile.TemporaryFile(prefix='lip_id_') as file:
         _reserve(file.fileno(), size)
-        return np.memmap(file, np.float64, 'r+', shape=(rows, width), order='F')
+        return np.memmap(file, dtype, 'r+', shape=shape, order='F')
 
 
 def _reserve(descriptor: int, size: int) -> None:
@@ -59,7 +59,7 @@ def _reserve(descriptor: int, size: int) -> None:
 
 
 def release(*arrays: NDArray[Any]) -> None:
-    """Give the memory of mapped pages back; the arrays stay what they are."""
+    """Give the memory of mapped pages back; the arrays keep their values."""
     for array in arrays:
         base: Any = array
         while isinstance(base, np.ndarray):
@@ -68,16 +68,81 @@ def release(*arrays: NDArray[Any]) -> None:
             base.madvise(mmap.MADV_DONTNEED)
 
 
-class RowStore:
-    """Rows of float64 that grow at their end, in a temporary file once they are many."""
+def mapped(function: Callable[..., NDArray[Any]], *arrays: NDArray[Any]) -> NDArray[Any]:
+    """Return a function of arrays of equal length, which treats each row by itself."""
+    size, nothing = len(arrays[0]), function(*(array[:0] for array in arrays))
+    result = large_array(size, *nothing.shape[1:], dtype=nothing.dtype)
+    for rows in row_blocks(size):
+        result[rows] = function(*(array[rows] for array in arrays))
+        release(result, *arrays)
+    return result
 
-    def __init__(self, width: int) -> None:
-        self._width = width
-        self._array = np.empty((_FIRST_ROWS, width))
+
+def row_numbers(size: int) -> IndexArray:
+    """Return 0, 1, 2, ... up to `size`."""
+    result = large_array(size, dtype=np.intp)
+    for rows in row_blocks(size):
+        result[rows] = np.arange(rows.start, rows.stop)
+        release(result)
+    return result
+
+
+def marked(condition: Callable[[NDArray[Any]], BoolArray], values: NDArray[Any]) -> BoolArray:
+    """Return which rows satisfy a condition, shape (N,)."""
+    return mapped(condition, values)
+
+
+def gathered(
+    values: NDArray[Any], rows: IndexArray, columns: IndexArray | None = None
+) -> NDArray[Any]:
+    """Return rows of an array, in any order, and some or all columns."""
+
+    def taken(numbers: IndexArray) -> NDArray[Any]:
+        some = values[numbers]
+        release(values)
+        return some if columns is None else some[:, columns]
+
+    return mapped(taken, rows)
+
+
+def steps(values: NDArray[Any]) -> Iterator[NDArray[Any]]:
+    """Yield the differences of successive values of shape (N,), block by block."""
+    for rows in row_blocks(len(values) - 1):
+        yield np.diff(values[rows.start : rows.stop + 1])
+        release(values)
+
+
+def extent(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the least and the largest value of each column; there is at least one row."""
+    ends = []
+    for rows in row_blocks(len(values)):
+        ends.append((values[rows].min(axis=0), values[rows].max(axis=0)))
+        release(values)
+    least, largest = zip(*ends, strict=True)
+    return np.min(least, axis=0), np.max(largest, axis=0)
+
+
+def thinned(values: Array, most: int) -> Array:
+    """Return every k-th value of shape (N,), fewer than 2 `most` of them."""
+    every = max(1, len(values) // most)
+    if every == 1:
+        return values
+    pieces = []
+    for rows in row_blocks(len(values)):
+        pieces.append(values[rows][-rows.start % every :: every].copy())
+        release(values)
+    return np.concatenate(pieces)
+
+
+class RowStore:
+    """Rows that grow at their end, in a temporary file once they are many."""
+
+    def __init__(self, *shape: int, dtype: DTypeLike = np.float64) -> None:
+        self._array = np.empty((_FIRST_ROWS, *shape), dtype)
         self._size = 0
         self._file: Any = None
 
-    def extend(self, rows: Array) -> None:
+    def extend(self, rows: NDArray[Any]) -> None:
         """
         Append rows.
 
@@ -88,29 +153,29 @@ class RowStore:
 
         """
         needed = self._size + len(rows)
-        if self._file is None and 8 * needed * self._width > LARGE_BYTES:
+        if self._file is None and needed * self._array[0].nbytes > LARGE_BYTES:
             self._file = tempfile.TemporaryFile(prefix='lip_id_')  # noqa: SIM115  values() closes
             self._array[: self._size].tofile(self._file)
-            self._array = np.empty((0, self._width))
+            self._array = self._array[:1].copy()
         if self._file is not None:
-            np.ascontiguousarray(rows).tofile(self._file)
+            rows.astype(self._array.dtype).tofile(self._file)
         else:
-            if needed > len(self._array):
-                self._array = grown(self._array, needed)
+            self._make_room(needed)
             self._array[self._size : needed] = rows
         self._size = needed
 
-    def values(self) -> Array:
+    def values(self) -> NDArray[Any]:
         """Return the rows, without a copy; nothing may be appended any more."""
         if self._file is None:
             return self._array[: self._size]
+        shape = (self._size, *self._array.shape[1:])
         with self._file as file:
             file.flush()
-            return np.memmap(file, np.float64, 'r', shape=(self._size, self._width))
+            return np.memmap(file, self._array.dtype, 'r', shape=shape)
 
-
-def grown(array: NDArray[Any], needed: int) -> NDArray[Any]:
-    """Return an array with room for `needed` rows, and more, so that growth stays linear."""
-    capacity = max(needed, 3 * len(array) // 2)
-    array.resize((capacity, *array.shape[1:]), refcheck=False)  # no view of it exists
-    return array
+    def _make_room(self, needed: int) -> None:
+        """Make room for rows, and for more, so that growth stays linear."""
+        if needed > len(self._array):
+            capacity = max(needed, 3 * len(self._array) // 2)
+            # no view of it exists
+            self._array.resize((capacity, *self._array.shape[1:]), refcheck=False)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.recording.joint_samples import Reason
+from lip_id_ros.recording.spill import mapped, release, row_numbers, steps
 
 GAP_STEPS = 5.0
 """A step of more than so many median steps is a gap, unless set otherwise."""
@@ -24,6 +26,8 @@ END_NS = 3600 * SECOND
 RESTART_NS = SECOND
 APART_NS = 3600 * SECOND
 """What was recorded after the clock went back for good is put so long after what was before."""
+MOST_STEPS = 2**20
+"""Of so many steps the median is that of all."""
 
 _MIN_FORWARD = 0.25
 _NEIGHBOURS = 11
@@ -33,6 +37,7 @@ _LATE_PLACES = 5
 _MOST_LATE = 0.1
 _MOST_RESTARTS = 3
 _CANDIDATES = 50_000
+_STEP_BLOCKS = 16
 _END_OF_TIME = 2**63 - 1
 
 
@@ -44,10 +49,8 @@ class Timeline(NamedTuple):
     ----------
     rows : ndarray of int
         Which messages are kept, in the order of time.
-    t_ns : ndarray of int
-        Time of each since the first, strictly increasing [ns].
-    start_ns : int
-        Stamp of the first.
+    stamps_ns : ndarray of int
+        Time of each, strictly increasing [ns].
     dropped : Counter
         Messages left out, by reason.
     late : int
@@ -58,14 +61,24 @@ class Timeline(NamedTuple):
     """
 
     rows: IndexArray
-    t_ns: IntArray
-    start_ns: int
+    stamps_ns: IntArray
     dropped: Counter[str]
-    late: int
-    restarts: int
+    late: int = 0
+    restarts: int = 0
 
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first message, 0 where there is none."""
+        return int(self.stamps_ns[0]) if self.stamps_ns.size else 0
+
+    @property
+    def t(self) -> Array:
+        """Time of each message since the first [s]."""
+        return mapped(lambda stamps: (stamps - self.start_ns) / SECOND, self.stamps_ns)
+
+    @property
     def notes(self) -> tuple[str, ...]:
-        """Return what was put in order, one phrase each."""
+        """What was put in order, one phrase each."""
         late = f'{self.late} messages came late and were put where they belong'
         restarts = (
             f'the clock went back for good {self.restarts} times: what follows was put an hour '
@@ -88,17 +101,17 @@ def stamps_advance(stamps_ns: IntArray) -> bool:
         Stamps in the order of recording [ns].
 
     """
-    steps = np.diff(stamps_ns)
-    forward, backward = int((steps > 0).sum()), int((steps < 0).sum())
-    return forward >= _MIN_FORWARD * steps.size and forward >= backward
+    forward = sum(int((step > 0).sum()) for step in steps(stamps_ns))
+    backward = sum(int((step < 0).sum()) for step in steps(stamps_ns))
+    return forward >= _MIN_FORWARD * (len(stamps_ns) - 1) and forward >= backward
 
 
 def is_one_clock(stamps_ns: IntArray) -> bool:
     """Whether most steps are alike, as those of one publisher are."""
-    steps = np.diff(stamps_ns)
-    forward = steps[steps > 0]
+    some = some_steps(stamps_ns)
+    forward = some[some > 0]
     typical = float(np.median(forward)) if forward.size else 0.0
-    return bool((np.abs(steps - typical) <= 0.5 * typical).mean() >= _MOSTLY)
+    return bool((np.abs(some - typical) <= 0.5 * typical).mean() >= _MOSTLY)
 
 
 def jumps_between_clocks(stamps_ns: IntArray) -> bool:
@@ -109,7 +122,7 @@ def jumps_between_clocks(stamps_ns: IntArray) -> bool:
     messages would have to move by more than five places to be in order.
 
     """
-    if not (np.diff(stamps_ns) < 0).any():
+    if not any((step < 0).any() for step in steps(stamps_ns)):
         return False
     rows = _plausible(stamps_ns, np.arange(stamps_ns.size), Counter(), is_epoch=True)
     stamps = stamps_ns[rows]
@@ -139,15 +152,16 @@ def arrange(stamps_ns: IntArray, *, is_epoch: bool = True) -> Timeline:
         Whether they count from an epoch, so that negative ones, and zeros within, are wrong.
 
     """
-    rows = np.arange(stamps_ns.size)
+    is_wrong = is_epoch and bool((stamps_ns[:1] < 0).any())
+    if not is_wrong and not _far_end(stamps_ns) and _increase(stamps_ns):
+        stamps = mapped(np.array, stamps_ns)
+        return Timeline(row_numbers(stamps.size), stamps, Counter())
     dropped = Counter[str]()
-    in_order = not (np.diff(stamps_ns) <= 0).any() and not (is_epoch and (stamps_ns[:1] < 0).any())
-    if not in_order or _far_end(stamps_ns):
-        rows = _plausible(stamps_ns, rows, dropped, is_epoch=is_epoch)
+    rows = _plausible(stamps_ns, np.arange(stamps_ns.size), dropped, is_epoch=is_epoch)
     stamps = stamps_ns[rows]
     restarts = _restarts(stamps)
     late = 0
-    if restarts.size or (np.diff(stamps) <= 0).any():
+    if restarts.size or not _increase(stamps):
         stamps = _in_parts(stamps, restarts)
         dropped[Reason.STRAY_STAMP] += rows.size - stamps.size
         rows = rows[: stamps.size]
@@ -157,8 +171,11 @@ def arrange(stamps_ns: IntArray, *, is_epoch: bool = True) -> Timeline:
         first = np.concatenate([np.ones(min(1, stamps.size), bool), np.diff(stamps) > 0])
         dropped[Reason.REPEATED_STAMP] += int((~first).sum())
         rows, stamps = rows[first], stamps[first]
-    start = int(stamps[0]) if stamps.size else 0
-    return Timeline(rows, stamps - start, start, +dropped, late, restarts.size)
+    return Timeline(rows, stamps, +dropped, late, restarts.size)
+
+
+def _increase(stamps: IntArray) -> bool:
+    return all((step > 0).all() for step in steps(stamps))
 
 
 def _plausible(
@@ -228,17 +245,26 @@ def _in_parts(stamps: IntArray, restarts: IndexArray) -> IntArray:
     return shifted
 
 
-def seconds(t_ns: IntArray) -> Array:
-    """Return times in seconds."""
-    t: Array = t_ns.astype(np.float64) / SECOND
-    return t
+def some_steps(values: NDArray[Any], most: int = MOST_STEPS) -> NDArray[Any]:
+    """Return the differences of successive values; of more than `most`, those of 16 blocks."""
+    if values.size <= max(most, _STEP_BLOCKS):
+        return np.diff(values)
+    length = max(1, most // _STEP_BLOCKS)
+    starts = np.linspace(0, values.size - length - 1, _STEP_BLOCKS).astype(int).tolist()
+    found = [np.diff(values[start : start + length + 1]) for start in starts]
+    release(values)
+    return np.concatenate(found)
 
 
-def median_step(t: Array) -> float:
-    """Return the median step of increasing times [s]; 0 for fewer than two."""
-    return float(np.median(np.diff(t))) if t.size > 1 else 0.0
+def median_step(t: NDArray[Any]) -> float:
+    """Return the median step of increasing times, in their unit; 0 for fewer than two."""
+    return float(np.median(some_steps(t))) if t.size > 1 else 0.0
 
 
 def gap_starts(t: Array, longest_s: float) -> IndexArray:
     """Return the index of the last sample before each step longer than `longest_s`."""
-    return np.flatnonzero(np.diff(t) > longest_s)
+    found, offset = [np.empty(0, np.intp)], 0
+    for step in steps(t):
+        found.append(offset + np.flatnonzero(step > longest_s))
+        offset += step.size
+    return np.concatenate(found)

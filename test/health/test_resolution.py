@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.health.signal_checks import clipped_share, longest_plateau
+from lip_id_ros.health.evidence import Signal
 from lip_id_ros.preprocessing.cleaning import quantum
 
 T = np.arange(4000) / 100.0
@@ -36,18 +36,19 @@ def test_a_smooth_signal_has_no_step(seed: int) -> None:
 
 @given(st.integers(0, 1000), st.floats(1e-3, 0.3))
 def test_a_quantised_signal_is_not_clipped(seed: int, step: float) -> None:
-    assert clipped_share(step * np.round(wave(seed) / step)) == 0.0
+    assert Signal(step * np.round(wave(seed) / step)).clipped_share == 0.0
 
 
 @given(st.integers(0, 1000), st.sampled_from([0.0, 0.05]), st.sampled_from([1.0, -1.0]))
 def test_a_clipped_signal_is_clipped(seed: int, noise: float, side: float) -> None:
     values = wave(seed, noise)
     limit = np.percentile(values, 90)
-    assert clipped_share(side * np.minimum(values, limit)) == pytest.approx(0.1, abs=0.02)
-    assert clipped_share(values) == 0.0
+    assert Signal(side * np.minimum(values, limit)).clipped_share == pytest.approx(0.1, abs=0.02)
+    assert Signal(values).clipped_share == 0.0
 
 
 def test_the_longest_plateau_is_that_of_the_longest_time() -> None:
     t = np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])
-    assert longest_plateau(t, np.array([1.0, 1.0, 1.0, 2.0, 2.0, 3.0])) == (3, 4)
-    assert longest_plateau(t[:1], np.array([1.0])) == (0, 0)
+    values = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 3.0])
+    assert Signal(values).longest_plateau(t) == (3, 4)
+    assert Signal(np.array([1.0])).longest_plateau(t[:1]) == (0, 0)

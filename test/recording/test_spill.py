@@ -61,7 +61,7 @@ def test_samples_in_files_are_those_in_memory(
 def test_temporary_files_leave_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
     monkeypatch.setattr(spill, 'LARGE_BYTES', 0)
-    array = spill.column_array(100, 3)
+    array = spill.large_array(100, 3)
     array[:] = 1.0
     spill.release(array[:, 1])
     assert array.sum() == 300.0
@@ -79,4 +79,4 @@ def test_full_disk_is_an_error_before_anything_is_written(
     monkeypatch.setattr(spill, 'LARGE_BYTES', 0)
     monkeypatch.setattr(os, 'posix_fallocate', full)
     with pytest.raises(OSError, match='No space left'):
-        spill.column_array(100, 3)
+        spill.large_array(100, 3)

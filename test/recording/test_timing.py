@@ -23,7 +23,7 @@ def with_one(stamp: int, place: int) -> IntArray:
 def test_stamps_in_order_are_left_alone() -> None:
     timeline = arrange(CLEAN)
     np.testing.assert_array_equal(timeline.rows, np.arange(300))
-    np.testing.assert_array_equal(timeline.t_ns, STEP * np.arange(300))
+    np.testing.assert_array_equal(timeline.stamps_ns, CLEAN)
     assert (timeline.start_ns, timeline.dropped, timeline.late) == (EPOCH, {}, 0)
 
 
@@ -42,7 +42,7 @@ def test_stamps_in_order_are_left_alone() -> None:
 def test_one_wrong_stamp_costs_one_message(place: int, stamp: int, reason: Reason) -> None:
     timeline = arrange(with_one(stamp, place))
     np.testing.assert_array_equal(timeline.rows, np.delete(np.arange(301), place))
-    np.testing.assert_array_equal(timeline.t_ns, CLEAN - EPOCH)
+    np.testing.assert_array_equal(timeline.stamps_ns, CLEAN)
     assert timeline.dropped == {reason: 1}
 
 
@@ -63,7 +63,7 @@ def test_clock_that_goes_back_for_good_begins_another_part() -> None:
     timeline = arrange(np.concatenate([CLEAN, CLEAN, CLEAN - 3600 * 10**9]))
     assert (timeline.rows.size, timeline.dropped, timeline.restarts) == (900, {}, 2)
     np.testing.assert_array_equal(timeline.rows, np.arange(900))
-    steps = np.diff(timeline.t_ns)
+    steps = np.diff(timeline.stamps_ns)
     assert (steps[[299, 599]] == APART_NS).all()
     assert (np.delete(steps, [299, 599]) == STEP).all()
 
@@ -84,14 +84,14 @@ def test_whatever_the_stamps_all_messages_are_kept_or_counted(stamps: list[int])
     timeline = arrange(given_ns)
     assert timeline.rows.size + sum(timeline.dropped.values()) == len(stamps)
     assert np.unique(timeline.rows).size == timeline.rows.size
-    assert (np.diff(timeline.t_ns) > 0).all()
+    assert (np.diff(timeline.stamps_ns) > 0).all()
 
 
 @given(st.permutations(range(60)))
 def test_any_order_at_all_gives_stamps_that_were_there(order: list[int]) -> None:
     stamps = CLEAN[order]
     timeline = arrange(stamps)
-    np.testing.assert_array_equal(stamps[timeline.rows], timeline.start_ns + timeline.t_ns)
+    np.testing.assert_array_equal(stamps[timeline.rows], timeline.stamps_ns)
     assert (timeline.rows.size, timeline.dropped) == (60, {})
 
 
@@ -120,6 +120,6 @@ def test_restarts_beyond_the_end_of_time_are_dropped() -> None:
     saw = np.concatenate([np.linspace(1, 2**62 - 1, 60).astype(np.int64) for _ in range(6)])
     for stamps in (teeth, saw):
         timeline = arrange(stamps)
-        assert (np.diff(timeline.t_ns) > 0).all()
-        assert (timeline.t_ns >= 0).all()
+        assert (np.diff(timeline.stamps_ns) > 0).all()
+        assert (timeline.stamps_ns >= timeline.start_ns).all()
         assert timeline.rows.size + timeline.dropped.total() == stamps.size
