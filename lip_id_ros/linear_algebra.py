@@ -1,4 +1,4 @@
-"""Cholesky factors of Gram matrices: the one place that says how much jitter is added."""
+"""Cholesky factors of Gram matrices: the only place that adds jitter."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ LEAST_FREEDOM = 0.1
 
 DAMPINGS = (1e-1, 1.0)
 """
-Of the Gauss-Newton steps, in squares of the columns: what the data do not tell must not run away.
+Of the Gauss-Newton steps, in squares of the columns: what the data do not identify must not diverge.
 """
 
 STEPS = 2

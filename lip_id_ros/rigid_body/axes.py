@@ -9,8 +9,8 @@ from lip_id_ros.rigid_body.chain import Chain
 
 PARALLEL = np.sin(np.radians(3.0))
 """
-Sine of the angle below which two axes count as parallel: torques tell a small angle poorly, and
-where such axes cross says nothing.
+Sine of the angle below which two axes count as parallel: torques identify a small angle poorly, and
+the place where such axes cross is not identified.
 """
 
 
@@ -29,7 +29,7 @@ def distances_between(chain: Chain) -> Array:
     -------
     array, shape (n - 1,)
         [m]; not a number where one of the two is prismatic, whose axis is but a direction, and
-        where there is no gravity, without which torques tell lengths up to a factor.
+        where there is no gravity, without which torques identify lengths up to a factor.
 
     """
     axes, origins = chain.rotations[1:, :, 2], chain.translations[1:]
