@@ -41,7 +41,7 @@ LEAST_FREEDOM = 0.1
 
 DAMPINGS = (1e-1, 1.0)
 """
-Of the Gauss-Newton steps, in squares of the columns: what the data do not identify must not diverge.
+Of the Gauss-Newton steps, in squares of the columns, so that what is not identified stays finite.
 """
 
 STEPS = 2

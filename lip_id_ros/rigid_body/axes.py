@@ -9,8 +9,8 @@ from lip_id_ros.rigid_body.chain import Chain
 
 PARALLEL = np.sin(np.radians(3.0))
 """
-Sine of the angle below which two axes count as parallel: torques identify a small angle poorly, and
-the place where such axes cross is not identified.
+Sine of the angle below which two axes count as parallel: torques identify a small angle poorly,
+and do not identify where such axes cross.
 """
 
 
