@@ -58,9 +58,9 @@ setup(
             'monitor = lip_id_ros.nodes.monitor:main',
             'replay = lip_id_ros.nodes.replay:main',
             'computed_torque = lip_id_ros.nodes.computed_torque:main',
-            'simulated_panda = lip_id_ros.demo.robot:main',
-            'simulated_arm = lip_id_ros.demo.arm:main',
-            'reference = lip_id_ros.demo.reference:main',
+            'simulated_panda = lip_id_ros.demo.nodes:simulated_panda',
+            'simulated_arm = lip_id_ros.demo.nodes:simulated_arm',
+            'reference = lip_id_ros.demo.nodes:reference',
         ],
     },
 )

@@ -16,7 +16,7 @@ from lip_id_ros.comparison import Case, thinned
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import MotionLimits, panda, SimulatedArm, SinusoidTrajectory
-from lip_id_ros.simulation.panda import MOTION, panda_urdf
+from lip_id_ros.simulation.arm import MOTION, panda_urdf
 
 UNSEEN = 'unseen motion'
 

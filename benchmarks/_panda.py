@@ -8,7 +8,7 @@ import numpy as np
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory
-from lip_id_ros.simulation.panda import MOTION
+from lip_id_ros.simulation.arm import MOTION
 from lip_id_ros.simulation.trajectories import MotionLimits
 
 N_SAMPLES = 500

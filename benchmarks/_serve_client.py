@@ -25,7 +25,7 @@ from benchmarks._cells import running
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.running import make_executor
 from lip_id_ros.simulation import panda, SinusoidTrajectory
-from lip_id_ros.simulation.panda import MOTION
+from lip_id_ros.simulation.arm import MOTION
 
 LIMITS = [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]  # data sheet [N m]
 START_SECONDS, LAST_SECONDS = 120.0, 2.0

@@ -31,7 +31,7 @@ from lip_id_ros.simulation import (
     track,
     Tracking,
 )
-from lip_id_ros.simulation.panda import MOTION
+from lip_id_ros.simulation.arm import MOTION
 from lip_id_ros.tracking.experiment import panda_setup, Setup
 
 EVERY = 10  # the observer runs at 100 Hz

@@ -10,17 +10,15 @@ come in between.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 import json
-import math
 from pathlib import Path
 import tempfile
 import time
 from typing import Any
 
-from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
@@ -28,12 +26,12 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from benchmarks._cells import running
+from benchmarks._hostile import counts, hostile_states, hostile_trajectory, USES
 from benchmarks._serve_client import spun
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification import fit
@@ -42,11 +40,7 @@ from lip_id_ros.settings import FitSettings
 
 NAMES = ('a', 'b')
 LIMITS = (5.0, 3.0)
-OTHERS = ('', 'c', 'a ', 'ä' * 100, '/')
-ODD = (math.nan, math.inf, -math.inf, 0.0, -0.0, 5e-324, 1e308, -1e300, 1e12)
-START_S = 1_700_000_000
 BATCH, PACE_S, LOST_SECONDS, START_SECONDS = 200, 0.004, 60.0, 600.0
-POINTS, SHARES = (0, 1, 2, 3, 40, 2000), (0.1, 0.6, 0.1, 0.1, 0.095, 0.005)
 Status = Mapping[str, Any]
 
 
@@ -96,13 +90,11 @@ def report(fuzzer: Fuzzer, ended: list[str]) -> int:
     wrong = len(ended) + fuzzer.heard.unsafe
     for name, sent in fuzzer.sent.items():
         status = fuzzer.heard.statuses[name]
-        counted = COUNTED[name](status)
-        total = sum(counted.values())
-        received = status.get('received', total)
-        print(f'{name}: sent {sent}, lost on the way {sent - received}, received {received}:')
-        print(f'  {counted}')
+        received, accounted = counts(name, status)
+        print(f'{name}: sent {sent}, lost on the way {sent - received}, received {received},')
+        print(f'  of which used or refused for a reason: {accounted}')
         print(f'  exceptions caught by the guard: {status["faults"]} {status["last_fault"]}')
-        wrong += received != total or total > sent
+        wrong += received != accounted or received > sent
     heard = fuzzer.heard
     print(f'torques {heard.torques}, unsafe {heard.unsafe}; requests {fuzzer.n_requests}')
     print(f'nodes that ended: {ended or "none"}')
@@ -138,33 +130,6 @@ def parameters_of(model: str, folder: str) -> dict[str, dict[str, str]]:
     }
 
 
-def _of_serve(status: Status) -> dict[str, int]:
-    unmeasured = {f'state: {key}': n for key, n in status['unmeasured'].items()}
-    return {**status['answered'], **status['refused'], **unmeasured}
-
-
-def _of_train(status: Status) -> dict[str, int]:
-    return {'rows': status['rows'], **status['rejected']}
-
-
-def _of_monitor(status: Status) -> dict[str, int]:
-    used = {key: status[key] for key in ('watched', 'too_soon', 'after_a_gap')}
-    return {**used, **status['refused']}
-
-
-def _of_controller(status: Status) -> dict[str, int]:
-    used = {key: status[key] for key in ('plans', 'torques', 'idle')}
-    return {**used, **status['refused']}
-
-
-COUNTED: Mapping[str, Callable[[Status], dict[str, int]]] = {
-    'serve': _of_serve,
-    'train': _of_train,
-    'monitor': _of_monitor,
-    'computed_torque': _of_controller,
-}
-
-
 class Fuzzer:
     """
     Send messages, with requests in between.
@@ -187,9 +152,9 @@ class Fuzzer:
     def __init__(self, node: Node, rng: np.random.Generator) -> None:
         self._node, self._rng = node, rng
         self.heard = Heard()
-        self.sent = dict.fromkeys(COUNTED, 0)
+        self.sent = dict.fromkeys(USES, 0)
         self.n_requests = 0
-        for name in COUNTED:
+        for name in USES:
             node.create_subscription(
                 DiagnosticStatus,
                 f'/{name}/status',
@@ -215,16 +180,16 @@ class Fuzzer:
                 f'/{name}/set_parameters': node.create_client(
                     SetParameters, f'/{name}/set_parameters'
                 )
-                for name in COUNTED
+                for name in USES
             },
         }
 
     def run(self, n_messages: int) -> None:
         """Send that many messages in all, and requests in between."""
-        self._until(lambda: len(self.heard.statuses) == len(COUNTED), START_SECONDS)
-        self._until(lambda: self._states.get_subscription_count() == len(COUNTED), START_SECONDS)
+        self._until(lambda: len(self.heard.statuses) == len(USES), START_SECONDS)
+        self._until(lambda: self._states.get_subscription_count() == len(USES), START_SECONDS)
         self._until(lambda: self._active(), START_SECONDS)
-        states = hostile_states(self._rng)
+        states = hostile_states(self._rng, NAMES)
         for number in range(n_messages):
             self._send(next(states), number)
             time.sleep(PACE_S)  # joint states are best effort, ten deep
@@ -236,19 +201,18 @@ class Fuzzer:
         kind = number % 3
         if kind == 0:
             self._states.publish(state)
-            for name in COUNTED:
+            for name in USES:
                 self.sent[name] += 1
         elif kind == 1:
-            self._reference.publish(hostile_trajectory(self._rng, number))
+            self._reference.publish(hostile_trajectory(self._rng, number, NAMES))
             self.sent['serve'] += 1
         else:
-            self._plan.publish(hostile_trajectory(self._rng, number))
+            self._plan.publish(hostile_trajectory(self._rng, number, NAMES))
             self.sent['computed_torque'] += 1
 
     def _all_counted(self) -> bool:
         return all(
-            sum(COUNTED[name](self.heard.statuses[name]).values()) >= sent
-            for name, sent in self.sent.items()
+            counts(name, self.heard.statuses[name])[1] >= sent for name, sent in self.sent.items()
         )
 
     def _active(self) -> bool:
@@ -283,78 +247,3 @@ def absurd_request(rng: np.random.Generator, name: str) -> Any:
         key = str(rng.choice(['executor', 'model_path', 'ramp_s', '', 'absent', 'a.b']))
         return SetParameters.Request(parameters=[Parameter(name=key, value=value)])
     return SetBool.Request(data=bool(rng.integers(2))) if 'enable' in name else Trigger.Request()
-
-
-def hostile_states(rng: np.random.Generator) -> Iterator[JointState]:
-    """Yield joint states as no driver should publish them, and some as it should."""
-    number = 0
-    while True:
-        number += 1
-        names = _names(rng)
-        message = JointState(
-            name=names,
-            position=_values(rng, len(names)),
-            velocity=_values(rng, len(names)),
-            effort=_values(rng, len(names)),
-        )
-        message.header.stamp = _stamp(rng, number)
-        yield message
-
-
-def hostile_trajectory(rng: np.random.Generator, number: int) -> JointTrajectory | bytes:
-    """Return a reference or a plan, usually with something wrong; sometimes damaged bytes."""
-    names = _names(rng)
-    trajectory = JointTrajectory(joint_names=names)
-    trajectory.header.stamp = _stamp(rng, number)
-    n_points = int(rng.choice(POINTS, p=SHARES))
-    trajectory.points = [
-        JointTrajectoryPoint(
-            positions=_values(rng, len(names)),
-            velocities=_values(rng, len(names)),
-            accelerations=_values(rng, len(names)),
-            effort=_values(rng, len(names)) if rng.random() < 0.3 else [],
-            time_from_start=_time(rng, row),
-        )
-        for row in range(n_points)
-    ]
-    return damaged(rng, trajectory) if rng.random() < 0.05 else trajectory
-
-
-def _names(rng: np.random.Generator) -> list[str]:
-    if rng.random() < 0.7:
-        return [str(name) for name in rng.permutation(NAMES)]
-    count = int(rng.choice([0, 1, 2, 3, 50]))
-    return [str(name) for name in rng.choice(NAMES + OTHERS, size=count)]
-
-
-def _values(rng: np.random.Generator, n_names: int) -> list[float]:
-    length = n_names if rng.random() < 0.9 else int(rng.choice([0, 1, 2, 3, 1000]))
-    values = rng.normal(size=length)
-    if rng.random() < 0.1 and length:
-        values[rng.integers(length)] = rng.choice(ODD)
-    return [float(value) for value in values]
-
-
-def _time(rng: np.random.Generator, row: int) -> Duration:
-    if rng.random() < 0.05:
-        return Duration(sec=int(rng.choice([-(2**31), -1, 0, 2**31 - 1])))
-    return Duration(sec=row)
-
-
-def _stamp(rng: np.random.Generator, number: int) -> Time:
-    kind = rng.random()
-    if kind < 0.7:
-        return Time(sec=START_S + number // 100, nanosec=number % 100 * 10_000_000)
-    if kind < 0.8:
-        return Time()
-    if kind < 0.9:
-        return Time(sec=int(rng.choice([-1, -(2**31), 1, 2**31 - 1])))
-    return Time(sec=START_S + number // 100 + int(rng.integers(-5, 15)))
-
-
-def damaged(rng: np.random.Generator, message: Any) -> bytes:
-    """Return the bytes of a message with some of them changed, or cut short."""
-    raw = bytearray(serialize_message(message))
-    for _ in range(int(rng.integers(1, 4))):
-        raw[int(rng.integers(4, len(raw)))] = int(rng.integers(256))
-    return bytes(raw[: int(rng.integers(8, len(raw) + 1))])

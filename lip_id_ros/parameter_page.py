@@ -12,20 +12,20 @@ import json
 import sys
 
 from lip_id_ros.acquisition.settings import train_parameters
-from lip_id_ros.control.settings import ControlSettings
+from lip_id_ros.control.plan_controller import ControlSettings
 from lip_id_ros.demo.settings import ArmSettings, ReferenceSettings
-from lip_id_ros.feedforward.settings import serve_parameters
-from lip_id_ros.monitoring.settings import MonitorSettings
-from lip_id_ros.settings import Row
-from lip_id_ros.settings.nodes import AT_ONCE, parameters_of
+from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.monitoring.monitor import MonitorSettings
+from lip_id_ros.settings import parameters_of, Row
+from lip_id_ros.settings.settings import AT_ONCE
 
 COMMAND = 'python -m lip_id_ros.parameter_page > docs/parameters.md'
 
 INTRODUCTION = f"""\
 # Parameters of the nodes
 
-The nodes declare and check their parameters by the tables in the modules `settings.py` of
-`lip_id_ros/acquisition`, `feedforward`, `monitoring`, `control` and `demo`, and those of a fit.
+The nodes declare and check their parameters by the settings tables in `lip_id_ros/acquisition`,
+`feedforward`, `monitoring`, `control` and `demo`, and those of a fit.
 `{COMMAND}` writes this page from them.
 
 - [config/train.yaml](../config/train.yaml) and [config/serve.yaml](../config/serve.yaml) are for
@@ -65,6 +65,7 @@ def page() -> str:
 def node_parameters() -> dict[str, dict[str, Row]]:
     """Return the parameters of every node by its name."""
     others = {
+        'serve': ServeSettings,
         'monitor': MonitorSettings,
         'computed_torque': ControlSettings,
         'simulated_arm': ArmSettings,
@@ -72,7 +73,6 @@ def node_parameters() -> dict[str, dict[str, Row]]:
     }
     return {
         'train': train_parameters(),
-        'serve': serve_parameters(),
         **{name: parameters_of(table) for name, table in others.items()},
     }
 

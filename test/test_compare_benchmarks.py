@@ -20,7 +20,7 @@ from benchmarks._panda import run_pair
 from lip_id_ros.baselines import MODELS
 from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import panda, SinusoidTrajectory
-from lip_id_ros.simulation.panda import MOTION
+from lip_id_ros.simulation.arm import MOTION
 
 RNG = np.random.default_rng(0)
 

@@ -8,12 +8,12 @@ import pytest
 
 from lip_id_ros.acquisition.settings import fit_values, own_values, train_parameters, TrainSettings
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.feedforward.settings import require_changeable, serve_parameters, ServeSettings
-from lip_id_ros.settings import Config, flatten, override
+from lip_id_ros.feedforward.settings import require_changeable, ServeSettings
+from lip_id_ros.settings import Config, flatten, override, parameters_of
 
 
 def test_every_parameter_is_described_and_allows_its_default() -> None:
-    for table in (train_parameters(), serve_parameters()):
+    for table in (train_parameters(), parameters_of(ServeSettings)):
         for name, row in table.items():
             assert row.description.endswith('.'), name
             assert row.check(row.default, name) == row.default
@@ -27,7 +27,7 @@ def test_parameters_of_train_make_its_settings_and_those_of_a_fit() -> None:
 
 
 def test_parameters_of_serve_make_its_settings() -> None:
-    values = {name: row.default for name, row in serve_parameters().items()}
+    values = {name: row.default for name, row in parameters_of(ServeSettings).items()}
     assert ServeSettings(**values) == ServeSettings()
 
 

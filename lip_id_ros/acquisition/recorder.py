@@ -1,15 +1,19 @@
-"""What the node `train` keeps of joint_states, and whether it has been saved."""
+"""What the node `train` keeps of joint_states, in sections, and whether it has been saved."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from lip_id_ros.acquisition import recording_file
-from lip_id_ros.acquisition.sections import Sections
-from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording import JointSamples, Reason, SampleBuffer
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.signals.joint_states import CONFIRMED_BY, LONGEST_STEP_S
+
+MOST_SECTIONS = 100
+"""When the clock went back more often, it is not followed any more."""
 
 MESSAGE_BYTES, JOINT_BYTES = 100, 48
 """A bound on the size of a message in a bag."""
@@ -18,7 +22,143 @@ MOST_NAMES = 20
 """So many foreign joints are named, where messages have an endless variety."""
 
 
-class Recorder:
+class Sections:
+    """
+    Samples of one topic, of which one wrong stamp can spoil nothing.
+
+    A message whose stamp went back or lies far ahead is held and counted as rejected. If the next
+    ones follow it, the clock has jumped: a restarted driver or simulation, a pause. The held
+    messages are then taken, into a new section if the clock went back, and no longer counted as
+    rejected. If the next one follows the stamps from before, the held stamp was wrong.
+
+    So the messages kept and those rejected make all that came, at any time.
+
+    Parameters
+    ----------
+    joint_names : sequence of str
+        Joints to keep; empty for those of the first message that can be taken.
+    max_rows : int
+        Most messages kept in all sections together.
+
+    """
+
+    def __init__(self, joint_names: Sequence[str], max_rows: int) -> None:
+        self._wanted = tuple(joint_names)
+        self._max_rows = max_rows
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all messages, counts and, unless they were given, the joints."""
+        self._closed: list[SampleBuffer] = []
+        self._current = SampleBuffer(self._wanted, self._max_rows)
+        self._let_go()
+
+    def __len__(self) -> int:
+        """Return the number of messages kept."""
+        return sum(len(section) for section in (*self._closed, self._current))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints that are kept, empty while they are not known."""
+        return self._current.joint_names
+
+    @property
+    def other_joints(self) -> tuple[str, ...]:
+        """Joints that messages have and that are not kept."""
+        sections = (*self._closed, self._current)
+        names = dict.fromkeys(name for section in sections for name in section.seen_joints)
+        return tuple(name for name in names if name not in self.joint_names)
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Messages rejected, by reason."""
+        total: Counter[str] = Counter()
+        for section in (*self._closed, self._current):
+            total.update(section.counts)
+        return total
+
+    @property
+    def is_full(self) -> bool:
+        """Whether no further message is kept."""
+        return len(self) >= self._max_rows
+
+    def add(self, message: JointMessage) -> Reason | None:
+        """
+        Take one message, or reject and count it.
+
+        Returns
+        -------
+        Reason or None
+            Why the message is rejected, for now where its stamp jumped; None where it was taken.
+
+        """
+        stamp = 1e-9 * message.stamp_ns
+        doubt = self._doubt(stamp)
+        if doubt is not None:
+            return self._hold(stamp, message, doubt)
+        reason = self._current.add(stamp, *message[1:])
+        if reason is None and self._held:
+            self._let_go()
+        return reason
+
+    def samples(self, topic: str) -> list[JointSamples]:
+        """Return copies of what every section has taken so far."""
+        return [
+            section.samples('recording', topic)
+            for section in (*self._closed, self._current)
+            if len(section)
+        ]
+
+    def all_samples(self, topic: str) -> list[JointSamples]:
+        """Return copies of every message that was taken, NaN where it lacks a value."""
+        return [
+            section.all_samples('recording', topic)
+            for section in (*self._closed, self._current)
+            if len(section)
+        ]
+
+    def _doubt(self, stamp: float) -> Reason | None:
+        last = self._current.last_stamp_s
+        if not len(self._current) or stamp <= 0.0:
+            return None  # there is nothing to compare, or the buffer knows what is wrong
+        if stamp < last and len(self._closed) + 1 < MOST_SECTIONS:
+            return Reason.BACKWARD_STAMP
+        return Reason.FAR_STAMP if stamp > last + LONGEST_STEP_S else None
+
+    def _hold(self, stamp: float, message: JointMessage, doubt: Reason) -> Reason:
+        reason = self._trial(stamp).add(stamp, *message[1:]) or doubt
+        if self._max_rows - len(self) < CONFIRMED_BY:
+            reason = Reason.BUFFER_FULL
+        self._current.reject(reason)
+        if reason is doubt:
+            self._held.append((stamp, message, doubt))
+        if len(self._held) == CONFIRMED_BY:
+            self._follow()
+        return reason
+
+    def _trial(self, stamp: float) -> SampleBuffer:
+        """Return where doubted messages are checked, empty unless this stamp follows the last."""
+        if not 0.0 <= stamp - self._held_in.last_stamp_s <= LONGEST_STEP_S:
+            self._let_go()
+        return self._held_in
+
+    def _follow(self) -> None:
+        """Take what is held, in a new section if the clock went back."""
+        self._current.counts -= Counter(doubt for _, _, doubt in self._held)
+        if self._held[0][0] < self._current.last_stamp_s:
+            room = self._max_rows - len(self)
+            self._closed.append(self._current)
+            self._current = SampleBuffer(self.joint_names, room)
+        for stamp, message, _ in self._held:
+            self._current.add(stamp, *message[1:])
+        self._let_go()
+
+    def _let_go(self) -> None:
+        self._held: list[tuple[float, JointMessage, Reason]] = []
+        self._held_in = SampleBuffer(self.joint_names, expected_rows=CONFIRMED_BY)
+
+
+class Recorder(Sections):
     """
     A bounded recording that can be switched on and off.
 
@@ -36,35 +176,24 @@ class Recorder:
 
     """
 
+    _times_cleared = 0
+
     def __init__(self, joint_names: Sequence[str], max_rows: int) -> None:
+        super().__init__(joint_names, max_rows)
         self.recording = False
-        self._sections = Sections(joint_names, max_rows)
-        self._saved_rows = 0
-        self._times_cleared = 0
 
-    def __len__(self) -> int:
-        """Return the number of messages kept."""
-        return len(self._sections)
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Joints that are kept, empty while they are not known."""
-        return self._sections.joint_names
-
-    def add(self, message: JointMessage) -> None:
-        """Take one message while recording; what cannot be used is counted."""
-        if self.recording:
-            self._sections.add(message)
+    def add(self, message: JointMessage) -> Reason | None:
+        """Take one message while recording, or reject and count it."""
+        if not self.recording:
+            return None
+        self._n_received += 1
+        return super().add(message)
 
     def clear(self) -> None:
-        """Forget all messages and counts."""
-        self._sections.clear()
-        self._saved_rows = 0
+        """Forget all messages, counts and, unless they were given, the joints."""
+        super().clear()
+        self._saved_rows = self._n_received = 0
         self._times_cleared += 1
-
-    def samples(self, topic: str) -> list[JointSamples]:
-        """Return a copy of what was taken so far, by section."""
-        return self._sections.samples(topic)
 
     def saving(self, sections: Sequence[JointSamples]) -> Callable[[], None]:
         """
@@ -100,7 +229,7 @@ class Recorder:
         """
         if len(self) <= self._saved_rows:
             return []
-        sections = self._sections.all_samples(topic)
+        sections = self.all_samples(topic)
         return [recording_file.keep(path, samples, topic) for samples in sections]
 
     def endangered(self, path: str) -> str:
@@ -116,25 +245,19 @@ class Recorder:
     @property
     def n_rejected(self) -> int:
         """How many messages were dropped."""
-        return self._sections.counts.total()
-
-    @property
-    def is_full(self) -> bool:
-        """Whether no further message is kept."""
-        return self._sections.is_full
+        return self.counts.total()
 
     def status(self) -> dict[str, Any]:
         """Return what was done so far, JSON-able."""
         return {
             'recording': self.recording,
+            'received': self._n_received,
             'rows': len(self),
             'rows_saved': self._saved_rows,
             'full': self.is_full,
             'joint_names': list(self.joint_names),
             'other_joints': self._other_joints,
-            'rejected': {
-                str(reason): count for reason, count in self._sections.counts.most_common()
-            },
+            'rejected': {str(reason): count for reason, count in self.counts.most_common()},
         }
 
     @property
@@ -155,8 +278,8 @@ class Recorder:
 
     @property
     def _other_joints(self) -> list[str]:
-        return list(self._sections.other_joints[:MOST_NAMES])
+        return list(self.other_joints[:MOST_NAMES])
 
     def _complaints(self) -> list[str]:
-        most = self._sections.counts.most_common(1)
+        most = self.counts.most_common(1)
         return [f'{self.n_rejected} messages rejected, mostly for: {most[0][0]}'] if most else []

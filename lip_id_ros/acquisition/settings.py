@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.settings import Config, flat_rows, Row, setting, Settings
-from lip_id_ros.settings.nodes import (
-    AT_ONCE,
-    AT_START,
-    EXECUTOR_HELP,
-    EXECUTORS,
-    NEXT_JOB,
+from lip_id_ros.settings import (
+    Config,
+    executor_setting,
+    flat_rows,
     parameters_of,
-    WHILE_EMPTY,
+    Row,
+    setting,
+    Settings,
 )
+from lip_id_ros.settings.settings import AT_ONCE, AT_START, NEXT_JOB, WHILE_EMPTY
 from lip_id_ros.signals.joints import require_unique
 
 LISTS = ('recording.joint_types', 'recording.effort_scale', 'recording.effort_offset')
@@ -69,7 +69,7 @@ class TrainSettings(Settings):
         maximum=19,
         applies=NEXT_JOB,
     )
-    executor: str = setting('events', EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)
+    executor: str = executor_setting()
 
 
 def train_parameters() -> dict[str, Row]:

@@ -8,13 +8,11 @@ from lip_id_ros.control.computed_torque import (
     NoFeedforward,
     Torques,
 )
-from lip_id_ros.control.reference import GrowingCosine
 
 __all__ = [
     'ComputedTorque',
     'Feedforward',
     'Gains',
-    'GrowingCosine',
     'LearnedFeedforward',
     'NoFeedforward',
     'Torques',

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.control import Gains
-from lip_id_ros.control.settings import ControlSettings
+from lip_id_ros.control.computed_torque import Gains
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.settings import executor_setting, setting, Settings
+from lip_id_ros.settings.settings import AT_START
+from lip_id_ros.signals.joint_states import JointStateReader, StampWatch
 from lip_id_ros.signals.joints import (
     increasing_times,
     JointOrder,
@@ -22,10 +25,41 @@ from lip_id_ros.signals.joints import (
     require_unique,
     stack,
 )
-from lip_id_ros.signals.stamps import StampWatch
+from lip_id_ros.signals.status import Level, Status, Tally
 
 LARGEST = 1e6
 """No position, velocity or effort of an arm is larger, in SI units."""
+
+
+@dataclass(frozen=True)
+class ControlSettings(Settings):
+    """The node `computed_torque`."""
+
+    joints: tuple[str, ...] = setting(
+        (), 'Joints to control, in the order of the gains.', applies=AT_START
+    )
+    stiffness: tuple[float, ...] = setting(
+        (),
+        'Torque per position error, per joint.',
+        unit='N m/rad or N/m',
+        minimum=0.0,
+        applies=AT_START,
+    )
+    damping: tuple[float, ...] = setting(
+        (),
+        'Torque per velocity error, per joint.',
+        unit='N m s/rad or N s/m',
+        minimum=0.0,
+        applies=AT_START,
+    )
+    torque_limits: tuple[float, ...] = setting(
+        (),
+        'Largest magnitude of each torque; empty for none.',
+        unit='N m or N',
+        minimum=0.0,
+        applies=AT_START,
+    )
+    executor: str = executor_setting()
 
 
 class EffortPoint(PlannedPoint, Protocol):
@@ -66,10 +100,11 @@ class PlanController:
         self._gains = Gains(np.array(settings.stiffness), np.array(settings.damping))
         self._limits = np.array(settings.torque_limits or [np.inf] * n)
         self._planned = JointOrder(settings.joints)
-        self._measured = JointOrder(settings.joints)
+        self._reader = JointStateReader(settings.joints)
         self._stamps = StampWatch()
         self._jumps = 0
         self._plan: _Plan | None = None
+        self._tally = Tally('plans', 'torques', 'idle')
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -93,22 +128,9 @@ class PlanController:
             If it cannot be followed; the plan before goes on.
 
         """
-        columns = self._planned.columns(names)
-        motion = stack(points, len(names))[:, :, columns]
-        efforts = {len(point.effort) for point in points}
-        if efforts not in ({0}, {len(names)}):
-            raise RefusedError(Refusal.WRONG_LENGTH)
-        effort = np.zeros(motion.shape[1:])
-        if efforts != {0}:
-            effort = np.array([point.effort for point in points], dtype=np.float64)[:, columns]
-        t = increasing_times(points)
-        if len(t) < 2:
-            raise RefusedError(Refusal.NOT_INCREASING)
-        if not np.isfinite(effort).all():
-            raise RefusedError(Refusal.NOT_FINITE)
-        if max(np.abs(motion[:2]).max(), np.abs(effort).max()) > LARGEST:
-            raise RefusedError(Refusal.TOO_LARGE)
-        self._plan = _Plan(t, motion[0], motion[1], effort)
+        with self._tally.receiving():
+            self._plan = self._read(names, points)
+            self._tally.used['plans'] += 1
 
     def torques(self, message: JointMessage) -> Array | None:
         """
@@ -131,16 +153,42 @@ class PlanController:
             If its stamp is doubted, a joint is missing, or a number is missing or not finite.
 
         """
-        self._judge(message.stamp_ns)
-        if self._plan is None:
-            return None
-        columns = self._measured.columns(message.names)
-        q = _vector(message.position, message, Refusal.NO_POSITION)[columns]
-        dq = _vector(message.velocity, message, Refusal.NO_VELOCITY)[columns]
-        if not (np.isfinite(q).all() and np.isfinite(dq).all()):
+        with self._tally.receiving():
+            self._judge(message.stamp_ns)
+            command = None if self._plan is None else self._command(self._plan, message)
+            self._tally.used['idle' if command is None else 'torques'] += 1
+            return command
+
+    def status(self) -> Status:
+        """Return the counts of plans and joint states, which add up to `received`."""
+        tally = self._tally
+        values = {'received': tally.received, **tally.used, 'refused': dict(tally.refused)}
+        if tally.refused:
+            return Status(Level.WARN, 'messages were refused', values)
+        return Status(Level.OK, 'all messages are answered', values)
+
+    def _read(self, names: Sequence[str], points: Sequence[EffortPoint]) -> _Plan:
+        columns = self._planned.columns(names)
+        motion = stack(points, len(names))[:, :, columns]
+        efforts = {len(point.effort) for point in points}
+        if efforts not in ({0}, {len(names)}):
+            raise RefusedError(Refusal.WRONG_LENGTH)
+        effort = np.zeros(motion.shape[1:])
+        if efforts != {0}:
+            effort = np.array([point.effort for point in points], dtype=np.float64)[:, columns]
+        t = increasing_times(points)
+        if len(t) < 2:
+            raise RefusedError(Refusal.NOT_INCREASING)
+        if not np.isfinite(effort).all():
             raise RefusedError(Refusal.NOT_FINITE)
-        q_wanted, dq_wanted, effort = self._plan.at(message.stamp_ns)
-        feedback = self._gains.feedback(q_wanted - q, dq_wanted - dq)
+        if max(np.abs(motion[:2]).max(), np.abs(effort).max()) > LARGEST:
+            raise RefusedError(Refusal.TOO_LARGE)
+        return _Plan(t, motion[0], motion[1], effort)
+
+    def _command(self, plan: _Plan, message: JointMessage) -> Array:
+        measured = self._reader.read(message)
+        q_wanted, dq_wanted, effort = plan.at(message.stamp_ns)
+        feedback = self._gains.feedback(q_wanted - measured.q, dq_wanted - measured.dq)
         command: Array = np.clip(effort + feedback, -self._limits, self._limits)
         if not np.isfinite(command).all():
             raise RefusedError(Refusal.NOT_FINITE_TORQUE)
@@ -174,12 +222,6 @@ class _Plan:
         effort = (1 - share) * self._effort[row - 1] + share * self._effort[row]
         dq = self._dq(within) if time == within else np.zeros(self._effort.shape[1])
         return np.asarray(self._q(within)), np.asarray(dq), effort
-
-
-def _vector(row: Sequence[float], message: JointMessage, absent: Refusal) -> Array:
-    if len(row) != len(message.names):
-        raise RefusedError(Refusal.WRONG_LENGTH if len(row) else absent)
-    return np.asarray(row, dtype=np.float64)
 
 
 def _require_length(name: str, values: Sequence[float], n: int) -> None:

@@ -1,15 +1,24 @@
-"""The conductor's end of the ROS graph: calls to the nodes, and what they publish."""
+"""The ROS graph of the demo: its nodes in processes of their own, and calls to them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import math
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
 import threading
 import time
 from typing import Any
 
+from ament_index_python.packages import get_package_share_path
 from diagnostic_msgs.msg import DiagnosticStatus
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import AnyLaunchDescriptionSource
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -28,6 +37,8 @@ from lip_id_ros.nodes.running import make_executor
 ANSWER_SECONDS = 60.0
 POLL_SECONDS = 0.1
 ASK_AGAIN_SECONDS = 1.0
+LAUNCH_FILE = 'demo.launch.py'
+STOP_SECONDS = 15.0
 
 
 class Graph:
@@ -201,3 +212,70 @@ def spinning(name: str) -> Iterator[Node]:
         thread.join()
         node.destroy_node()
         rclpy.shutdown()
+
+
+@contextmanager
+def launched(output: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """
+    Run the demo's launch file while the block runs.
+
+    Parameters
+    ----------
+    output : Path
+        Folder of the model and the data; the nodes' log goes there too.
+
+    """
+    with open(output / 'nodes.log', 'wb') as log:
+        process = subprocess.Popen(
+            [sys.executable, '-m', 'lip_id_ros.demo.graph', LAUNCH_FILE, f'output:={output}'],
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        try:
+            yield process
+        finally:
+            end(process)
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """Interrupt a process and its children, as Ctrl-C does; kill what is left."""
+    for number in (signal.SIGINT, signal.SIGKILL):
+        if process.poll() is None:
+            os.killpg(process.pid, number)
+            try:
+                process.wait(STOP_SECONDS)
+            except subprocess.TimeoutExpired:
+                continue
+
+
+def main(arguments: list[str]) -> int:
+    """
+    Run until SIGINT.
+
+    Parameters
+    ----------
+    arguments : list of str
+        Name of a launch file, then ``name:=value`` for each of its arguments.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if every node ended well.
+
+    """
+    name, *given = arguments
+    path = get_package_share_path('lip_id_ros') / 'launch' / name
+    included = IncludeLaunchDescription(
+        AnyLaunchDescriptionSource(str(path)),
+        launch_arguments=[pair.split(':=', 1) for pair in given],
+    )
+    service = LaunchService(argv=given)
+    service.include_launch_description(LaunchDescription([included]))
+    status: int = service.run()
+    return status
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))

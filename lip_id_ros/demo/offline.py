@@ -36,7 +36,7 @@ from lip_id_ros.simulation import (
     with_truth,
     write_bag,
 )
-from lip_id_ros.simulation.panda import MOTION, N_JOINTS
+from lip_id_ros.simulation.arm import MOTION, N_JOINTS
 
 RATE_HZ = 100.0
 POSITION_NOISE = 2e-5  # rad

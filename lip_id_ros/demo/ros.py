@@ -14,9 +14,8 @@ import shutil
 import sys
 
 from lip_id_ros.cli.output import progress_display
-from lip_id_ros.demo.graph import Graph, spinning
+from lip_id_ros.demo.graph import Graph, launched, spinning
 from lip_id_ros.demo.judge import REPORT, run_demo, TITLE
-from lip_id_ros.demo.launching import launched
 from lip_id_ros.demo.offline import TEST_SEED
 from lip_id_ros.demo.served import (
     BagRecorder,

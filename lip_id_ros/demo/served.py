@@ -9,10 +9,9 @@ import importlib
 import os
 from typing import Any
 
-from builtin_interfaces.msg import Duration
 import numpy as np
 from rclpy.node import Node
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
@@ -23,8 +22,7 @@ from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording.bag_writer import RawBag
 from lip_id_ros.recording.bags import Bag
 from lip_id_ros.simulation import panda, SinusoidTrajectory
-from lip_id_ros.simulation.arm import Dynamics
-from lip_id_ros.simulation.panda import MOTION
+from lip_id_ros.simulation.arm import Dynamics, MOTION
 
 JOINT_STATES = '/joint_states'
 REFERENCE = '/desired_trajectory'
@@ -231,23 +229,14 @@ def _require_complete(
 
 
 N_POINTS = 100
-STEP_MS = 100
+STEP_S = 0.1
 
 
 def make_plan(seed: int) -> JointTrajectory:
     """Return the beginning of a motion as a plan of `N_POINTS` points."""
     trajectory = SinusoidTrajectory.random(MOTION, np.random.default_rng(seed))
-    motion = trajectory.sample(1e-3 * STEP_MS * np.arange(N_POINTS, dtype=np.float64))
-    points = [
-        JointTrajectoryPoint(
-            positions=messages.doubles(q),
-            velocities=messages.doubles(dq),
-            accelerations=messages.doubles(ddq),
-            time_from_start=_after(row * STEP_MS),
-        )
-        for row, (q, dq, ddq) in enumerate(zip(*motion, strict=True))
-    ]
-    return JointTrajectory(joint_names=list(panda().joint_names), points=points)
+    t = STEP_S * np.arange(N_POINTS, dtype=np.float64)
+    return messages.plan_message(panda().joint_names, t, *trajectory.sample(t))
 
 
 def require_efforts(bag_path: str | os.PathLike[str]) -> None:
@@ -269,8 +258,3 @@ def require_efforts(bag_path: str | os.PathLike[str]) -> None:
             f'a plan of {N_POINTS} points must come back with {n_joints} efforts at each, but '
             f'{len(efforts)} points came; see nodes.log.'
         )
-
-
-def _after(milliseconds: int) -> Duration:
-    sec, rest = divmod(milliseconds, 1000)
-    return Duration(sec=sec, nanosec=rest * 1_000_000)

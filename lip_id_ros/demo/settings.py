@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lip_id_ros.settings import setting, Settings
-from lip_id_ros.settings.nodes import AT_START, EXECUTOR_HELP, EXECUTORS
+from lip_id_ros.settings import executor_setting, setting, Settings
+from lip_id_ros.settings.settings import AT_START
 
 JOINTS_HELP = 'Joints of the Panda, from the base.'
 
@@ -19,7 +19,7 @@ class ArmSettings(Settings):
     contact: tuple[float, ...] = setting(
         (), 'External torque on each joint, as of a contact; empty for none.', unit='N m'
     )
-    executor: str = setting('events', EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)
+    executor: str = executor_setting()
 
 
 @dataclass(frozen=True)
@@ -33,4 +33,18 @@ class ReferenceSettings(Settings):
     horizon: float = setting(
         10.0, 'Length of the motion.', unit='s', minimum=0.1, applies=AT_START
     )
-    executor: str = setting('events', EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)
+    executor: str = executor_setting()
+
+
+@dataclass(frozen=True)
+class RobotSettings(Settings):
+    """The node `simulated_panda`."""
+
+    seed: int = setting(1, 'Seed of the motion; change it for another motion.', minimum=0)
+    paused: bool = setting(False, 'Stand still and publish nothing.')
+    rate_hz: float = setting(100.0, 'Samples per simulated second.', unit='Hz', minimum=1.0)
+    speed: float = setting(2.0, 'Simulated seconds per second.', minimum=0.01)
+    torque_noise: float = setting(0.05, 'Noise on efforts.', unit='N m', minimum=0.0)
+    position_noise: float = setting(2e-5, 'Noise on positions.', unit='rad', minimum=0.0)
+    velocity_noise: float = setting(1e-3, 'Noise on velocities.', unit='rad/s', minimum=0.0)
+    executor: str = executor_setting()

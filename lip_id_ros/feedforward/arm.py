@@ -11,9 +11,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward.loading import LoadedModel
-from lip_id_ros.feedforward.rules import factors, make_rules, Policy, SafeValue, std_excess
-from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.feedforward.shaping import Sent, Shaper
+from lip_id_ros.feedforward.settings import make_rules, Policy, SafeValue, ServeSettings
+from lip_id_ros.feedforward.shaping import factors, Sent, Shaper, std_excess, TrainingRange
 from lip_id_ros.model import Prediction, Query
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
@@ -83,10 +82,11 @@ class ServedArm:
         self._counts = counts
         self._settings = settings
         self._order = JointOrder(self.joint_names)
-        self._reader = JointStateReader(self.joint_names, loaded.calibration)
+        self._measured = JointStateReader(self.joint_names, loaded.calibration)
         self._low_pass = LowPass(settings.residual_cutoff_hz)
         self.shaper = Shaper(make_rules(settings, self.joint_names), sent, counts)
-        self._known = loaded.training_range.widened(self.shaper.rules.margins)
+        self._trained = TrainingRange(*loaded.model.training_range)
+        self._known = self._trained.widened(self.shaper.rules.margins)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -104,7 +104,7 @@ class ServedArm:
 
         """
         self.shaper.adjust(make_rules(settings, self.joint_names), now)
-        self._known = self.loaded.training_range.widened(self.shaper.rules.margins)
+        self._known = self._trained.widened(self.shaper.rules.margins)
         if settings.residual_cutoff_hz != self._settings.residual_cutoff_hz:
             self._low_pass = LowPass(settings.residual_cutoff_hz)
         self._settings = settings
@@ -178,7 +178,7 @@ class ServedArm:
             If a joint of the model is missing or named twice, or a value missing or not finite.
 
         """
-        return self._reader.read(message)
+        return self._measured.read(message)
 
     def energies(self, measured: MeasuredState) -> Query:
         """Return the energies at a measured state; the torques are those without acceleration."""
@@ -210,7 +210,8 @@ class ServedArm:
         if filtered is None:
             return None
         (q, dq, tau), (_, ddq, _) = filtered
-        residual = tau - self._model.query(q, dq, ddq).tau
+        with np.errstate(all='ignore'):
+            residual = tau - self._model.query(q, dq, ddq).tau
         return residual if np.isfinite(residual).all() else None
 
     def _safe_target(self, position: Array | None) -> Array:

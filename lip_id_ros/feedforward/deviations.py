@@ -10,6 +10,7 @@ first, n zeros show that the model is ready.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import subprocess
 import sys
@@ -56,6 +57,8 @@ class Deviations:
     path : str
         The model's file.
     n_joints : int
+    inherited : sequence of int
+        Descriptors that the process needs: of the file that is open where `path` is /dev/fd/3.
 
     Raises
     ------
@@ -64,7 +67,7 @@ class Deviations:
 
     """
 
-    def __init__(self, path: str, n_joints: int) -> None:
+    def __init__(self, path: str, n_joints: int, inherited: Sequence[int] = ()) -> None:
         self._n_joints = n_joints
         self._asked: tuple[Any, float] | None = None
         self._asked_at = -np.inf
@@ -72,6 +75,7 @@ class Deviations:
         self.latest: Deviated | None = None
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'lip_id_ros.feedforward.deviations', path],
+            pass_fds=tuple(inherited),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
@@ -80,8 +84,9 @@ class Deviations:
         self._answers = cast('IO[bytes]', self._process.stdout)
         if self._read() is None:
             raise ModelError(
-                f'{path} must have standard deviations, but the process that computes them ended '
-                'with an error; see the lines above, or leave std_policy and publish_std off.'
+                'the model must have standard deviations, but the process that computes them '
+                'ended with an error; see the lines above, or leave std_policy and publish_std '
+                'off.'
             )
         threading.Thread(target=self._collect, name='deviations', daemon=True).start()
 

@@ -4,15 +4,81 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import os
+import shutil
 
 import numpy as np
 
 from lip_id_ros.errors import ModelError
 from lip_id_ros.feedforward.deviations import Deviations
-from lip_id_ros.feedforward.rules import make_rules, require_consistent, TrainingRange
-from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.feedforward.settings import make_rules, require_consistent, ServeSettings
+from lip_id_ros.files import require_regular_file
 from lip_id_ros.model import DynamicsModel, EffortCalibration, InverseDynamicsModel
 from lip_id_ros.signals.joints import require_joints
+
+MOST_BYTES = 2**30
+
+
+class ModelFile:
+    """
+    A copy of a model file in memory, for this process and those beside it.
+
+    They load it at different times, and a fit may replace the file at any time: without a copy,
+    torques could be of one model and their standard deviations or plans of another.
+
+    Parameters
+    ----------
+    path : str
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    SourceError
+        If it is not a regular file.
+    ModelError
+        If it is larger than any model.
+
+    Attributes
+    ----------
+    descriptor : int
+        Inherited by the processes that load it.
+    place : str
+        Path of the copy, in every process that has the descriptor.
+
+    """
+
+    def __init__(self, path: str) -> None:
+        require_regular_file(path)
+        if os.path.getsize(path) > MOST_BYTES:
+            raise ModelError(
+                f'{path} must be a model, but has more than {MOST_BYTES} bytes; name the file '
+                'that a fit wrote.'
+            )
+        self.path = path
+        self.descriptor = os.memfd_create('model')
+        self.place = f'/dev/fd/{self.descriptor}'
+        with open(path, 'rb') as source, open(self.descriptor, 'wb', closefd=False) as copy:
+            shutil.copyfileobj(source, copy)
+
+    def load(self) -> InverseDynamicsModel:
+        """
+        Return the model.
+
+        Raises
+        ------
+        ModelError
+            If it is none; the sentence names the file that was copied.
+
+        """
+        try:
+            return InverseDynamicsModel.load(self.place)
+        except ModelError as error:
+            raise ModelError(str(error).replace(self.place, self.path)) from error
+
+    def close(self) -> None:
+        """Forget the copy."""
+        os.close(self.descriptor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,17 +89,18 @@ class LoadedModel:
     Attributes
     ----------
     model : DynamicsModel
-    training_range : TrainingRange
     calibration : EffortCalibration
         Of the effort that it was fitted to.
+    file : ModelFile, or None
+        Where it was loaded from.
     deviations : Deviations, or None
         Where standard deviations are asked for.
 
     """
 
     model: DynamicsModel
-    training_range: TrainingRange
     calibration: EffortCalibration
+    file: ModelFile | None = None
     deviations: Deviations | None = None
 
     @property
@@ -45,6 +112,8 @@ class LoadedModel:
         """End the processes that belong to the model."""
         if self.deviations is not None:
             self.deviations.stop()
+        if self.file is not None:
+            self.file.close()
 
 
 def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
@@ -62,22 +131,24 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
     ------
     OSError
         If the file cannot be opened.
-    ModelError
+    LipIdError
         If it is not a model, or its joints are not those expected.
 
     """
-    path = settings.model_path
-    model = InverseDynamicsModel.load(path)
-    require_joints(model.joint_names, joints, path)
-    rest = np.zeros((1, model.n_joints))
-    model.query(rest[0], rest[0], rest[0])
-    model.predict(rest, rest, rest)
-    return LoadedModel(
-        model,
-        TrainingRange(*model.training_range),
-        model.effort_calibration,
-        Deviations(path, model.n_joints) if settings.needs_deviations else None,
-    )
+    file = ModelFile(settings.model_path)
+    try:
+        model = file.load()
+        require_joints(model.joint_names, joints, settings.model_path)
+        rest = np.zeros((1, model.n_joints))
+        model.query(rest[0], rest[0], rest[0])
+        model.predict(rest, rest, rest)
+        deviations = None
+        if settings.needs_deviations:
+            deviations = Deviations(file.place, model.n_joints, [file.descriptor])
+    except BaseException:
+        file.close()
+        raise
+    return LoadedModel(model, model.effort_calibration, file, deviations)
 
 
 def load_successor(settings: ServeSettings, before: LoadedModel) -> LoadedModel:
@@ -91,7 +162,7 @@ def load_successor(settings: ServeSettings, before: LoadedModel) -> LoadedModel:
     ------
     OSError
         If the file cannot be opened.
-    ModelError
+    LipIdError
         If it is not a model, or its joints are not those of the other.
 
     """

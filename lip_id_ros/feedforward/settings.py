@@ -1,22 +1,37 @@
-"""Parameters of the node `serve`: declaration, types, ranges and descriptions in one place."""
+"""Parameters of the node `serve`, and the rules for torques that they make for a model."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
+import numpy as np
+
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.settings import Row, rows, setting, Settings
-from lip_id_ros.settings.nodes import (
-    AT_START,
-    EXECUTOR_HELP,
-    EXECUTORS,
-    ON_CONFIGURE,
-    ON_LOAD,
-    parameters_of,
-    PER_JOINT,
-)
+from lip_id_ros.settings import executor_setting, rows, setting, Settings
+from lip_id_ros.settings.settings import AT_START, ON_CONFIGURE, ON_LOAD, PER_JOINT
+from lip_id_ros.signals.joints import by_joint, require_unique
 
-POLICIES = ('off', 'warn', 'scale', 'zero')
+DEFAULT_RATE = 20.0
+"""Rate limit by torque limit [1/s], where none is given: a full swing takes 0.1 s at least."""
+
+
+class Policy(StrEnum):
+    """What is done with a reference that a check finds doubtful."""
+
+    OFF = 'off'
+    WARN = 'warn'
+    SCALE = 'scale'
+    ZERO = 'zero'
+
+
+class SafeValue(StrEnum):
+    """What is published when references stop."""
+
+    ZERO = 'zero'
+    GRAVITY = 'gravity'
 
 
 @dataclass(frozen=True)
@@ -67,7 +82,7 @@ class ServeSettings(Settings):
         'zero',
         'The safe torque: zero, or gravity where the arm was last seen (measured, else asked '
         'for); zero all the same where gravity is false.',
-        choices=('zero', 'gravity'),
+        choices=tuple(SafeValue),
     )
     safe_ramp_s: float = setting(
         0.1,
@@ -88,7 +103,7 @@ class ServeSettings(Settings):
         'warn',
         'For references outside the training range: count and warn, scale torques down until '
         'they are zero at twice the range, or make them zero.',
-        choices=POLICIES,
+        choices=tuple(Policy),
     )
     range_margin: tuple[float, ...] = setting(
         (0.2,),
@@ -100,7 +115,7 @@ class ServeSettings(Settings):
         'For streams with a torque whose standard deviation is above its limit: count and warn, '
         'scale torques down until they are zero at twice the limit, or make them zero.',
         applies=ON_CONFIGURE,
-        choices=POLICIES,
+        choices=tuple(Policy),
     )
     std_limits: tuple[float, ...] = setting(
         (),
@@ -153,17 +168,12 @@ class ServeSettings(Settings):
         maximum=1000.0,
     )
     autostart: bool = setting(True, 'Configure and activate at the start.', applies=AT_START)
-    executor: str = setting('events', EXECUTOR_HELP, choices=EXECUTORS, applies=AT_START)
+    executor: str = executor_setting()
 
     @property
     def needs_deviations(self) -> bool:
         """Whether standard deviations are computed at all."""
         return self.publish_std or self.std_policy != 'off'
-
-
-def serve_parameters() -> dict[str, Row]:
-    """Return all parameters of `serve` by name."""
-    return parameters_of(ServeSettings)
 
 
 def require_changeable(before: ServeSettings, after: ServeSettings, state: str) -> None:
@@ -190,3 +200,125 @@ def require_changeable(before: ServeSettings, after: ServeSettings, state: str) 
             raise ConfigError(
                 f'{row.name} is read when the node is configured, which it is; clean it up first.'
             )
+
+
+@dataclass(frozen=True, eq=False)
+class Rules:
+    """
+    The settings that hold for every torque, in the order of a model's joints.
+
+    Attributes
+    ----------
+    limits : ndarray, shape (n,)
+        Largest magnitude [N m or N], infinite where there is none.
+    rates : ndarray, shape (n,)
+        Largest change [N m/s or N/s], infinite where there is none.
+    scale : float
+        Factor on every torque.
+    ramp_s : float
+        Time to blend from the torque sent before to the one asked for [s].
+    safe_ramp_s : float
+        Time to reach the safe torque once references have stopped [s].
+    gravity : bool
+        Whether torques include gravity.
+    stale_timeout_s : float
+        Longest silence of a stream [s], infinite for any.
+    safe_value : SafeValue
+        What follows it.
+    max_plan_points : int
+        Longest plan that is answered.
+    range_policy, std_policy : Policy
+        What is done outside the training range, and beyond `std_limits`.
+    margins : ndarray, shape (n,)
+        How far a joint may leave its training range, as a share of half of it.
+    std_limits : ndarray, shape (n,)
+        Largest standard deviation of a torque [N m or N].
+
+    """
+
+    limits: Array
+    rates: Array
+    scale: float
+    ramp_s: float
+    safe_ramp_s: float
+    gravity: bool
+    stale_timeout_s: float
+    safe_value: SafeValue
+    max_plan_points: int
+    range_policy: Policy
+    margins: Array
+    std_policy: Policy
+    std_limits: Array
+
+    def same_torque(self, other: Rules) -> bool:
+        """Whether both make the same torque of one reference, but for limits and rates."""
+        return (
+            self.scale == other.scale
+            and self.gravity == other.gravity
+            and self.range_policy == other.range_policy
+            and self.std_policy == other.std_policy
+            and np.array_equal(self.margins, other.margins)
+            and np.array_equal(self.std_limits, other.std_limits)
+        )
+
+
+def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
+    """
+    Bring the settings into the order of a model's joints.
+
+    Raises
+    ------
+    ConfigError
+        If a joint is named twice, a list has not one value per joint, or the check of standard
+        deviations has no limits.
+
+    """
+    require_consistent(settings)
+
+    def per_joint(name: str, default: float) -> Array:
+        values = getattr(settings, name)
+        return by_joint(name, values, settings.joints, joint_names, default)
+
+    limits = per_joint('torque_limits', np.inf)
+    rates = per_joint('rate_limits', np.inf) if settings.rate_limits else DEFAULT_RATE * limits
+    return Rules(
+        limits=limits,
+        rates=rates,
+        scale=settings.output_scale,
+        ramp_s=settings.ramp_s,
+        safe_ramp_s=settings.safe_ramp_s,
+        gravity=settings.gravity,
+        stale_timeout_s=settings.stale_timeout_s or np.inf,
+        safe_value=SafeValue(settings.stale_policy),
+        max_plan_points=settings.max_plan_points,
+        range_policy=Policy(settings.range_policy),
+        margins=per_joint('range_margin', 0.0),
+        std_policy=Policy(settings.std_policy),
+        std_limits=per_joint('std_limits', np.inf),
+    )
+
+
+def require_consistent(settings: ServeSettings) -> None:
+    """
+    Refuse settings that contradict each other for any arm.
+
+    Raises
+    ------
+    ConfigError
+        If a joint is named twice, or the check of standard deviations has no limits.
+
+    """
+    require_unique('joints', settings.joints)
+    if settings.std_policy != Policy.OFF and not settings.std_limits:
+        raise ConfigError(
+            'std_limits must hold a largest standard deviation where std_policy is '
+            f'{settings.std_policy}, but it is empty; give one per joint or one for all.'
+        )
+
+
+def unbounded(settings: ServeSettings) -> str | None:
+    """Return the warning that is due where nothing bounds the size or the step of a torque."""
+    if settings.torque_limits:
+        return None
+    steps = '' if settings.rate_limits else ', and neither are their steps: rate_limits is empty'
+    return f'torque_limits is empty: torques are not limited{steps}; set both for a real arm'

@@ -30,6 +30,9 @@ CUTOFF_HZ = 4.0
 NEARER = 2 / 3
 """Where a threshold lies between free motion (0) and contact (1), in logarithms."""
 
+LEAST_MOTION = 0.2
+"""Share of the training data's range of velocities that calibration must see of every joint."""
+
 
 def step_response_peak(gain: float = GAIN, cutoff_hz: float = CUTOFF_HZ) -> float:
     """
@@ -147,3 +150,57 @@ class ContactMonitor:
         """Take one measured sample at t [s], arrays of shape (n,)."""
         torque = self._observer.update(t, q, dq, tau)
         return ContactEstimate(torque, self._high_pass.update(t, torque))
+
+
+class FreeMotion:
+    """
+    The largest external torques of a motion without contact.
+
+    Parameters
+    ----------
+    seconds : float
+        How much is watched [s].
+    n_joints : int
+
+    Attributes
+    ----------
+    largest : ndarray, shape (n,)
+        Largest high-pass of the external torques so far [N m or N].
+
+    """
+
+    def __init__(self, seconds: float, n_joints: int) -> None:
+        self._remaining = seconds
+        self._low, self._high = np.full((2, n_joints), [[np.inf], [-np.inf]])
+        self.largest = np.zeros(n_joints)
+
+    def add(self, step: float, dq: Array, high_pass: Array) -> bool:
+        """Take a sample, `step` [s] after the one before; return whether it is enough."""
+        self.largest = np.maximum(self.largest, np.abs(high_pass))
+        self._low, self._high = np.minimum(self._low, dq), np.maximum(self._high, dq)
+        self._remaining -= step
+        return self._remaining <= 0.0
+
+    def require_motion(self, joint_names: tuple[str, ...], trained: Array) -> None:
+        """
+        Refuse a motion that does not show the errors of the model.
+
+        Parameters
+        ----------
+        joint_names : tuple of str
+        trained : ndarray, shape (n,)
+            Range of the velocities of the training data [rad/s or m/s].
+
+        Raises
+        ------
+        DataError
+            If a joint moved by less than `LEAST_MOTION` of that.
+
+        """
+        spanned, needed = self._high - self._low, LEAST_MOTION * trained
+        for name, span, least in zip(joint_names, spanned, needed, strict=True):
+            if span < least:
+                raise DataError(
+                    f'the velocity of {name} must span {least:.2g} rad/s or m/s, a fifth of the '
+                    f'training data, but spanned {span:.2g}; call calibrate and move all joints.'
+                )

@@ -11,14 +11,19 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.monitoring.detection import ContactEstimate, ContactMonitor, Thresholds
+from lip_id_ros.monitoring.detection import ContactEstimate, ContactMonitor, FreeMotion, Thresholds
 from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor
-from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.signals.health import Health, Level
-from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState
+from lip_id_ros.settings import executor_setting, setting, Settings
+from lip_id_ros.settings.settings import AT_START, PER_JOINT
+from lip_id_ros.signals.joint_states import (
+    CONFIRMED_BY,
+    JointStateReader,
+    MeasuredState,
+    StampWatch,
+)
 from lip_id_ros.signals.joints import by_joint, Refusal, RefusedError, require_joints
-from lip_id_ros.signals.stamps import CONFIRMED_BY, StampWatch
+from lip_id_ros.signals.status import Level, Tally
 
 LONGEST_GAP_S = 0.2
 NEARLY = 0.95
@@ -27,8 +32,52 @@ NEARLY = 0.95
 SILENCE_S = 2.0
 """After so long without a joint state the monitor is blind."""
 
-LEAST_MOTION = 0.2
-"""Share of the training data's range of velocities that calibration must see of every joint."""
+
+@dataclass(frozen=True)
+class MonitorSettings(Settings):
+    """The node `monitor`."""
+
+    model_path: str = setting('model.npz', 'Model of the arm.', applies=AT_START)
+    joints: tuple[str, ...] = setting(
+        (),
+        'Joints that the model must have, in any order, and that every list here is given for; '
+        'empty to take any model and its order.',
+        applies=AT_START,
+    )
+    rate_hz: float = setting(
+        100.0,
+        'How often joint states are taken, at most; each costs about ten queries of the model.',
+        unit='Hz',
+        minimum=1.0,
+        maximum=1000.0,
+        applies=AT_START,
+    )
+    smallest_contact: tuple[float, ...] = setting(
+        (5.0,),
+        f'Smallest contact that is to be detected; calibrate uses it. {PER_JOINT}',
+        unit='N m or N',
+        minimum=0.0,
+        applies=AT_START,
+    )
+    thresholds: tuple[float, ...] = setting(
+        (),
+        'High-pass of the external torque above which a joint is in contact, as the status has '
+        f'them after calibrate; empty: no contact is detected before calibrate. {PER_JOINT}',
+        unit='N m or N',
+        minimum=0.0,
+        applies=AT_START,
+    )
+    calibration_s: float = setting(
+        60.0,
+        'How much motion without contact calibrate watches.',
+        unit='s',
+        minimum=1.0,
+        applies=AT_START,
+    )
+    hold_s: float = setting(
+        0.5, 'How long a contact is published at least.', unit='s', minimum=0.0, applies=AT_START
+    )
+    executor: str = executor_setting()
 
 
 @dataclass(frozen=True)
@@ -84,8 +133,11 @@ class Monitor:
         self._free: FreeMotion | None = None
         self._failure = ''
         self._contact_until = -np.inf
-        self._counts = Counter(received=0, watched=0, contacts=0, too_soon=0, after_a_gap=0)
-        self._refused: Counter[str] = Counter()
+        self._tally = Tally('watched', 'too_soon', 'after_a_gap')
+        self._n_contacts = 0
+        self._before = self._counts()
+        self._received_at: float | None = None
+        self._n_unusable = 0
         self._stamps = StampWatch()
         self._t = -np.inf
         self._begin_anew()
@@ -118,35 +170,71 @@ class Monitor:
             If it cannot be used.
 
         """
-        self._counts['received'] += 1
-        try:
+        with self._tally.receiving():
             doubt = self._stamps.doubt(message.stamp_ns)
             if doubt is not None:
                 raise RefusedError(doubt)
             step = 1e-9 * message.stamp_ns - self._t
             if 0.0 <= step < NEARLY / self._settings.rate_hz:
-                self._counts['too_soon'] += 1
+                self._tally.used['too_soon'] += 1
                 return None
             return self._watch(step, self._reader.read(message))
-        except RefusedError as refused:
-            self._refused[refused.reason.value] += 1
-            raise
 
-    def status(self) -> dict[str, Any]:
-        """Return what was done so far, JSON-able; received is the sum of the other counts."""
+    def judge(self, now: float) -> tuple[Level, str]:
+        """
+        Judge what came since the last call.
+
+        Parameters
+        ----------
+        now : float
+            [s], on any steady clock.
+
+        Returns
+        -------
+        level : Level
+        summary : str
+            One sentence.
+
+        """
+        counts = self._counts()
+        new, self._before = counts - self._before, counts
+        if self._received_at is None or new['received']:
+            self._received_at = now
+        self._n_unusable += new['received'] - new['watched'] - new['too_soon']
+        if new['watched']:
+            self._n_unusable = 0
+        return self._judgement(new, now - self._received_at)
+
+    def values(self) -> dict[str, Any]:
+        """Return the state and the counts, JSON-able."""
         thresholds = self._thresholds
         return {
             'state': self._state,
             'thresholds': None if thresholds is None else np.round(thresholds.torque, 3).tolist(),
-            **self._counts,
-            'refused': dict(self._refused),
+            'received': self._tally.received,
+            **self._tally.used,
+            'refused': dict(self._tally.refused),
+            'contacts': self._n_contacts,
             'failure': self._failure,
         }
 
-    @property
-    def counts(self) -> Counter[str]:
-        """What became of joint states: a count for each outcome, and for each reason."""
-        return self._counts + self._refused
+    def _counts(self) -> Counter[str]:
+        tally = self._tally
+        return Counter({'received': tally.received, **tally.used, **tally.refused})
+
+    def _judgement(self, new: Counter[str], silence: float) -> tuple[Level, str]:
+        refused = ', '.join(f'{key} {new[key]}' for key in sorted(self._tally.refused) if new[key])
+        if silence > SILENCE_S:
+            return Level.ERROR, f'blind: no joint states for {silence:.0f} s'
+        if self._n_unusable >= CONFIRMED_BY:
+            gap = f'more than {self._longest_gap_s:g} s apart'
+            trouble = f'refused: {refused}' if refused else gap
+            return Level.ERROR, f'blind: joint states {trouble}'
+        if self._failure:
+            return Level.ERROR, self._failure
+        if refused:
+            return Level.WARN, f'joint states refused: {refused}'
+        return Level.OK, self._state
 
     @property
     def _state(self) -> str:
@@ -158,7 +246,7 @@ class Monitor:
         if measured.tau is None:
             raise RefusedError(Refusal.NO_EFFORT)
         self._t = measured.t
-        follows = 0.0 < step <= self.longest_gap_s
+        follows = 0.0 < step <= self._longest_gap_s
         if not follows:
             self._begin_anew()
         state = (measured.t, measured.q, measured.dq, measured.tau)
@@ -167,14 +255,14 @@ class Monitor:
             self._begin_anew()
             raise RefusedError(Refusal.NOT_FINITE_TORQUE)
         if not follows:
-            self._counts['after_a_gap'] += 1
+            self._tally.used['after_a_gap'] += 1
             return None
-        self._counts['watched'] += 1
+        self._tally.used['watched'] += 1
         self._learn(step, measured.dq, external.high_pass)
         return Watched(external, energy, self._in_contact(measured.t, external))
 
     @property
-    def longest_gap_s(self) -> float:
+    def _longest_gap_s(self) -> float:
         """Joint states further apart are not watched [s]."""
         return max(LONGEST_GAP_S, 2.0 / self._settings.rate_hz)
 
@@ -186,7 +274,7 @@ class Monitor:
         if self._thresholds is None:
             return None
         if self._thresholds.exceeded(external.high_pass).any():
-            self._counts['contacts'] += t > self._contact_until
+            self._n_contacts += int(t > self._contact_until)
             self._contact_until = t + self._settings.hold_s
         # a clock that was set back must not hold a contact for ever
         return bool(0.0 <= self._contact_until - t <= self._settings.hold_s)
@@ -207,100 +295,3 @@ class Monitor:
         return by_joint(
             name, getattr(self._settings, name), self._settings.joints, self.joint_names, 0.0
         )
-
-
-class FreeMotion:
-    """
-    The largest external torques of a motion without contact.
-
-    Parameters
-    ----------
-    seconds : float
-        How much is watched [s].
-    n_joints : int
-
-    Attributes
-    ----------
-    largest : ndarray, shape (n,)
-        Largest high-pass of the external torques so far [N m or N].
-
-    """
-
-    def __init__(self, seconds: float, n_joints: int) -> None:
-        self._remaining = seconds
-        self._low, self._high = np.full((2, n_joints), [[np.inf], [-np.inf]])
-        self.largest = np.zeros(n_joints)
-
-    def add(self, step: float, dq: Array, high_pass: Array) -> bool:
-        """Take a sample, `step` [s] after the one before; return whether it is enough."""
-        self.largest = np.maximum(self.largest, np.abs(high_pass))
-        self._low, self._high = np.minimum(self._low, dq), np.maximum(self._high, dq)
-        self._remaining -= step
-        return self._remaining <= 0.0
-
-    def require_motion(self, joint_names: tuple[str, ...], trained: Array) -> None:
-        """
-        Refuse a motion that does not show the errors of the model.
-
-        Parameters
-        ----------
-        joint_names : tuple of str
-        trained : ndarray, shape (n,)
-            Range of the velocities of the training data [rad/s or m/s].
-
-        Raises
-        ------
-        DataError
-            If a joint moved by less than `LEAST_MOTION` of that.
-
-        """
-        spanned, needed = self._high - self._low, LEAST_MOTION * trained
-        for name, span, least in zip(joint_names, spanned, needed, strict=True):
-            if span < least:
-                raise DataError(
-                    f'the velocity of {name} must span {least:.2g} rad/s or m/s, a fifth of the '
-                    f'training data, but spanned {span:.2g}; call calibrate and move all joints.'
-                )
-
-
-class MonitorDiagnostics:
-    """
-    Judge a monitor again and again, by what was counted since the last time.
-
-    Parameters
-    ----------
-    monitor : Monitor
-
-    """
-
-    def __init__(self, monitor: Monitor) -> None:
-        self._monitor = monitor
-        self._before = monitor.counts
-        self._received_at: float | None = None
-        self._n_unusable = 0
-
-    def health(self, now: float) -> Health:
-        """Judge at this time [s], on any steady clock."""
-        counts = self._monitor.counts
-        new, self._before = counts - self._before, counts
-        if self._received_at is None or new['received']:
-            self._received_at = now
-        self._n_unusable += new['received'] - new['watched'] - new['too_soon']
-        if new['watched']:
-            self._n_unusable = 0
-        return self._judge(new, now - self._received_at)
-
-    def _judge(self, new: Counter[str], silence: float) -> Health:
-        status = self._monitor.status()
-        refused = ', '.join(f'{key} {new[key]}' for key in sorted(status['refused']) if new[key])
-        if silence > SILENCE_S:
-            return Health(Level.ERROR, f'blind: no joint states for {silence:.0f} s')
-        if self._n_unusable >= CONFIRMED_BY:
-            gap = f'more than {self._monitor.longest_gap_s:g} s apart'
-            trouble = f'refused: {refused}' if refused else gap
-            return Health(Level.ERROR, f'blind: joint states {trouble}')
-        if status['failure']:
-            return Health(Level.ERROR, status['failure'])
-        if refused:
-            return Health(Level.WARN, f'joint states refused: {refused}')
-        return Health(Level.OK, status['state'])

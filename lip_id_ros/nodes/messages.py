@@ -1,4 +1,4 @@
-"""Between messages and arrays."""
+"""From arrays to messages and back; nothing else in the package knows the fields of messages."""
 
 from __future__ import annotations
 
@@ -6,19 +6,24 @@ from array import array
 from collections.abc import Mapping, Sequence
 import json
 import math
+import struct
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 import numpy as np
 from pal_statistics_msgs.msg import Statistic, Statistics
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.signals.joints import Refusal, RefusedError
+from lip_id_ros.signals.status import Status
 
 NANOSECONDS = 1_000_000_000
+COUNT, STAMP = struct.Struct('I').size, struct.Struct('iI').size
 
 
 def stamp_at(nanoseconds: int) -> Time:
@@ -44,6 +49,40 @@ def torque_message(stamp: Time, names: Sequence[str], tau: Array) -> JointState:
     return message
 
 
+def joint_state_message(
+    stamp: Time, names: Sequence[str], q: Array, dq: Array, tau: Array
+) -> JointState:
+    """Return a measured sample, arrays of shape (n,), as a driver publishes it."""
+    message = torque_message(stamp, names, tau)
+    message.position, message.velocity = doubles(q), doubles(dq)
+    return message
+
+
+def plan_message(
+    names: Sequence[str], t: Array, q: Array, dq: Array, ddq: Array
+) -> JointTrajectory:
+    """
+    Return a motion as a trajectory.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Joints.
+    t : ndarray, shape (N,)
+        Times from the start [s].
+    q, dq, ddq : ndarray, shape (N, n)
+        Positions, velocities, accelerations.
+
+    """
+    message = JointTrajectory(joint_names=list(names))
+    for at, *values in zip(t, q, dq, ddq, strict=True):
+        sec, nanosec = divmod(round(NANOSECONDS * at), NANOSECONDS)
+        point = JointTrajectoryPoint(time_from_start=Duration(sec=sec, nanosec=nanosec))
+        point.positions, point.velocities, point.accelerations = map(doubles, values)
+        message.points.append(point)
+    return message
+
+
 def command_message(tau: Array) -> Float64MultiArray:
     """Return torques as forward_command_controller takes them."""
     return Float64MultiArray(data=doubles(tau))
@@ -64,6 +103,60 @@ def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
     for point, effort in zip(plan.points, tau, strict=True):
         point.effort = doubles(effort)
     return plan
+
+
+def count_points(raw: bytes) -> int:
+    """
+    Read the number of points of a serialised JointTrajectory, without the points.
+
+    Parameters
+    ----------
+    raw : bytes
+        CDR of either byte order: a stamp, a frame, names, then the points.
+
+    Raises
+    ------
+    RefusedError
+        If it ends before.
+
+    """
+    order = '<' if raw[1:2] == b'\x01' else '>'
+    body = memoryview(raw)[4:]
+
+    def number(at: int) -> int:
+        return int(struct.unpack_from(f'{order}I', body, at)[0])
+
+    def after_string(at: int) -> int:
+        return _aligned(at + COUNT + number(at))
+
+    try:
+        at = after_string(STAMP)
+        n_names, at = number(at), at + COUNT
+        for _ in range(n_names):
+            at = after_string(at)
+        return number(at)
+    except struct.error:
+        raise RefusedError(Refusal.MALFORMED) from None
+
+
+def trajectory_of(raw: bytes) -> JointTrajectory:
+    """
+    Deserialise a JointTrajectory.
+
+    Raises
+    ------
+    RefusedError
+        If the bytes are none.
+
+    """
+    try:
+        return deserialize_message(raw, JointTrajectory)
+    except Exception:  # the class depends on the middleware
+        raise RefusedError(Refusal.MALFORMED) from None
+
+
+def _aligned(at: int) -> int:
+    return (at + 3) & ~3
 
 
 def recorded_joint_state(recorded: Any) -> JointState:
@@ -107,18 +200,17 @@ def _doubles(values: Any) -> array[float]:
     return doubles(np.asarray(values, dtype=np.float64))
 
 
-def status_message(
-    name: str, hardware: str, level: bytes, summary: str, values: Mapping[str, Any]
-) -> DiagnosticStatus:
+def status_message(name: str, hardware: str, status: Status) -> DiagnosticStatus:
     """
     Return a status as a message.
 
     Nested values become dotted keys. Texts stay as they are, all else is JSON.
 
     """
-    status = DiagnosticStatus(name=name, level=level, message=summary, hardware_id=hardware)
-    status.values = [KeyValue(key=key, value=_text(value)) for key, value in _flat(values)]
-    return status
+    message = DiagnosticStatus(name=name, hardware_id=hardware, message=status.summary)
+    message.level = bytes([status.level])
+    message.values = [KeyValue(key=key, value=_text(value)) for key, value in _flat(status.values)]
+    return message
 
 
 def status_values(status: DiagnosticStatus) -> dict[str, Any]:

@@ -17,8 +17,7 @@ from rclpy.parameter import Parameter
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import Row
-from lip_id_ros.settings.nodes import AT_START
-from lip_id_ros.settings.settings import unknown_name
+from lip_id_ros.settings.settings import AT_START, unknown_name
 
 _LARGEST_INTEGER = 2**63 - 1
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections import Counter, deque
 from dataclasses import asdict, dataclass, field
 import json
-import os
 import queue
 import struct
 import subprocess
@@ -22,12 +21,11 @@ import threading
 from typing import Any, BinaryIO, cast
 
 import numpy as np
-from rclpy.serialization import deserialize_message, serialize_message
-from trajectory_msgs.msg import JointTrajectory
+from rclpy.serialization import serialize_message
 
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.feedforward.arm import ServedArm
-from lip_id_ros.feedforward.loading import load_model
+from lip_id_ros.feedforward.loading import load_model, ModelFile
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.feedforward.shaping import Sent
 from lip_id_ros.nodes import messages
@@ -36,61 +34,6 @@ from lip_id_ros.signals.joints import Refusal, RefusedError
 
 MOST_WAITING = 8
 LENGTHS = struct.Struct('<II')
-COUNT, STAMP = struct.Struct('I').size, struct.Struct('iI').size
-
-
-def count_points(raw: bytes) -> int:
-    """
-    Read the number of points of a serialised JointTrajectory, without the points.
-
-    Parameters
-    ----------
-    raw : bytes
-        CDR of either byte order: a stamp, a frame, names, then the points.
-
-    Raises
-    ------
-    RefusedError
-        If it ends before.
-
-    """
-    order = '<' if raw[1:2] == b'\x01' else '>'
-    body = memoryview(raw)[4:]
-
-    def number(at: int) -> int:
-        return int(struct.unpack_from(f'{order}I', body, at)[0])
-
-    def after_string(at: int) -> int:
-        return _aligned(at + COUNT + number(at))
-
-    try:
-        at = after_string(STAMP)
-        n_names, at = number(at), at + COUNT
-        for _ in range(n_names):
-            at = after_string(at)
-        return number(at)
-    except struct.error:
-        raise RefusedError(Refusal.MALFORMED) from None
-
-
-def deserialised(raw: bytes) -> JointTrajectory:
-    """
-    Deserialise a JointTrajectory.
-
-    Raises
-    ------
-    RefusedError
-        If the bytes are none.
-
-    """
-    try:
-        return deserialize_message(raw, JointTrajectory)
-    except Exception:  # the class depends on the middleware
-        raise RefusedError(Refusal.MALFORMED) from None
-
-
-def _aligned(at: int) -> int:
-    return (at + 3) & ~3
 
 
 @dataclass(frozen=True)
@@ -120,25 +63,24 @@ class PlanWorker:
 
     Parameters
     ----------
-    path : str
-        The model's file.
-
-    Raises
-    ------
-    OSError
-        If it cannot be opened.
+    file : ModelFile
+        Of the model that answers the stream.
 
     """
 
-    def __init__(self, path: str) -> None:
-        # kept open: a fit that replaces the file must not change the model beside the stream
-        self._file = os.open(path, os.O_RDONLY)
+    def __init__(self, file: ModelFile) -> None:
+        self._file = file
         self._waiting: queue.SimpleQueue[tuple[bytes, bytes] | None] = queue.SimpleQueue()
         self._done: deque[Planned] = deque()
         self._n_waiting = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._thread: threading.Thread | None = None
         self._stopped = False
+
+    @property
+    def n_waiting(self) -> int:
+        """How many plans wait for their answer."""
+        return self._n_waiting
 
     def submit(self, raw: bytes, settings: ServeSettings) -> None:
         """
@@ -171,7 +113,6 @@ class PlanWorker:
         self._waiting.put(None)
         if self._process is not None:
             end(self._process)
-        os.close(self._file)
         return self._n_waiting
 
     def _work(self) -> None:
@@ -185,8 +126,8 @@ class PlanWorker:
     def _answer(self, header: bytes, raw: bytes) -> Planned:
         if self._process is None:
             self._process = subprocess.Popen(
-                [sys.executable, '-m', 'lip_id_ros.nodes.plans', f'/dev/fd/{self._file}'],
-                pass_fds=(self._file,),
+                [sys.executable, '-m', 'lip_id_ros.nodes.plans', self._file.place],
+                pass_fds=(self._file.descriptor,),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 start_new_session=True,
@@ -233,7 +174,7 @@ def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
 
 
 def _with_effort(arm: ServedArm, raw: bytes) -> bytes:
-    plan = deserialised(raw)
+    plan = messages.trajectory_of(raw)
     with np.errstate(all='ignore'):
         tau = arm.plan(plan.joint_names, plan.points)
     return bytes(serialize_message(messages.with_effort(plan, tau)))

@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from types import FrameType
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import rclpy
 from rclpy.exceptions import InvalidParameterValueException
@@ -22,10 +22,9 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.nodes.guard import GuardedNode
+from lip_id_ros.nodes.node import NodeBase
 
 Result = TypeVar('Result')
-
 
 MOST_ERRORS, ERROR_SECONDS = 100, 1.0
 """The executor itself is broken when so many errors come past the guards in so little time."""
@@ -33,14 +32,7 @@ MOST_ERRORS, ERROR_SECONDS = 100, 1.0
 RCLError = rclpy_implementation.RCLError  # such as a parameter file that is not YAML
 
 
-class Stoppable(Protocol):
-    """A node with an orderly end."""
-
-    def stop(self) -> None:
-        """Let go of the robot and keep the data; the node can still publish."""
-
-
-def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
+def run(make_node: Callable[[], NodeBase], arguments: Sequence[str] | None = None) -> int:
     """
     Spin a node until SIGINT, SIGTERM or SIGHUP, then stop it in good order.
 
@@ -50,7 +42,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     Parameters
     ----------
     make_node : callable
-        Makes the node, which has a method `stop` and a parameter `executor`.
+        Makes the node, which has a parameter `executor`.
     arguments : sequence of str, optional
         Of the command line, without the program's name.
 
@@ -83,7 +75,7 @@ def _spare_collections() -> None:
     gc.freeze()
 
 
-def _stop(node: Node) -> int:
+def _stop(node: NodeBase) -> int:
     try:
         node.stop()
     except LipIdError as error:
@@ -108,7 +100,7 @@ def _stop_event() -> threading.Event:
     return stopped
 
 
-def _spin(node: Node, stopped: threading.Event) -> None:
+def _spin(node: NodeBase, stopped: threading.Event) -> None:
     executor = make_executor(node.get_parameter('executor').value)
     executor.add_node(node)
     failures: list[BaseException] = []
@@ -130,7 +122,7 @@ def _spin(node: Node, stopped: threading.Event) -> None:
         raise failures[0]
 
 
-def _spin_on(executor: Executor, node: Node, stopped: threading.Event) -> None:
+def _spin_on(executor: Executor, node: NodeBase, stopped: threading.Event) -> None:
     """Spin again after an error that came past the guards of the callbacks."""
     recent: deque[float] = deque(maxlen=MOST_ERRORS)
     while not stopped.is_set():
@@ -141,8 +133,7 @@ def _spin_on(executor: Executor, node: Node, stopped: threading.Event) -> None:
             return
         except Exception as error:
             recent.append(time.monotonic())
-            in_a_row = len(recent) == MOST_ERRORS and recent[-1] - recent[0] < ERROR_SECONDS
-            if in_a_row or not isinstance(node, GuardedNode):
+            if len(recent) == MOST_ERRORS and recent[-1] - recent[0] < ERROR_SECONDS:
                 raise
             node.caught(error)
 

@@ -2,37 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 import sys
 import time
+from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.feedforward.diagnostics import ServerDiagnostics
 from lip_id_ros.feedforward.loading import load_model, load_successor, LoadedModel, require_rules
-from lip_id_ros.feedforward.rules import unbounded
 from lip_id_ros.feedforward.server import Server
-from lip_id_ros.feedforward.settings import require_changeable, serve_parameters, ServeSettings
-from lip_id_ros.nodes import parameters, running
-from lip_id_ros.nodes.guard import GuardedNode
+from lip_id_ros.feedforward.settings import require_changeable, ServeSettings, unbounded
+from lip_id_ros.nodes import running
+from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
 from lip_id_ros.nodes.serve_topics import Inputs, Outputs
-from lip_id_ros.nodes.status import Status, StatusPublisher
+from lip_id_ros.settings import parameters_of
+from lip_id_ros.signals.status import Status
 
-STATUS_PERIOD_S = 0.5
 WATCH_PERIOD_S = 0.02
 
 
-class ServeNode(GuardedNode, LifecycleNode):
+class ServeNode(NodeBase, LifecycleNode):
     """
     Managed node: a model is loaded on configure, references are answered while active.
 
@@ -44,21 +41,15 @@ class ServeNode(GuardedNode, LifecycleNode):
     """
 
     def __init__(self) -> None:
-        super().__init__('serve')
-        self._table = serve_parameters()
-        parameters.declare(self, self._table)
+        super().__init__('serve', parameters_of(ServeSettings))
         self._server = Server()
-        self._diagnostics = ServerDiagnostics(self._server)
         self._loaded: LoadedModel | None = None
         self._failure = ''
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='loading')
-        self._status = StatusPublisher(self)
         self._outputs = Outputs(self)
         self._inputs = Inputs(self, self._server, self._outputs)
         self._make_services()
         self._guard_transitions()
-        self.add_on_set_parameters_callback(self._check_change)
-        self.add_post_set_parameters_callback(self._apply_change)
         if self._settings().autostart:
             self._start()
 
@@ -67,6 +58,12 @@ class ServeNode(GuardedNode, LifecycleNode):
         if self._state_label != 'finalized':
             self.trigger_shutdown()
         self._pool.shutdown()
+
+    def status(self) -> Status:
+        """Return the state of the lifecycle and the server's counts."""
+        judgement = self._server.judge(self._failure, time.monotonic())
+        waiting = {'waiting': self._inputs.n_waiting}
+        return Status(*judgement, {'state': self._state_label, **waiting, **self._server.values()})
 
     @property
     def _state_label(self) -> str:
@@ -77,10 +74,7 @@ class ServeNode(GuardedNode, LifecycleNode):
         self.create_service(SetBool, '~/enable', self._on_enable)
         own_group = MutuallyExclusiveCallbackGroup()
         self.create_service(Trigger, '~/reload_model', self._on_reload, callback_group=own_group)
-        # steady: a paused simulation must silence neither the safe torque nor the diagnostics
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(STATUS_PERIOD_S, self._publish_status, clock=steady)
-        self.create_timer(WATCH_PERIOD_S, self._inputs.watch, clock=steady)
+        self.create_steady_timer(WATCH_PERIOD_S, self._inputs.watch)
 
     def _guard_transitions(self) -> None:
         """Answer a transition that is not possible now; rclpy ends the node for it."""
@@ -111,25 +105,23 @@ class ServeNode(GuardedNode, LifecycleNode):
 
     # parameters
 
-    def _settings(self) -> ServeSettings:
-        return ServeSettings(**parameters.values(self, self._table))
+    def check_change(self, values: Mapping[str, Any]) -> None:
+        """Refuse what would have no effect now, or does not fit the arm."""
+        before = self._settings()
+        settings = replace(before, **values)
+        require_changeable(before, settings, self._state_label)
+        require_rules(settings, self._loaded)
 
-    def _check_change(self, changed: Sequence[Parameter]) -> SetParametersResult:
-        try:
-            before = self._settings()
-            settings = replace(before, **parameters.changed_values(self._table, changed))
-            require_changeable(before, settings, self._state_label)
-            require_rules(settings, self._loaded)
-        except LipIdError as error:
-            return parameters.refused(error)
-        return SetParametersResult(successful=True)
-
-    def _apply_change(self, changed: Sequence[Parameter]) -> None:
+    def apply_change(self, values: Mapping[str, Any]) -> None:
+        """Use the new settings at once; a torque that they change is ramped to."""
         settings = self._settings()
         self._server.adjust(settings, time.monotonic())
         self._inputs.adjust(settings)
         if self._server.active and settings.enabled != self._server.enabled:
             self._enable(settings.enabled)
+
+    def _settings(self) -> ServeSettings:
+        return ServeSettings(**self.values())
 
     # lifecycle
 
@@ -144,7 +136,7 @@ class ServeNode(GuardedNode, LifecycleNode):
             self._inputs.configure(settings)
             self._loaded = load_model(settings, settings.joints)
             require_rules(settings, self._loaded)
-            self._inputs.use(settings)
+            self._inputs.use(self._loaded, settings)
         except (LipIdError, OSError) as error:
             self._failure = f'not configured: {error}'
             self.get_logger().error(self._failure)
@@ -210,7 +202,7 @@ class ServeNode(GuardedNode, LifecycleNode):
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self.set_parameters([Parameter('enabled', value=request.data)])
-        self._publish_status()
+        self.publish_status()
         response.success = True
         response.message = 'enabled' if request.data else 'disabled'
         return response
@@ -246,18 +238,11 @@ class ServeNode(GuardedNode, LifecycleNode):
             loaded.stop()
             raise LipIdError('the node was cleaned up while the model was loaded.')
         self._loaded = loaded
-        self._inputs.use(settings)
+        self._inputs.use(loaded, settings)
         if self._server.active:
             self._server.use(loaded, self._settings(), time.monotonic())
         self._pool.submit(replaced.stop)
         return f'serves {settings.model_path}'
-
-    # status
-
-    def _publish_status(self) -> None:
-        level, summary = self._diagnostics.health(self._failure, time.monotonic())
-        values = {'state': self._state_label, **self._server.status()}
-        self._status.publish(Status(bytes([level]), summary, values))
 
 
 def main() -> int:

@@ -17,11 +17,12 @@ from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.model import Prediction, Query
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.plans import count_points, deserialised, Planned, PlanWorker
+from lip_id_ros.nodes.plans import Planned, PlanWorker
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.signals.joints import ON_PURPOSE, Refusal, RefusedError
 
@@ -140,6 +141,7 @@ class Inputs:
     def __init__(self, node: LifecycleNode, server: Server, outputs: Outputs) -> None:
         self._node = node
         self._server = server
+        self._references = server.counts.references
         self._outputs = outputs
         self._optional: list[Any] = []
         self._worker: PlanWorker | None = None
@@ -169,15 +171,20 @@ class Inputs:
         if settings.follow_joint_states:
             self._add(JointState, 'joint_states', self._on_joint_state)
 
-    def use(self, settings: ServeSettings) -> None:
-        """Answer long plans by the model that these settings name, from now on."""
+    def use(self, loaded: LoadedModel, settings: ServeSettings) -> None:
+        """Answer long plans by this model from now on."""
         self._stop_worker()
-        self._worker = PlanWorker(settings.model_path)
+        self._worker = PlanWorker(loaded.file) if loaded.file is not None else None
         self.adjust(settings)
 
     def adjust(self, settings: ServeSettings) -> None:
         """Answer long plans by these settings."""
         self._settings = settings
+
+    @property
+    def n_waiting(self) -> int:
+        """How many plans are being answered beside the stream."""
+        return self._worker.n_waiting if self._worker else 0
 
     def clean_up(self) -> None:
         """Unsubscribe from what `configure` subscribed to."""
@@ -209,13 +216,13 @@ class Inputs:
         self._optional.append(subscription)
 
     def _on_trajectory(self, raw: bytes) -> None:
-        self._unless_refused(lambda: self._answer(raw))
+        self._receive(lambda: self._answer(raw))
 
     def _answer(self, raw: bytes) -> None:
         """Answer a plan, or a sample of a stream."""
-        with self._server.refusing():
-            beside = len(raw) > INLINE_BYTES and count_points(raw) > 1
-            message = None if beside else deserialised(raw)
+        with self._references.refusing():
+            beside = len(raw) > INLINE_BYTES and messages.count_points(raw) > 1
+            message = None if beside else messages.trajectory_of(raw)
         if message is None:
             self._submit(raw)
         elif len(message.points) > 1:
@@ -226,16 +233,17 @@ class Inputs:
 
     def _submit(self, raw: bytes) -> None:
         """Have a long plan answered beside the stream."""
-        with self._server.refusing():
-            self._server.require_ready()
-            if count_points(raw) > self._settings.max_plan_points:
+        with self._references.refusing():
+            self._server.ready_arm()
+            if messages.count_points(raw) > self._settings.max_plan_points:
                 raise RefusedError(Refusal.TOO_LONG)
-            if self._worker is not None:
-                self._worker.submit(raw, self._settings)
+            if self._worker is None:
+                raise RefusedError(Refusal.INACTIVE)
+            self._worker.submit(raw, self._settings)
 
     def _publish_planned(self, planned: Planned) -> None:
-        with self._server.refusing():
-            self._server.require_ready()
+        with self._references.refusing():
+            self._server.ready_arm()
             if planned.refusal:
                 raise RefusedError(Refusal(planned.refusal))
         self._server.planned_beside(planned.counts)
@@ -244,14 +252,14 @@ class Inputs:
     def _stop_worker(self) -> None:
         if self._worker is not None:
             for _ in range(self._worker.stop()):
-                self._server.refuse(Refusal.INTERRUPTED)
+                self._references.refuse(Refusal.INTERRUPTED)
             self._worker = None
 
     def _on_controller_state(self, message: Any) -> None:
         # before Jazzy the reference was called desired
         reference = message.reference if hasattr(message, 'reference') else message.desired
         stamp, names = message.header.stamp, message.joint_names
-        self._unless_refused(lambda: self._answer_sample(stamp, names, [reference]))
+        self._receive(lambda: self._answer_sample(stamp, names, [reference]))
 
     def _on_joint_state(self, message: JointState) -> None:
         """Publish energies and torque residual to those who listen."""
@@ -259,11 +267,15 @@ class Inputs:
         if measured is None:
             return
         if self._outputs.wants(*MEASURED_TOPICS):
-            query = self._server.measured_energies(measured)
+            query = self._server.arm.energies(measured)
             self._outputs.measured_energies(message.header.stamp, query)
         if self._outputs.wants(RESIDUAL_TOPIC):
-            residual = self._server.residual(measured)
+            residual = self._server.arm.residual(measured)
             self._publish_vector(RESIDUAL_TOPIC, message.header.stamp, residual)
+
+    def _receive(self, answer: Callable[[], None]) -> None:
+        self._references.received += 1
+        self._unless_refused(answer)
 
     def _unless_refused(self, answer: Callable[[], None]) -> None:
         try:
@@ -282,7 +294,7 @@ class Inputs:
         self._outputs.torque(stamp, self._server.joint_names, served.tau)
         self._outputs.energies(stamp, served.query)
         if self._outputs.wants(*COMPONENT_TOPICS):
-            predicted = self._server.components(served)
+            predicted = self._server.arm.components(served.state)
             self._outputs.components(stamp, self._server.joint_names, predicted)
 
     def _publish_vector(self, topic: str, stamp: Time, tau: Array | None) -> None:

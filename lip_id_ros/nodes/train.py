@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict
 import sys
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.clock import Clock, ClockType
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
@@ -26,45 +23,38 @@ from lip_id_ros.acquisition.settings import (
     TrainSettings,
 )
 from lip_id_ros.errors import ConfigError, DataError, LipIdError
-from lip_id_ros.nodes import parameters, qos, running
-from lip_id_ros.nodes.guard import GuardedNode
+from lip_id_ros.nodes import qos, running
+from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
-from lip_id_ros.nodes.status import ERROR, OK, Status, StatusPublisher, WARN
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.settings.nodes import WHILE_EMPTY
+from lip_id_ros.settings.settings import WHILE_EMPTY
+from lip_id_ros.signals.status import Level, Status
 
-STATUS_PERIOD_S = 0.5
 
-
-class TrainNode(GuardedNode):
+class TrainNode(NodeBase):
     """
     Recorder and trainer.
 
     Raises
     ------
-    InvalidParameterValueException, ConfigError
-        If a parameter is given a value that is not allowed, or there is no such parameter.
+    ConfigError
+        If the parameters contradict each other.
 
     """
 
     def __init__(self) -> None:
-        super().__init__('train')
-        self._table = train_parameters()
-        parameters.declare(self, self._table)
-        check_together(self._values())
+        super().__init__('train', train_parameters())
+        check_together(self.values())
         self._jobs = Jobs()
         self._reported = JobState()
         self._rejected_before = 0
         self._endangered = ''
         self._recorder = self._new_recorder()
         self._recorder.recording = self._settings().record_on_start
-        self._status = StatusPublisher(self)
         self._subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
         )
         self._make_services()
-        self.add_on_set_parameters_callback(self._check_change)
-        self.add_post_set_parameters_callback(self._apply_change)
 
     def stop(self) -> None:
         """
@@ -99,9 +89,6 @@ class TrainNode(GuardedNode):
         self.create_service(
             Trigger, '~/save_dataset', self._on_save_dataset, callback_group=own_group
         )
-        # steady: a paused simulation must not silence the diagnostics
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(STATUS_PERIOD_S, self._publish_status, clock=steady)
 
     @property
     def _topic(self) -> str:
@@ -110,40 +97,29 @@ class TrainNode(GuardedNode):
 
     # parameters
 
-    def _values(self) -> dict[str, Any]:
-        return parameters.values(self, self._table)
+    def check_change(self, values: Mapping[str, Any]) -> None:
+        """Refuse what contradicts other parameters, and other joints while samples are kept."""
+        for name in values:
+            if self._is_of_recorder(name) and len(self._recorder) > 0:
+                raise ConfigError(f'{name} cannot change while samples are kept; call clear.')
+        check_together({**self.values(), **values})
 
-    def _settings(self) -> TrainSettings:
-        return TrainSettings(**own_values(self._values()))
-
-    def _new_recorder(self) -> Recorder:
-        values = self._values()
-        return Recorder(values['recording.joints'], values['max_rows'])
-
-    def _check_change(self, changed: Sequence[Parameter]) -> SetParametersResult:
-        for parameter in changed:
-            if self._waits_for_clear(parameter):
-                sentence = f'{parameter.name} cannot change while samples are kept; call clear.'
-                return SetParametersResult(successful=False, reason=sentence)
-        try:
-            new = parameters.changed_values(self._table, changed)
-            check_together({**self._values(), **new})
-        except ConfigError as error:
-            return parameters.refused(error)
-        return SetParametersResult(successful=True)
-
-    def _waits_for_clear(self, parameter: Parameter) -> bool:
-        return self._is_of_recorder(parameter) and len(self._recorder) > 0
-
-    def _is_of_recorder(self, parameter: Parameter) -> bool:
-        row = self._table.get(parameter.name)
-        return row is not None and row.applies == WHILE_EMPTY
-
-    def _apply_change(self, changed: Sequence[Parameter]) -> None:
-        if any(map(self._is_of_recorder, changed)):
+    def apply_change(self, values: Mapping[str, Any]) -> None:
+        """Record anew where the joints or the bound of the recording changed."""
+        if any(map(self._is_of_recorder, values)):
             recording = self._recorder.recording
             self._recorder = self._new_recorder()
             self._recorder.recording = recording
+
+    def _is_of_recorder(self, name: str) -> bool:
+        return train_parameters()[name].applies == WHILE_EMPTY
+
+    def _settings(self) -> TrainSettings:
+        return TrainSettings(**own_values(self.values()))
+
+    def _new_recorder(self) -> Recorder:
+        values = self.values()
+        return Recorder(values['recording.joints'], values['max_rows'])
 
     # messages and services
 
@@ -198,7 +174,7 @@ class TrainNode(GuardedNode):
         self, kind: str, path: str
     ) -> tuple[str, Future[Mapping[str, Any]], Callable[[], None]]:
         """Start a job; return its sources in words, its future, and what to call once saved."""
-        values = self._values()
+        values = self.values()
         sections = self._recorder.samples(self._topic)
         if not sections and not values['bags']:
             raise DataError(self._recorder.why_empty(self._topic))
@@ -215,30 +191,31 @@ class TrainNode(GuardedNode):
         return sources, work, self._recorder.saving(sections)
 
     def _answer(self, response: Any, success: bool, text: str) -> Any:
-        self._publish_status()
+        self.publish_status()
         response.success = success
         response.message = text
         return response
 
     # status
 
-    def _publish_status(self) -> None:
+    def status(self) -> Status:
+        """Return what is recorded and where the job stands."""
         job = self._jobs.state
         self._endangered = self._recorder.endangered(self._settings().unsaved_path)
-        values = {**self._recorder.status(), 'job': asdict(job)}
         self._report(job)
-        self._status.publish(Status(self._level(job), self._summary(job), values))
+        values = {**self._recorder.status(), 'job': asdict(job)}
+        return Status(self._level(job), self._summary(job), values)
 
     def _summary(self, job: JobState) -> str:
         work = f', {job.task} {job.state}' if job.state != 'idle' else ''
         return '; '.join([self._recorder.summary + work, *filter(None, [self._endangered])])
 
-    def _level(self, job: JobState) -> bytes:
+    def _level(self, job: JobState) -> Level:
         rejected = self._recorder.n_rejected
         rose, self._rejected_before = rejected > self._rejected_before, rejected
         if job.state == 'failed':
-            return ERROR
-        return WARN if rose or self._recorder.is_full or self._endangered else OK
+            return Level.ERROR
+        return Level.WARN if rose or self._recorder.is_full or self._endangered else Level.OK
 
     def _report(self, job: JobState) -> None:
         """Log the end of a job, once."""

@@ -8,7 +8,15 @@ from lip_id_ros.settings.sections import (
     read_config,
     sections,
 )
-from lip_id_ros.settings.settings import build, Row, rows, setting, Settings
+from lip_id_ros.settings.settings import (
+    build,
+    executor_setting,
+    parameters_of,
+    Row,
+    rows,
+    setting,
+    Settings,
+)
 from lip_id_ros.settings.tables import (
     Config,
     FitSettings,
@@ -25,9 +33,11 @@ __all__ = [
     'Settings',
     'build',
     'example_yaml',
+    'executor_setting',
     'flat_rows',
     'flatten',
     'override',
+    'parameters_of',
     'read_config',
     'rows',
     'sections',

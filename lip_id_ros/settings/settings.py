@@ -19,6 +19,15 @@ from lip_id_ros.errors import ConfigError
 _KEY = 'lip_id_ros.setting'
 MOST_SHOWN = 100  # characters of a value in a message
 
+# when a running node uses a new value of a parameter
+AT_START = 'at the start only'
+AT_ONCE = 'at once'
+WHILE_EMPTY = 'at once, while no samples are kept'
+NEXT_JOB = 'at the next fit or data set'
+ON_CONFIGURE = 'on configure; refused while configured'
+ON_LOAD = 'on configure or reload'
+PER_JOINT = 'One per joint, in the order of joints, or one for all.'
+
 
 def setting(
     default: Any,
@@ -63,6 +72,17 @@ def setting(
         'applies': applies,
     }
     return dataclasses.field(default=default, metadata={_KEY: details})
+
+
+def executor_setting() -> Any:
+    """Declare how the callbacks of a node are run."""
+    return setting(
+        'events',
+        'How callbacks are run. events takes less CPU at high rates; single_threaded is used '
+        'where this ROS has no events executor.',
+        choices=('events', 'single_threaded'),
+        applies=AT_START,
+    )
 
 
 @dataclass(frozen=True)
@@ -152,6 +172,11 @@ def rows(table: type[Settings]) -> tuple[Row, ...]:
         for field in dataclasses.fields(table)
         if (details := field.metadata.get(_KEY)) is not None
     )
+
+
+def parameters_of(table: type[Settings]) -> dict[str, Row]:
+    """Return the rows of a settings table by name: the parameters of a node."""
+    return {row.name: row for row in rows(table)}
 
 
 @dataclass(frozen=True)

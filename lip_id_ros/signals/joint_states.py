@@ -1,4 +1,4 @@
-"""One measured joint state in the order of a model, whatever the order of its message."""
+"""Joint states in the order of a model, and whether their stamps are those of one clock."""
 
 from __future__ import annotations
 
@@ -11,6 +11,14 @@ from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.model import EffortCalibration
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
+
+CONFIRMED_BY = 3
+"""So many messages in a row that follow a doubted stamp show that the clock did jump."""
+
+LONGEST_STEP_S = 10.0
+"""A stamp further ahead of the last one may be wrong."""
+
+NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +51,14 @@ class JointStateReader:
     ----------
     joint_names : sequence of str
         The model's joints.
-    calibration : EffortCalibration
-        Of the effort.
+    calibration : EffortCalibration, optional
+        Of the effort; without it efforts are not read.
 
     """
 
-    def __init__(self, joint_names: Sequence[str], calibration: EffortCalibration) -> None:
+    def __init__(
+        self, joint_names: Sequence[str], calibration: EffortCalibration | None = None
+    ) -> None:
         self._order = JointOrder(joint_names)
         self._calibration = calibration
 
@@ -66,7 +76,7 @@ class JointStateReader:
         q = _vector(message.position, message, columns, Refusal.NO_POSITION)
         dq = _vector(message.velocity, message, columns, Refusal.NO_VELOCITY)
         tau = None
-        if len(message.effort):
+        if self._calibration is not None and len(message.effort):
             effort = _vector(message.effort, message, columns, Refusal.NO_EFFORT)
             tau = self._calibration.torque(effort)
         return MeasuredState(1e-9 * message.stamp_ns, q, dq, tau)
@@ -80,3 +90,55 @@ def _vector(row: object, message: JointMessage, columns: IndexArray, absent: Ref
     if not np.isfinite(chosen).all():
         raise RefusedError(Refusal.NOT_FINITE)
     return chosen
+
+
+class StampWatch:
+    """
+    Judge stamps one after the other.
+
+    A stamp that goes back or far ahead is doubted, so that neither a wrong one nor a second
+    publisher with another clock is followed. When `CONFIRMED_BY` messages in a row follow a
+    doubted one, the clock has jumped: a restarted driver or simulation, or a pause.
+
+    Parameters
+    ----------
+    longest_step_s : float
+        A stamp further ahead is doubted [s].
+
+    Attributes
+    ----------
+    jumps : int
+        How often the clock jumped.
+
+    """
+
+    def __init__(self, longest_step_s: float = LONGEST_STEP_S) -> None:
+        self._longest_ns = round(NANOSECONDS * longest_step_s)
+        self._last_ns = 0
+        self._doubted_ns = 0
+        self._n_doubted = 0
+        self.jumps = 0
+
+    def doubt(self, stamp_ns: int) -> Refusal | None:
+        """Return why a stamp [ns] is not that of the next message, None where it is."""
+        if stamp_ns <= 0:
+            return Refusal.NO_STAMP
+        if stamp_ns == self._last_ns:
+            return Refusal.REPEATED_STAMP
+        if self._last_ns == 0 or self._follows(self._last_ns, stamp_ns):
+            self._accept(stamp_ns)
+            return None
+        follows = self._n_doubted > 0 and self._follows(self._doubted_ns, stamp_ns)
+        self._n_doubted = self._n_doubted + 1 if follows else 1
+        self._doubted_ns = stamp_ns
+        if self._n_doubted == CONFIRMED_BY:
+            self.jumps += 1
+            self._accept(stamp_ns)
+            return None
+        return Refusal.BACKWARD_STAMP if stamp_ns < self._last_ns else Refusal.FAR_STAMP
+
+    def _follows(self, before_ns: int, stamp_ns: int) -> bool:
+        return 0 < stamp_ns - before_ns <= self._longest_ns
+
+    def _accept(self, stamp_ns: int) -> None:
+        self._last_ns, self._n_doubted = stamp_ns, 0

@@ -38,6 +38,7 @@ class Refusal(StrEnum):
     REPEATED_STAMP = 'stamp repeated'
     BACKWARD_STAMP = 'stamp went back'
     FAR_STAMP = 'stamp far ahead'
+    FAILED = 'failed'
 
 
 ON_PURPOSE = frozenset({Refusal.INACTIVE, Refusal.DISABLED})
@@ -82,6 +83,7 @@ _SENTENCES = {
         'the stamp lies far ahead of the last joint state; check for two publishers, clocks and '
         'pauses'
     ),
+    Refusal.FAILED: 'the message led to an error of this node; see its log',
 }
 
 

@@ -1,6 +1,6 @@
 """Simulated arms, exciting motions and the recordings that they would give."""
 
-from lip_id_ros.simulation.arm import Dynamics, SimulatedArm
+from lip_id_ros.simulation.arm import Dynamics, panda, SimulatedArm
 from lip_id_ros.simulation.closed_loop import (
     no_contact,
     NominalFeedforward,
@@ -9,16 +9,22 @@ from lip_id_ros.simulation.closed_loop import (
     Tracking,
 )
 from lip_id_ros.simulation.datasets import make_dataset, with_encoder_noise, with_truth, write_bag
-from lip_id_ros.simulation.friction import FrictionalArm, FrictionTorque, SmoothFrictionTorque
-from lip_id_ros.simulation.panda import panda
-from lip_id_ros.simulation.torque_controlled import Drives, Measurement, TorqueControlledArm
-from lip_id_ros.simulation.trajectories import MotionLimits, SinusoidTrajectory
+from lip_id_ros.simulation.torque_controlled import (
+    Drives,
+    FrictionalArm,
+    FrictionTorque,
+    Measurement,
+    SmoothFrictionTorque,
+    TorqueControlledArm,
+)
+from lip_id_ros.simulation.trajectories import GrowingCosine, MotionLimits, SinusoidTrajectory
 
 __all__ = [
     'Drives',
     'Dynamics',
     'FrictionTorque',
     'FrictionalArm',
+    'GrowingCosine',
     'Measurement',
     'MotionLimits',
     'NominalFeedforward',

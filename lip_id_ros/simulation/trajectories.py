@@ -1,4 +1,4 @@
-"""Exciting motions within limits: sums of sinusoids whose derivatives are known exactly."""
+"""Motions whose derivatives are known exactly: exciting sums of sinusoids, and a reference."""
 
 from __future__ import annotations
 
@@ -185,3 +185,54 @@ class SinusoidTrajectory:
         bounds = np.array([reach, limits.dq_max, limits.ddq_max])
         peaks = np.array([np.abs(values).max(axis=0) for values in (q, dq, ddq)])
         return HEADROOM * np.min(bounds / peaks, axis=0)
+
+
+COSINE_RATE = np.pi  # rad/s
+
+
+@dataclass(frozen=True)
+class GrowingCosine:
+    r"""
+    Every joint swings around a posture, ever further (paper, eq. `ref_ctrl`).
+
+    .. math:: q_i(t) = \bar q_i + \frac{A}{T} t \cos(\pi t)
+
+    The paper's equation has no posture; with a Panda's fourth joint, which cannot reach zero, it
+    needs one.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (n,)
+        The posture [rad or m].
+    amplitude : float
+        Reached at the horizon [rad or m].
+    horizon : float
+        T [s].
+
+    """
+
+    centre: Array
+    amplitude: float
+    horizon: float
+
+    def sample(self, t: float | Array) -> tuple[Array, Array, Array]:
+        """
+        Exact motion at one or many times.
+
+        Parameters
+        ----------
+        t : float, or ndarray of shape (N,)
+            [s].
+
+        Returns
+        -------
+        q, dq, ddq : ndarray, shape (n,) or (N, n)
+
+        """
+        time = np.asarray(t, dtype=np.float64)[..., np.newaxis]
+        slope = self.amplitude / self.horizon * np.ones_like(self.centre)
+        sin, cos = np.sin(COSINE_RATE * time), np.cos(COSINE_RATE * time)
+        q = self.centre + slope * time * cos
+        dq = slope * (cos - COSINE_RATE * time * sin)
+        ddq = -slope * COSINE_RATE * (2 * sin + COSINE_RATE * time * cos)
+        return q, dq, ddq

@@ -12,7 +12,6 @@ from lip_id_ros.control import (
     ComputedTorque,
     Feedforward,
     Gains,
-    GrowingCosine,
     LearnedFeedforward,
 )
 from lip_id_ros.dataset import Dataset
@@ -25,6 +24,7 @@ from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import (
     Drives,
     FrictionalArm,
+    GrowingCosine,
     NominalFeedforward,
     panda,
     placed,

@@ -50,6 +50,7 @@ def test_nothing_is_kept_while_not_recording() -> None:
     recorder.add(message(200.0, []))
     assert recorder.status() == {
         'recording': False,
+        'received': 2,
         'rows': 2,
         'rows_saved': 0,
         'full': False,

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 
-from lip_id_ros.acquisition.sections import MOST_SECTIONS, Sections
+from lip_id_ros.acquisition.recorder import MOST_SECTIONS, Sections
 from lip_id_ros.recording import Reason
 from lip_id_ros.recording.joint_messages import from_joint_state, JointMessage
-from lip_id_ros.signals.stamps import CONFIRMED_BY, LONGEST_STEP_S
+from lip_id_ros.signals.joint_states import CONFIRMED_BY, LONGEST_STEP_S
 
 NAMES = ('a', 'b')
 NOW = 1.7e9

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lip_id_ros.acquisition.job_process import training_set
 from lip_id_ros.acquisition.recording_file import keep
-from lip_id_ros.acquisition.training_set import training_set
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.progress import silent

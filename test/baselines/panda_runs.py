@@ -11,8 +11,8 @@ from lip_id_ros.simulation import (
     panda,
     SinusoidTrajectory,
 )
-from lip_id_ros.simulation.friction import JointFriction
-from lip_id_ros.simulation.panda import MOTION
+from lip_id_ros.simulation.arm import MOTION
+from lip_id_ros.simulation.torque_controlled import JointFriction
 
 
 def runs(

@@ -10,7 +10,7 @@ from lip_id_ros.baselines import method, MODELS, needs_urdf
 from lip_id_ros.baselines.registry import MEANINGS
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation.panda import panda_urdf
+from lip_id_ros.simulation.arm import panda_urdf
 
 
 def test_an_unknown_name() -> None:

@@ -16,7 +16,7 @@ from lip_id_ros.evaluation import metrics
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import FrictionTorque
-from lip_id_ros.simulation.panda import panda_urdf
+from lip_id_ros.simulation.arm import panda_urdf
 
 pytest.importorskip('pinocchio')
 

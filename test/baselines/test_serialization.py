@@ -20,7 +20,7 @@ from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.checked_file import COMPARED, write_checked
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation.panda import panda_urdf
+from lip_id_ros.simulation.arm import panda_urdf
 
 pytest.importorskip('torch')
 pytest.importorskip('pinocchio')

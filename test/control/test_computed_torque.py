@@ -11,11 +11,11 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.control import (
     ComputedTorque,
     Gains,
-    GrowingCosine,
     LearnedFeedforward,
     NoFeedforward,
 )
 from lip_id_ros.model import DynamicsModel, Query
+from lip_id_ros.simulation import GrowingCosine
 
 GAINS = Gains(np.array([100.0, 50.0]), np.array([10.0, 5.0]))
 CENTRE = np.array([0.3, -1.0])

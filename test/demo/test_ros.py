@@ -19,7 +19,7 @@ from rosbags.typesys import get_typestore, Stores
 from std_msgs.msg import Float64
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.demo.robot import joint_state, motion, reference, RobotSettings
+from lip_id_ros.demo.nodes import measured_message, motion, reference_message
 from lip_id_ros.demo.served import (
     JOINT_STATES,
     KINETIC,
@@ -34,6 +34,7 @@ from lip_id_ros.demo.served import (
     TOPICS,
     TORQUE,
 )
+from lip_id_ros.demo.settings import RobotSettings
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import score
 from lip_id_ros.model import Prediction
@@ -78,8 +79,8 @@ def served_messages(exact: Dataset, measured: Dataset) -> dict[str, list[Any]]:
     for row in range(N):
         stamp = messages.stamp_at(START_NS + row * 100_000_000)
         torque = messages.torque_message(stamp, exact.joint_names, exact.tau_noiseless[row])
-        content[JOINT_STATES].append(joint_state(stamp, measured, row))
-        content[REFERENCE].append(reference(stamp, exact, row))
+        content[JOINT_STATES].append(measured_message(stamp, measured, row))
+        content[REFERENCE].append(reference_message(stamp, exact, row))
         content[TORQUE].append(torque)
         content[KINETIC].append(Float64(data=float(exact.kinetic[row])))
         content[POTENTIAL].append(Float64(data=float(exact.potential[row]) + 7.0))

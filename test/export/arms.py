@@ -33,7 +33,7 @@ from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.simulation.panda import panda_urdf
+from lip_id_ros.simulation.arm import panda_urdf
 
 EXTRA: tuple[FrictionTerm, ...] = (
     Stribeck(0.05),

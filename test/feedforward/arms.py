@@ -12,7 +12,6 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward.loading import LoadedModel
-from lip_id_ros.feedforward.rules import TrainingRange
 from lip_id_ros.model import EffortCalibration, Prediction, Query
 
 NAMES = ('a', 'b')
@@ -67,8 +66,7 @@ class Sum:
 def arm(factor: float = 1.0, reach: float = 1e6) -> LoadedModel:
     """Return an arm that was trained on -reach to reach."""
     model, one = Sum(factor, reach=reach), np.ones(len(NAMES))
-    training_range = TrainingRange(*model.training_range)
-    return LoadedModel(model, training_range, EffortCalibration(one, 0 * one))
+    return LoadedModel(model, EffortCalibration(one, 0 * one))
 
 
 def point(q: Sequence[float], dq: Sequence[float], ddq: Sequence[float], t: float = 0.0) -> Any:

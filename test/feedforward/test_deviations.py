@@ -13,11 +13,10 @@ from waiting import wait_until
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.feedforward.deviations import Deviated, Deviations
-from lip_id_ros.feedforward.diagnostics import ServerDiagnostics
-from lip_id_ros.feedforward.loading import load_model
+from lip_id_ros.feedforward.loading import load_model, ModelFile
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.signals.health import Level
+from lip_id_ros.signals.status import Level
 
 
 def wait_for(deviations: Deviations) -> Deviated:
@@ -80,15 +79,35 @@ def test_what_cannot_be_told_is_beyond_the_limit(tmp_path: Path) -> None:
         assert not server.sample(model.joint_names, points, 0.0).tau.any()  # not computed yet
         wait_for(arm.deviations)
         assert server.sample(model.joint_names, points, 0.1).tau.all()
-        assert ServerDiagnostics(server).health('', 0.1).level == Level.WARN
+        assert server.judge('', 0.1)[0] == Level.WARN
     finally:
         arm.stop()
     assert not server.sample(model.joint_names, points, 9.0).tau.any()
-    assert server.status()['uncertain'] == 2
-    assert ServerDiagnostics(server).health('', 9.0) == (
+    assert server.values()['uncertain'] == 2
+    assert server.judge('', 9.0) == (
         Level.ERROR,
         'the process of the standard deviations has ended',
     )
+
+
+def test_deviations_are_those_of_the_model_that_answers(tmp_path: Path) -> None:
+    path = tmp_path / 'model.npz'
+    first, second = random_model('recursive', seed=1), random_model('recursive', seed=2)
+    first.save(path)
+    file = ModelFile(str(path))
+    second.save(tmp_path / 'second.npz')
+    path.write_bytes((tmp_path / 'second.npz').read_bytes())  # in its place, as cp does
+    model = file.load()
+    deviations = Deviations(file.place, model.n_joints, [file.descriptor])
+    state = np.random.default_rng(2).normal(size=(3, model.n_joints))
+    try:
+        offer(deviations, state, 'reference', 0.0)
+        expected = first.standard_deviation(*state[:, np.newaxis]).tau[0]
+        np.testing.assert_allclose(wait_for(deviations).std, expected, rtol=1e-9)
+        np.testing.assert_array_equal(model.query(*state).tau, first.query(*state).tau)
+    finally:
+        deviations.stop()
+        file.close()
 
 
 def test_a_process_that_cannot_begin_says_so(tmp_path: Path) -> None:

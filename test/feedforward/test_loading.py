@@ -13,6 +13,7 @@ import pytest
 from lip_id_ros.errors import ConfigError, ModelError
 from lip_id_ros.feedforward.loading import load_model, load_successor, require_rules
 from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.feedforward.shaping import TrainingRange
 
 MODEL = random_model('recursive')
 JOINTS = MODEL.joint_names
@@ -36,7 +37,7 @@ def test_a_loaded_model_answers_as_its_file(settings: ServeSettings) -> None:
     np.testing.assert_allclose(found.coriolis, expected.coriolis)
     x = process_of(MODEL).states
     inside = np.stack([x.q[0], x.dq[0], x.ddq[0]])
-    assert loaded.training_range.excess(inside) <= 1.0 + 1e-12
+    assert TrainingRange(*loaded.model.training_range).excess(inside) <= 1.0 + 1e-12
 
 
 def test_a_model_of_other_joints_is_refused(settings: ServeSettings) -> None:

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.feedforward.rules import factors, Policy, std_excess, TrainingRange
+from lip_id_ros.feedforward.settings import Policy
+from lip_id_ros.feedforward.shaping import factors, std_excess, TrainingRange
 
 BOX = TrainingRange(np.array([[-1.0, 0.0]] * 3), np.array([[1.0, 4.0]] * 3))
 

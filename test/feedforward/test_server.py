@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.feedforward.diagnostics import ServerDiagnostics
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.signals.health import Level
 from lip_id_ros.signals.joints import Refusal, RefusedError
+from lip_id_ros.signals.status import Level
 
 POINT = point([1, 2], [3, 4], [5, 6])
 TAU = np.array([531.0, 642.0])  # of POINT
@@ -31,7 +30,7 @@ def serving(**settings: Any) -> Server:
 
 def counted(server: Server) -> dict[str, int]:
     keys = ('limited', 'rate_limited', 'out_of_range', 'uncertain', 'stale')
-    return {key: server.status()[key] for key in keys if server.status()[key]}
+    return {key: server.values()[key] for key in keys if server.values()[key]}
 
 
 def test_sample_is_answered_in_the_order_of_the_model() -> None:
@@ -39,7 +38,7 @@ def test_sample_is_answered_in_the_order_of_the_model() -> None:
     answer = server.sample(['b', 'tool', 'a'], [point([2, 9, 1], [4, 9, 3], [6, 9, 5])], 0.0)
     np.testing.assert_array_equal(answer.tau, [531.0, 600.0])
     assert answer.query.kinetic == 25.0
-    assert server.status()['answered'] == {'samples': 1, 'plans': 0, 'measured': 0}
+    assert server.values()['answered'] == {'samples': 1, 'plans': 0, 'measured': 0}
     assert counted(server) == {'limited': 1}
 
 
@@ -49,7 +48,7 @@ def test_plan_is_answered_in_the_order_of_its_message() -> None:
         ['b', 'a'], [point([2, 1], [4, 3], [6, 5]), point([0, 1], [0, 0], [0, 0], 1.0)]
     )
     np.testing.assert_array_equal(tau, [[600.0, 531.0], [0.0, 1.0]])
-    assert server.status()['answered'] == {'samples': 0, 'plans': 1, 'measured': 0}
+    assert server.values()['answered'] == {'samples': 0, 'plans': 1, 'measured': 0}
 
 
 def test_the_rate_of_a_plan_follows_its_times() -> None:
@@ -70,24 +69,23 @@ def test_plan_with_a_foreign_joint_is_refused_and_counted() -> None:
     server = serving()
     with pytest.raises(RefusedError, match='one is not in the model'):
         server.plan(['a', 'b', 'tool'], [point([1] * 3, [1] * 3, [1] * 3)] * 2)
-    assert server.status()['refused'] == {Refusal.FOREIGN_JOINT: 1}
+    assert server.values()['refused'] == {Refusal.FOREIGN_JOINT: 1}
 
 
 def test_torque_that_is_not_finite_never_leaves() -> None:
     server = serving()
     server.use(arm(np.nan), ServeSettings(**PLAIN), 0.0)
-    diagnostics = ServerDiagnostics(server)
     with pytest.raises(RefusedError, match='not be finite'):
         server.sample(NAMES, [POINT], 0.0)
     with pytest.raises(RefusedError, match='not be finite'):
         server.plan(NAMES, [POINT])
-    assert server.status()['refused'] == {Refusal.NOT_FINITE_TORQUE: 2}
-    assert server.status()['answered'] == {'samples': 0, 'plans': 0, 'measured': 0}
-    assert diagnostics.health('', 0.0) == (
+    assert server.values()['refused'] == {Refusal.NOT_FINITE_TORQUE: 2}
+    assert server.values()['answered'] == {'samples': 0, 'plans': 0, 'measured': 0}
+    assert server.judge('', 0.0) == (
         Level.ERROR,
         'messages with trouble: torque not finite 2',
     )
-    assert diagnostics.health('', 0.0) == (Level.OK, 'answering')
+    assert server.judge('', 0.0) == (Level.OK, 'answering')
 
 
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=6, max_size=6))
@@ -104,18 +102,17 @@ def test_whatever_comes_what_leaves_is_finite_and_within_limits(values: list[flo
 
 def test_nothing_is_answered_while_disabled_or_inactive() -> None:
     server = serving()
-    diagnostics = ServerDiagnostics(server)
     server.disable()
     with pytest.raises(RefusedError, match='call its service enable'):
         server.sample(NAMES, [POINT], 0.0)
-    assert diagnostics.health('', 0.0) == (Level.OK, 'disabled')
+    assert server.judge('', 0.0) == (Level.OK, 'disabled')
     server.release()
     assert not server.active
     with pytest.raises(RefusedError, match='activate it through its lifecycle'):
         server.sample(NAMES, [POINT], 0.0)
-    assert server.status()['refused'] == {Refusal.DISABLED: 1, Refusal.INACTIVE: 1}
-    assert diagnostics.health('', 0.0) == (Level.OK, 'inactive')
-    assert diagnostics.health('not configured: why', 0.0) == (Level.ERROR, 'not configured: why')
+    assert server.values()['refused'] == {Refusal.DISABLED: 1, Refusal.INACTIVE: 1}
+    assert server.judge('', 0.0) == (Level.OK, 'inactive')
+    assert server.judge('not configured: why', 0.0) == (Level.ERROR, 'not configured: why')
 
 
 def test_another_model_is_ramped_in_and_counts_go_on() -> None:
@@ -124,7 +121,7 @@ def test_another_model_is_ramped_in_and_counts_go_on() -> None:
     server.use(arm(2.0), ServeSettings(ramp_s=1.0), 2.0)
     np.testing.assert_allclose(server.sample(NAMES, [POINT], 2.0).tau, 0.5 * TAU)
     np.testing.assert_allclose(server.sample(NAMES, [POINT], 3.0).tau, 2 * TAU)
-    assert server.status()['answered'] == {'samples': 3, 'plans': 0, 'measured': 0}
+    assert server.values()['answered'] == {'samples': 3, 'plans': 0, 'measured': 0}
 
 
 def test_enable_begins_at_zero() -> None:
@@ -138,7 +135,6 @@ def test_enable_begins_at_zero() -> None:
 
 def test_a_silent_stream_gets_a_safe_torque_and_comes_back_by_a_ramp() -> None:
     server = serving(stale_timeout_s=0.5, ramp_s=1.0)
-    diagnostics = ServerDiagnostics(server)
     assert server.safe_torque(99.0) is None  # nobody holds anything yet
     server.sample(NAMES, [POINT], 100.0)
     assert server.safe_torque(100.5) is None
@@ -147,7 +143,7 @@ def test_a_silent_stream_gets_a_safe_torque_and_comes_back_by_a_ramp() -> None:
         np.testing.assert_array_equal(safe, [0.0, 0.0])
     assert counted(server) == {'stale': 1}
     sentence = 'no reference for 2.0 s: zero torque published'
-    assert diagnostics.health('', 102.0) == (Level.WARN, sentence)
+    assert server.judge('', 102.0) == (Level.WARN, sentence)
     with pytest.raises(RefusedError):  # what cannot be answered does not count as a reference
         server.sample(NAMES, [point([1], [1], [1])], 102.0)
     assert server.safe_torque(102.0) is not None
@@ -191,24 +187,22 @@ def test_references_outside_the_training_range(policy: str, expected: float, cou
         arm(reach=4.0), ServeSettings(range_policy=policy, range_margin=(0.0,), **PLAIN), 0.0
     )
     server.enable(0.0)
-    diagnostics = ServerDiagnostics(server)
     np.testing.assert_array_equal(server.sample(NAMES, [POINT], 0.0).tau, expected * TAU)
     np.testing.assert_array_equal(server.plan(NAMES, [POINT]), [expected * TAU])
-    assert server.status()['out_of_range'] == count
-    level, _ = diagnostics.health('', 0.0)
+    assert server.values()['out_of_range'] == count
+    level, _ = server.judge('', 0.0)
     assert level == (Level.WARN if count else Level.OK)
 
 
 def test_measured_states_that_cannot_be_used_are_counted() -> None:
     server = serving()
     assert server.measure(JointMessage(0, ('gripper',), [0.0], [0.0], []), 0.0) is None
-    assert server.status()['unmeasured'] == {Refusal.MISSING_JOINT: 1}
-    assert server.status()['refused'] == {}
+    assert server.values()['unmeasured'] == {Refusal.MISSING_JOINT: 1}
+    assert server.values()['refused'] == {}
 
 
 def test_the_safe_torque_is_reached_in_its_own_time_and_the_diagnostics_say_the_truth() -> None:
     server = serving(stale_timeout_s=0.5, ramp_s=30.0, safe_ramp_s=0.2)
-    diagnostics = ServerDiagnostics(server)
     for now in np.arange(0.0, 40.0, 0.1):
         server.sample(NAMES, [POINT], float(now))
     server.adjust(ServeSettings(**{**PLAIN, 'ramp_s': 60.0, 'safe_ramp_s': 0.2}), 39.9)
@@ -218,7 +212,7 @@ def test_the_safe_torque_is_reached_in_its_own_time_and_the_diagnostics_say_the_
         np.testing.assert_allclose(safe, share * TAU, atol=1e-9)
         published = f'torques up to {642 * share:.3g} N m or N' if share else 'zero torque'
         sentence = f'no reference for {now - 39.9:.1f} s: {published} published'
-        assert diagnostics.health('', now) == (Level.WARN, sentence)
+        assert server.judge('', now) == (Level.WARN, sentence)
 
 
 def test_disable_ends_the_watch_over_the_stream() -> None:
@@ -226,15 +220,14 @@ def test_disable_ends_the_watch_over_the_stream() -> None:
     server.sample(NAMES, [POINT], 0.0)
     assert server.safe_torque(1.0) is not None
     server.disable()
-    assert not server.stale
-    assert server.silence(1.5) == 0.0
+    assert server.judge('', 1.5)[0] == Level.OK
     server.enable(2.0)
     assert server.safe_torque(99.0) is None  # no reference is expected yet
     server.sample(NAMES, [POINT], 100.0)
     server.disable()
     server.enable(101.0)
     assert server.safe_torque(200.0) is None
-    assert server.status()['stale'] == 1
+    assert server.values()['stale'] == 1
 
 
 @pytest.mark.parametrize('t', [(0.0, 0.0), (1.0, 0.5), (-1.0, 1.0), (0.0, 1.0, 1.0)])
@@ -243,7 +236,7 @@ def test_a_plan_whose_times_do_not_increase_is_refused(t: tuple[float, ...]) -> 
     plan = [point([1, 2], [3, 4], [5, 6], time) for time in t]
     with pytest.raises(RefusedError, match='begin at 0 or later and increase'):
         server.plan(NAMES, plan)
-    assert server.status()['refused'] == {Refusal.NOT_INCREASING: 1}
+    assert server.values()['refused'] == {Refusal.NOT_INCREASING: 1}
 
 
 def test_a_plan_beyond_the_bound_is_refused() -> None:
@@ -252,15 +245,14 @@ def test_a_plan_beyond_the_bound_is_refused() -> None:
     assert server.plan(NAMES, plan[:3]).shape == (3, 2)
     with pytest.raises(RefusedError, match='more points than max_plan_points'):
         server.plan(NAMES, plan)
-    assert server.status()['refused'] == {Refusal.TOO_LONG: 1}
+    assert server.values()['refused'] == {Refusal.TOO_LONG: 1}
 
 
 def test_refused_joint_states_are_warned_of() -> None:
     server = serving()
-    diagnostics = ServerDiagnostics(server)
     for _ in range(3):
         assert server.measure(JointMessage(0, NAMES, [0.0, 0.0], [], []), 0.0) is None
-    assert server.status()['unmeasured'] == {Refusal.NO_VELOCITY: 3}
+    assert server.values()['unmeasured'] == {Refusal.NO_VELOCITY: 3}
     sentence = 'messages with trouble: joint states: velocity missing 3'
-    assert diagnostics.health('', 0.0) == (Level.WARN, sentence)
-    assert diagnostics.health('', 0.0) == (Level.OK, 'answering')
+    assert server.judge('', 0.0) == (Level.WARN, sentence)
+    assert server.judge('', 0.0) == (Level.OK, 'answering')

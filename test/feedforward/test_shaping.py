@@ -13,8 +13,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.feedforward.rules import make_rules, unbounded
-from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.feedforward.settings import make_rules, ServeSettings, unbounded
 from lip_id_ros.feedforward.shaping import LONGEST_STEP_S, Sent, Shaper
 from lip_id_ros.signals.joints import by_joint, RefusedError
 

@@ -24,7 +24,7 @@ def sound(seed: int = 0, friction: float = 1.0, seconds: float = 40.0) -> JointS
     """Return a recording with the noise of a good driver, and nothing else wrong."""
     pytest.importorskip('pinocchio', reason='needs pinocchio')
     from lip_id_ros.simulation import FrictionalArm, FrictionTorque, panda, SinusoidTrajectory
-    from lip_id_ros.simulation.panda import MOTION
+    from lip_id_ros.simulation.arm import MOTION
 
     rng = np.random.default_rng(seed)
     arm = FrictionalArm(panda(7), FrictionTorque(friction * VISCOUS, friction * COULOMB))

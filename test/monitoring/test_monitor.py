@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from lip_id_ros.errors import ConfigError, ModelError
-from lip_id_ros.monitoring.monitor import Monitor, MonitorDiagnostics, Watched
-from lip_id_ros.monitoring.settings import MonitorSettings
+from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings, Watched
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.signals.health import Health, Level
 from lip_id_ros.signals.joints import RefusedError
+from lip_id_ros.signals.status import Level
 
 START_NS = 1_700_000_000_000_000_000
 T, Q, DQ, DDQ = toy.motion(1500, seed=3)
@@ -50,13 +49,13 @@ def take(watching: Monitor, rows: range, contact: float = 0.0) -> list[Watched]:
 def test_a_contact_is_told_in_time_after_calibration(path: str) -> None:
     watching = monitor(path)
     assert all(each.contact is None for each in take(watching, range(200)))
-    assert watching.status()['state'] == 'without thresholds'
+    assert watching.values()['state'] == 'without thresholds'
     assert watching.calibrate() == (
         'watching 5 s of motion; move all joints as in use, without any contact'
     )
     take(watching, range(200, 701))
-    assert watching.status()['state'] == 'watching'
-    assert all(0.0 < each < 2.0 for each in watching.status()['thresholds'])
+    assert watching.values()['state'] == 'watching'
+    assert all(0.0 < each < 2.0 for each in watching.values()['thresholds'])
 
     assert not any(each.contact for each in take(watching, range(701, 1200)))
     pushed = take(watching, range(1200, 1230), contact=1.0)
@@ -64,14 +63,14 @@ def test_a_contact_is_told_in_time_after_calibration(path: str) -> None:
     assert told.index(True) < 10  # 100 ms
     assert told == sorted(told)  # held
     np.testing.assert_allclose(pushed[-1].external.torque, CONTACT, atol=0.3)
-    assert watching.status()['contacts'] == 1
+    assert watching.values()['contacts'] == 1
     # let go of: a step too, then told no more
     assert not take(watching, range(1230, 1400))[-1].contact
 
 
 def test_thresholds_can_be_given(path: str) -> None:
     watching = monitor(path, thresholds=(0.5, 0.7), joints=toy.JOINTS[::-1])
-    assert watching.status()['thresholds'] == [0.7, 0.5]
+    assert watching.values()['thresholds'] == [0.7, 0.5]
     assert not any(each.contact for each in take(watching, range(300)))
     assert any(each.contact for each in take(watching, range(300, 310), contact=1.0))
 
@@ -128,7 +127,7 @@ def test_what_cannot_be_used_is_counted_and_spoils_nothing(
     take(watching, range(100))
     with np.errstate(all='ignore'), pytest.raises(RefusedError):
         watching.take(message(100)._replace(**changed))
-    assert watching.status()['refused'] == {reason: 1}
+    assert watching.values()['refused'] == {reason: 1}
     after = take(watching, range(101, 200))
     assert len(after) >= 98
     assert np.abs([each.external.torque for each in after]).max() < 0.3
@@ -138,9 +137,9 @@ def test_a_calibration_that_failed_says_why_and_keeps_the_thresholds(path: str) 
     watching = monitor(path, smallest_contact=(1e-4,), thresholds=(0.5,))
     watching.calibrate()
     take(watching, range(600))
-    assert watching.status()['failure'].startswith('not calibrated: a contact of 0.0001 N m at ')
-    assert watching.status()['thresholds'] == [0.5, 0.5]
-    assert watching.status()['state'] == 'watching'
+    assert watching.values()['failure'].startswith('not calibrated: a contact of 0.0001 N m at ')
+    assert watching.values()['thresholds'] == [0.5, 0.5]
+    assert watching.values()['state'] == 'watching'
 
 
 def test_a_model_or_a_list_that_does_not_fit_is_refused(path: str) -> None:
@@ -152,13 +151,12 @@ def test_a_model_or_a_list_that_does_not_fit_is_refused(path: str) -> None:
         monitor(str(Path(path).with_name('none.npz')))
 
 
-def judged(watching: Monitor, messages: list[JointMessage]) -> Health:
+def judged(watching: Monitor, messages: list[JointMessage]) -> tuple[Level, str]:
     """Return the diagnostics after messages within half a second."""
-    diagnostics = MonitorDiagnostics(watching)
     for each in messages:
         with contextlib.suppress(RefusedError):
             watching.take(each)
-    return diagnostics.health(0.5)
+    return watching.judge(0.5)
 
 
 @pytest.mark.parametrize(
@@ -184,19 +182,18 @@ def test_a_blind_monitor_is_an_error(
 ) -> None:
     watching = monitor(path)
     assert judged(watching, messages) == (Level.ERROR, summary)
-    counts = watching.counts
-    assert counts['received'] == len(messages)
-    assert counts.total() == 2 * len(messages)
+    values = watching.values()
+    used = sum(values[key] for key in ('watched', 'too_soon', 'after_a_gap'))
+    assert values['received'] == len(messages) == used + sum(values['refused'].values())
 
 
 def test_silence_is_an_error(path: str) -> None:
     watching = monitor(path)
-    diagnostics = MonitorDiagnostics(watching)
-    assert diagnostics.health(10.0).level is Level.OK
-    assert diagnostics.health(13.0) == (Level.ERROR, 'blind: no joint states for 3 s')
+    assert watching.judge(10.0)[0] is Level.OK
+    assert watching.judge(13.0) == (Level.ERROR, 'blind: no joint states for 3 s')
     take(watching, range(50))
-    assert diagnostics.health(14.0) == (Level.OK, 'without thresholds')
-    assert diagnostics.health(17.0) == (Level.ERROR, 'blind: no joint states for 3 s')
+    assert watching.judge(14.0) == (Level.OK, 'without thresholds')
+    assert watching.judge(17.0) == (Level.ERROR, 'blind: no joint states for 3 s')
 
 
 def test_of_two_clocks_one_is_followed_and_the_other_warned_of(path: str) -> None:
@@ -204,7 +201,7 @@ def test_of_two_clocks_one_is_followed_and_the_other_warned_of(path: str) -> Non
     pairs = [(message(row), message(row, shift_s=-3.0)) for row in range(300)]
     health = judged(watching, [each for pair in pairs for each in pair])
     assert health == (Level.WARN, 'joint states refused: stamp went back 300')
-    assert watching.status()['watched'] == 299
+    assert watching.values()['watched'] == 299
 
 
 def test_calibration_needs_motion(path: str) -> None:
@@ -213,8 +210,8 @@ def test_calibration_needs_motion(path: str) -> None:
     for number in range(600):
         stamp = START_NS + 10_000_000 * number
         watching.take(JointMessage(stamp, toy.JOINTS, [0.1, 0.2], [0.0, 0.0], [0.8, 0.6]))
-    failure = watching.status()['failure']
+    failure = watching.values()['failure']
     assert failure.startswith('not calibrated: the velocity of shoulder must span ')
     assert 'but spanned 0; call calibrate and move all joints.' in failure
-    assert watching.status()['thresholds'] is None
-    assert MonitorDiagnostics(watching).health(0.0) == (Level.ERROR, failure)
+    assert watching.values()['thresholds'] is None
+    assert watching.judge(0.0) == (Level.ERROR, failure)

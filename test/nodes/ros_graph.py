@@ -30,18 +30,22 @@ from lip_id_ros.nodes import messages, qos
 
 ROOT = Path(__file__).resolve().parents[2]
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
+SIMULATED = ('simulated_panda', 'simulated_arm', 'reference')
 
 
 class Process:
     """A node of the package in a process of its own."""
 
     def __init__(
-        self, module: str, folder: Path, environment: dict[str, str], arguments: list[str]
+        self, name: str, folder: Path, environment: dict[str, str], arguments: list[str]
     ) -> None:
-        self.log_path = folder / f'{module}.log'
+        self.log_path = folder / f'{name}.log'
+        program = ['-m', f'lip_id_ros.nodes.{name}']
+        if name in SIMULATED:
+            program = ['-c', f'from lip_id_ros.demo.nodes import {name}; exit({name}())']
         with open(self.log_path, 'wb') as log:
             self._popen = subprocess.Popen(
-                [sys.executable, '-m', f'lip_id_ros.nodes.{module}', '--ros-args', *arguments],
+                [sys.executable, *program, '--ros-args', *arguments],
                 cwd=folder,
                 env=environment,
                 stdout=log,

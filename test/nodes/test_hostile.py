@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+import shutil
+import time
 from typing import Any, TYPE_CHECKING
 
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from nodes import toy
@@ -20,7 +24,9 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from lip_id_ros.nodes.plans import count_points
+from benchmarks._hostile import counts, hostile_states, hostile_trajectory
+from lip_id_ros.nodes import qos
+from lip_id_ros.nodes.messages import count_points
 from lip_id_ros.signals.joints import RefusedError
 
 if TYPE_CHECKING:
@@ -92,7 +98,10 @@ def test_wrong_requests_are_answered_and_serve_lives(
     assert serve.alive
 
 
-@pytest.mark.parametrize('node', ['train', 'monitor', 'computed_torque'])
+@pytest.mark.parametrize(
+    'node',
+    ['train', 'monitor', 'computed_torque', 'simulated_panda', 'simulated_arm', 'reference'],
+)
 def test_an_absurd_parameter_ends_no_node(
     ros: tuple[Graph, Client], model_path: str, node: str
 ) -> None:
@@ -112,15 +121,37 @@ def test_an_absurd_parameter_ends_no_node(
     assert process.alive
 
 
-def test_long_plans_are_computed_beside_the_stream(
+def test_a_publisher_whose_quality_of_service_does_not_fit_is_warned_of(
     ros: tuple[Graph, Client], model_path: str
 ) -> None:
     graph, client = ros
-    start_serve(graph, model_path=model_path, torque_limits=[3.0, 100.0], rate_limits=[1e6])
+    start_serve(graph, model_path=model_path)
+    status = client.status('serve', lambda status: status['state'] == 'active')
+    assert status['summary'] == 'answering'
+    publisher = client.node.create_publisher(JointTrajectory, REFERENCE, qos.SENSOR_STREAM)
+    diagnostics = client.listen(DiagnosticArray, '/diagnostics', qos.DIAGNOSTICS)
+    sentence = (
+        f'answering; client publishes {REFERENCE} with a quality of service that does not fit: '
+    )
+    client.status('serve', lambda status: status['summary'].startswith(sentence))
+    client.wait_until(
+        lambda: diagnostics and diagnostics[-1].status[0].level == DiagnosticStatus.WARN, 'WARN'
+    )
+    client.node.destroy_publisher(publisher)
+    client.status('serve', lambda status: status['summary'] == 'answering')
+
+
+def test_long_plans_are_computed_beside_the_stream(
+    ros: tuple[Graph, Client], model_path: str, foreign_model_path: str, tmp_path: Path
+) -> None:
+    graph, client = ros
+    path = shutil.copy(model_path, tmp_path / 'served.npz')
+    start_serve(graph, model_path=str(path), torque_limits=[3.0, 100.0], rate_limits=[1e6])
     torques = client.listen(JointState, TORQUE)
     plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
     publisher = client.speak(JointTrajectory, REFERENCE)
     client.status('serve', lambda status: status['state'] == 'active')
+    shutil.copy(foreign_model_path, path)  # changes the file, not what is served
     long, too_long = plan(3000), plan(12_000)
     publisher.publish(too_long)
     publisher.publish(long)
@@ -156,3 +187,37 @@ def test_points_are_counted_without_being_read() -> None:
                 if cut < 20:
                     with pytest.raises(RefusedError, match='could not be deserialised'):
                         count_points(raw[:cut])
+
+
+def test_every_message_to_any_node_is_used_or_refused(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    limits = {'joints': list(toy.JOINTS), 'torque_limits': [5.0, 3.0]}
+    start_serve(graph, model_path=model_path, **limits)
+    graph.start('train', record_on_start=True, max_rows=150)
+    graph.start('monitor', model_path=model_path)
+    graph.start('computed_torque', stiffness=[1.0, 1.0], damping=[1.0, 1.0], **limits)
+    torques = client.listen(JointState, TORQUE)
+    references = client.speak(JointTrajectory, REFERENCE)
+    plans = client.speak(JointTrajectory, '/computed_torque/joint_trajectory')
+    states = client.speak(JointState, '/joint_states', listeners=4)
+    client.status('serve', lambda status: status['state'] == 'active')
+    rng = np.random.default_rng(5)
+    for number, state in zip(range(600), hostile_states(rng, toy.JOINTS), strict=False):
+        states.publish(state)
+        for publisher in (references, plans):
+            publisher.publish(hostile_trajectory(rng, number, toy.JOINTS))
+        time.sleep(0.003)  # joint states are best effort, ten deep
+    client.status('train', lambda status: counts('train', status) == (600, 600))
+    client.status('serve', lambda status: status['received']['references'] == 600)
+    for node in ('serve', 'monitor', 'computed_torque'):
+
+        def complete(status: dict[str, Any], node: str = node) -> bool:
+            received, accounted = counts(node, status)
+            return received == accounted > 300
+
+        status = client.status(node, complete)
+        assert status['faults'] == 0, status['last_fault']
+    assert torques
+    assert all((np.abs(each.effort) <= limits['torque_limits']).all() for each in list(torques))

@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 import yaml
 
-from lip_id_ros.demo.launching import end
+from lip_id_ros.demo.graph import end
 from lip_id_ros.nodes import qos
 from lip_id_ros.recording import read_bag
 
@@ -43,7 +43,7 @@ def launched(graph: Graph, name: str, *arguments: str) -> Iterator[Path]:
     log_path = graph.folder / f'{name}.log'
     with open(log_path, 'wb') as log:
         process = subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.demo.launching', name, *arguments],
+            [sys.executable, '-m', 'lip_id_ros.demo.graph', name, *arguments],
             env=graph.environment,
             cwd=graph.folder,
             stdout=log,

@@ -19,6 +19,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages
 from lip_id_ros.recording.joint_messages import from_joint_state
+from lip_id_ros.signals.status import Level, Status
 
 pytestmark = pytest.mark.ros
 
@@ -67,7 +68,7 @@ def test_a_status_comes_back_as_it_was() -> None:
         'refused': {},
         'job': {'state': 'idle', 'result': {'panda.joint1': {'angle_deg': 90.0}}},
     }
-    message = messages.status_message('robot/train', 'robot', b'\x01', 'so so', values)
+    message = messages.status_message('robot/train', 'robot', Status(Level.WARN, 'so so', values))
     arrived = deserialize_message(serialize_message(message), DiagnosticStatus)
     assert (arrived.name, arrived.hardware_id) == ('robot/train', 'robot')
     assert (arrived.level, arrived.message) == (b'\x01', 'so so')

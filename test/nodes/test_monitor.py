@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import pytest
@@ -10,12 +11,13 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from nodes import malformed, toy
+from nodes import toy
 from nodes.test_train_stream import publish_at
 import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
+from benchmarks._hostile import hostile_states
 from lip_id_ros.nodes import messages
 
 if TYPE_CHECKING:
@@ -75,7 +77,9 @@ def test_malformed_messages_are_counted_and_end_nothing(
     torques = client.listen(JointState, '/monitor/external_torque')
     diagnostics = client.listen(DiagnosticArray, '/diagnostics')
     publisher = client.speak(JointState, '/joint_states')
-    publish_at(publisher, 1000.0, malformed.joint_states(3000, seed=2))
+    publish_at(
+        publisher, 1000.0, islice(hostile_states(np.random.default_rng(2), toy.JOINTS), 3000)
+    )
     client.status('monitor', lambda status: len(status['refused']) >= 4)
     client.wait_until(
         lambda: any(each.status[0].level == DiagnosticStatus.WARN for each in diagnostics), 'WARN'

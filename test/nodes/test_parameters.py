@@ -14,8 +14,9 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lip_id_ros.feedforward.settings import serve_parameters
+from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import parameters
+from lip_id_ros.settings import parameters_of
 
 pytestmark = pytest.mark.ros
 
@@ -28,7 +29,7 @@ def node() -> Iterator[Node]:
     context = Context()
     rclpy.init(args=['--ros-args', *given], context=context)
     made = Node('parametrised', context=context)
-    parameters.declare(made, serve_parameters())
+    parameters.declare(made, parameters_of(ServeSettings))
     yield made
     made.destroy_node()
     rclpy.shutdown(context=context)

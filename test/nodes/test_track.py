@@ -17,8 +17,9 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 import yaml
 
-from lip_id_ros.control import Gains, GrowingCosine
+from lip_id_ros.control import Gains
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
+from lip_id_ros.simulation import GrowingCosine
 from lip_id_ros.tracking import Experiment, run_experiment
 from lip_id_ros.tracking.experiment import panda_setup, POSTURE
 

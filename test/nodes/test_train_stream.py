@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 import time
 from typing import Any, TYPE_CHECKING
@@ -11,10 +12,11 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from diagnostic_msgs.msg import DiagnosticArray
-from nodes import malformed, toy
+from nodes import toy
 from nodes.test_train import joint_publisher, joint_state, start_recording
 import numpy as np
 
+from benchmarks._hostile import hostile_states
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.nodes import messages
 from lip_id_ros.recording import read_sources
@@ -91,9 +93,10 @@ def test_what_is_full_says_so(ros: tuple[Graph, Client]) -> None:
 @pytest.mark.slow
 def test_ten_thousand_malformed_messages_are_all_counted(ros: tuple[Graph, Client]) -> None:
     graph, client = ros
-    train = graph.start('train', record_on_start=True, recording__joints=list(malformed.NAMES))
+    train = graph.start('train', record_on_start=True, recording__joints=list(toy.JOINTS))
     publisher = joint_publisher(client)
-    sent = publish_at(publisher, 2000.0, malformed.joint_states(10_000, seed=1))
+    states = hostile_states(np.random.default_rng(1), toy.JOINTS)
+    sent = publish_at(publisher, 2000.0, islice(states, 10_000))
     assert sent == 10_000
     status = client.status('train', lambda status: counted(status) == sent)
     assert status['rows'] > 100

@@ -15,7 +15,7 @@ from lip_id_ros.rigid_body.denavit_hartenberg import (
     table,
     with_standard_frames,
 )
-from lip_id_ros.simulation.panda import panda_urdf
+from lip_id_ros.simulation.arm import panda_urdf
 
 
 @pytest.mark.parametrize('arm', ARMS)

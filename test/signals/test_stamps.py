@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
+from lip_id_ros.signals.joint_states import CONFIRMED_BY, StampWatch
 from lip_id_ros.signals.joints import Refusal
-from lip_id_ros.signals.stamps import CONFIRMED_BY, StampWatch
 
 S = 1_000_000_000
 

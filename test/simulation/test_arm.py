@@ -18,7 +18,7 @@ from lip_id_ros.simulation import (
     SimulatedArm,
     SinusoidTrajectory,
 )
-from lip_id_ros.simulation.panda import MOTION
+from lip_id_ros.simulation.arm import MOTION
 
 needs_pinocchio = pytest.mark.skipif(
     importlib.util.find_spec('pinocchio') is None, reason='needs pinocchio (the extra sim)'

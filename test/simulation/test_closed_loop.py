@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.control import ComputedTorque, Feedforward, Gains, GrowingCosine, NoFeedforward
+from lip_id_ros.control import ComputedTorque, Feedforward, Gains, NoFeedforward
 from lip_id_ros.simulation import (
     Drives,
     FrictionalArm,
+    GrowingCosine,
     NominalFeedforward,
     panda,
     placed,

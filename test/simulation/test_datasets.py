@@ -19,8 +19,7 @@ from lip_id_ros.simulation import (
     with_truth,
     write_bag,
 )
-from lip_id_ros.simulation.arm import SimulatedArm
-from lip_id_ros.simulation.panda import MOTION
+from lip_id_ros.simulation.arm import MOTION, SimulatedArm
 
 TIMES = np.arange(0, 5, 0.01)
 

@@ -7,7 +7,7 @@ import pytest
 
 from lip_id_ros.errors import DataError, ShapeError
 from lip_id_ros.simulation import MotionLimits, SinusoidTrajectory
-from lip_id_ros.simulation.panda import MOTION
+from lip_id_ros.simulation.arm import MOTION
 
 
 def random(seed: int) -> SinusoidTrajectory:

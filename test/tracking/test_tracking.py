@@ -11,8 +11,8 @@ import pytest
 
 from lip_id_ros import tracking
 from lip_id_ros.cli import main
-from lip_id_ros.control import GrowingCosine
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
+from lip_id_ros.simulation import GrowingCosine
 from lip_id_ros.tracking import (
     Experiment,
     Figures,

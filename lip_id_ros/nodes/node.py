@@ -1,0 +1,224 @@
+"""What all nodes share: parameters from a table, a status, and a guard around every callback."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+import functools
+import inspect
+import socket
+import traceback
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from lip_id_ros.errors import LipIdError
+from lip_id_ros.nodes import messages, parameters, qos
+from lip_id_ros.settings import Row
+from lip_id_ros.signals.status import Level, Status
+
+STATUS_PERIOD_S = 0.5
+
+
+class NodeBase(Node):
+    """
+    A node that no message and no request can end.
+
+    An exception that a subscription, a service or a timer lets through is logged and counted, the
+    robot gets the safe torque, and a service answers without success. Refusals are not such
+    exceptions: they are handled where they arise.
+
+    The status is latched on ~/status where it changes, and goes to /diagnostics twice a second.
+
+    Parameters
+    ----------
+    name : str
+    table : mapping
+        The parameters by name.
+
+    Raises
+    ------
+    InvalidParameterValueException
+        If a parameter is given a value that is not allowed.
+    ConfigError
+        If a parameter is given that there is not.
+
+    Attributes
+    ----------
+    faults : int
+        How many exceptions were caught.
+    last_fault : str
+        The last one, in words.
+
+    """
+
+    faults = 0
+    last_fault = ''
+
+    def __init__(self, name: str, table: Mapping[str, Row]) -> None:
+        super().__init__(name)
+        self._table = table
+        parameters.declare(self, table)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
+        # a lifecycle node has a status in every state: these are plain publishers
+        self._status = self.create_publisher(DiagnosticStatus, '~/status', qos.LATCHED)
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', qos.DIAGNOSTICS)
+        # the robot's name where it has one: nodes of several arms may share a computer
+        self._hardware = self.get_namespace().strip('/') or socket.gethostname()
+        self._last_status: DiagnosticStatus | None = None
+        self._faults_published = 0
+        self.create_steady_timer(STATUS_PERIOD_S, self.publish_status)
+
+    # what a node defines
+
+    def status(self) -> Status:
+        """Return the present state; called twice a second."""
+        return Status(Level.OK, 'running')
+
+    def stop(self) -> None:
+        """Let go of the robot and keep the data; the node can still publish."""
+
+    def check_change(self, values: Mapping[str, Any]) -> None:
+        """
+        Check new values of parameters, each of which is allowed alone.
+
+        Raises
+        ------
+        LipIdError
+            If they are refused.
+
+        """
+
+    def apply_change(self, values: Mapping[str, Any]) -> None:
+        """Use new values of parameters."""
+
+    def output_safe_torque(self) -> None:
+        """Publish what keeps the robot safe; a node that commands nothing publishes nothing."""
+
+    # what a node uses
+
+    def values(self) -> dict[str, Any]:
+        """Return the present value of every parameter."""
+        return parameters.values(self, self._table)
+
+    def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
+        """Create a timer that goes on where a paused simulation stops the node's clock."""
+        self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def publish_status(self) -> None:
+        """Publish the status to /diagnostics, and to ~/status if anything changed."""
+        status = self._with_misfits(self._with_faults(self.status()))
+        name = self.get_fully_qualified_name().lstrip('/')
+        message = messages.status_message(name, self._hardware, status)
+        if message != self._last_status:
+            self._status.publish(message)
+            self._last_status = message
+        diagnostics = DiagnosticArray(status=[message])
+        diagnostics.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(diagnostics)
+
+    def warn_of_refusal(self, refused: Exception) -> None:
+        """Log a refused message, at most every five seconds."""
+        self.get_logger().warning(f'refused: {refused}', throttle_duration_sec=5.0)
+
+    # the guard
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Any, *args: Any, **options: Any
+    ) -> Any:
+        """Create a guarded subscription."""
+        guarded = self._guarded(callback)
+        return super().create_subscription(msg_type, topic, guarded, *args, **options)
+
+    def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Any:
+        """Create a guarded service."""
+        return super().create_service(srv_type, srv_name, self._guarded(callback), **options)
+
+    def create_timer(
+        self, timer_period_sec: float, callback: Any, *args: Any, **options: Any
+    ) -> Any:
+        """Create a guarded timer."""
+        return super().create_timer(timer_period_sec, self._guarded(callback), *args, **options)
+
+    def guard_services(self) -> None:
+        """Guard services that were created without `create_service`, as those of a lifecycle."""
+        for service in self.services:
+            if not hasattr(service.callback, '__wrapped__'):
+                service.callback = self._guarded(service.callback)
+
+    def caught(self, error: Exception) -> None:
+        """Log and count an exception of a callback, and output the safe torque."""
+        self.faults += 1
+        self.last_fault = f'{type(error).__name__}: {error}'
+        where = ''.join(traceback.format_tb(error.__traceback__)[-2:]).strip()
+        self.get_logger().error(
+            f'a callback failed, the node goes on: {self.last_fault}\n{where}',
+            throttle_duration_sec=1.0,
+        )
+        try:
+            self.output_safe_torque()
+        except Exception as failed:
+            self.get_logger().error(f'no safe torque could be published: {failed}')
+
+    def _guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return the callback guarded; its second argument, if any, is a service's response."""
+        if inspect.iscoroutinefunction(callback):
+
+            @functools.wraps(callback)
+            async def awaited(*arguments: Any) -> Any:
+                try:
+                    return await callback(*arguments)
+                except Exception as error:
+                    return self._failed(error, arguments)
+
+            return awaited
+
+        @functools.wraps(callback)
+        def called(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except Exception as error:
+                return self._failed(error, arguments)
+
+        return called
+
+    def _failed(self, error: Exception, arguments: tuple[Any, ...]) -> Any:
+        self.caught(error)
+        if len(arguments) < 2:
+            return None
+        response = type(arguments[1])()  # the other may be half filled in
+        if hasattr(response, 'message'):
+            response.message = f'failed: {self.last_fault}'
+        return response
+
+    # parameters and status
+
+    def _check_parameters(self, changed: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            self.check_change(parameters.changed_values(self._table, changed))
+        except LipIdError as error:
+            return parameters.refused(error)
+        return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, changed: Sequence[Parameter]) -> None:
+        self.apply_change(parameters.changed_values(self._table, changed))
+
+    def _with_faults(self, status: Status) -> Status:
+        """Add what the guard caught."""
+        values = {**status.values, 'faults': self.faults, 'last_fault': self.last_fault}
+        new, self._faults_published = self.faults - self._faults_published, self.faults
+        if new:
+            return Status(Level.ERROR, f'a callback failed: {self.last_fault}', values)
+        return replace(status, values=values)
+
+    def _with_misfits(self, status: Status) -> Status:
+        """Warn of publishers whose quality of service does not fit."""
+        misfits = qos.misfits(self)
+        if not misfits or status.level != Level.OK:
+            return status
+        return replace(status, level=Level.WARN, summary='; '.join([status.summary, *misfits]))

@@ -1,0 +1,88 @@
+"""The status of a node, and the counts of its messages: received is used plus refused."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+from lip_id_ros.signals.joints import Refusal, RefusedError
+
+
+class Level(IntEnum):
+    """As in diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+@dataclass(frozen=True)
+class Status:
+    """
+    The state of a node.
+
+    Attributes
+    ----------
+    level : Level
+    summary : str
+        One sentence.
+    values : mapping
+        Counts and other values, JSON-able.
+
+    """
+
+    level: Level
+    summary: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Tally:
+    """
+    Counts of messages: every message received is used, or refused for a reason.
+
+    Parameters
+    ----------
+    *uses : str
+        What messages are used for: the keys of `used`.
+
+    Attributes
+    ----------
+    received : int
+    used : Counter
+        By use.
+    refused : Counter
+        By reason, a value of `Refusal`.
+
+    """
+
+    def __init__(self, *uses: str) -> None:
+        self.received = 0
+        self.used = Counter(dict.fromkeys(uses, 0))
+        self.refused: Counter[str] = Counter()
+
+    def refuse(self, reason: Refusal) -> None:
+        """Count a refused message."""
+        self.refused[reason.value] += 1
+
+    @contextmanager
+    def refusing(self) -> Iterator[None]:
+        """Count the message as refused where the block raises."""
+        try:
+            yield
+        except RefusedError as refused:
+            self.refuse(refused.reason)
+            raise
+        except Exception:
+            self.refuse(Refusal.FAILED)
+            raise
+
+    @contextmanager
+    def receiving(self) -> Iterator[None]:
+        """Count a message as received, and as refused where the block raises."""
+        self.received += 1
+        with self.refusing():
+            yield
