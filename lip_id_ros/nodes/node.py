@@ -53,10 +53,12 @@ class NodeBase(Node):
         How many exceptions were caught.
     last_fault : str
         The last one, in words.
+    n_callbacks : int
+        How many callbacks were run.
 
     """
 
-    faults = 0
+    faults = n_callbacks = 0
     last_fault = ''
 
     def __init__(self, name: str, table: Mapping[str, Row]) -> None:
@@ -171,6 +173,7 @@ class NodeBase(Node):
 
             @functools.wraps(callback)
             async def awaited(*arguments: Any) -> Any:
+                self.n_callbacks += 1
                 try:
                     return await callback(*arguments)
                 except Exception as error:
@@ -180,6 +183,7 @@ class NodeBase(Node):
 
         @functools.wraps(callback)
         def called(*arguments: Any) -> Any:
+            self.n_callbacks += 1
             try:
                 return callback(*arguments)
             except Exception as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future as ThreadFuture
 import gc
@@ -26,8 +25,8 @@ from lip_id_ros.nodes.node import NodeBase
 
 Result = TypeVar('Result')
 
-MOST_ERRORS, ERROR_SECONDS = 100, 1.0
-"""The executor itself is broken when so many errors come past the guards in so little time."""
+BROKEN_SECONDS = 5.0
+"""The executor itself is broken when it raises for so long without running a callback."""
 
 RCLError = rclpy_implementation.RCLError  # such as a parameter file that is not YAML
 
@@ -123,8 +122,8 @@ def _spin(node: NodeBase, stopped: threading.Event) -> None:
 
 
 def _spin_on(executor: Executor, node: NodeBase, stopped: threading.Event) -> None:
-    """Spin again after an error that came past the guards of the callbacks."""
-    recent: deque[float] = deque(maxlen=MOST_ERRORS)
+    """Spin again after an error past the guards, such as of a message of random bytes."""
+    n_run, since = node.n_callbacks, time.monotonic()
     while not stopped.is_set():
         try:
             executor.spin()
@@ -132,8 +131,9 @@ def _spin_on(executor: Executor, node: NodeBase, stopped: threading.Event) -> No
         except ExternalShutdownException:
             return
         except Exception as error:
-            recent.append(time.monotonic())
-            if len(recent) == MOST_ERRORS and recent[-1] - recent[0] < ERROR_SECONDS:
+            if node.n_callbacks > n_run:
+                n_run, since = node.n_callbacks, time.monotonic()
+            if time.monotonic() - since > BROKEN_SECONDS:
                 raise
             node.caught(error)
 

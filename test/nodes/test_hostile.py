@@ -121,6 +121,26 @@ def test_an_absurd_parameter_ends_no_node(
     assert process.alive
 
 
+@pytest.mark.parametrize('node', ['train', 'monitor'])
+def test_random_bytes_end_no_node(ros: tuple[Graph, Client], model_path: str, node: str) -> None:
+    graph, client = ros
+    settings = {'model_path': model_path} if node == 'monitor' else {'record_on_start': True}
+    process = graph.start(node, **settings)
+    publisher = client.speak(JointState, '/joint_states')
+    rng = np.random.default_rng(6)
+    for _ in range(500):
+        publisher.publish(rng.bytes(40))
+    good = JointState(name=list(toy.JOINTS), position=[0.0, 0.0], velocity=[0.0, 0.0])
+    good.header.stamp.sec, good.effort = 1_700_000_000, [0.0, 0.0]
+
+    def received(status: dict[str, Any]) -> bool:
+        publisher.publish(good)
+        return bool(status['received'])
+
+    client.status(node, received)
+    assert process.alive
+
+
 def test_a_publisher_whose_quality_of_service_does_not_fit_is_warned_of(
     ros: tuple[Graph, Client], model_path: str
 ) -> None:
