@@ -32,14 +32,16 @@ PARTS = {
     'preprocessing': {'settings', 'dataset', 'recording'},
     'health': {'settings', 'dataset', 'recording', 'preprocessing', 'identification'},
     'rigid_body': set(),
+    'description': {'rigid_body'},
     'friction': set(),
     'kernels': {'linear_algebra', 'rigid_body'},
     'model': {'friction', 'kernels', 'rigid_body'},
     'gp': {'settings', 'dataset', 'kernels', 'linear_algebra'},
     'identification': {
-        *('dataset', 'friction', 'gp', 'linear_algebra', 'model', 'rigid_body', 'settings'),
+        *('dataset', 'description', 'friction', 'gp', 'linear_algebra', 'model', 'rigid_body'),
+        'settings',
     },
-    'export': {'friction', 'identification', 'model', 'rigid_body'},
+    'export': {'description', 'friction', 'identification', 'model', 'rigid_body'},
     'evaluation': {
         *('dataset', 'health', 'identification', 'linear_algebra', 'model', 'recording'),
         *('rigid_body', 'settings'),

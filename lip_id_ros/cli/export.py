@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lip_id_ros.cli import arguments
 from lip_id_ros.errors import ConfigError
+
+if TYPE_CHECKING:
+    from lip_id_ros.export.formats import Template
+    from lip_id_ros.model import InverseDynamicsModel
 
 HELP = 'write an identified arm as URDF, MJCF or C'
 EPILOG = """\
 example:
   lip_id export arm.npz --urdf arm.urdf --mjcf arm.xml --c arm_dynamics.h --check
+  lip_id export arm.npz --urdf fitted.urdf --template arm.urdf    the URDF that the fit started
+                                                                  from, with what was fitted
 """
 STATES = 1000
 AGREED = 1e-9
@@ -22,6 +30,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     arguments.add_model(parser)
     parser.add_argument('--urdf', metavar='FILE', help='write a URDF')
+    parser.add_argument(
+        '--template',
+        metavar='FILE',
+        help='URDF that the model was fitted with: its text with fitted inertials, damping and '
+        'friction is written to --urdf',
+    )
+    parser.add_argument(
+        '--origins', action='store_true', help='with --template: replace the origins of joints too'
+    )
     parser.add_argument(
         '--mjcf', metavar='FILE', help='write an MJCF for MuJoCo (needs the extra `export`)'
     )
@@ -49,11 +66,10 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.export.c_header import identifier
     from lip_id_ros.export.formats import FORMATS, write
     from lip_id_ros.export.from_model import describe
+    from lip_id_ros.export.urdf_template import template_remarks
     from lip_id_ros.model import InverseDynamicsModel
 
-    targets = {name: getattr(args, name) for name in FORMATS if getattr(args, name) is not None}
-    if not targets:
-        raise ConfigError('--urdf, --mjcf or --c with a file was expected, but none came.')
+    targets = _targets(args, FORMATS)
     for format_name, target in targets.items():
         kind = f'an arm exported as {format_name}'
         output.check_file(target, [args.model], _is_exported, kind, args.force)
@@ -65,9 +81,37 @@ def run(args: argparse.Namespace) -> None:
     left_out = [] if remainder is None else [f'Left out: {remainder}.']
     of_what = 'the model' if remainder is None else 'the links and friction in the file'
     for format_name, target in targets.items():
-        written = write(format_name, target, exported)
-        show_lines([f'Written: {target}', *left_out], console)
+        template = _template(args, model) if format_name == 'urdf' else None
+        written = write(format_name, target, exported, template)
+        lines = [f'Written: {target}', *left_out]
+        if template is not None:
+            lines += template_remarks(written.exported.arm, template.description, args.origins)
+        show_lines(lines, console)
         if args.check:
             agreement = written.check(model, STATES)
             show_lines([agreement.sentence(of_what)], console)
-            agreement.require(AGREED)
+            if template is None or args.origins:
+                agreement.require(AGREED)
+
+
+def _targets(args: argparse.Namespace, names: Iterable[str]) -> dict[str, str]:
+    targets = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
+    if not targets:
+        raise ConfigError('--urdf, --mjcf or --c with a file was expected, but none came.')
+    if args.template is not None and args.urdf is None:
+        raise ConfigError('--template is written to --urdf, which is missing; add it.')
+    if args.origins and args.template is None:
+        raise ConfigError('--origins replaces those of --template, which is missing; add it.')
+    return targets
+
+
+def _template(args: argparse.Namespace, model: InverseDynamicsModel) -> Template | None:
+    if args.template is None:
+        return None
+    from lip_id_ros.description.urdf import load_description
+    from lip_id_ros.export.formats import Template
+    from lip_id_ros.export.urdf_template import require_same_frames
+
+    description = load_description(args.template, model.joint_names, model.joint_types)
+    require_same_frames(model, description)
+    return Template(description, args.origins)

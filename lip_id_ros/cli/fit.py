@@ -11,6 +11,8 @@ EPILOG = """\
 examples:
   lip_id fit my_bag -o arm.npz
   lip_id fit run1.mcap run2.mcap -o arm.npz --config arm.yaml
+  lip_id fit my_bag -o arm.npz --urdf arm.urdf  placements and links near those of the URDF, and
+                                               a word where the data contradict it
   lip_id fit my_bag -o arm.npz --holdout 0.3   fit without the last 30 % of the samples, and
                                                evaluate the model on them
 """
@@ -41,7 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'for evaluate and predict, not for serve',
     )
     parser.add_argument(
-        '--urdf', metavar='FILE', help='robot description, for models that need it'
+        '--urdf',
+        metavar='FILE',
+        help='robot description: the prior of the default model, the kinematics of models of the '
+        'literature',
     )
     arguments.add_joints(parser)
     parser.add_argument(

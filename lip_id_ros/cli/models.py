@@ -120,6 +120,7 @@ def fit_config(args: argparse.Namespace) -> Config:
     chosen = {
         'recording.joints': args.joints,
         'fit.kernel': args.model if args.model in OURS else args.kernel,
+        'fit.description': args.urdf if args.model is None or args.model in OURS else None,
         'fit.device': args.device,
         'fit.seed': args.seed,
     }

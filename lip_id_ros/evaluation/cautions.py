@@ -68,6 +68,7 @@ def fit_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list
 
     """
     texts = [note] if (note := summary.get('device_note')) else []
+    texts += summary.get('description', {}).get('sentences', ())
     texts += no_better_than_mean(joint_names, summary.get('unexplained_percent', ()))
     if at_bounds := summary.get('at_bounds'):
         some = ', '.join(at_bounds[:4])

@@ -19,6 +19,7 @@ from lip_id_ros.export import mjcf, urdf
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import split_friction, term_name
 from lip_id_ros.friction.model import DriveTerm, FrictionModel
+from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
 COMPILERS = ('cc', 'gcc', 'clang')
@@ -103,15 +104,30 @@ def check_urdf(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agr
         If pinocchio is not installed.
 
     """
+    root = ET.fromstring(text)
+    return _check_urdf(text, arm, tau, states, urdf.rotor_inertias(root, arm.joint_names))
+
+
+def check_template(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agreement:
+    """Compare a URDF of the user with what was fitted, rotors added; else as `check_urdf`."""
+    return _check_urdf(text, arm, tau, states, arm.links[:, ROTOR])
+
+
+def _check_urdf(
+    text: str, arm: ArmDescription, tau: Array, states: Array, rotors: Array
+) -> Agreement:
     pinocchio = _import_pinocchio()
-    model = pinocchio.buildModelFromXML(text)
+    model = _locked(pinocchio, pinocchio.buildModelFromXML(text), arm.joint_names)
     model.gravity.linear = arm.chain.gravity
     root = ET.fromstring(text)
-    model.armature = urdf.rotor_inertias(root, arm.joint_names)
-    data = model.createData()
-    dq = states[1]
+    model.armature = rotors
+    data, neutral, dq = model.createData(), pinocchio.neutral(model), states[1]
     found = np.array(
-        [pinocchio.rnea(model, data, *row).copy() for row in zip(*states, strict=True)]
+        [
+            # the position of a continuous joint is a cosine and a sine
+            pinocchio.rnea(model, data, pinocchio.integrate(model, neutral, q), *rates).copy()
+            for q, *rates in zip(*states, strict=True)
+        ]
     )
     dynamics = [root.find(f"joint[@name='{name}']/dynamics") for name in arm.joint_names]
     damping, friction = (
@@ -121,6 +137,12 @@ def check_urdf(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agr
     found += damping * dq + friction * _smooth_signs(arm, dq)
     left_out = split_friction(arm, urdf.FRICTION).left_out
     return _agreement('pinocchio', found, arm, tau, states, left_out)
+
+
+def _locked(pinocchio: Any, model: Any, joint_names: tuple[str, ...]) -> Any:
+    """Return a model whose other joints are locked at zero."""
+    others = [model.getJointId(name) for name in list(model.names)[1:] if name not in joint_names]
+    return pinocchio.buildReducedModel(model, others, pinocchio.neutral(model))
 
 
 def check_mjcf(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agreement:

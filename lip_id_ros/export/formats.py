@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 import os
 from typing import NamedTuple
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.description.urdf import RobotDescription
 from lip_id_ros.errors import ModelError
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.c_header import to_c_header
-from lip_id_ros.export.check import Agreement, check_c_header, check_mjcf, check_urdf
+from lip_id_ros.export.check import (
+    Agreement,
+    check_c_header,
+    check_mjcf,
+    check_template,
+    check_urdf,
+)
 from lip_id_ros.export.from_model import Exported
 from lip_id_ros.export.mjcf import to_mjcf
 from lip_id_ros.export.urdf import to_urdf
+from lip_id_ros.export.urdf_template import fill_template
 from lip_id_ros.files import write_whole
 from lip_id_ros.model import DynamicsModel
 
@@ -77,9 +86,40 @@ class Written:
         return self.form.check(self.text, arm, tau, states)
 
 
-def write(name: str, path: str | os.PathLike[str], exported: Exported) -> Written:
+@dataclass(frozen=True)
+class Template:
     """
-    Write an arm in one of `FORMATS`.
+    A URDF of the user, of which the fitted numbers are replaced.
+
+    Attributes
+    ----------
+    description : RobotDescription
+        With which the model was fitted.
+    origins : bool
+        Whether the origins of the joints are replaced too.
+
+    """
+
+    description: RobotDescription
+    origins: bool
+
+    @property
+    def form(self) -> Format:
+        """The format that it is."""
+        return Format(
+            partial(fill_template, description=self.description, origins=self.origins),
+            check_template,
+        )
+
+
+def write(
+    name: str,
+    path: str | os.PathLike[str],
+    exported: Exported,
+    template: Template | None = None,
+) -> Written:
+    """
+    Write an arm in one of `FORMATS`, or into a template.
 
     Raises
     ------
@@ -98,6 +138,8 @@ def write(name: str, path: str | os.PathLike[str], exported: Exported) -> Writte
             f'{exported.remainder}; fit with more data, or export --urdf or --mjcf, which leave '
             'that out.'
         )
+    if template is not None:
+        form, exported = template.form, replace(exported, arm=exported.in_model_frames)
     text = form.text(exported.arm)
     write_whole(path, text.encode())
     return Written(form, exported, text)

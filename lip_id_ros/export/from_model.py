@@ -35,12 +35,15 @@ class Exported:
     ----------
     arm : ArmDescription
         In frames by the convention of Denavit and Hartenberg.
+    in_model_frames : ArmDescription
+        The same arm in the frames of the model: those of the URDF that it was fitted with, if any.
     remainder : str or None
         What the model has beside links and friction, which is not exported.
 
     """
 
     arm: ArmDescription
+    in_model_frames: ArmDescription
     remainder: str | None
 
 
@@ -80,7 +83,7 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
         potential_reference=model.potential_reference if model.has_potential else still,
         remarks=tuple(remarks),
     )
-    return Exported(arm.in_standard_frames(), remainder)
+    return Exported(arm.in_standard_frames(), arm, remainder)
 
 
 def _remainder(model: InverseDynamicsModel) -> str | None:

@@ -16,9 +16,11 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import farthest_points
+from lip_id_ros.description.urdf import RobotDescription
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
 from lip_id_ros.identification.kinematic_calibration import (
@@ -30,6 +32,7 @@ from lip_id_ros.identification.kinematic_calibration import (
 from lip_id_ros.identification.placement_search import (
     calibrate,
     Calibration,
+    calibration_at,
     FINEST,
     LENGTH,
     refine,
@@ -67,6 +70,9 @@ likelihood per sample.
 
 FIRST_ROUND, LAST_ROUNDS, KEPT = (40,), (30, 20), 2
 """Of starts: all go through the first round, the best through the last ones."""
+
+
+Described = tuple[RobotDescription, DescriptionSettings]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +117,19 @@ class ArmFitter:
     ----------
     dataset : Dataset
         In the order of time.
+    described : tuple of RobotDescription and DescriptionSettings, optional
+        Prior of placements and links.
 
     """
 
-    def __init__(self, dataset: Dataset) -> None:
-        self.dataset = dataset
+    def __init__(self, dataset: Dataset, described: Described | None = None) -> None:
+        self.dataset, self._described = dataset, described
         self.link_std = link_prior_std(dataset)
-        self.link_scale = scale_of(float(self.link_std[0, 0]), LENGTH)
+        usual = scale_of(float(self.link_std[0, 0]), LENGTH)
+        if described is None:
+            self.prior = ArmPrior.vague(dataset.n_joints, usual)
+        else:
+            self.prior = ArmPrior.described(*described, usual)
         torque = dataset.tau.std(axis=0)
         self.torque_std = np.where(torque > 0.0, torque, 1.0)
         self._chosen: dict[int, Dataset] = {}
@@ -134,15 +146,33 @@ class ArmFitter:
         """Return a fitter of at most so many samples, at even distances."""
         if self.dataset.n_samples <= most:
             return self
-        return ArmFitter(self.dataset.select(evenly(self.dataset.n_samples, most)))
+        return self.of(self.dataset.select(evenly(self.dataset.n_samples, most)))
+
+    def of(self, dataset: Dataset) -> ArmFitter:
+        """Return a fitter of other samples, with the same description."""
+        return ArmFitter(dataset, self._described)
 
     def calibrated(self, seed: int, progress: Progress) -> Calibration:
-        """Find the placements of the joints, with viscous and Coulomb friction and offsets."""
+        """
+        Find the placements of the joints, with viscous and Coulomb friction and offsets.
+
+        Those of a robot description are taken as they are.
+
+        """
+        if self.prior.chain is not None:
+            return calibration_at(self.prior.chain, self._plain_samples(self._reference))
         return calibrate(self._plain_samples(self._reference), FEW_SAMPLES, seed, progress)
 
     def recalibrated(self, calibration: Calibration) -> Calibration:
         """Refine placements that were found in other samples."""
+        if self.prior.chain is not None:
+            return calibration_at(self.prior.chain, self._plain_samples(self._reference))
         return refine(self._plain_samples(self._reference), FEW_SAMPLES, calibration)
+
+    def log_residual(self, chain: Chain) -> float:
+        """Return the mean logarithm of the joints' residuals with the joints in given places."""
+        calibration = calibration_at(chain, self._plain_samples(self.some(START_SAMPLES)))
+        return float(np.log(calibration.noise_std).mean())
 
     def residual(self, placements: Placements) -> Array:
         """Return the residuals of a calibration at all samples, shape (N, n) [N m or N]."""
@@ -211,7 +241,7 @@ class ArmFitter:
         basis, noise = fit.friction.basis, fit.noise
         arm = fit.chain, fit.links
         samples = self._samples(dataset, basis, arm, noise.weights(dataset.dq))
-        return ArmProblem(samples, noise.std, is_positive(basis), self.link_scale, fit.geometry)
+        return ArmProblem(samples, noise.std, is_positive(basis), self.prior, fit.geometry)
 
     def _samples(
         self,
@@ -256,12 +286,22 @@ class ArmFitter:
         arm = chain, elected.link_parameters
         samples = self._samples(dataset, basis, arm, noise.weights(dataset.dq))
         linear = PlacementProblem(samples, noise.std).at(chain.rotations, chain.translations)
-        problem = ArmProblem(samples, noise.std, is_positive(basis), self.link_scale)
+        problem = ArmProblem(samples, noise.std, is_positive(basis), self.prior, self._geometry())
         links = linear.link_parameters(samples)
         for lift in LIFTS:
             state = problem.start(chain, links, linear.friction_coefficients(samples), lift)
             start = ArmFit(state, links, elected.friction, noise, problem.geometry)
             yield self.at(start, problem, state)
+        if self.prior.chain is not None:  # the described links
+            state = problem.evaluated(replace(state, numbers=np.zeros_like(state.numbers)))
+            yield self.at(
+                ArmFit(state, links, elected.friction, noise, problem.geometry), problem, state
+            )
+
+    def _geometry(self) -> Geometry:
+        free = Geometry.free(self.dataset.n_joints)
+        rigid = self._described is not None and self._described[1].fixes_placements
+        return replace(free, rigid=rigid)
 
     def _measured(
         self, dataset: Dataset, fit: ArmFit, problem: ArmProblem, state: ArmState

@@ -15,23 +15,19 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import FitError
-from lip_id_ros.identification.kinematic_calibration import NOT_FINITE, REACH, Samples
+from lip_id_ros.identification.arm_prior import ArmPrior
+from lip_id_ros.identification.kinematic_calibration import NOT_FINITE, Samples
 from lip_id_ros.identification.levenberg_marquardt import minimise
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.log_cholesky import (
     link_parameter_jacobian,
     link_parameters,
+    LinkScale,
     log_cholesky,
 )
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
-
-LINK_PRIOR = 0.3
-"""Precision (inverse standard deviation) of the prior on log-Cholesky numbers."""
-
-TURN_PRIOR = 0.1
-"""Precision of the prior on steps of rotations, around no step: some change no torque."""
 
 LOG_PRIOR = 0.3
 """Precision of the prior on logarithms of friction coefficients."""
@@ -80,8 +76,7 @@ class ArmProblem:
         Standard deviations of the residuals [N m or N].
     positive : bool array, shape (k,)
         Which friction coefficients must be positive.
-    link_scale : array, shape (4,)
-        See `lip_id_ros.rigid_body.log_cholesky.scale_of`.
+    prior : ArmPrior
     geometry : Geometry, optional
         What of the placements is fixed; nothing where not given.
 
@@ -92,12 +87,17 @@ class ArmProblem:
         samples: Samples,
         noise_std: Array,
         positive: BoolArray,
-        link_scale: Array,
+        prior: ArmPrior,
         geometry: Geometry | None = None,
     ) -> None:
-        self._samples, self._positive, self.link_scale = samples, positive, link_scale
+        self._samples, self._positive, self._prior = samples, positive, prior
         self._scale = np.sqrt(samples.weights) / noise_std
         self.geometry = geometry or Geometry.free(samples.tau.shape[1])
+
+    @property
+    def link_scale(self) -> LinkScale:
+        """Links whose log-Cholesky numbers are zero."""
+        return self._prior.scale
 
     @property
     def size(self) -> int:
@@ -212,17 +212,12 @@ class ArmProblem:
 
     def prior_precision(self) -> Array:
         """Return inverse standard deviations of the prior of every entry of a step, (m,)."""
-        n = len(self._samples.link_std)
-        placements = np.tile([*[TURN_PRIOR] * 3, *[1.0 / REACH] * 3], n)
-        links = np.full(n * LINK_PARAMETERS, LINK_PRIOR)
         friction = np.where(self._positive, LOG_PRIOR, 1.0 / self._samples.friction_std)
-        return np.concatenate([placements, links, friction])
+        return np.concatenate([self._prior.precision, friction])
 
     def prior_residual(self, state: ArmState) -> Array:
         """Return how far a state is from the prior's centre, in standard deviations, (m,)."""
-        placements = np.zeros((len(state.numbers), DIRECTIONS))
-        placements[:, 3:] = state.chain.translations
+        arm = self._prior.deviation(state.chain, state.numbers)
         centre = np.where(self._positive, np.log(self._samples.friction_std), 0.0)
-        friction = state.friction - centre
-        vector = np.concatenate([placements.ravel(), state.numbers.ravel(), friction])
+        vector = np.concatenate([arm, state.friction - centre])
         return np.asarray(self.prior_precision() * vector)

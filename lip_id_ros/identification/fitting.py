@@ -9,8 +9,11 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.errors import DataError
+from lip_id_ros.description.urdf import load_description, RobotDescription
+from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.gp import fit_process
+from lip_id_ros.identification.arm_fit import Described
+from lip_id_ros.identification.arm_prior import DescriptionSettings
 from lip_id_ros.identification.identify import Identified, identify, LEAST_SAMPLES_PER_JOINT
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.effort_calibration import effort_calibrations
@@ -46,8 +49,11 @@ def fit(
 
     Raises
     ------
+    ConfigError
+        If a robot description is given to another model than an articulated one.
     DataError
-        If there are too few samples or a torque never changes.
+        If there are too few samples, a torque never changes, or the robot description is of
+        another arm.
     FitError
         If the data are not finite, or a Gram matrix cannot be factorised.
 
@@ -77,9 +83,20 @@ def _fitted(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the parts of the model, and a report."""
     few = dataset.n_samples < LEAST_SAMPLES_PER_JOINT * dataset.n_joints
+    if settings.description and (few or settings.kernel != ARTICULATED):
+        raise ConfigError(
+            f'fit.description (--urdf) is the prior of an articulated fit to at least '
+            f'{LEAST_SAMPLES_PER_JOINT * dataset.n_joints} samples, but fit.kernel is '
+            f'{settings.kernel} and there are {dataset.n_samples} samples; leave it empty, or '
+            'change that.'
+        )
     if settings.kernel == ARTICULATED and not few:
-        found = identify(dataset, settings.seed, progress)
-        return {'arm': found.arm, 'remainder': found.remainder}, _report(found, settings)
+        described = _described(dataset, settings)
+        found = identify(dataset, settings.seed, progress, described)
+        report = _report(found, settings)
+        if described is not None:
+            report['description'] = _description_report(found, described[0])
+        return {'arm': found.arm, 'remainder': found.remainder}, report
     kernel = WITHOUT_LINKS if settings.kernel == ARTICULATED else settings.kernel
     fitted = fit_process(dataset, settings, kernel, progress)
     return {'process': fitted.posterior}, fitted.report
@@ -100,6 +117,32 @@ def _report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'noise_std': found.arm.noise.std.tolist(),
         'device': 'cpu',
         'device_note': '' if settings.device == 'cpu' else CPU_ALONE,
+    }
+
+
+def _described(dataset: Dataset, settings: FitSettings) -> Described | None:
+    if not settings.description:
+        return None
+    names, types = dataset.joint_names, dataset.joint_types
+    trust = DescriptionSettings(
+        angle_std=float(np.radians(settings.description_angle_deg)),
+        distance_std=settings.description_distance_m,
+        inertial_std=settings.description_inertial,
+    )
+    return load_description(settings.description, names, types), trust
+
+
+def _description_report(found: Identified, description: RobotDescription) -> dict[str, Any]:
+    doubts = found.doubts
+    assert doubts is not None, 'the arm was fitted with a description'
+    return {
+        'place': description.place,
+        'fingerprint': description.fingerprint,
+        'turns_deg': np.degrees(doubts.turns).tolist(),
+        'shifts_m': doubts.shifts.tolist(),
+        'deviations': doubts.deviations.tolist(),
+        'corrections': list(doubts.corrections),
+        'sentences': list(doubts.sentences),
     }
 
 

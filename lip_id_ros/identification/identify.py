@@ -9,7 +9,8 @@ from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.arm_fit import ArmFitter, MOST_SAMPLES
+from lip_id_ros.identification.arm_fit import ArmFitter, Described, MOST_SAMPLES
+from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import posterior
 from lip_id_ros.identification.outliers import explained, plausible
@@ -48,6 +49,8 @@ class Identified:
         Factor of the covariance for residuals that are correlated in time.
     outliers : int
         Samples that were left out.
+    doubts : DescriptionDoubts or None
+        Where the data contradict the robot description.
 
     """
 
@@ -59,6 +62,7 @@ class Identified:
     unexplained: Array
     inflation: float
     outliers: int
+    doubts: DescriptionDoubts | None = None
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the torques at joint states of shape (N, n), same shape [N m or N]."""
@@ -68,7 +72,12 @@ class Identified:
         return arm * ~self.remainder.replaces + self.remainder.torque(q, dq, ddq)
 
 
-def identify(dataset: Dataset, seed: int = 0, progress: Progress = silent) -> Identified:
+def identify(
+    dataset: Dataset,
+    seed: int = 0,
+    progress: Progress = silent,
+    described: Described | None = None,
+) -> Identified:
     """
     Identify chain, links and friction of an arm.
 
@@ -79,6 +88,9 @@ def identify(dataset: Dataset, seed: int = 0, progress: Progress = silent) -> Id
     seed : int
         Of the search for placements.
     progress : callable
+    described : tuple of RobotDescription and DescriptionSettings, optional
+        Prior of placements and links, which keeps its frames; without one the placements are
+        searched for.
 
     Raises
     ------
@@ -88,16 +100,18 @@ def identify(dataset: Dataset, seed: int = 0, progress: Progress = silent) -> Id
     """
     # Products this small gain nothing from more threads of their own.
     with threadpool_limits(1):
-        return _identified(dataset, seed, progress)
+        return _identified(dataset, seed, progress, described)
 
 
-def _identified(dataset: Dataset, seed: int, progress: Progress) -> Identified:
+def _identified(
+    dataset: Dataset, seed: int, progress: Progress, described: Described | None
+) -> Identified:
     count = dataset.n_samples
-    fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))))
+    fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))), described)
     calibration = fitter.calibrated(seed, progress)
     kept = explained(fitter.residual(calibration.placements))
     if not kept.all():
-        fitter = ArmFitter(fitter.dataset.select(np.flatnonzero(kept)))
+        fitter = fitter.of(fitter.dataset.select(np.flatnonzero(kept)))
         calibration = fitter.recalibrated(calibration)
     progress(STAGE, 0, STEPS)
     elected = fitter.elected(calibration.placements.chain)
@@ -110,7 +124,8 @@ def _identified(dataset: Dataset, seed: int, progress: Progress) -> Identified:
     # Loads and placements are better known by now.
     fit = fitter.refined(many, fitter.with_friction(fit, fitter.elected(fit.chain)))
     progress(STAGE, 4, STEPS)
-    fit, arm, left_out = posterior(fitter, elect_geometry(fitter, fit))
+    fit = fit if described else elect_geometry(fitter, fit)
+    fit, arm, left_out = posterior(fitter, fit)
     remainder = elect_remainder(fitter, fit)
     if remainder is not None:
         std = np.where(remainder.joints, remainder.left_out_std, arm.noise.std)
@@ -127,4 +142,5 @@ def _identified(dataset: Dataset, seed: int, progress: Progress) -> Identified:
         unexplained=left_out.mean_squares / fitter.torque_std**2,
         inflation=left_out.inflation,
         outliers=count - fitter.dataset.n_samples,
+        doubts=doubts(fitter, fit, described[0]) if described else None,
     )

@@ -24,6 +24,7 @@ from lip_id_ros.identification.kinematic_calibration import (
     Samples,
 )
 from lip_id_ros.progress import Progress
+from lip_id_ros.rigid_body import Chain
 
 LENGTH = 1.0 / 3.0
 """About how long links are [m]: for starts and priors, which need no more than that."""
@@ -118,6 +119,17 @@ def refine(samples: Samples, few: int, found: Calibration) -> Calibration:
         minima, noise_std = _refined(few_of(samples, few), minima, noise_std, floor, pool)
         (lowest,), noise_std = _refined(samples, minima[:1], noise_std, floor, pool)
     return replace(found, placements=lowest, candidates=tuple(minima), noise_std=noise_std)
+
+
+def calibration_at(chain: Chain, samples: Samples) -> Calibration:
+    """Return the calibration of an arm whose placements are given."""
+    torque = torque_size(samples)
+    noise_std = COARSE * torque
+    for _ in range(REFINEMENTS):
+        problem = PlacementProblem(samples, noise_std)
+        placements = problem.at(chain.rotations, chain.translations)
+        noise_std = np.maximum(problem.residual_rms(placements), FINEST * torque)
+    return Calibration(placements, (placements,), noise_std, agreed=True, descents=0)
 
 
 def torque_size(samples: Samples) -> Array:

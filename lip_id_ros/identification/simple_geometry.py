@@ -43,11 +43,14 @@ class Geometry:
         where it is free.
     meets : bool array, shape (n,)
         Whether the axis meets the one before.
+    rigid : bool
+        Whether all of the placements is fixed.
 
     """
 
     twists: Array
     meets: BoolArray
+    rigid: bool = False
 
     @classmethod
     def free(cls, n_joints: int) -> Geometry:
@@ -68,6 +71,8 @@ class Geometry:
     def projector(self, chain: Chain) -> Array:
         """Return the projection of steps on those that keep it, shape (6 n, 6 n)."""
         n = len(self.twists)
+        if self.rigid:
+            return np.zeros((DIRECTIONS * n, DIRECTIONS * n))
         out = np.eye(DIRECTIONS * n)
         for i in np.flatnonzero(~np.isnan(self.twists) | self.meets):
             gradients = np.array(self._fixed(int(i), chain), dtype=np.float64)

@@ -1,13 +1,15 @@
 """
 Link parameters that a rigid body can have: log-Cholesky factors of the pseudo-inertia.
 
-J = S L L^T S, with a scale S and a lower triangular L whose diagonal is written as exponentials,
-is positive definite whatever the ten numbers of L are, and every positive definite J has such
-numbers (Rucker and Wensing, "Smooth Parameterization of Rigid-Body Inertia", 2022).
+J = S L L^T S^T, with lower triangular S and L, the scale S given and the diagonal of L written as
+exponentials, is positive definite whatever the ten numbers of L are, and every positive definite J
+has such numbers (Rucker and Wensing, "Smooth Parameterization of Rigid-Body Inertia", 2022).
 
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,9 +41,26 @@ def _parameter_map() -> Array:
 _PARAMETER_MAP = _parameter_map()
 
 
-def scale_of(mass: float, length: float) -> Array:
+class LinkScale(NamedTuple):
     """
-    Return the diagonal of S for links of about this mass and size, shape (4,).
+    Links whose log-Cholesky numbers are all zero.
+
+    Attributes
+    ----------
+    factors : array, shape (n, 4, 4) or (1, 4, 4)
+        Lower triangular S, with the pseudo-inertia S S^T.
+    rotors : array, shape (n,) or (1,)
+        Inertias of the rotors.
+
+    """
+
+    factors: Array
+    rotors: Array
+
+
+def scale_of(mass: float, length: float) -> LinkScale:
+    """
+    Return the scale of links of about this mass and size.
 
     Parameters
     ----------
@@ -51,19 +70,18 @@ def scale_of(mass: float, length: float) -> Array:
         [m]
 
     """
-    scale: Array = np.sqrt(mass) * np.array([length, length, length, 1.0])
-    return scale
+    diagonal = np.sqrt(mass) * np.array([length, length, length, 1.0])
+    return LinkScale(np.diag(diagonal)[None], np.array([mass * length**2]))
 
 
-def link_parameters(numbers: Array, scale: Array) -> Array:
+def link_parameters(numbers: Array, scale: LinkScale) -> Array:
     """
     Return the parameters of links from their log-Cholesky numbers.
 
     Parameters
     ----------
     numbers : array, shape (n, 11)
-    scale : array, shape (4,)
-        Diagonal of S, see `scale_of`.
+    scale : LinkScale
 
     Returns
     -------
@@ -71,13 +89,13 @@ def link_parameters(numbers: Array, scale: Array) -> Array:
         As in `lip_id_ros.rigid_body.chain.PARAMETERS`; the rotor's inertia is positive.
 
     """
-    factor = scale[:, None] * _triangle(numbers)
+    factor = scale.factors @ _triangle(numbers)
     inertia = np.einsum('nab,ncb->nac', factor, factor)
     bodies = np.einsum('kab,nab->nk', _PARAMETER_MAP, inertia)
-    return np.column_stack([bodies, scale[0] ** 2 * np.exp(2.0 * numbers[:, _ROTOR])])
+    return np.column_stack([bodies, scale.rotors * np.exp(2.0 * numbers[:, _ROTOR])])
 
 
-def link_parameter_jacobian(numbers: Array, scale: Array) -> Array:
+def link_parameter_jacobian(numbers: Array, scale: LinkScale) -> Array:
     """
     Differentiate `link_parameters` by the log-Cholesky numbers.
 
@@ -88,16 +106,16 @@ def link_parameter_jacobian(numbers: Array, scale: Array) -> Array:
 
     """
     triangle = _triangle(numbers)
-    factor = scale[:, None] * triangle
-    by_triangle = 2.0 * np.einsum('kac,ncb,a->nkab', _PARAMETER_MAP, factor, scale)
+    left = np.swapaxes(scale.factors, 1, 2)[:, None] @ _PARAMETER_MAP
+    by_triangle = 2.0 * left @ (scale.factors @ triangle)[:, None]
     out = np.zeros((len(numbers), LOG_CHOLESKY, LOG_CHOLESKY))
     out[:, :_ROTOR, :_ROTOR] = by_triangle[..., _ROWS, _COLUMNS]
     out[:, :_ROTOR, _DIAGONAL] *= np.diagonal(triangle, axis1=1, axis2=2)[:, None, :]
-    out[:, _ROTOR, _ROTOR] = 2.0 * scale[0] ** 2 * np.exp(2.0 * numbers[:, _ROTOR])
+    out[:, _ROTOR, _ROTOR] = 2.0 * scale.rotors * np.exp(2.0 * numbers[:, _ROTOR])
     return out
 
 
-def log_cholesky(parameters: Array, scale: Array, least: float = 1e-3) -> Array:
+def log_cholesky(parameters: Array, scale: LinkScale, least: float = 1e-3) -> Array:
     """
     Return the log-Cholesky numbers of the nearest links that can exist.
 
@@ -105,7 +123,7 @@ def log_cholesky(parameters: Array, scale: Array, least: float = 1e-3) -> Array:
     ----------
     parameters : array, shape (n, 11)
         Any, such as those of a linear least-squares problem.
-    scale : array, shape (4,)
+    scale : LinkScale
     least : float
         Smaller eigenvalues of the scaled pseudo-inertia, and smaller rotors, are raised to this.
 
@@ -114,13 +132,14 @@ def log_cholesky(parameters: Array, scale: Array, least: float = 1e-3) -> Array:
     array, shape (n, 11)
 
     """
-    scaled = pseudo_inertia(parameters[:, :10]) / np.multiply.outer(scale, scale)
+    inverse = np.linalg.inv(scale.factors)
+    scaled = inverse @ pseudo_inertia(parameters[:, :10]) @ np.swapaxes(inverse, 1, 2)
     values, vectors = np.linalg.eigh(scaled)
     raised = np.maximum(values, least)
     factor = np.linalg.cholesky(np.einsum('nab,nb,ncb->nac', vectors, raised, vectors))
     numbers = factor[:, _ROWS, _COLUMNS]
     numbers[:, _DIAGONAL] = np.log(numbers[:, _DIAGONAL])
-    rotor = 0.5 * np.log(np.maximum(parameters[:, _ROTOR] / scale[0] ** 2, least))
+    rotor = 0.5 * np.log(np.maximum(parameters[:, _ROTOR] / scale.rotors, least))
     return np.column_stack([numbers, rotor])
 
 

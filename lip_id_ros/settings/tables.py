@@ -139,6 +139,29 @@ class FitSettings(Settings):
         choices=('cpu', 'cuda'),
     )
     seed: int = setting(0, 'Seed of every random choice.', minimum=0)
+    description: str = setting(
+        '',
+        'URDF of the arm, a file or its text, as the prior of an articulated fit: the placements '
+        'of the joints start there, and the model keeps its frames. Empty: placements are '
+        'searched for.',
+    )
+    description_angle_deg: float = setting(
+        0.5,
+        'Standard deviation of the directions of the axes in the description [degrees]; 0 fixes '
+        'all placements.',
+        minimum=0.0,
+    )
+    description_distance_m: float = setting(
+        0.002,
+        'Standard deviation of the positions of the axes in the description [m]; 0 fixes all '
+        'placements.',
+        minimum=0.0,
+    )
+    description_inertial: float = setting(
+        0.5,
+        'Standard deviation of the inertials in the description, as a share of themselves.',
+        minimum=0.01,
+    )
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
+from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.rigid_body.axes import angles_between, distances_between
@@ -19,6 +20,10 @@ from lip_id_ros.rigid_body.log_cholesky import scale_of
 SCALE = scale_of(2.0, 0.2)
 ARMS = [(R,), (P, R), (R, P, R), (R, R, R, R)]
 POSITIVE = np.array([True, False])
+
+
+def prior_of(joint_types: tuple[str, ...]) -> ArmPrior:
+    return ArmPrior.vague(len(joint_types), SCALE)
 
 
 def problem_of(
@@ -31,7 +36,7 @@ def problem_of(
     std = np.array([0.5, 2.0])
     samples = replace(samples, friction=friction, friction_std=std, weights=weights)
     noise_std = 0.05 * samples.tau.std(axis=0)
-    problem = ArmProblem(samples, noise_std, POSITIVE, SCALE)
+    problem = ArmProblem(samples, noise_std, POSITIVE, prior_of(joint_types))
     links = arm.parameters
     return problem, problem.start(arm.chain, links, np.array([0.7, -0.4])), links
 
@@ -69,7 +74,7 @@ def test_a_state_holds_the_parameters_that_it_was_made_of() -> None:
 def test_true_links_are_found_from_wrong_ones() -> None:
     arm, samples = samples_of((R, R, R), noise=1e-4)
     noise_std = 1e-4 * samples.tau.std(axis=0)
-    problem = ArmProblem(samples, noise_std, np.zeros(0, dtype=bool), SCALE)
+    problem = ArmProblem(samples, noise_std, np.zeros(0, dtype=bool), prior_of((R, R, R)))
     wrong = arm.parameters * np.array([1.5, *[0.5] * 3, *[1.3] * 7])
     start = problem.start(arm.chain, wrong, np.zeros(0))
     end = problem.minimised(start, 60)
@@ -81,7 +86,7 @@ def test_true_links_are_found_from_wrong_ones() -> None:
     tau = arm.torque(*unseen)
     other = replace(samples, q=unseen[0], dq=unseen[1], ddq=unseen[2], tau=tau,
                     friction=np.zeros((*tau.shape, 0)), weights=np.ones_like(tau))  # fmt: skip
-    found = ArmProblem(other, noise_std, np.zeros(0, dtype=bool), SCALE).torque(end)
+    found = ArmProblem(other, noise_std, np.zeros(0, dtype=bool), prior_of((R, R, R))).torque(end)
     np.testing.assert_allclose(found, tau, atol=1e-3 * np.abs(tau).max())
 
 
@@ -102,7 +107,7 @@ def test_a_geometry_is_kept_by_every_step() -> None:
     arm, samples = samples_of((R, R))
     geometry = Geometry(np.array([np.nan, 0.5 * np.pi]), np.array([False, True]))
     problem = ArmProblem(
-        samples, samples.tau.std(axis=0), np.zeros(0, dtype=bool), SCALE, geometry
+        samples, samples.tau.std(axis=0), np.zeros(0, dtype=bool), prior_of((R, R)), geometry
     )
     chain = geometry.projected(arm.chain)
     start = problem.start(chain, 1.3 * arm.parameters, np.zeros(0))

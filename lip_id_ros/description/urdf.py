@@ -1,0 +1,379 @@
+"""
+The arm that a URDF describes (http://wiki.ros.org/urdf/XML).
+
+The joints of the data are the joints of the arm. All other joints of the file are locked at zero,
+so that what hangs on them belongs to the link that carries it.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+import hashlib
+import os
+from pathlib import Path
+import xml.etree.ElementTree as ET
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import DataError
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.pseudo_inertia import link_parameters, pseudo_inertia
+
+KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
+STANDARD_GRAVITY = 9.80665
+DIGITS = 9
+"""Of placements, by which two descriptions are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """
+    A link of the file.
+
+    Attributes
+    ----------
+    name : str
+    placement : array, shape (4, 4)
+        Of its frame in the frame of the chain's link that carries it.
+    parameters : array, shape (10,)
+        Mass, first moments and inertias about the origin of its own frame; zero without an
+        `<inertial>`.
+
+    """
+
+    name: str
+    placement: Array
+    parameters: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RobotDescription:
+    """
+    Joints, links and friction of an arm as a URDF has them.
+
+    Attributes
+    ----------
+    place : str
+        File or topic, for messages.
+    text : str
+    joint_names, joint_types : tuples of str
+        From base to tip.
+    chain : Chain
+        Frames of the links, turned so that z is the joint's axis.
+    bodies : tuple of tuple of Body
+        What moves with each joint; the joint's own link first.
+    damping, friction : arrays, shape (n,)
+        Of `<dynamics>`: viscous and Coulomb coefficients.
+    to_axis : array, shape (n, 3, 3)
+        Rotation from the chain's frame of each link to the file's.
+    before : array, shape (n, 4, 4)
+        Placement, in the chain's frame of the link before, of the frame in which the file gives
+        each joint's origin.
+
+    """
+
+    place: str
+    text: str
+    joint_names: tuple[str, ...]
+    joint_types: tuple[str, ...]
+    chain: Chain
+    bodies: tuple[tuple[Body, ...], ...]
+    damping: Array
+    friction: Array
+    to_axis: Array
+    before: Array
+
+    @property
+    def links(self) -> Array:
+        """Parameters of the links in the chain's frames, shape (n, 11); the rotors have none."""
+        out = np.zeros((len(self.bodies), LINK_PARAMETERS))
+        for row, bodies in zip(out, self.bodies, strict=True):
+            row[:-1] = sum(moved(body.parameters, body.placement) for body in bodies)
+        return out
+
+    @property
+    def fingerprint(self) -> str:
+        """Digest of the placements: equal where two files place their joints alike."""
+        numbers = np.concatenate([x.ravel() for x in (self.chain[0], self.chain[1], self.to_axis)])
+        return hashlib.sha256((np.round(numbers, DIGITS) + 0.0).tobytes()).hexdigest()
+
+
+def load_description(
+    source: str | os.PathLike[str], joint_names: Sequence[str], joint_types: Sequence[str]
+) -> RobotDescription:
+    """
+    Read a URDF from a file, or from its text as a `robot_description` topic has it.
+
+    Parameters
+    ----------
+    source : path or str
+        A text that begins with `<` is the URDF itself.
+    joint_names, joint_types : sequences of str
+        Of the arm, from base to tip.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    DataError
+        If it is no URDF, or not of this arm.
+
+    """
+    text = os.fspath(source)
+    if text.lstrip().startswith('<'):
+        return parse_description(text, 'robot_description', joint_names, joint_types)
+    try:
+        content = Path(source).read_bytes().decode()  # keeps the ends of lines
+    except UnicodeDecodeError as error:
+        raise DataError(f'{text} is not a URDF in UTF-8 ({error}); give another file.') from error
+    return parse_description(content, text, joint_names, joint_types)
+
+
+def parse_description(
+    text: str, place: str, joint_names: Sequence[str], joint_types: Sequence[str]
+) -> RobotDescription:
+    """
+    Read the text of a URDF.
+
+    Parameters
+    ----------
+    text : str
+    place : str
+        Where it comes from, for messages.
+    joint_names, joint_types : sequences of str
+
+    Raises
+    ------
+    DataError
+        If it is no URDF, or not of this arm.
+
+    """
+    reader = _Reader(parsed(text, place), place)
+    return reader.description(text.lstrip(), joint_names, joint_types)
+
+
+def parsed(text: str, place: str) -> ET.Element:
+    """
+    Return the `<robot>` element of a URDF.
+
+    Raises
+    ------
+    DataError
+        If there is none, or the text is the source of a xacro.
+
+    """
+    if '<!DOCTYPE' in text or '<!ENTITY' in text:
+        raise DataError(f'{place} has a document type, which no URDF needs; remove it.')
+    try:
+        root = ET.fromstring(text.lstrip())
+    except (ET.ParseError, ValueError) as error:
+        _refuse_xacro('<xacro:' in text, place)
+        raise DataError(f'{place} is not a URDF ({error}); give another file.') from error
+    _refuse_xacro(any(map(_is_xacro, root.iter())), place)
+    if root.tag != 'robot':
+        raise DataError(f'{place} is not a URDF: <robot> was expected, but <{root.tag}> came.')
+    return root
+
+
+def _is_xacro(element: ET.Element) -> bool:
+    values = (*element.attrib.values(), element.text or '')
+    return 'xacro' in str(element.tag) or any('${' in x or '$(' in x for x in values)
+
+
+def _refuse_xacro(found: bool, place: str) -> None:
+    if found:
+        raise DataError(
+            f'{place} is the source of a xacro, but a URDF was expected; write it with '
+            f'`xacro {place} > arm.urdf` and give that.'
+        )
+
+
+def moved(parameters: Array, placement: Array) -> Array:
+    """Re-express the ten parameters of a body in the frame in which it has a placement."""
+    return np.asarray(link_parameters(placement @ pseudo_inertia(parameters) @ placement.T))
+
+
+def transform(rotation: Array, translation: Array) -> Array:
+    """Return a homogeneous matrix, shape (4, 4)."""
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = rotation, translation
+    return out
+
+
+class _Reader:
+    """Looks things up in a `<robot>` element."""
+
+    def __init__(self, root: ET.Element, place: str) -> None:
+        self._place = place
+        self._links = {link.get('name', ''): link for link in root.findall('link')}
+        self._joints = {joint.get('name', ''): joint for joint in root.findall('joint')}
+        self._above: dict[str, ET.Element] = {}
+        self._below: dict[str, list[ET.Element]] = {}
+        for joint in self._joints.values():
+            child = self._end(joint, 'child')
+            if child in self._above:
+                raise DataError(
+                    f'link {child!r} in {place} hangs on two joints; a tree was expected.'
+                )
+            self._above[child] = joint
+            self._below.setdefault(self._end(joint, 'parent'), []).append(joint)
+
+    def description(
+        self, text: str, names: Sequence[str], types: Sequence[str]
+    ) -> RobotDescription:
+        """Return the arm whose joints have given names."""
+        joints = [self._joint(name, kind) for name, kind in zip(names, types, strict=True)]
+        to_axis = np.array([rotation_to(self._axis(joint)) for joint in joints])
+        before = np.empty((len(joints), 4, 4))
+        placements = np.empty_like(before)
+        carrier, turned = None, np.eye(4)
+        for i, joint in enumerate(joints):
+            before[i] = turned @ self._fixed(joint, carrier)
+            turned = transform(to_axis[i].T, np.zeros(3))
+            placements[i] = before[i] @ self._origin(joint) @ turned.T
+            carrier = joint
+        return RobotDescription(
+            place=self._place,
+            text=text,
+            joint_names=tuple(names),
+            joint_types=tuple(types),
+            chain=Chain(
+                np.ascontiguousarray(placements[:, :3, :3]),
+                np.ascontiguousarray(placements[:, :3, 3]),
+                np.array([kind == 'prismatic' for kind in types]),
+                np.array([0.0, 0.0, -STANDARD_GRAVITY]),
+            ),
+            bodies=tuple(
+                tuple(
+                    self._bodies(self._end(joint, 'child'), transform(turn.T, np.zeros(3)), names)
+                )
+                for joint, turn in zip(joints, to_axis, strict=True)
+            ),
+            damping=np.array([self._dynamics(joint, 'damping') for joint in joints]),
+            friction=np.array([self._dynamics(joint, 'friction') for joint in joints]),
+            to_axis=to_axis,
+            before=before,
+        )
+
+    def _joint(self, name: str, kind: str) -> ET.Element:
+        movable = [x for x, joint in self._joints.items() if joint.get('type') in KINDS]
+        if name not in movable:
+            raise DataError(
+                f'joint {name!r} of the data is not among the joints that move in {self._place}, '
+                f'which are {", ".join(movable) or "none"}; give the URDF of this arm, or name '
+                'the joints as it does.'
+            )
+        found = KINDS[self._joints[name].get('type', '')]
+        if found != kind:
+            raise DataError(
+                f'joint {name!r} is {found} in {self._place}, but {kind} in the data; set '
+                'recording.joint_types, or give the URDF of this arm.'
+            )
+        return self._joints[name]
+
+    def _fixed(self, joint: ET.Element, carrier: ET.Element | None) -> Array:
+        """Return the placement of a joint's parent link in the link of the joint before."""
+        end = None if carrier is None else self._end(carrier, 'child')
+        link, out, seen = self._end(joint, 'parent'), np.eye(4), set()
+        while link != end and link in self._above and link not in seen:
+            seen.add(link)
+            out = self._origin(self._above[link]) @ out
+            link = self._end(self._above[link], 'parent')
+        if end not in (link, None) or link in seen:
+            below = 'the base' if carrier is None else f'joint {carrier.get("name")!r}'
+            raise DataError(
+                f'joint {joint.get("name")!r} was expected to be carried by {below} in '
+                f'{self._place}, but it is not; name the joints of one serial arm from base to '
+                'tip.'
+            )
+        return out
+
+    def _bodies(self, link: str, placement: Array, names: Sequence[str]) -> Iterator[Body]:
+        """Yield a link and what it carries, but for what the joints of the arm move."""
+        waiting = [(link, placement)]
+        while waiting:
+            link, placement = waiting.pop(0)
+            yield Body(link, placement, self._inertial(link))
+            for joint in self._below.get(link, []):
+                if joint.get('name') not in names:
+                    child = self._end(joint, 'child')
+                    waiting.append((child, placement @ self._origin(joint)))
+
+    def _inertial(self, link: str) -> Array:
+        element = self._links.get(link)
+        inertial = None if element is None else element.find('inertial')
+        if inertial is None:
+            return np.zeros(LINK_PARAMETERS - 1)
+        what = f'the inertial of link {link!r}'
+        mass = self._number(inertial.find('mass'), 'value', what)
+        entries = inertial.find('inertia')
+        names = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+        inertia = [self._number(entries, name, what) for name in names]
+        about_centre = np.array([mass, 0.0, 0.0, 0.0, *inertia])
+        return moved(about_centre, self._origin(inertial))
+
+    def _dynamics(self, joint: ET.Element, name: str) -> float:
+        element = joint.find('dynamics')
+        return self._number(element, name, f'<dynamics> of {joint.get("name")!r}')
+
+    def _axis(self, joint: ET.Element) -> Array:
+        axis = joint.find('axis')
+        found = self._three(axis, 'xyz', np.array([1.0, 0.0, 0.0]), joint)
+        size = np.linalg.norm(found)
+        if size == 0.0:
+            name = joint.get('name')
+            raise DataError(f'the axis of joint {name!r} in {self._place} has no direction.')
+        return np.asarray(found / size)
+
+    def _origin(self, element: ET.Element) -> Array:
+        origin = element.find('origin')
+        xyz = self._three(origin, 'xyz', np.zeros(3), element)
+        rpy = self._three(origin, 'rpy', np.zeros(3), element)
+        return transform(Rotation.from_euler('xyz', rpy).as_matrix(), xyz)
+
+    def _three(
+        self, element: ET.Element | None, name: str, default: Array, owner: ET.Element
+    ) -> Array:
+        if element is None or name not in element.attrib:
+            return default
+        what = f'{name} of {owner.get("name") or owner.tag!r}'
+        numbers = [self._float(word, what) for word in element.attrib[name].split()]
+        if len(numbers) != 3:
+            raise DataError(
+                f'{what} in {self._place} needs three numbers, but has {len(numbers)}.'
+            )
+        return np.array(numbers)
+
+    def _number(self, element: ET.Element | None, name: str, what: str) -> float:
+        return 0.0 if element is None else self._float(element.get(name, '0'), f'{name} of {what}')
+
+    def _float(self, word: str, what: str) -> float:
+        try:
+            value = float(word)
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            raise DataError(f'{what} in {self._place} was expected to be a number, not {word!r}.')
+        return value
+
+    def _end(self, joint: ET.Element, which: str) -> str:
+        end = joint.find(which)
+        if end is None or end.get('link') is None:
+            name = joint.get('name')
+            raise DataError(f'joint {name!r} in {self._place} has no <{which} link="...">.')
+        return end.attrib['link']
+
+
+def rotation_to(axis: Array) -> Array:
+    """Return the smallest rotation that takes z to a unit vector, shape (3, 3)."""
+    x, y, z = axis
+    if z < 0.0:  # the smallest one is not unique near -z: turn about x first
+        return rotation_to(-axis) @ np.diag([1.0, -1.0, -1.0])
+    k = 1.0 / (1.0 + z)
+    return np.array(
+        [[1.0 - k * x * x, -k * x * y, x], [-k * x * y, 1.0 - k * y * y, y], [-x, -y, z]]
+    )

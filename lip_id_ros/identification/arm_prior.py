@@ -1,0 +1,135 @@
+"""What is known of an arm before its torques are: nothing but sizes, or a robot description."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.description.urdf import RobotDescription
+from lip_id_ros.identification.kinematic_calibration import REACH
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.log_cholesky import LinkScale
+from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
+
+LINK_PRIOR = 0.3
+"""Precision (inverse standard deviation) of the prior on log-Cholesky numbers."""
+
+TURN_PRIOR = 0.1
+"""Precision of the prior on steps of rotations, around no step: some change no torque."""
+
+LEAST_INERTIA = 1e-3
+"""
+Links of a description whose pseudo-inertia, in units of that of a usual link, has a smaller
+eigenvalue count as not described: many files have no inertials, or points.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class DescriptionSettings:
+    """
+    How far a robot description is trusted.
+
+    Attributes
+    ----------
+    angle_std : float
+        Standard deviation of the direction of each axis [rad]; 0 fixes it.
+    distance_std : float
+        Of the position of each axis [m]; 0 fixes it.
+    inertial_std : float
+        Of masses, first moments and inertias, as a share of themselves.
+
+    """
+
+    angle_std: float = float(np.radians(0.5))
+    distance_std: float = 0.002
+    inertial_std: float = 0.5
+
+    @property
+    def fixes_placements(self) -> bool:
+        """Whether the placements are those of the description."""
+        return self.angle_std == 0.0 or self.distance_std == 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPrior:
+    """
+    Normal prior on the placements and on the log-Cholesky numbers of the links.
+
+    Attributes
+    ----------
+    chain : Chain or None
+        Most probable placements; none where only sizes are known.
+    scale : LinkScale
+        Most probable links, whose numbers are zero.
+    precision : array, shape (17 n,)
+        Inverse standard deviations: of rotations and translations joint by joint, then of numbers.
+
+    """
+
+    chain: Chain | None
+    scale: LinkScale
+    precision: Array
+
+    @classmethod
+    def vague(cls, n_joints: int, scale: LinkScale) -> ArmPrior:
+        """Return the prior that knows about how large links are."""
+        placements = np.tile([*[TURN_PRIOR] * 3, *[1.0 / REACH] * 3], n_joints)
+        links = np.full(n_joints * LINK_PARAMETERS, LINK_PRIOR)
+        return cls(None, scale, np.concatenate([placements, links]))
+
+    @classmethod
+    def described(
+        cls, description: RobotDescription, settings: DescriptionSettings, usual: LinkScale
+    ) -> ArmPrior:
+        """
+        Return the prior that a robot description gives.
+
+        A deviation d of a number changes a pseudo-inertia by the share 2 d. Rotors are not in a
+        description.
+
+        Parameters
+        ----------
+        description : RobotDescription
+        settings : DescriptionSettings
+        usual : LinkScale
+            Of links that are not described.
+
+        """
+        n = len(description.joint_names)
+        factors, known = _described_factors(description.links, usual)
+        turn = 1.0 / settings.angle_std if settings.angle_std > 0.0 else TURN_PRIOR
+        shift = 1.0 / settings.distance_std if settings.distance_std > 0.0 else 1.0 / REACH
+        links = np.full((n, LINK_PARAMETERS), LINK_PRIOR)
+        links[known, :-1] = max(LINK_PRIOR, 2.0 / settings.inertial_std)
+        precision = np.concatenate([np.tile([*[turn] * 3, *[shift] * 3], n), links.ravel()])
+        rotors = np.broadcast_to(usual.rotors, n)
+        return cls(description.chain, LinkScale(factors, rotors), precision)
+
+    def deviation(self, chain: Chain, numbers: Array) -> Array:
+        """
+        Return how far an arm is from the most probable one, (17 n,) [rad, m, numbers].
+
+        Without a most probable chain rotations do not deviate, and translations do from zero.
+
+        """
+        out = np.zeros((len(numbers), DIRECTIONS))
+        if self.chain is None:
+            out[:, 3:] = chain.translations
+        else:
+            turned = np.swapaxes(self.chain.rotations, 1, 2) @ chain.rotations
+            out[:, :3] = Rotation.from_matrix(turned).as_rotvec()
+            out[:, 3:] = chain.translations - self.chain.translations
+        return np.concatenate([out.ravel(), numbers.ravel()])
+
+
+def _described_factors(links: Array, usual: LinkScale) -> tuple[Array, BoolArray]:
+    """Return Cholesky factors of pseudo-inertias, (n, 4, 4), and which are described, (n,)."""
+    inverse = np.linalg.inv(usual.factors[0])
+    pseudo = pseudo_inertia(links[:, :-1])
+    known = np.linalg.eigvalsh(inverse @ pseudo @ inverse.T)[:, 0] > LEAST_INERTIA
+    own = usual.factors[0] @ usual.factors[0].T
+    return np.linalg.cholesky(np.where(known[:, None, None], pseudo, own)), known
