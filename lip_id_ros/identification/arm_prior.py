@@ -21,10 +21,10 @@ LINK_PRIOR = 0.3
 TURN_PRIOR = 0.1
 """Precision of the prior on steps of rotations, around no step: some change no torque."""
 
-LEAST_INERTIA = 1e-3
+LEAST_MASS, LEAST_SIZE = 1e-3, 1e-3
 """
-Links of a description whose pseudo-inertia, in units of that of a usual link, has a smaller
-eigenvalue count as not described: many files have no inertials, or points.
+Links of a description that are lighter [kg], or whose least radius of gyration is smaller [m],
+count as not described: many files have no inertials, or points.
 """
 
 
@@ -128,8 +128,10 @@ class ArmPrior:
 
 def _described_factors(links: Array, usual: LinkScale) -> tuple[Array, BoolArray]:
     """Return Cholesky factors of pseudo-inertias, (n, 4, 4), and which are described, (n,)."""
-    inverse = np.linalg.inv(usual.factors[0])
     pseudo = pseudo_inertia(links[:, :-1])
-    known = np.linalg.eigvalsh(inverse @ pseudo @ inverse.T)[:, 0] > LEAST_INERTIA
+    mass = np.maximum(links[:, 0], LEAST_MASS)
+    centre = links[:, 1:4] / mass[:, None]
+    spread = pseudo[:, :3, :3] / mass[:, None, None] - centre[:, :, None] * centre[:, None, :]
+    known = (links[:, 0] >= LEAST_MASS) & (np.linalg.eigvalsh(spread)[:, 0] >= LEAST_SIZE**2)
     own = usual.factors[0] @ usual.factors[0].T
     return np.linalg.cholesky(np.where(known[:, None, None], pseudo, own)), known

@@ -18,9 +18,9 @@ from lip_id_ros.export.arm import ArmDescription, JointRanges
 from lip_id_ros.export.urdf_template import fill_template
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.identification import fit
-from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
-from lip_id_ros.identification.description_doubts import reversed_axis
+from lip_id_ros.identification.description_doubts import doubts, reversed_axis
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table, with_standard_frames
@@ -128,17 +128,22 @@ def test_placements_can_be_fixed() -> None:
     np.testing.assert_array_equal(model.arm.chain.translations, chain.translations)
 
 
-def wrong(joint: int) -> str:
-    return urdf_of(reversed_axis(truth().chain, joint), truth().links)
+def started(description: RobotDescription) -> tuple[ArmFitter, ArmFit]:
+    """Return a first fit near a description."""
+    fitter = ArmFitter(motion(0, 20, 25), (description, DescriptionSettings()))
+    elected = fitter.elected(description.chain)
+    return fitter, fitter.best_start([description.chain], elected)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('joint', 'name'), [(1, 'panda_joint2'), (5, 'panda_joint6')])
 def test_a_reversed_joint_is_noticed(joint: int, name: str) -> None:
-    model = fit(motion(0, 20, 25), FitSettings(description=wrong(joint)))
-    report = model.summary['description']
-    assert f"joint '{name}' moves the other way" in ' '.join(report['corrections'])
-    assert 'is not the description of this arm as it was recorded' in report['sentences'][0]
+    text = urdf_of(reversed_axis(truth().chain, joint), truth().links)
+    description = load_description(text, NAMES, TYPES)
+    found = doubts(*started(description), description)
+    assert len(found.corrections) == 1
+    assert f'joint {name!r} moves the other way' in found.corrections[0]
+    assert 'is not the description of this arm as it was recorded' in found.sentences[0]
 
 
 @pytest.mark.slow
@@ -146,11 +151,12 @@ def test_a_link_of_another_model_is_noticed() -> None:
     chain = truth().chain
     translations = chain.translations.copy()
     translations[3] += [0.03, 0.05, 0.0]
-    description = urdf_of(chain._replace(translations=translations), truth().links)
-    report = fit(motion(0, 20, 25), FitSettings(description=description)).summary['description']
-    assert report['corrections'] == []
-    assert report['deviations'][3] > 5.0
-    assert "The data place joint 'panda_joint4'" in ' '.join(report['sentences'])
+    text = urdf_of(chain._replace(translations=translations), truth().links)
+    description = load_description(text, NAMES, TYPES)
+    found = doubts(*started(description), description)
+    assert found.corrections == ()
+    assert found.deviations[3] > 5.0
+    assert 'The data place joint \'panda_joint4\'' in ' '.join(found.sentences)
 
 
 def test_the_prior_is_centred_on_the_description() -> None:
@@ -177,10 +183,7 @@ def test_links_without_inertials_have_the_usual_prior() -> None:
 
 def test_the_gradient_with_a_description_by_differences() -> None:
     data = motion(0, 20, 25).select(np.arange(0, 500, 25))
-    described = load_description(perturbed(1), NAMES, TYPES), DescriptionSettings()
-    fitter = ArmFitter(data, described)
-    elected = fitter.elected(truth().chain)
-    fit_ = fitter.best_start([truth().chain], elected)
+    fitter, fit_ = started(load_description(perturbed(1), NAMES, TYPES))
     problem = fitter.problem(data, fit_)
     state = problem.evaluated(fit_.state)
     _, found = problem.normal_equations(state)
@@ -192,11 +195,11 @@ def test_the_gradient_with_a_description_by_differences() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize('changes', [{'kernel': 'recursive'}, {}])
-def test_a_description_needs_an_articulated_fit(changes: dict[str, str]) -> None:
+@pytest.mark.parametrize('kernel', ['recursive', 'articulated'])
+def test_a_description_needs_an_articulated_fit(kernel: str) -> None:
     data = motion(0, 20, 25).select(np.arange(12))
     with pytest.raises(ConfigError, match='is the prior of an articulated fit to at least 14'):
-        fit(data, replace(FitSettings(description='arm.urdf'), **changes))
+        fit(data, FitSettings(description='arm.urdf', kernel=kernel))
 
 
 def test_a_description_that_is_missing(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.rigid_body.log_cholesky import (
     link_parameter_jacobian,
     link_parameters,
+    LinkScale,
     log_cholesky,
     scale_of,
 )
@@ -60,4 +61,26 @@ def test_links_that_cannot_exist_are_moved_to_ones_that_can() -> None:
     negative = np.array([[-1.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.1, 0.0, 0.1, -0.5]])
     parameters = link_parameters(log_cholesky(negative, SCALE), SCALE)
     assert (np.linalg.eigvalsh(pseudo_inertia(parameters[:, :10])) > 0.0).all()
-    assert parameters[0, 10] == pytest.approx(1e-3 * SCALE[0] ** 2)
+    assert parameters[0, 10] == pytest.approx(1e-3 * SCALE.rotors[0])
+
+
+@given(NUMBERS)
+def test_a_scale_of_each_link(numbers: Array) -> None:
+    """Zeros are the links of the scale, and all else is relative to them."""
+    own = link_parameters(numbers, SCALE)
+    scale = LinkScale(np.linalg.cholesky(pseudo_inertia(own[:, :10])), own[:, 10])
+    assert link_parameters(np.zeros((2, 11)), scale) == pytest.approx(own, rel=1e-6, abs=1e-9)
+    assert log_cholesky(own, scale) == pytest.approx(np.zeros((2, 11)), abs=1e-5)
+
+
+def test_jacobian_with_a_scale_of_each_link() -> None:
+    rng = np.random.default_rng(0)
+    factors = np.tril(0.3 * rng.standard_normal((2, 4, 4))) + np.eye(4)
+    scale = LinkScale(factors, np.array([0.1, 0.2]))
+    numbers = rng.standard_normal((2, 11))
+    found = link_parameter_jacobian(numbers, scale)
+    step = 1e-6
+    for k in range(11):
+        away = step * np.eye(11)[k]
+        up, down = (link_parameters(numbers + sign * away, scale) for sign in (1.0, -1.0))
+        np.testing.assert_allclose(found[:, :, k], (up - down) / (2.0 * step), atol=1e-6)
