@@ -142,7 +142,10 @@ def test_empty_file_means_defaults(config_file: Path) -> None:
         ('fits: {}', r"fits in .*robot.yaml is not a setting; did you mean 'fit'\?$"),
         ('zzz: {}', r'zzz in .* is not a setting; known are recording, preprocessing, fit.$'),
         ('1: {}', r'1 in .* is not a setting; known are recording, preprocessing, fit.$'),
-        ('fit: {1: 2}', r'fit.1 in .* is not a setting; known are kernel, .*description_inertial.$'),
+        (
+            'fit: {1: 2}',
+            r'fit.1 in .* is not a setting; known are kernel, .*description_inertial.$',
+        ),
         (
             'fit: {kernel: rbf}',
             r'fit.kernel in .*robot.yaml must be a text articulated or lip or recursive, '

@@ -156,7 +156,7 @@ def test_a_link_of_another_model_is_noticed() -> None:
     found = doubts(*started(description), description)
     assert found.corrections == ()
     assert found.deviations[3] > 5.0
-    assert 'The data place joint \'panda_joint4\'' in ' '.join(found.sentences)
+    assert "The data place joint 'panda_joint4'" in ' '.join(found.sentences)
 
 
 def test_the_prior_is_centred_on_the_description() -> None:
