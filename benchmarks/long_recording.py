@@ -33,7 +33,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--messages', type=int, default=10_000_000)
     parser.add_argument('--folder', type=Path, help='of the bag, which is deleted afterwards')
     parser.add_argument('--json', type=Path, help='also write the figures here')
-    parser.add_argument('--kernel', default='lip', help='of the fit; a quick one by default')
+    parser.add_argument('--kernel', default='articulated', help='of the fit')
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
         bag = Path(folder) / 'bag'

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 import csv
 import os
 import re
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 import warnings
 
 import numpy as np
@@ -122,30 +123,12 @@ def joints_of(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def has_accelerations(path: PathLike) -> bool:
-    """
-    Whether a CSV file is a data set, and not a log that is still to be prepared.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    DataError
-        If its first line names no columns.
-
-    """
+    """Whether a CSV file is a data set, and not a log; see `read_header` for the errors."""
     return any(re.match(r'ddq_.', name) for name in read_header(path))
 
 
 def check_columns(path: PathLike, table: Table, wanted: Sequence[str]) -> None:
-    """
-    Raise an error where a column is missing.
-
-    Raises
-    ------
-    DataError
-        Names the first that is missing.
-
-    """
+    """Raise a DataError that names the first column that is missing."""
     missing = [name for name in wanted if name not in table.columns]
     if len(wanted) == 1 or missing:
         present = [*table.columns][:_SHOWN]
@@ -191,17 +174,15 @@ def _only_last_line_wrong(path: PathLike, names: tuple[str, ...]) -> int:
     number, wrong = 1, ''
     for following, text in _lines(path):
         if wrong:
-            _refuse(wrong)
+            raise DataError(wrong)
         number = following
         wrong = _fault(path, number, text, names)
     is_cut = not text.endswith('\n')
     if not wrong or not is_cut or number == 2:
-        _refuse(wrong or f'{os.fspath(path)} must hold numbers separated by commas; export it.')
+        raise DataError(
+            wrong or f'{os.fspath(path)} must hold numbers separated by commas; export it.'
+        )
     return number
-
-
-def _refuse(sentence: str) -> NoReturn:
-    raise DataError(sentence)
 
 
 def _fault(path: PathLike, number: int, text: str, names: tuple[str, ...]) -> str:
@@ -230,8 +211,7 @@ def _no_text(path: PathLike, error: Exception) -> str:
 
 
 def _is_number(text: str) -> bool:
-    try:
+    with suppress(ValueError):
         float(text)
-    except ValueError:
-        return False
-    return True
+        return True
+    return False

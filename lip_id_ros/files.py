@@ -46,15 +46,7 @@ DAMAGE = (
 
 
 def write_whole(path: PathLike, content: bytes) -> None:
-    """
-    Write a file at once, as `write_atomically` does.
-
-    Raises
-    ------
-    OSError
-        If the folder does not exist or cannot be written.
-
-    """
+    """Write a file at once, as `write_atomically` does."""
     write_atomically(path, lambda file: file.write(content))
 
 
@@ -71,7 +63,7 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
     path : path
         Its folder must exist.
     writer : callable
-        Gets the open binary file.
+        Writes to the open binary file.
 
     Raises
     ------
@@ -103,15 +95,7 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
 
 
 def move_into_place(finished: Path, path: PathLike) -> None:
-    """
-    Give a finished file of the same folder its name, as `write_atomically` does.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
-
-    """
+    """Give a finished file of the same folder its name, as `write_atomically` does."""
     if is_stream(path):
         with open(finished, 'rb') as file:
             _copy_to_stream(file, path)
@@ -124,18 +108,12 @@ def move_into_place(finished: Path, path: PathLike) -> None:
 
 def write_or_rescue(path: PathLike, write: Callable[[PathLike], None]) -> str | None:
     """
-    Write a result; where that fails, keep it in the folder for temporary files.
-
-    Parameters
-    ----------
-    path : path
-    write : callable
-        Gets the path.
+    Write a result to a path; where that fails, keep it in the folder for temporary files.
 
     Returns
     -------
     str or None
-        A sentence with the reason and the other place, None where all went well.
+        A sentence with the reason and the other place, None if all went well.
 
     Raises
     ------
@@ -238,11 +216,6 @@ def read_npz(path: PathLike) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """
     Read the arrays and the JSON header of an npz file; never unpickles.
 
-    Parameters
-    ----------
-    path : path
-        An npz file.
-
     Returns
     -------
     arrays : dict
@@ -262,17 +235,7 @@ def read_npz(path: PathLike) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 
 
 def read_header(path: PathLike) -> dict[str, Any]:
-    """
-    Read only the JSON header of an npz file; see `read_npz`.
-
-    Raises
-    ------
-    OSError
-        If the file does not exist or cannot be opened.
-    ValueError
-        If it is not an npz file, or is damaged.
-
-    """
+    """Read only the JSON header of an npz file; see `read_npz`, also for the errors."""
     return _read(path, lambda name: name == HEADER)[1]
 
 

@@ -1,9 +1,9 @@
 """The data set: joint motions and torques in one checked, read-only container."""
 
 from lip_id_ros.dataset.checks import JOINT_TYPES
-from lip_id_ros.dataset.dataset import Dataset, LeftOutBlock
+from lip_id_ros.dataset.dataset import concatenate, Dataset
 from lip_id_ros.dataset.formats import check_suffix, DATASET_SUFFIX
-from lip_id_ros.dataset.joining import concatenate
+from lip_id_ros.dataset.subsets import LeftOutBlock
 
 __all__ = [
     'DATASET_SUFFIX',

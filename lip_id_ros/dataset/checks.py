@@ -20,6 +20,35 @@ INDICES = ('segment', 'recording')
 Arrays = Mapping[str, NDArray[Any]]
 
 
+def checked(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Return read-only copies of the arrays of a data set, and tuples of names and types.
+
+    Raises
+    ------
+    ShapeError
+        If an array does not have its shape, or a tuple its length.
+    DataError
+        If a number is not finite, names are not unique, a type is unknown, or time goes back.
+
+    """
+    given = {name: fields[name] for name in (*PER_SAMPLE, *PER_JOINT)}
+    arrays: dict[str, Any] = {
+        name: floats(name, value) for name, value in given.items() if value is not None
+    }
+    recording = fields['recording']
+    if np.size(recording) == 0:
+        recording = np.zeros(arrays['q'].shape[:1], np.int64)
+    arrays['segment'] = integers('segment', fields['segment'])
+    arrays['recording'] = integers('recording', recording)
+    names, types = (tuple(map(str, fields[each])) for each in ('joint_names', 'joint_types'))
+    check_shapes(arrays, joint_names=names, joint_types=types)
+    check_joints(names, types)
+    check_finite(arrays, names)
+    check_time(arrays['t'], arrays['segment'], arrays['recording'])
+    return {**arrays, 'joint_names': names, 'joint_types': types}
+
+
 def floats(name: str, value: Any) -> Array:
     """Return a read-only float64 copy; DataError where there are other things than numbers."""
     array = _numbers(name, value).astype(np.float64)

@@ -5,54 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 import dataclasses
 from dataclasses import dataclass, field
-from itertools import pairwise
 import os
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lip_id_ros.arrays import Array, IndexArray, IntArray
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import formats
-from lip_id_ros.dataset.checks import (
-    check_finite,
-    check_joints,
-    check_shapes,
-    check_time,
-    floats,
-    INDICES,
-    integers,
-    PER_JOINT,
-    PER_SAMPLE,
-)
-from lip_id_ros.dataset.subsets import away_from, contiguous_cuts
+from lip_id_ros.dataset.checks import checked, floats, INDICES, PER_JOINT, PER_SAMPLE
+from lip_id_ros.dataset.subsets import GUARD, left_out_blocks, LeftOutBlock
 from lip_id_ros.errors import DataError
 
-GUARD = 8
-"""
-Samples between training data and a left-out block.
-
-Two periods of the low-pass where every sample that preprocessing keeps is a quarter of one.
-"""
-
 _NO_NUMBERS: IntArray = np.empty(0, np.int64)
-
-
-class LeftOutBlock(NamedTuple):
-    """
-    One part of a cross-validation.
-
-    Attributes
-    ----------
-    training, held_out : ndarray of int
-        Increasing row numbers; between them lie `GUARD` samples of a segment that are in neither.
-
-    """
-
-    training: IndexArray
-    held_out: IndexArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,23 +79,8 @@ class Dataset:
 
     def __post_init__(self) -> None:
         """Copy, check and lock every array."""
-        for name in (*PER_SAMPLE, *PER_JOINT):
-            if getattr(self, name) is not None:
-                self._set(name, floats(name, getattr(self, name)))
-        if np.size(self.recording) == 0:
-            self._set('recording', np.zeros(self.q.shape[:1], np.int64))
-        for name in INDICES:
-            self._set(name, integers(name, getattr(self, name)))
-        self._set('joint_names', tuple(str(name) for name in self.joint_names))
-        self._set('joint_types', tuple(str(kind) for kind in self.joint_types))
-        arrays = self._arrays()
-        check_shapes(arrays, joint_names=self.joint_names, joint_types=self.joint_types)
-        check_joints(self.joint_names, self.joint_types)
-        check_finite(arrays, self.joint_names)
-        check_time(self.t, self.segment, self.recording)
-
-    def _set(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)
+        for name, value in checked(vars(self)).items():
+            object.__setattr__(self, name, value)
 
     def _arrays(self) -> dict[str, Any]:
         values = {name: getattr(self, name) for name in (*PER_SAMPLE, *PER_JOINT, *INDICES)}
@@ -173,11 +125,8 @@ class Dataset:
         }
         optional = {'t': t, 'joint_names': joint_names, 'joint_types': joint_types}
         given |= {name: value for name, value in optional.items() if value is not None}
-        defaults = {
-            name: value
-            for name, value in formats.defaults(given['q']).items()
-            if name not in given
-        }
+        filled = formats.defaults(given['q'])
+        defaults = {name: value for name, value in filled.items() if name not in given}
         source = {'source': 'arrays', 'defaults': list(defaults)}
         return cls(**given, **defaults, provenance={'sources': [source]})
 
@@ -257,22 +206,7 @@ class Dataset:
             If a block or its training data would be empty.
 
         """
-        if not 2 <= count <= self.n_samples:
-            raise DataError(
-                f'{self.n_samples} samples cannot be cut into {count} blocks; choose 2 or more, '
-                'and no more than there are samples.'
-            )
-        cuts = contiguous_cuts(self.segment, count)
-        blocks = tuple(
-            LeftOutBlock(away_from(self.segment, start, stop, guard), np.arange(start, stop))
-            for start, stop in pairwise(cuts.tolist())
-        )
-        if any(not block.training.size or not block.held_out.size for block in blocks):
-            raise DataError(
-                f'{self.n_samples} samples are too few for {count} blocks that lie {guard} '
-                'samples apart; choose fewer blocks or use more samples.'
-            )
-        return blocks
+        return left_out_blocks(self.segment, count, guard)
 
     def with_joints(self, joint_names: Sequence[str]) -> Dataset:
         """
@@ -345,3 +279,71 @@ class Dataset:
             return cls(**fields)
         except DataError as error:
             raise type(error)(f'in {os.fspath(path)}, {error}') from error
+
+
+def concatenate(datasets: Sequence[Dataset]) -> Dataset:
+    """
+    Join data sets of the same joints; segments and recordings of each get new numbers.
+
+    Joints are matched by name, in the order of the first data set. True torques and energies are
+    kept only where every data set has them.
+
+    Raises
+    ------
+    DataError
+        If there is none, or joints, joint types or gravity compensation differ.
+
+    """
+    if not datasets:
+        raise DataError('at least one data set is needed to concatenate, not 0.')
+    first = datasets[0]
+    if len(datasets) == 1:
+        return first
+    for other in datasets[1:]:
+        _check_alike(first, other)
+    ordered = [data.with_joints(first.joint_names) for data in datasets]
+    values = {
+        name: np.concatenate([getattr(data, name) for data in ordered])
+        for name in (*PER_SAMPLE, *PER_JOINT)
+        if all(getattr(data, name) is not None for data in ordered)
+    }
+    return Dataset(
+        **values,
+        joint_names=first.joint_names,
+        joint_types=first.joint_types,
+        segment=_renumbered([data.segment for data in ordered]),
+        recording=_renumbered([data.recording for data in ordered]),
+        gravity_compensated=first.gravity_compensated,
+        provenance={'sources': [source for data in ordered for source in _sources(data)]},
+    )
+
+
+def _sources(dataset: Dataset) -> list[Any]:
+    return list(dataset.provenance.get('sources', [dict(dataset.provenance)]))
+
+
+def _renumbered(indices: Sequence[IntArray]) -> IntArray:
+    renumbered, used = [], 0
+    for index in indices:
+        numbers, inverse = np.unique(index, return_inverse=True)
+        renumbered.append(used + inverse.astype(np.int64))
+        used += numbers.size
+    return np.concatenate(renumbered)
+
+
+def _check_alike(first: Dataset, other: Dataset) -> None:
+    if set(first.joint_names) != set(other.joint_names):
+        raise DataError(
+            f'sources must have the same joints, not {", ".join(first.joint_names)} and '
+            f'{", ".join(other.joint_names)}; choose joints that all of them have.'
+        )
+    if first.joint_types != other.with_joints(first.joint_names).joint_types:
+        raise DataError(
+            f'sources must agree on joint types, not {", ".join(first.joint_types)} and '
+            f'{", ".join(other.joint_types)}; correct recording.joint_types or the data set.'
+        )
+    if first.gravity_compensated != other.gravity_compensated:
+        raise DataError(
+            'sources with and without gravity in their torques cannot be joined; '
+            'use one kind, or correct recording.gravity_compensated.'
+        )

@@ -2,12 +2,37 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from typing import NamedTuple
+
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray, IntArray
+from lip_id_ros.errors import DataError
 
+GUARD = 8
+"""
+Samples between training data and a left-out block.
+
+Two periods of the low-pass where every sample that preprocessing keeps is a quarter of one.
+"""
 _NEAR = 0.1
 """A cut moves to the end of a segment that is within this share of a block."""
+
+
+class LeftOutBlock(NamedTuple):
+    """
+    One part of a cross-validation.
+
+    Attributes
+    ----------
+    training, held_out : ndarray of int
+        Increasing row numbers; between them lie `GUARD` samples of a segment that are in neither.
+
+    """
+
+    training: IndexArray
+    held_out: IndexArray
 
 
 def farthest_points(points: Array, count: int) -> IndexArray:
@@ -82,3 +107,30 @@ def away_from(segment: IntArray, start: int, stop: int, guard: int) -> IndexArra
     keep[before[segment[before] == segment[start]]] = False
     keep[after[segment[after] == segment[stop - 1]]] = False
     return np.flatnonzero(keep)
+
+
+def left_out_blocks(segment: IntArray, count: int, guard: int) -> tuple[LeftOutBlock, ...]:
+    """
+    Cut samples into contiguous blocks, each left out once; see `Dataset.blocks`.
+
+    Raises
+    ------
+    DataError
+        If a block or its training data would be empty.
+
+    """
+    if not 2 <= count <= segment.size:
+        raise DataError(
+            f'{segment.size} samples cannot be cut into {count} blocks; choose 2 or more, '
+            'and no more than there are samples.'
+        )
+    blocks = tuple(
+        LeftOutBlock(away_from(segment, start, stop, guard), np.arange(start, stop))
+        for start, stop in pairwise(contiguous_cuts(segment, count).tolist())
+    )
+    if any(not block.training.size or not block.held_out.size for block in blocks):
+        raise DataError(
+            f'{segment.size} samples are too few for {count} blocks that lie {guard} '
+            'samples apart; choose fewer blocks or use more samples.'
+        )
+    return blocks

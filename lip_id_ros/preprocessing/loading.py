@@ -115,9 +115,15 @@ class _Loading:
                 raise
 
     def _data_set(self, path: PathLike) -> Iterator[Dataset]:
-        data = _with_joints(Dataset.load(path), self._settings)
-        if Path(path).suffix == CSV_SUFFIX:
-            data = _with_types(data, self._settings)
+        data, recording = Dataset.load(path), self._settings.recording
+        if recording.joints:
+            data = data.with_joints(recording.joints)
+        if Path(path).suffix == CSV_SUFFIX:  # which holds neither
+            data = replace(
+                data,
+                joint_types=recording.joint_types or data.joint_types,
+                gravity_compensated=recording.gravity_compensated,
+            )
         fresh = self._fresh(os.fspath(path), data.joint_names, data.q, data.tau)
         if fresh.any():
             yield data if fresh.all() else data.select(np.flatnonzero(fresh))
@@ -138,16 +144,4 @@ def _is_bag(path: PathLike) -> bool:
 
 
 def _is_data_set(path: PathLike) -> bool:
-    """Whether a file is a data set by its suffix and, for CSV, its columns."""
     return Path(path).suffix == DATASET_SUFFIX or has_accelerations(path)
-
-
-def _with_joints(data: Dataset, settings: Config) -> Dataset:
-    joints = settings.recording.joints
-    return data.with_joints(joints) if joints else data
-
-
-def _with_types(data: Dataset, settings: Config) -> Dataset:
-    kinds = settings.recording.joint_types or data.joint_types
-    compensated = settings.recording.gravity_compensated
-    return replace(data, joint_types=kinds, gravity_compensated=compensated)

@@ -11,8 +11,7 @@ import os
 from pathlib import Path
 import shutil
 import tempfile
-from types import TracebackType
-from typing import Any, Literal, Protocol, TYPE_CHECKING
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -21,33 +20,10 @@ from rosbags.typesys import get_typestore, Stores
 from lip_id_ros.arrays import Array
 from lip_id_ros.files import is_stream, move_into_place
 
-if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
-
 JOINT_STATE = 'sensor_msgs/msg/JointState'
-NUMBER = 'std_msgs/msg/Float64'
 BAG_VERSION: Literal[8] = 8  # the newest that Humble reads too
 
 _SCRATCH = '.lip_id_ros.'
-
-
-class Track(Protocol):
-    """The messages of one topic."""
-
-    @property
-    def topic(self) -> str:
-        """Name of the topic."""
-
-    @property
-    def message_type(self) -> str:
-        """Type of its messages."""
-
-    @property
-    def t(self) -> Array:
-        """Stamps [s], not negative, shape (N,); the receive time is the same."""
-
-    def message(self, store: Typestore, stamp_ns: int, row: int) -> Any:
-        """Return one message of the type that the store knows."""
 
 
 @dataclass(frozen=True)
@@ -67,11 +43,11 @@ class NumberTrack:
     topic: str
     t: Array
     values: Array
-    message_type: str = NUMBER
+    message_type: ClassVar[str] = 'std_msgs/msg/Float64'
 
-    def message(self, store: Typestore, stamp_ns: int, row: int) -> Any:
+    def message(self, types: Mapping[str, Any], stamp_ns: int, row: int) -> Any:
         """Return one message."""
-        return store.types[NUMBER](data=float(self.values[row]))
+        return types[self.message_type](data=float(self.values[row]))
 
 
 @dataclass(frozen=True)
@@ -97,20 +73,20 @@ class JointStateTrack:
     position: Array | None = None
     velocity: Array | None = None
     effort: Array | None = None
-    message_type: str = JOINT_STATE
+    message_type: ClassVar[str] = JOINT_STATE
 
-    def message(self, store: Typestore, stamp_ns: int, row: int) -> Any:
+    def message(self, types: Mapping[str, Any], stamp_ns: int, row: int) -> Any:
         """Return one message."""
-        types = store.types
         seconds, nanoseconds = divmod(stamp_ns, 10**9)
         time = types['builtin_interfaces/msg/Time'](sec=seconds, nanosec=nanoseconds)
         return types[JOINT_STATE](
-            header=types['std_msgs/msg/Header'](stamp=time, frame_id=''),
-            name=list(self.joint_names),
-            position=_row(self.position, row),
-            velocity=_row(self.velocity, row),
-            effort=_row(self.effort, row),
+            types['std_msgs/msg/Header'](stamp=time, frame_id=''),
+            list(self.joint_names),
+            *(_row(values, row) for values in (self.position, self.velocity, self.effort)),
         )
+
+
+Track = NumberTrack | JointStateTrack
 
 
 def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
@@ -191,27 +167,16 @@ def _remove_unlocked(scratch: Path) -> None:
 
 
 def _write(bag: Path, tracks: Sequence[Track]) -> None:
-    store = get_typestore(Stores.ROS2_JAZZY)
-    with Writer(bag, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP) as writer:
-        connections = [
-            writer.add_connection(track.topic, track.message_type, typestore=store)
-            for track in tracks
-        ]
-        for stamp, number, row in _in_order(tracks):
-            message = _serialized(store, tracks[number], stamp, row)
-            writer.write(connections[number], stamp, message)
-
-
-def _in_order(tracks: Sequence[Track]) -> list[tuple[int, int, int]]:
-    return sorted(
+    types = get_typestore(Stores.ROS2_JAZZY).types
+    in_order = sorted(
         (round(seconds * 1e9), number, row)
         for number, track in enumerate(tracks)
         for row, seconds in enumerate(track.t.tolist())
     )
-
-
-def _serialized(store: Typestore, track: Track, stamp: int, row: int) -> memoryview:
-    return store.serialize_cdr(track.message(store, stamp, row), track.message_type)
+    with RawBag(bag, {track.topic: track.message_type for track in tracks}) as raw:
+        for stamp, number, row in in_order:
+            track = tracks[number]
+            raw.write_message(track.topic, stamp, track.message(types, stamp, row))
 
 
 def _row(values: Array | None, row: int) -> Array:
@@ -222,9 +187,7 @@ def _row(values: Array | None, row: int) -> Array:
 
 class RawBag:
     """
-    A rosbag2 folder (MCAP) being written; to be used in a `with` statement.
-
-    For systems without rosbag2.
+    A rosbag2 folder (MCAP) being written, without rosbag2; to be used in a `with` statement.
 
     Parameters
     ----------
@@ -233,51 +196,35 @@ class RawBag:
     topics : mapping
         Message type (as package/msg/Name) by topic.
 
+    Raises
+    ------
+    OSError
+        If the folder exists or cannot be made.
+
     """
 
     def __init__(self, path: str | os.PathLike[str], topics: Mapping[str, str]) -> None:
         self._writer = Writer(Path(path), version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
         self._topics = topics
+        self._store = get_typestore(Stores.ROS2_JAZZY)
 
-    def __enter__(self) -> RawBag:
-        """
-        Make the folder.
-
-        Raises
-        ------
-        OSError
-            If it exists or cannot be made.
-
-        """
-        store = get_typestore(Stores.ROS2_JAZZY)
+    def __enter__(self) -> Self:
+        """Make the folder."""
         self._writer.open()
         self._connections = {
-            topic: self._writer.add_connection(topic, kind, typestore=store)
+            topic: self._writer.add_connection(topic, kind, typestore=self._store)
             for topic, kind in self._topics.items()
         }
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the bag."""
         self._writer.close()
 
-    def write(self, topic: str, receive_ns: int, data: bytes) -> None:
-        """
-        Append a message.
-
-        Parameters
-        ----------
-        topic : str
-            One of the bag's.
-        receive_ns : int
-            When it came [ns].
-        data : bytes
-            Serialized (CDR).
-
-        """
+    def write(self, topic: str, receive_ns: int, data: bytes | memoryview) -> None:
+        """Append a serialized message (CDR) that came at a time [ns]."""
         self._writer.write(self._connections[topic], receive_ns, data)
+
+    def write_message(self, topic: str, receive_ns: int, message: Any) -> None:
+        """Append a message of the library's type that came at a time [ns]."""
+        self.write(topic, receive_ns, self._store.serialize_cdr(message, self._topics[topic]))

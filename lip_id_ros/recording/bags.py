@@ -7,24 +7,20 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 import os
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from lip_id_ros.errors import SourceError
 from lip_id_ros.files import require_regular_file
 from lip_id_ros.recording.decoding import Decode, message_decoder
 from lip_id_ros.recording.joint_messages import EXTRACTORS, JOINT_STATE
-from lip_id_ros.recording.storage import (
-    Channel,
-    DamageError,
+from lip_id_ros.recording.storage.contents import Channel, DamageError, plain_message, Storage
+from lip_id_ros.recording.storage.opening import (
     files_of,
     is_storage,
     open_storage,
-    Storage,
     storage_suffix,
     SUFFIXES,
 )
-from lip_id_ros.recording.storage.contents import plain_message
 
 KINDS = {'.mcap': 'rosbag2 file (mcap)', '.db3': 'rosbag2 file (sqlite3)', '.bag': 'ROS 1 bag'}
 FOLDER = 'rosbag2 folder'
@@ -88,12 +84,7 @@ class Bag:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close every file."""
         self._stack.close()
 

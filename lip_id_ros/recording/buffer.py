@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 import math
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.recording.joint_samples import (
     columns_of,
+    counted,
     JointSamples,
     LARGEST,
     length_reason,
@@ -122,26 +123,20 @@ class SampleBuffer:
         Where only some messages have velocities or efforts, those without are left out and
         counted.
 
-        Parameters
-        ----------
-        source, topic : str
-            Noted in the samples.
-
         """
         taken = self.all_samples(source, topic)
-        counts = Counter(self.counts)
-        keep = np.ones(self._size, bool)
-        for values, reason in (
-            (taken.velocity, Reason.NO_VELOCITY),
-            (taken.effort, Reason.NO_EFFORT),
-        ):
+        counts, keep = Counter(self.counts), np.ones(self._size, bool)
+        absent = ((taken.velocity, Reason.NO_VELOCITY), (taken.effort, Reason.NO_EFFORT))
+        for values, reason in absent:
             empty = np.isnan(values[:, :1]).any(axis=1)
             if not empty.all():
                 counts[reason] += int((keep & empty).sum())
                 keep &= ~empty
-        first = float(taken.t[keep][0]) if keep.any() else 0.0
         kept = taken.select(keep)
-        return replace(kept, t=kept.t - first, start_s=kept.start_s + first, counts=_plain(counts))
+        first = float(kept.t[0]) if kept.n_samples else 0.0
+        return replace(
+            kept, t=kept.t - first, start_s=kept.start_s + first, counts=counted(counts)
+        )
 
     def all_samples(self, source: str = 'the recording', topic: str = '') -> JointSamples:
         """Return copies of all that was taken; NaN where a message has no velocity or effort."""
@@ -155,7 +150,7 @@ class SampleBuffer:
             effort=effort,
             joint_names=self.joint_names,
             start_s=start,
-            counts=_plain(self.counts),
+            counts=counted(self.counts),
             source=source,
             topic=topic,
             seen_joints=self.seen_joints,
@@ -239,7 +234,3 @@ class SampleBuffer:
         if stamp == 0:
             return Reason.ZERO_STAMP
         return Reason.REPEATED_STAMP if stamp == self._last_stamp else Reason.BACKWARD_STAMP
-
-
-def _plain(counts: Mapping[str, int]) -> dict[str, int]:
-    return {str(reason): count for reason, count in counts.items() if count}

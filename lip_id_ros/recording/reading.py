@@ -22,7 +22,7 @@ from lip_id_ros.recording.joint_samples import (
     SIGNALS,
 )
 from lip_id_ros.recording.sample_collector import SampleCollector, usable
-from lip_id_ros.recording.storage import Channel
+from lip_id_ros.recording.storage.contents import Channel
 from lip_id_ros.recording.timing import arrange, LATEST_NS, SECOND
 from lip_id_ros.settings import RecordingSettings
 

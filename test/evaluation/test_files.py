@@ -60,7 +60,7 @@ def test_a_failure_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.Mon
     def fail(*_: Any) -> None:
         raise OSError('disk full')
 
-    monkeypatch.setattr(bag_writer, '_serialized', fail)
+    monkeypatch.setattr(bag_writer.RawBag, 'write_message', fail)
     for write in (write_mcap, write_bag_folder):
         with pytest.raises(OSError, match=r'disk full|exists'):
             write(tmp_path / 'out.mcap', [track])
