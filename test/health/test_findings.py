@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
+from health.defects import (
+    absent,
+    Break,
+    constant,
+    DEFECTS,
+    JOINT,
+    times,
+)
 from health.recordings import (
     codes,
     column,
@@ -22,186 +28,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.health import CHECKS, evidence_of, examine, serious
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import RecordingSettings
-
-Break = Callable[[JointSamples], JointSamples]
-JOINT = 4
-
-
-def jittered(samples: JointSamples) -> JointSamples:
-    rng = np.random.default_rng(0)
-    shift = rng.uniform(-0.45, 0.45, samples.t.size) / RATE
-    t = samples.t + shift
-    signals: dict[str, Any] = {
-        name: np.column_stack([np.interp(t, samples.t, c) for c in getattr(samples, name).T])
-        for name in ('position', 'velocity', 'effort')
-    }
-    return replace(samples, t=t, **signals)
-
-
-def with_gaps(samples: JointSamples) -> JointSamples:
-    return rows(samples, np.arange(samples.n_samples) % 500 > 20)
-
-
-def repeating(samples: JointSamples) -> JointSamples:
-    source = np.arange(samples.n_samples)
-    source[::20] = np.maximum(source[::20] - 1, 0)
-    return replace(rows(samples, source), t=samples.t)
-
-
-def with_outliers(samples: JointSamples) -> JointSamples:
-    effort = samples.effort[:, JOINT].copy()
-    effort[[700, 1500, 2300]] = 40.0 * np.ptp(effort)
-    return column(samples, 'effort', JOINT, effort)
-
-
-def in_degrees(samples: JointSamples) -> JointSamples:
-    factor = 180.0 / np.pi
-    return moved(
-        samples, JOINT, factor * samples.position[:, JOINT], factor * samples.velocity[:, JOINT]
-    )
-
-
-def random_velocity(samples: JointSamples) -> JointSamples:
-    noise = np.random.default_rng(1).standard_normal(samples.n_samples)
-    return column(samples, 'velocity', JOINT, noise)
-
-
-def clipped(samples: JointSamples) -> JointSamples:
-    effort = samples.effort[:, JOINT]
-    return column(samples, 'effort', JOINT, np.clip(effort, *np.percentile(effort, [10, 90])))
-
-
-def unrelated(samples: JointSamples) -> JointSamples:
-    noise = np.random.default_rng(1).standard_normal(samples.n_samples)
-    return column(samples, 'effort', JOINT, noise)
-
-
-def frozen(signal: str) -> Break:
-    def stop(samples: JointSamples) -> JointSamples:
-        values = getattr(samples, signal)[:, JOINT].copy()
-        values[1000:1300] = values[1000]
-        return column(samples, signal, JOINT, values)
-
-    return stop
-
-
-def resting(samples: JointSamples) -> JointSamples:
-    """Hold the last posture for longer than the motion lasted."""
-    extra = 5000
-    noise = np.random.default_rng(0).standard_normal((2, extra, samples.n_joints))
-
-    def held(values: Array) -> Array:
-        return np.repeat(values[-1:], extra, axis=0)
-
-    position = np.concatenate([samples.position, held(samples.position) + 1e-6 * noise[0]])
-    velocity = np.concatenate([samples.velocity, 1e-5 * noise[1]])
-    effort = np.concatenate([samples.effort, held(samples.effort) + 1e-2 * noise[0]])
-    t = np.arange(len(position)) / RATE
-    return replace(samples, t=t, position=position, velocity=velocity, effort=effort)
-
-
-def small_motion(factor: float) -> Break:
-    def shrink(samples: JointSamples) -> JointSamples:
-        q, dq = samples.position[:, JOINT], samples.velocity[:, JOINT]
-        return moved(samples, JOINT, q.mean() + factor * (q - q.mean()), factor * dq)
-
-    return shrink
-
-
-def slowed(samples: JointSamples) -> JointSamples:
-    """Let a joint creep to and fro over a wide range."""
-    rate = 2 * np.pi / 40.0
-    q, dq = 0.2 * np.sin(rate * samples.t), 0.2 * rate * np.cos(rate * samples.t)
-    return moved(samples, JOINT, q, dq)
-
-
-def gentle(samples: JointSamples) -> JointSamples:
-    rate = 2 * np.pi / 10.0
-    q, dq = np.sin(rate * samples.t), rate * np.cos(rate * samples.t)
-    return moved(samples, JOINT, q, dq)
-
-
-def one_way(samples: JointSamples) -> JointSamples:
-    rate = 2 * np.pi / 4.0
-    dq = 0.5 + 0.45 * np.sin(rate * samples.t)
-    q = 0.5 * samples.t - 0.45 / rate * np.cos(rate * samples.t)
-    return moved(samples, JOINT, q, dq)
-
-
-def together(samples: JointSamples) -> JointSamples:
-    return moved(samples, JOINT, -0.5 * samples.position[:, 1], -0.5 * samples.velocity[:, 1])
-
-
-def renamed(names: tuple[str, ...]) -> Break:
-    return lambda samples: replace(samples, joint_names=names)
-
-
-def absent(signal: str) -> Break:
-    def leave_out(samples: JointSamples) -> JointSamples:
-        changed: dict[str, Any] = {signal: np.full_like(samples.effort, np.nan)}
-        return replace(samples, **changed)
-
-    return leave_out
-
-
-def constant(signal: str) -> Break:
-    return lambda samples: column(samples, signal, JOINT, 0.0)
-
-
-def times(signal: str, factor: float) -> Break:
-    return lambda samples: column(
-        samples, signal, JOINT, factor * getattr(samples, signal)[:, JOINT]
-    )
-
-
-def rounded(signal: str, step: float) -> Break:
-    return lambda samples: column(
-        samples, signal, JOINT, step * np.round(getattr(samples, signal)[:, JOINT] / step)
-    )
-
-
-# code: how to break a sound recording, and what else may then be found
-DEFECTS: dict[str, tuple[Break, set[str]]] = {
-    'short': (lambda samples: rows(samples, slice(0, 1500)), set()),
-    'low_rate': (lambda samples: rows(samples, slice(None, None, 10)), set()),
-    'jitter': (jittered, set()),
-    'gaps': (with_gaps, set()),
-    'dropped': (lambda samples: replace(samples, counts={'joint missing': 100}), set()),
-    'stale': (repeating, set()),
-    'outliers': (with_outliers, set()),
-    'position_unit': (in_degrees, set()),
-    'velocity_missing': (absent('velocity'), set()),
-    'velocity_constant': (constant('velocity'), set()),
-    'velocity_sign': (times('velocity', -1.0), set()),
-    'velocity_scale': (times('velocity', 180 / np.pi), set()),
-    'velocity_unlike': (random_velocity, set()),
-    'velocity_delay': (lambda samples: delayed(samples, 'velocity', 0.03), set()),
-    'effort_missing': (absent('effort'), set()),
-    'effort_constant': (constant('effort'), set()),
-    'effort_clipped': (clipped, set()),
-    'effort_sign': (times('effort', -1.0), set()),
-    'effort_unrelated': (unrelated, set()),
-    'effort_delay': (lambda samples: delayed(samples, 'effort', 0.06), set()),
-    'effort_small': (lambda samples: replace(samples, effort=0.03 * samples.effort), set()),
-    'effort_huge': (times('effort', 1e4), set()),
-    'coarse': (rounded('effort', 0.5), set()),
-    'frozen': (frozen('effort'), set()),
-    'position_frozen': (frozen('position'), set()),
-    'still': (small_motion(1e-6), set()),
-    'little_range': (small_motion(0.05), {'gentle', 'slow'}),
-    'slow': (slowed, {'gentle'}),
-    'gentle': (gentle, set()),
-    'one_way': (one_way, set()),
-    'together': (together, set()),
-    'resting': (resting, set()),
-    'joint_order': (renamed(tuple(sorted(f'arm_joint{n}' for n in range(5, 12)))), set()),
-    'gripper_joint': (renamed((*NAMES[:-1], 'panda_finger_joint1')), set()),
-}
 
 
 @pytest.mark.parametrize('friction', [0.0, 1.0])
