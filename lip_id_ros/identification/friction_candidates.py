@@ -25,12 +25,12 @@ from lip_id_ros.friction.terms import (
     Viscous,
 )
 
-COMMON_GAIN = 0.03
+COMMON_GAIN = 0.05
 """
 Least relative decrease of left-out mean squares, summed over joints, for a term that gears have.
 """
 
-RARE_GAIN = 0.3
+RARE_GAIN = 0.5
 """The same for terms that few drives have, or for which the links' parameters can stand in."""
 
 
@@ -84,6 +84,9 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
             rare += [PositionCoulomb(width)] if turned[j] > np.pi else []
         own = Drive.of_joint(j)
         offers += [Candidate((DriveTerm(own, term),)) for term in common]
+        # either may stand in for the other, so that both are on offer together
+        loaded = LoadCoulomb(width), LoadViscous()
+        offers.append(Candidate(tuple(DriveTerm(own, term) for term in loaded)))
         offers += [Candidate((DriveTerm(own, term),), RARE_GAIN) for term in rare]
     return offers + _coupled(widths)
 

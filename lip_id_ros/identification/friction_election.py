@@ -26,7 +26,6 @@ from lip_id_ros.friction.noise import (
 from lip_id_ros.identification.friction_candidates import (
     Candidate,
     candidates,
-    COMMON_GAIN,
     has_width,
     plain_candidates,
     with_width,
@@ -49,6 +48,9 @@ SIGN_WIDTHS = (0.01, 0.015, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)
 LOAD_ROUNDS = 3
 NOISE_ROUNDS = 2
 MOST_TERMS = 40
+
+LEAST_ERRORS = 2.0
+"""Least gain in standard errors over the left-out blocks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +152,9 @@ class _Election:
         speed = np.sqrt(np.mean(self._dataset.dq**2, axis=0))
         speed[speed == 0.0] = 1.0
         plain = plain_candidates(speed)
-        others = [each for each in (*plain, *chosen) if not has_width(each)]
-        wide = [each for each in (*plain, *chosen) if has_width(each)]
+        single = [Candidate((term,)) for each in (*plain, *chosen) for term in each.terms]
+        others = [each for each in single if not has_width(each)]
+        wide = [each for each in single if has_width(each)]
         signs = [
             with_width(wide, joint, float(share * speed[joint]))
             for share in SIGN_WIDTHS
@@ -305,8 +308,7 @@ class _Ballot:
 def _gain(now: LeftOutFit, fit: LeftOutFit, candidate: Candidate) -> float:
     """Return what a candidate gains, or zero where that may be chance."""
     mean, least, error = now.gain(fit)
-    errors = 1.0 if candidate.least_gain == COMMON_GAIN else 2.0
-    convincing = mean > max(candidate.least_gain, errors * error) and least > -COMMON_GAIN
+    convincing = mean > max(candidate.least_gain, LEAST_ERRORS * error) and least > 0.0
     return mean if convincing else 0.0
 
 
