@@ -57,7 +57,7 @@ def _measured(
     arm: RealArm, data: Path, split: str, model: str, preprocessing: PreprocessingSettings
 ) -> dict[str, Any]:
     train, test = arm.split(data, split)
-    train = for_training(train, preprocessing)
+    train = for_training(train, preprocessing, FitSettings().kernel)
     started = time.process_time()
     try:
         fitted: TorqueModel = method(model, data / arm.urdf).fit(train, FitSettings(), silent)

@@ -84,7 +84,7 @@ def _fit(
     training, held_out = data, None
     if request['holdout'] > 0.0:
         training, held_out = data.split(1.0 - request['holdout'])
-    training = for_training(training, config.preprocessing)
+    training = for_training(training, config.preprocessing, config.fit.kernel)
     model = with_checks(fit(training, config.fit, progress), training)
     judged = None
     if held_out is not None:

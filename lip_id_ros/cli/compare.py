@@ -117,7 +117,7 @@ def _cases(args: argparse.Namespace, config: Config, progress: Progress) -> list
     else:
         train, rest = data.split(args.train_share)
         tests = {f'the last {100 * (1 - args.train_share):g} %': rest}
-    train = for_training(train, config.preprocessing)
+    train = for_training(train, config.preprocessing, config.fit.kernel)
     counts = args.samples or (train.n_samples,)
     return [
         Case(f'{count} samples', f'{count} training samples', some, tests, args.urdf)

@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> None:
         training = load_dataset(args.sources, config, progress, health)
         if args.holdout is not None:
             training, held_out = training.split(1 - args.holdout)
-        training = for_training(training, config.preprocessing)
+        training = for_training(training, config.preprocessing, config.fit.kernel)
         model = models.learned(args, training, config.fit, progress)
         if args.holdout is not None:
             evaluation = evaluate(model, held_out, progress)

@@ -56,6 +56,12 @@ MOST_COVERED, CHUNK = 10_000, 5000
 SIGN_WIDTH = 0.05
 """Width of the first smooth sign, as a share of each joint's root mean square velocity."""
 
+REST_RATIO = 8.0
+"""
+Standard deviation at rest in that of motion while placements are searched for; below
+`SIGN_WIDTH` a joint is near rest.
+"""
+
 LIFTS = (1e-1, 1e-2)
 """Least eigenvalues of the scaled pseudo-inertias of the first links that can exist."""
 
@@ -189,7 +195,8 @@ class ArmFitter:
         speed = np.sqrt(np.mean(self.dataset.dq**2, axis=0))
         widths = SIGN_WIDTH * np.where(speed > 0.0, speed, 1.0)
         basis = plain_friction(self.dataset.n_joints, widths)
-        return self._samples(dataset, basis, None, np.ones_like(dataset.tau))
+        noise = TorqueNoise(np.ones_like(widths), np.full_like(widths, REST_RATIO), widths)
+        return self._samples(dataset, basis, None, noise.weights(dataset.dq))
 
     def elected(self, chain: Chain) -> ElectedFriction:
         """Elect friction terms with the joints in given places."""

@@ -16,6 +16,10 @@ from lip_id_ros.settings import PreprocessingSettings
 SAMPLES_PER_PERIOD = 4
 LEAST_LEFT = 0.25
 
+MIN_VELOCITY = {'articulated': 0.0}
+OTHER_MIN_VELOCITY = 0.05
+"""By the kernel of the fit, where `min_velocity` is negative."""
+
 
 def stride(rate_hz: float, settings: PreprocessingSettings) -> int:
     """
@@ -32,7 +36,7 @@ def stride(rate_hz: float, settings: PreprocessingSettings) -> int:
     return max(1, int(rate_hz / (SAMPLES_PER_PERIOD * settings.cutoff_hz)))
 
 
-def for_training(data: Dataset, settings: PreprocessingSettings) -> Dataset:
+def for_training(data: Dataset, settings: PreprocessingSettings, kernel: str) -> Dataset:
     """
     Leave out the samples at which a joint is nearly at rest; noted in the provenance.
 
@@ -46,9 +50,14 @@ def for_training(data: Dataset, settings: PreprocessingSettings) -> Dataset:
     settings : PreprocessingSettings
         Where `min_velocity` would leave less than `LEAST_LEFT` of the samples, as where joints are
         moved one after another, all are kept.
+    kernel : str
+        As in `fit.kernel`: the noise of an arm grows near rest, so that none need be left out.
 
     """
-    rows = moving(data.dq, settings.min_velocity)
+    share = settings.min_velocity
+    if share < 0.0:
+        share = MIN_VELOCITY.get(kernel, OTHER_MIN_VELOCITY)
+    rows = moving(data.dq, share)
     left = int(rows.sum())
     if left == data.n_samples or left < LEAST_LEFT * data.n_samples:
         return data

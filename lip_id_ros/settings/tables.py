@@ -97,11 +97,12 @@ class PreprocessingSettings(Settings):
         minimum=0,
     )
     min_velocity: float = setting(
-        0.05,
+        -1.0,
         'Fit without the samples at which a joint is slower than this share of its root mean '
         'square velocity, where the sign of friction is unclear; all are kept where fewer than a '
-        'quarter would remain; 0 keeps all.',
-        minimum=0.0,
+        'quarter would remain; 0 keeps all; -1 keeps all for an arm (articulated), whose noise '
+        'grows near rest, and is 0.05 for other kernels.',
+        minimum=-1.0,
     )
     max_samples: int = setting(0, 'Keep at most this many samples; 0 for all.', minimum=0)
     selection: str = setting(

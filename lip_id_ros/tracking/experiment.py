@@ -195,7 +195,7 @@ def recorded(run: Tracking, setup: Setup, experiment: Experiment) -> Dataset:
         run.t, run.q, run.dq, run.tau, setup.arm.joint_names, source='the simulated run'
     )
     prepared = preprocess(samples, experiment.preprocessing)
-    return for_training(prepared, experiment.preprocessing)
+    return for_training(prepared, experiment.preprocessing, experiment.fit.kernel)
 
 
 def trials(

@@ -53,7 +53,8 @@ def test_fit_writes_a_model_and_shows_its_joints(
 
 def rows_to_learn_from(workshop: Workshop) -> int:
     config = read_config(workshop.settings)
-    return for_training(load_dataset(workshop.bag, config), config.preprocessing).n_samples
+    bag = load_dataset(workshop.bag, config)
+    return for_training(bag, config.preprocessing, config.fit.kernel).n_samples
 
 
 def test_fit_takes_kernel_and_joints_from_the_command_line(workshop: Workshop, here: Path) -> None:

@@ -47,7 +47,7 @@ def test_samples_at_which_a_joint_is_slow_are_left_out(share: float, kept: list[
     fast = [[3.0, 6.0], [-1.0, 4.0], [0.4, -2.0], [1.0, -4.0], [2.0, 1.0], [-2.9732, -4.7958]]
     data = with_velocity(fast)
     np.testing.assert_allclose(np.sqrt(np.mean(data.dq**2, axis=0)), [2.0, 4.0], rtol=1e-3)
-    chosen = for_training(data, PreprocessingSettings(min_velocity=share))
+    chosen = for_training(data, PreprocessingSettings(min_velocity=share), 'articulated')
     np.testing.assert_array_equal(chosen.t, kept)
     left = chosen.provenance.get('moving', {'samples': 6, 'of': 6})
     assert left == {'samples': len(kept), 'of': 6}
@@ -66,16 +66,23 @@ def test_at_least_four_samples_are_kept_in_a_period(
 
 def test_a_joint_that_never_moves_is_not_asked() -> None:
     data = with_velocity([[1.0, 0.0], [0.01, 0.0], [-1.0, 0.0]])
-    np.testing.assert_array_equal(for_training(data, PreprocessingSettings()).t, [0.0, 2.0])
+    np.testing.assert_array_equal(
+        for_training(data, PreprocessingSettings(), 'recursive').t, [0.0, 2.0]
+    )
 
 
 def test_joints_that_move_one_after_another_keep_their_samples() -> None:
     data = with_velocity([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
-    assert for_training(data, PreprocessingSettings()) is data
+    assert for_training(data, PreprocessingSettings(), 'recursive') is data
 
 
 def test_nothing_is_left_out_where_nothing_is_asked() -> None:
-    assert for_training(DATA, PreprocessingSettings(min_velocity=0.0)) is DATA
+    assert for_training(DATA, PreprocessingSettings(min_velocity=0.0), 'recursive') is DATA
+
+
+def test_an_arm_is_fitted_to_samples_near_rest_too() -> None:
+    data = with_velocity([[1.0, 0.0], [0.01, 0.0], [-1.0, 0.0]])
+    assert for_training(data, PreprocessingSettings(), 'articulated') is data
 
 
 def test_coverage_takes_what_time_passes_over() -> None:
