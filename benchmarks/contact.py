@@ -119,7 +119,8 @@ def measure(
 def learned(setup: Setup, runs: Sequence[Tracking], settings: FitSettings) -> InverseDynamicsModel:
     """Learn from what the sensors said."""
     samples = [JointSamples(run.t, run.q, run.dq, run.tau, setup.arm.joint_names) for run in runs]
-    return fit(for_training(preprocess(samples, PREPROCESSING), PREPROCESSING), settings)
+    recorded = preprocess(samples, PREPROCESSING)
+    return fit(for_training(recorded, PREPROCESSING, settings.kernel), settings)
 
 
 def move(
