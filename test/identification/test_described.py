@@ -34,7 +34,7 @@ from lip_id_ros.simulation import (
     SinusoidTrajectory,
     SmoothFrictionTorque,
 )
-from lip_id_ros.simulation.panda import MOTION, panda_urdf
+from lip_id_ros.simulation.arm import MOTION, panda_urdf
 
 pytest.importorskip('pinocchio')
 N = 7
