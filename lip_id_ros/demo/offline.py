@@ -102,7 +102,7 @@ def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
         training = record(output / TRAINING_BAG, TRAINING_SEED, size)
         test = record(output / TEST_BAG, TEST_SEED, size)
         recorded = load_dataset([training.bag], config, progress)
-        chosen = for_training(recorded, config.preprocessing)
+        chosen = for_training(recorded, config.preprocessing, config.fit.kernel)
         model = with_checks(fit(chosen, config.fit, progress), chosen)
         model.save(output / MODEL)
         unseen = test.with_truth(load_dataset([test.bag], config, progress))
