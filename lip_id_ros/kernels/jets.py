@@ -135,11 +135,7 @@ def load_factor(out: Factor, w: Array, x: Samples, t: Index, z: Samples, u: Inde
 @jit
 def multiply(y: Jet, factor: Factor, b: int, coupled: int, high: int) -> None:
     """Set y = a(q_b, q'_b) y; before, y depends on joints 0..high-1, afterwards on b too."""
-    for i in range(high):
-        _multiply_row(y, factor, i, 0, high if i < coupled else coupled)
-        if i >= coupled:
-            _multiply_row(y, factor, i, i, i + 1)
-    _multiply_diagonal(y, factor, high)
+    _multiply_matrices(y, factor, coupled, high)
     _couple_joint(y, factor, b, high)
     _multiply_vectors(y.r, factor, 0, 1, high)
     _multiply_vectors(y.c, factor, 1, 0, high)
@@ -147,20 +143,28 @@ def multiply(y: Jet, factor: Factor, b: int, coupled: int, high: int) -> None:
 
 
 @jit
-def _multiply_row(y: Jet, factor: Factor, i: int, first: int, last: int) -> None:
-    a, rate = factor
-    for j in range(first, last):
-        for m in range(LANES):
-            pg, gp = y.pg[i, j, m], y.gp[i, j, m]
-            y.gg[i, j, m] = a[0, m] * y.gg[i, j, m] + rate[0, m] * pg + rate[1, m] * gp
-            y.pg[i, j, m] = a[0, m] * pg
-            y.gp[i, j, m] = a[0, m] * gp
+def n_columns(i: int, coupled: int, high: int) -> int:
+    """Return in how many columns row i of a jet's matrices may differ from zero."""
+    return high if i < coupled else coupled + 1
 
 
 @jit
-def _multiply_diagonal(y: Jet, factor: Factor, high: int) -> None:
+def column(place: int, i: int, coupled: int) -> int:
+    """Return one of these columns: the coupled ones, then the diagonal."""
+    return i if min(i, place) >= coupled else place
+
+
+@jit
+def _multiply_matrices(y: Jet, factor: Factor, coupled: int, high: int) -> None:
     a, rate = factor
     for i in range(high):
+        for place in range(n_columns(i, coupled, high)):
+            j = column(place, i, coupled)
+            for m in range(LANES):
+                pg, gp = y.pg[i, j, m], y.gp[i, j, m]
+                y.gg[i, j, m] = a[0, m] * y.gg[i, j, m] + rate[0, m] * pg + rate[1, m] * gp
+                y.pg[i, j, m] = a[0, m] * pg
+                y.gp[i, j, m] = a[0, m] * gp
         for m in range(LANES):
             pp = y.pp[i, m]
             y.gg[i, i, m] += rate[2, m] * pp

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels.features import Samples
-from lip_id_ros.kernels.jets import Factor, Jet
+from lip_id_ros.kernels.jets import column, Factor, Jet, n_columns
 from lip_id_ros.numba_jit import Index, jit, LANES
 
 
@@ -23,13 +23,12 @@ def copy_jet(out: Jet, y: Jet, coupled: int, high: int) -> None:
     out.c[:, :high] = y.c[:, :high]
     out.pp[:high] = y.pp[:high]
     for i in range(high):
-        last = high if i < coupled else coupled
-        out.pg[i, :last] = y.pg[i, :last]
-        out.gp[i, :last] = y.gp[i, :last]
-        out.gg[i, :last] = y.gg[i, :last]
-        out.pg[i, i] = y.pg[i, i]
-        out.gp[i, i] = y.gp[i, i]
-        out.gg[i, i] = y.gg[i, i]
+        for place in range(n_columns(i, coupled, high)):
+            j = column(place, i, coupled)
+            for m in range(LANES):
+                out.pg[i, j, m] = y.pg[i, j, m]
+                out.gp[i, j, m] = y.gp[i, j, m]
+                out.gg[i, j, m] = y.gg[i, j, m]
 
 
 @jit
@@ -98,11 +97,7 @@ def multiply(
     _vectors(adj.r, y.r, out, factor, 0, 1, high)
     _vectors(adj.c, y.c, out, factor, 1, 0, high)
     _couplings(adj, out, y, factor, b, high)
-    _diagonal(adj, out, y, factor, high)
-    for i in range(high):
-        _row(adj, out, y, factor, i, 0, high if i < coupled else coupled)
-        if i >= coupled:
-            _row(adj, out, y, factor, i, i, i + 1)
+    _matrices(adj, out, y, factor, coupled, high)
 
 
 @jit
@@ -171,7 +166,7 @@ def _couplings(adj: Jet, out: Factor, y: Jet, factor: Factor, b: int, high: int)
 
 
 @jit
-def _diagonal(adj: Jet, out: Factor, y: Jet, factor: Factor, high: int) -> None:
+def _matrices(adj: Jet, out: Factor, y: Jet, factor: Factor, coupled: int, high: int) -> None:
     a, rate = factor
     for i in range(high):
         for m in range(LANES):
@@ -182,21 +177,17 @@ def _diagonal(adj: Jet, out: Factor, y: Jet, factor: Factor, high: int) -> None:
             out.rate[1, m] += pg * x
             out.rate[2, m] += gg * x
             adj.pp[i, m] = a[0, m] * pp + rate[0, m] * gp + rate[1, m] * pg + rate[2, m] * gg
-
-
-@jit
-def _row(adj: Jet, out: Factor, y: Jet, factor: Factor, i: int, first: int, last: int) -> None:
-    a, rate = factor
-    for j in range(first, last):
-        for m in range(LANES):
-            gg, pg, gp = adj.gg[i, j, m], adj.pg[i, j, m], adj.gp[i, j, m]
-            y_pg, y_gp = y.pg[i, j, m], y.gp[i, j, m]
-            out.a[0, m] += gg * y.gg[i, j, m] + pg * y_pg + gp * y_gp
-            out.rate[0, m] += gg * y_pg
-            out.rate[1, m] += gg * y_gp
-            adj.gg[i, j, m] = a[0, m] * gg
-            adj.pg[i, j, m] = a[0, m] * pg + rate[0, m] * gg
-            adj.gp[i, j, m] = a[0, m] * gp + rate[1, m] * gg
+        for place in range(n_columns(i, coupled, high)):
+            j = column(place, i, coupled)
+            for m in range(LANES):
+                gg, pg, gp = adj.gg[i, j, m], adj.pg[i, j, m], adj.gp[i, j, m]
+                y_pg, y_gp = y.pg[i, j, m], y.gp[i, j, m]
+                out.a[0, m] += gg * y.gg[i, j, m] + pg * y_pg + gp * y_gp
+                out.rate[0, m] += gg * y_pg
+                out.rate[1, m] += gg * y_gp
+                adj.gg[i, j, m] = a[0, m] * gg
+                adj.pg[i, j, m] = a[0, m] * pg + rate[0, m] * gg
+                adj.gp[i, j, m] = a[0, m] * gp + rate[1, m] * gg
 
 
 @jit

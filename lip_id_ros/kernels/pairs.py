@@ -155,16 +155,17 @@ def add_kinetic_gradient(
 ) -> None:
     """Add the derivatives of sum(block * torque_block) by the weights of one run of steps."""
     adj, tape, out = tapes.adj, tapes.tape, tapes.factor_adj
-    for s in range(steps.shape[0]):
+    last = steps.shape[0] - 1  # a square, which leaves y as it is: no copy is needed
+    for s in range(last):
         step = steps[s]
         if step[0] == Operation.MULTIPLY or step[0] == Operation.SQUARE:
             jets_adjoint.copy_jet(jets.jet_at(tape, s), work.y, step[4], step[5])
         if step[0] != Operation.SQUARE:
             _run_step(work, step, k, x, t, x, u)
     jets.reset(adj, steps[0, 5])
-    for s in range(steps.shape[0] - 1, 0, -1):
+    for s in range(last, 0, -1):
         operation, b, group, link, coupled, high = steps[s]
-        before = jets.jet_at(tape, s)
+        before = work.y if s == last else jets.jet_at(tape, s)
         if operation == Operation.SQUARE:
             grad.kinetic_scales[link] += jets_adjoint.emit_square(
                 adj, tapes.sums, block, before, k.kinetic_scales[link], high
