@@ -70,6 +70,11 @@ def fit_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list
     texts = [note] if (note := summary.get('device_note')) else []
     texts += summary.get('description', {}).get('sentences', ())
     texts += no_better_than_mean(joint_names, summary.get('unexplained_percent', ()))
+    if ignored := summary.get('ignored_settings'):
+        texts.append(
+            f'The fit did not use {", ".join(ignored)}: this kind of model has no such setting; '
+            'leave it out, or choose another fit.kernel.'
+        )
     if at_bounds := summary.get('at_bounds'):
         some = ', '.join(at_bounds[:4])
         texts.append(

@@ -28,6 +28,10 @@ CPU_ALONE = (
     'for a device.'
 )
 
+OF_PROCESSES = ('friction', 'subset', 'max_samples', 'iterations', 'prior_precision')
+OF_ARMS = ('seed',)
+"""Settings that only fits of Gaussian processes, and only fits of arms, use."""
+
 WITHOUT_LINKS = 'recursive'
 """Kernel of data sets with too few samples to identify an arm."""
 
@@ -64,6 +68,7 @@ def fit(
     parts, report = _fitted(dataset, settings, progress)
     report['seconds_total'] = round(time.monotonic() - started, 3)
     process = parts.get('process')
+    report['ignored_settings'] = _ignored(settings, OF_ARMS if process else OF_PROCESSES)
     return InverseDynamicsModel(
         joint_names=dataset.joint_names,
         joint_types=dataset.joint_types,
@@ -100,6 +105,12 @@ def _fitted(
     kernel = WITHOUT_LINKS if settings.kernel == ARTICULATED else settings.kernel
     fitted = fit_process(dataset, settings, kernel, progress)
     return {'process': fitted.posterior}, fitted.report
+
+
+def _ignored(settings: FitSettings, names: tuple[str, ...]) -> list[str]:
+    """Return those of some settings that are not at their defaults."""
+    default = FitSettings()
+    return [f'fit.{name}' for name in names if getattr(settings, name) != getattr(default, name)]
 
 
 def _report(found: Identified, settings: FitSettings) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import pytest
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
+from lip_id_ros.evaluation import fit_cautions
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
@@ -58,6 +59,7 @@ def test_summary() -> None:
         'converged',
         'device',
         'device_note',
+        'ignored_settings',
         'iterations',
         'negative_log_likelihood',
         'noise_std',
@@ -68,6 +70,24 @@ def test_summary() -> None:
     }
     np.testing.assert_allclose(summary['noise_std'], model.noise_std)
     assert 0.0 <= summary['seconds_optimising'] <= summary['seconds_total']
+
+
+@pytest.mark.parametrize(
+    ('settings', 'sentence'),
+    [
+        ({}, None),
+        ({'friction': False, 'iterations': 3}, 'did not use fit.friction, fit.iterations: '),
+        ({'kernel': 'recursive', 'iterations': 3}, None),
+        ({'kernel': 'recursive', 'iterations': 3, 'seed': 7}, 'did not use fit.seed: '),
+    ],
+)
+def test_settings_that_a_fit_does_not_use_are_named(
+    settings: dict[str, Any], sentence: str | None
+) -> None:
+    model = fit(samples(100), FitSettings(**settings))
+    found = [text for text in fit_cautions(model.joint_names, model.summary) if 'not use' in text]
+    assert len(found) == (sentence is not None)
+    assert all(sentence in text for text in found if sentence is not None)
 
 
 def test_the_model_knows_where_it_comes_from() -> None:
