@@ -43,7 +43,16 @@ PARTS = {
     },
     'export': {'description', 'friction', 'identification', 'model', 'rigid_body'},
     'evaluation': {
-        *('dataset', 'health', 'identification', 'linear_algebra', 'model', 'recording'),
+        *(
+            'dataset',
+            'description',
+            'friction',
+            'health',
+            'identification',
+            'linear_algebra',
+            'model',
+            'recording',
+        ),
         *('rigid_body', 'settings'),
     },
     'baselines': {

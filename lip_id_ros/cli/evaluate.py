@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from lip_id_ros.cli import arguments
+from lip_id_ros.errors import ConfigError, ModelError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from lip_id_ros.cli.models import Model
+    from lip_id_ros.dataset import Dataset
 
 HELP = 'compare a model with recordings: errors, energies, plots'
 EPILOG = """\
 examples:
   lip_id evaluate arm.npz other_bag
   lip_id evaluate arm.npz other_bag --report out    plots, and out/index.html with all of them
+  lip_id evaluate arm.npz other_bag --rollout       also simulate windows of the motion, driven by
+                                                    the measured torques
   lip_id evaluate arm.npz other_bag --json -        figures for another program
 
 Recordings are preprocessed with the settings of the fit, or with those of --config.
@@ -23,6 +33,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_sources(parser)
     arguments.add_config(parser, "the settings of the model's fit")
     arguments.add_json(parser)
+    parser.add_argument(
+        '--rollout',
+        action='store_true',
+        help='simulate windows of 0.1 and 1 s, driven by the measured torques, and compare the '
+        'motion',
+    )
+    parser.add_argument(
+        '--urdf', metavar='FILE', help='with --rollout: simulate the arm of this URDF as well'
+    )
     parser.add_argument('--report', metavar='DIR', help='write plots and a web page there')
     arguments.add_force(parser)
 
@@ -36,6 +55,8 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation.report import band, Labels, write_report
     from lip_id_ros.evaluation.tables import show_lines
 
+    if args.urdf is not None and not args.rollout:
+        raise ConfigError('--urdf is compared by --rollout, which is missing; add it.')
     inputs = [args.model, *args.sources]
     output.check_file(args.json, inputs, output.is_json, 'a JSON object', args.force)
     output.check_folder(args.report, args.force)
@@ -54,4 +75,33 @@ def run(args: argparse.Namespace) -> None:
     console = output.console(args.json)
     show.evaluated(evaluation, f'{args.model} on {sources}', console)
     show_lines(warnings, console)
-    output.write_json(args.json, evaluation.to_json())
+    figures = evaluation.to_json()
+    if args.rollout:
+        figures['rollout'] = _rollout(model, dataset, args.urdf, console)
+    output.write_json(args.json, figures)
+
+
+def _rollout(
+    model: Model, dataset: Dataset, urdf: str | None, console: Console
+) -> dict[str, object]:
+    """Simulate, show the errors and return them."""
+    from lip_id_ros.baselines import Baseline
+    from lip_id_ros.description.urdf import load_description
+    from lip_id_ros.evaluation.rollout import ForwardArm, roll_out, rollout_json, rollout_tables
+    from lip_id_ros.evaluation.tables import show, show_lines
+
+    if isinstance(model, Baseline) or model.arm is None:
+        raise ModelError(
+            '--rollout simulates rigid links, which this model does not have; fit with the '
+            'default kernel.'
+        )
+    fitted, nominal = roll_out(ForwardArm.fitted(model.arm), dataset), None
+    if urdf is not None:
+        description = load_description(urdf, dataset.joint_names, dataset.joint_types)
+        arm = ForwardArm.nominal(description, dataset.gravity_compensated)
+        nominal = roll_out(arm, dataset)
+    for table in rollout_tables(fitted, nominal, dataset):
+        show(table, console)
+    if model.remainder is not None:
+        show_lines(['The Gaussian processes beside the links are not simulated.'], console)
+    return rollout_json(fitted, nominal)

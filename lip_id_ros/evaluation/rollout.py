@@ -1,0 +1,359 @@
+"""
+Forward simulation of recorded motions: how far an arm strays that is driven by measured torques.
+
+Inverse dynamics are judged by torques; who simulates, plans or controls with a model relies on its
+accelerations. So windows of a recording are simulated from their measured first state, with the
+measured torques and a weak feedback, and the simulated motion is compared with the measured one.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, interp1d
+
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.description.urdf import RobotDescription
+from lip_id_ros.errors import DataError
+from lip_id_ros.evaluation.tables import POSITION_UNITS, Table
+from lip_id_ros.friction.compiled import add_friction, CompiledFriction
+from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.numba_jit import jit
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.rnea import inertial_torque, Links, rnea, WORK_VECTORS
+
+HORIZONS_S = (0.1, 1.0)
+FEEDBACK = 2.0
+"""
+Natural frequency of the feedback, critically damped [rad/s]: it takes half a second to bring the
+arm back, so that 0.1 s are as good as free and an arm that would topple stays near for 1 s.
+"""
+
+STEP_S = 1e-3
+MOST_WINDOWS = 50
+SLOPE = 1e-4
+"""Difference of velocities by which friction is differentiated [rad/s or m/s]."""
+
+FASTEST = 100.0
+"""Velocity at which a simulation that diverges is stopped [rad/s or m/s]."""
+
+NOMINAL_SIGN_WIDTH = 0.01
+"""Of the Coulomb friction of a URDF, whose sign jumps [rad/s or m/s]."""
+
+
+class ForwardArm(NamedTuple):
+    """
+    What is simulated.
+
+    Attributes
+    ----------
+    chain : Chain
+    links : array, shape (n, 11)
+    friction : FrictionModel
+
+    """
+
+    chain: Chain
+    links: Array
+    friction: FrictionModel
+
+    @classmethod
+    def fitted(cls, arm: ArmPosterior) -> ForwardArm:
+        """Return links and friction of a model; a remainder is left out."""
+        return cls(arm.chain, arm.links, arm.friction)
+
+    @classmethod
+    def nominal(cls, description: RobotDescription, gravity_compensated: bool) -> ForwardArm:
+        """
+        Return the arm of a URDF, with its damping and friction.
+
+        Parameters
+        ----------
+        description : RobotDescription
+        gravity_compensated : bool
+            Whether the torques leave gravity out.
+
+        """
+        n = len(description.joint_names)
+        coefficients = np.column_stack([description.damping, description.friction, np.zeros(n)])
+        basis = plain_friction(n, np.full(n, NOMINAL_SIGN_WIDTH))
+        gravity = np.zeros(3) if gravity_compensated else description.chain.gravity
+        chain = description.chain._replace(gravity=gravity)
+        return cls(chain, description.links, FrictionModel(basis, coefficients.ravel()))
+
+    def acceleration(self, q: Array, dq: Array, tau: Array, before: Array, step: float) -> Array:
+        """
+        Return accelerations, shape (W, n).
+
+        Friction is taken implicitly over a step, since its sign turns within less.
+
+        Parameters
+        ----------
+        q, dq, tau : arrays, shape (W, n)
+        before : array, shape (W, n)
+            Accelerations of the step before, from which friction takes its load.
+        step : float
+            [s]
+
+        Raises
+        ------
+        DataError
+            If an inertia matrix is singular.
+
+        """
+        links, friction = Links(self.chain, self.links), CompiledFriction.of(self.friction)
+        bias, inertia = equations_of_motion(links, friction, q, dq, before, step)
+        try:
+            return np.linalg.solve(inertia, (tau - bias)[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError as error:
+            raise DataError(
+                'links with inertia were expected, but M(q) is singular, so that no acceleration '
+                'follows from a torque; give a URDF with inertials.'
+            ) from error
+
+
+@jit
+def equations_of_motion(
+    links: Links, friction: CompiledFriction, q: Array, dq: Array, before: Array, step: float
+) -> tuple[Array, Array]:
+    """
+    Return what W arms have to accelerate against, and with what inertia.
+
+    Parameters
+    ----------
+    links : Links
+    friction : CompiledFriction
+    q, dq, before : arrays, shape (W, n)
+        `before` is the acceleration of the step before.
+    step : float
+        [s]
+
+    Returns
+    -------
+    bias : array, shape (W, n)
+        Coriolis, gravity and friction torques.
+    inertia : array, shape (W, n, n)
+        M(q), and on its diagonal the step times the slope of friction by velocity.
+
+    """
+    count, n = q.shape
+    bias, inertia = np.zeros((count, n)), np.zeros((count, n, n))
+    work, units = np.empty((n, WORK_VECTORS, 3)), np.eye(n)
+    for w in range(count):
+        gravity, rubbing, faster = np.zeros(n), np.zeros(n), np.zeros(n)
+        rnea(bias[w], gravity, links, work, q[w], dq[w], np.zeros(n))
+        for j in range(n):
+            inertial_torque(inertia[w, j], links, work, units[j])
+        bias[w] += gravity
+        load = bias[w] + inertia[w] @ before[w]
+        add_friction(friction, q[w], dq[w], load, rubbing)
+        add_friction(friction, q[w], dq[w] + SLOPE, load, faster)
+        bias[w] += rubbing
+        for j in range(n):
+            inertia[w, j, j] += step * max((faster[j] - rubbing[j]) / SLOPE, 0.0)
+    return bias, inertia
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """
+    Errors of simulated windows of one length.
+
+    Attributes
+    ----------
+    horizon_s : float
+    windows : int
+    position, velocity : arrays, shape (n,)
+        Root mean squares of simulated minus measured, over all samples of all windows [rad or m,
+        and per second].
+    travel : array, shape (n,)
+        Root mean square of measured positions relative to the beginning of their window.
+
+    """
+
+    horizon_s: float
+    windows: int
+    position: Array
+    velocity: Array
+    travel: Array
+
+
+def roll_out(arm: ForwardArm, dataset: Dataset) -> tuple[Rollout, ...]:
+    """
+    Simulate windows of a data set, one result for each of `HORIZONS_S`.
+
+    Parameters
+    ----------
+    arm : ForwardArm
+    dataset : Dataset
+        Unseen samples, in the order of time.
+
+    Raises
+    ------
+    DataError
+        If no uninterrupted motion is long enough, or the arm has no inertia.
+
+    """
+    found = (_rolled_out(arm, dataset, horizon) for horizon in HORIZONS_S)
+    results = tuple(each for each in found if each is not None)
+    if not results:
+        raise DataError(
+            f'a rollout needs an uninterrupted motion of at least {HORIZONS_S[0]:g} s with some '
+            'samples, but there is none; evaluate a longer recording.'
+        )
+    return results
+
+
+def _rolled_out(arm: ForwardArm, dataset: Dataset, horizon: float) -> Rollout | None:
+    starts = window_starts(dataset, horizon)
+    if starts.size == 0:
+        return None
+    position, velocity = simulated(arm, dataset, starts, horizon)
+    errors = _Squares.of(dataset, starts, horizon, position, velocity)
+    rms = np.sqrt(errors.sums / errors.count)
+    return Rollout(horizon, starts.size, rms[0], rms[1], rms[2])
+
+
+def window_starts(dataset: Dataset, horizon: float) -> IndexArray:
+    """Return rows at which windows of a length begin, evenly chosen, that hold other samples."""
+    last = _last_of_segment(dataset)
+    fits = dataset.t + horizon <= dataset.t[last]
+    rows = np.arange(dataset.n_samples)
+    fits &= rows < last
+    fits[:-1] &= dataset.t[1:] <= dataset.t[:-1] + horizon
+    candidates = np.flatnonzero(fits)
+    chosen = np.linspace(0, candidates.size - 1, min(MOST_WINDOWS, candidates.size))
+    return candidates[np.unique(chosen.astype(np.intp))]
+
+
+def _last_of_segment(dataset: Dataset) -> IndexArray:
+    """Return the last row of the segment of every sample, shape (N,)."""
+    ends = np.flatnonzero(np.append(np.diff(dataset.segment) != 0, True))
+    return ends[np.searchsorted(ends, np.arange(dataset.n_samples))]
+
+
+def simulated(
+    arm: ForwardArm, dataset: Dataset, starts: IndexArray, horizon: float
+) -> tuple[Array, Array]:
+    """
+    Simulate windows together.
+
+    Returns
+    -------
+    position, velocity : arrays, shape (K + 1, W, n)
+        At K steps of about `STEP_S`, the measured state first.
+
+    """
+    references = measured_between(dataset, starts, round(horizon / STEP_S))
+    q, dq = dataset.q[starts].copy(), dataset.dq[starts].copy()
+    ddq = dataset.ddq[starts].copy()
+    positions, velocities = [q], [dq]
+    for reference, rate, tau in zip(*references, strict=True):
+        ddq = arm.acceleration(q, dq, tau, ddq, STEP_S)
+        ddq = ddq + FEEDBACK**2 * (reference - q) + 2.0 * FEEDBACK * (rate - dq)
+        faster = np.clip(dq + STEP_S * ddq, -FASTEST, FASTEST)
+        q, dq = q + 0.5 * STEP_S * (dq + faster), faster
+        positions.append(q)
+        velocities.append(dq)
+    return np.array(positions), np.array(velocities)
+
+
+def measured_between(dataset: Dataset, starts: IndexArray, steps: int) -> Array:
+    """Return measured positions, velocities and torques of all steps, shape (3, K, W, n)."""
+    out = np.empty((3, steps, starts.size, dataset.n_joints))
+    last = _last_of_segment(dataset)
+    for w, start in enumerate(starts):
+        rows = np.arange(start, last[start] + 1)
+        rows = rows[np.diff(dataset.t[rows], prepend=-np.inf) > 0.0]
+        t = dataset.t[rows]
+        motion = CubicHermiteSpline(t, dataset.q[rows], dataset.dq[rows])
+        at = t[0] + STEP_S * np.arange(steps)
+        torque = interp1d(t, dataset.tau[rows], axis=0, assume_sorted=True)
+        out[:, :, w] = motion(at), motion(at, 1), torque(at)
+    return out
+
+
+class _Squares(NamedTuple):
+    """Sums of squares of the errors of position and velocity and of the travel."""
+
+    sums: Array
+    count: int
+
+    @classmethod
+    def of(
+        cls,
+        dataset: Dataset,
+        starts: IndexArray,
+        horizon: float,
+        position: Array,
+        velocity: Array,
+    ) -> _Squares:
+        sums, count = np.zeros((3, dataset.n_joints)), 0
+        last = _last_of_segment(dataset)
+        for w, start in enumerate(starts):
+            rows = np.arange(start + 1, last[start] + 1)
+            rows = rows[dataset.t[rows] <= dataset.t[start] + horizon]
+            at = (dataset.t[rows] - dataset.t[start]) / STEP_S
+            q, dq = (_between(x[:, w], at) for x in (position, velocity))
+            errors = q - dataset.q[rows], dq - dataset.dq[rows], dataset.q[rows] - dataset.q[start]
+            sums += np.array([np.sum(each**2, axis=0) for each in errors])
+            count += rows.size
+        return cls(sums, count)
+
+
+def _between(values: Array, at: Array) -> Array:
+    """Interpolate rows of values linearly at fractional row numbers."""
+    left = np.clip(at.astype(np.intp), 0, len(values) - 2)
+    share = (at - left)[:, None]
+    return np.asarray((1.0 - share) * values[left] + share * values[left + 1])
+
+
+def rollout_tables(
+    fitted: tuple[Rollout, ...], nominal: tuple[Rollout, ...] | None, dataset: Dataset
+) -> Iterator[Table]:
+    """Yield a table for each length of windows; `nominal` is that of a URDF."""
+    units = [POSITION_UNITS[kind] for kind in dataset.joint_types]
+    for k, each in enumerate(fitted):
+        head = ['joint', 'travel', 'position', 'velocity']
+        columns = [each.travel, each.position, each.velocity]
+        if nominal is not None:
+            head += ['position, URDF', 'velocity, URDF']
+            columns += [nominal[k].position, nominal[k].velocity]
+        rows = [
+            (f'{name} [{unit}, {unit}/s]', *(f'{value:.3g}' for value in values))
+            for name, unit, *values in zip(dataset.joint_names, units, *columns, strict=True)
+        ]
+        title = (
+            f'Rollout: root mean square errors of {each.windows} windows of {each.horizon_s:g} s, '
+            f'feedback of {FEEDBACK:g} rad/s'
+        )
+        yield Table(title, tuple(head), rows)
+
+
+def rollout_json(
+    fitted: tuple[Rollout, ...], nominal: tuple[Rollout, ...] | None
+) -> dict[str, object]:
+    """Return the errors for a JSON file."""
+    both = {'model': fitted} if nominal is None else {'model': fitted, 'urdf': nominal}
+    return {
+        'feedback_rad_s': FEEDBACK,
+        **{
+            name: [
+                {
+                    'horizon_s': each.horizon_s,
+                    'windows': each.windows,
+                    'position': each.position.tolist(),
+                    'velocity': each.velocity.tolist(),
+                    'travel': each.travel.tolist(),
+                }
+                for each in rollouts
+            ]
+            for name, rollouts in both.items()
+        },
+    }

@@ -1,0 +1,140 @@
+"""Forward simulation of recorded motions, against pinocchio and against the truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import json
+from pathlib import Path
+
+from export.arms import model_of, panda
+import numpy as np
+import pytest
+
+from lip_id_ros.cli import main
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.description.urdf import load_description
+from lip_id_ros.errors import DataError
+from lip_id_ros.evaluation.rollout import FEEDBACK, ForwardArm, roll_out, window_starts
+from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.export.urdf import rotor_inertias, to_urdf
+from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.simulation import panda as simulated_panda
+from lip_id_ros.simulation import SinusoidTrajectory
+from lip_id_ros.simulation.arm import MOTION, panda_urdf
+
+pytest.importorskip('pinocchio')
+N = 7
+
+
+def arm_with(coulomb: float, width: float = 0.02) -> ArmDescription:
+    friction = np.tile([0.5, coulomb, 0.1], N)
+    return replace(panda(), friction=FrictionModel(plain_friction(N, np.full(N, width)), friction))
+
+
+def forward(arm: ArmDescription) -> ForwardArm:
+    return ForwardArm(arm.chain, arm.links, arm.friction)
+
+
+def recorded(arm: ArmDescription, rate: int = 200, seconds: float = 4.0) -> Dataset:
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    motion = SinusoidTrajectory.random(MOTION, np.random.default_rng(1), 20)
+    q, dq, ddq = motion.sample(t)
+    names = arm.joint_names
+    return Dataset(
+        t=t, q=q, dq=dq, ddq=ddq, tau=arm.torque(q, dq, ddq), joint_names=names,
+        joint_types=('revolute',) * N, segment=(t > 0.6 * seconds).astype(np.int64),
+        provenance={'sources': ['simulation']},
+    )  # fmt: skip
+
+
+def test_accelerations_are_those_of_pinocchio() -> None:
+    """Of the articulated-body algorithm on the exported URDF, friction added."""
+    import xml.etree.ElementTree as ET
+
+    import pinocchio
+
+    arm = arm_with(0.3)
+    text = to_urdf(arm)
+    model = pinocchio.buildModelFromXML(text)
+    model.gravity.linear = arm.chain.gravity
+    model.armature = rotor_inertias(ET.fromstring(text), arm.joint_names)
+    data = model.createData()
+    q, dq, tau = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 20, N))
+    found = forward(arm).acceleration(q, dq, tau, np.zeros_like(q), 1e-9)
+    inner = tau - arm.friction.torque(q, dq, np.zeros_like(q))
+    expected = [pinocchio.aba(model, data, *row) for row in zip(q, dq, inner, strict=True)]
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize('coulomb', [0.0, 0.5])
+def test_the_true_arm_follows(coulomb: float) -> None:
+    """Also through reversals, where friction turns within a step."""
+    arm = arm_with(coulomb)
+    short, long = roll_out(forward(arm), recorded(arm))
+    assert (short.horizon_s, long.horizon_s) == (0.1, 1.0)
+    assert (short.position < 2e-4).all()
+    assert (long.position < 0.01 * long.travel.max()).all()
+    assert (long.velocity < 0.02).all()
+
+
+def test_wrong_links_stray() -> None:
+    arm = arm_with(0.2)
+    data = recorded(arm)
+    heavy = arm.links.copy()
+    heavy[3, :10] *= 1.2
+    right, wrong = (
+        roll_out(x, data)[1] for x in (forward(arm), forward(arm)._replace(links=heavy))
+    )
+    assert wrong.position[:4].max() > 5.0 * right.position[:4].max()
+
+
+def test_windows_are_uninterrupted() -> None:
+    data = recorded(arm_with(0.2))
+    starts = window_starts(data, 1.0)
+    ends = np.searchsorted(data.t, data.t[starts] + 1.0)
+    assert starts.size == 50
+    assert (data.segment[starts] == data.segment[ends]).all()
+    assert window_starts(data, 100.0).size == 0
+
+
+def test_too_short_a_recording_is_refused() -> None:
+    arm = arm_with(0.2)
+    with pytest.raises(DataError, match=r'an uninterrupted motion of at least 0\.1 s'):
+        roll_out(forward(arm), recorded(arm, seconds=0.05))
+
+
+def test_links_without_inertia_are_refused() -> None:
+    arm = arm_with(0.2)
+    nothing = forward(arm)._replace(links=np.zeros_like(arm.links))
+    with pytest.raises(DataError, match='links with inertia were expected'):
+        nothing.acceleration(*np.zeros((4, 1, N)), 0.0)
+
+
+def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The nominal Panda, which lacks rotors and friction, strays farther than its model."""
+    arm = arm_with(0.2)
+    names = tuple(f'panda_joint{i + 1}' for i in range(N))
+    replace(model_of(arm), joint_names=names).save(tmp_path / 'arm.npz')
+    replace(recorded(arm), joint_names=names).save(tmp_path / 'run.npz')
+    files = [
+        str(tmp_path / 'arm.npz'),
+        str(tmp_path / 'run.npz'),
+        '--json',
+        str(tmp_path / 'a.json'),
+    ]
+    assert main(['evaluate', *files, '--rollout', '--urdf', str(panda_urdf())]) == 0
+    said = ' '.join(capsys.readouterr().out.split())
+    assert f'windows of 1 s, feedback of {FEEDBACK:g} rad/s' in said
+    rollout = json.loads((tmp_path / 'a.json').read_text())['rollout']
+    for ours, nominal in zip(rollout['model'], rollout['urdf'], strict=True):
+        assert max(ours['position']) < max(nominal['position'])
+    assert main(['evaluate', *files, '--force', '--urdf', str(panda_urdf())]) == 1
+    assert '--urdf is compared by --rollout' in capsys.readouterr().err
+
+
+def test_the_nominal_arm_without_gravity() -> None:
+    names = tuple(f'panda_joint{i + 1}' for i in range(N))
+    description = load_description(panda_urdf(), names, ('revolute',) * N)
+    assert not ForwardArm.nominal(description, gravity_compensated=True).chain.gravity.any()
+    assert ForwardArm.nominal(description, gravity_compensated=False).chain.gravity[2] < -9.0
+    assert simulated_panda().joint_names == names
