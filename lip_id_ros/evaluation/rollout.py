@@ -216,7 +216,7 @@ def _rolled_out(arm: ForwardArm, dataset: Dataset, horizon: float) -> Rollout | 
         return None
     position, velocity = simulated(arm, dataset, starts, horizon)
     errors = _Squares.of(dataset, starts, horizon, position, velocity)
-    rms = np.sqrt(errors.sums / errors.count)
+    rms = np.sqrt(errors.sums / errors.samples)
     return Rollout(horizon, starts.size, rms[0], rms[1], rms[2])
 
 
@@ -283,7 +283,7 @@ class _Squares(NamedTuple):
     """Sums of squares of the errors of position and velocity and of the travel."""
 
     sums: Array
-    count: int
+    samples: int
 
     @classmethod
     def of(

@@ -107,7 +107,8 @@ def test_links_without_inertia_are_refused() -> None:
     arm = arm_with(0.2)
     nothing = forward(arm)._replace(links=np.zeros_like(arm.links))
     with pytest.raises(DataError, match='links with inertia were expected'):
-        nothing.acceleration(*np.zeros((4, 1, N)), 0.0)
+        q, dq, tau, ddq = np.zeros((4, 1, N))
+        nothing.acceleration(q, dq, tau, ddq, 0.0)
 
 
 def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
