@@ -106,8 +106,8 @@ def test_too_short_a_recording_is_refused() -> None:
 def test_links_without_inertia_are_refused() -> None:
     arm = arm_with(0.2)
     nothing = forward(arm)._replace(links=np.zeros_like(arm.links))
+    q, dq, tau, ddq = np.zeros((4, 1, N))
     with pytest.raises(DataError, match='links with inertia were expected'):
-        q, dq, tau, ddq = np.zeros((4, 1, N))
         nothing.acceleration(q, dq, tau, ddq, 0.0)
 
 
