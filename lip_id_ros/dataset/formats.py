@@ -39,15 +39,7 @@ PathLike = str | os.PathLike[str]
 
 
 def check_suffix(path: PathLike) -> None:
-    """
-    Raise an error unless the suffix of a path chooses a format.
-
-    Raises
-    ------
-    ConfigError
-        If it is neither .npz nor .csv.
-
-    """
+    """Raise a ConfigError unless the suffix of a path chooses a format."""
     suffixes = (DATASET_SUFFIX, CSV_SUFFIX)
     if Path(path).suffix not in suffixes:
         raise ConfigError(
@@ -75,19 +67,7 @@ def write_npz(
 
 
 def read_npz(path: PathLike) -> dict[str, Any]:
-    """
-    Read the fields of a data set; what a bare file leaves out gets its default.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    SourceError
-        If it is not a regular file.
-    DataError
-        If it is not a data set.
-
-    """
+    """Read the fields of a data set, defaults for what a bare file lacks; see `Dataset.load`."""
     files.require_regular_file(path)
     try:
         arrays, header = files.read_npz(path)
@@ -99,11 +79,8 @@ def read_npz(path: PathLike) -> dict[str, Any]:
     _check_format(path, header)
     _check_complete(path, arrays)
     given = {name: _plain(name, arrays[name]) for name in _KNOWN if name in arrays}
-    filled = {
-        name: value
-        for name, value in defaults(given['q'], _step(path, arrays)).items()
-        if name not in given
-    }
+    filled = defaults(given['q'], _step(path, arrays))
+    filled = {name: value for name, value in filled.items() if name not in given}
     return {
         **given,
         **filled,
@@ -133,14 +110,8 @@ def read_csv(path: PathLike) -> dict[str, Any]:
     """
     Read the fields of a data set: t, q_NAME, dq_NAME, ddq_NAME, tau_NAME, segment, recording.
 
-    The last two may be absent. All joints are taken for revolute. Other columns are ignored.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    DataError
-        If a column is missing.
+    The last two may be absent. All joints are taken for revolute. Other columns are ignored. The
+    errors are those of `Dataset.load`.
 
     """
     table = read_table(path)

@@ -69,15 +69,9 @@ def farthest_points(points: Array, count: int) -> IndexArray:
 
 def contiguous_cuts(segment: IntArray, count: int) -> IndexArray:
     """
-    Return where to cut N samples into blocks of about the same size, shape (count + 1,).
+    Return where to cut N samples into 2 to N blocks of about the same size, shape (count + 1,).
 
     A cut moves to the beginning of a segment where one is near.
-
-    Parameters
-    ----------
-    segment : ndarray of int, shape (N,)
-    count : int
-        From 2 to N.
 
     """
     size = segment.size
@@ -89,17 +83,7 @@ def contiguous_cuts(segment: IntArray, count: int) -> IndexArray:
 
 
 def away_from(segment: IntArray, start: int, stop: int, guard: int) -> IndexArray:
-    """
-    Return the rows that are not in a block, nor within `guard` samples of it in its segments.
-
-    Parameters
-    ----------
-    segment : ndarray of int, shape (N,)
-    start, stop : int
-        First row of the block and the one after its last.
-    guard : int
-
-    """
+    """Return the rows outside a block, and not within `guard` samples of it in its segments."""
     before = np.arange(max(0, start - guard), start)
     after = np.arange(stop, min(segment.size, stop + guard))
     keep = np.ones(segment.size, bool)

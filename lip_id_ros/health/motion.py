@@ -127,19 +127,7 @@ def _or_zero(values: Array) -> Array:
 
 
 def shifted(stretches: Sequence[Stretch], name: str, reach: int, lag: int) -> Array:
-    """
-    Return a signal `lag` samples later, without the first and last `reach` of every stretch.
-
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-        Each longer than twice the reach.
-    name : str
-        Of the signal.
-    reach, lag : int
-        The lag is from -reach to reach.
-
-    """
+    """Return a signal `lag` samples later, without the first and last `reach` of each stretch."""
     parts = [getattr(stretch, name) for stretch in stretches]
     return np.concatenate([part[reach + lag : len(part) - reach + lag] for part in parts])
 

@@ -29,14 +29,10 @@ MOVING = 5
 
 def stale(samples: JointSamples) -> BoolArray:
     """
-    Mark samples that repeat the one before under a new stamp.
+    Mark samples that repeat the one before under a new stamp, shape (N,).
 
     A sample is stale if position and velocity of all joints are exactly those of the sample
     before although the arm moves; without recorded velocities, if position and effort are.
-
-    Returns
-    -------
-    ndarray of bool, shape (N,)
 
     """
     same = repeated(samples.position)
@@ -58,14 +54,7 @@ def repeated(values: Array) -> BoolArray:
 
 
 def quantum(values: Array) -> float:
-    """
-    Return the step of a quantised signal, 0 where there is none to be seen.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-
-    """
+    """Return the step of a quantised signal, shape (N,); 0 where there is none to be seen."""
     values = thinned(values, MOST_VALUES)
     levels = np.unique(values)
     if levels.size < 2 or LEAST_REPETITION * levels.size > values.size:
@@ -79,12 +68,7 @@ def quantum(values: Array) -> float:
 
 def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
     """
-    Return recorded efforts as torques or forces, scaled and offset per joint.
-
-    Returns
-    -------
-    ndarray, shape (N, n)
-        [N m or N].
+    Return recorded efforts as torques or forces [N m or N], scaled and offset per joint.
 
     Raises
     ------

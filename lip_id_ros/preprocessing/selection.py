@@ -41,17 +41,10 @@ def for_training(data: Dataset, settings: PreprocessingSettings, kernel: str) ->
     Leave out the samples at which a joint is nearly at rest; noted in the provenance.
 
     Near rest friction is anything between its two signs, and the sign of a small velocity is that
-    of its noise. A model is to be judged there all the same, so that this is for training only.
-
-    Parameters
-    ----------
-    data : Dataset
-        Any.
-    settings : PreprocessingSettings
-        Where `min_velocity` would leave less than `LEAST_LEFT` of the samples, as where joints are
-        moved one after another, all are kept.
-    kernel : str
-        As in `fit.kernel`: the noise of an arm grows near rest, so that none need be left out.
+    of its noise. A model is judged there all the same, so that this is for training only. Where
+    `min_velocity` would leave less than a quarter of the samples, as where joints are moved one
+    after another, all are kept. The noise of an arm (`fit.kernel`) grows near rest, so that none
+    need be left out for it.
 
     """
     share = settings.min_velocity
@@ -67,18 +60,9 @@ def for_training(data: Dataset, settings: PreprocessingSettings, kernel: str) ->
 
 def moving(dq: Array, min_velocity: float) -> BoolArray:
     """
-    Mark samples at which no joint is nearly at rest.
+    Mark samples at which no joint is nearly at rest, shape (N,).
 
-    Parameters
-    ----------
-    dq : ndarray, shape (N, n)
-        Velocities [rad/s or m/s].
-    min_velocity : float
-        Share of each joint's root mean square velocity; a joint that never moves is not asked.
-
-    Returns
-    -------
-    ndarray of bool, shape (N,)
+    A joint is, below a share of its root mean square velocity; one that never moves is not asked.
 
     """
     threshold = min_velocity * np.sqrt(np.mean(np.square(dq), axis=0))
@@ -87,16 +71,7 @@ def moving(dq: Array, min_velocity: float) -> BoolArray:
 
 
 def at_most(data: Dataset, settings: PreprocessingSettings) -> Dataset:
-    """
-    Return at most `max_samples` samples, chosen by `selection`; noted in the provenance.
-
-    Parameters
-    ----------
-    data : Dataset
-        Any.
-    settings : PreprocessingSettings
-
-    """
+    """Return at most `max_samples` samples, chosen by `selection`; noted in the provenance."""
     count = settings.max_samples
     if not 0 < count < data.n_samples:
         return data

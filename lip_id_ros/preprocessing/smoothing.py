@@ -73,17 +73,10 @@ def is_filtered(rate_hz: float, cutoff_hz: float) -> bool:
 
 def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
     """
-    Zero-phase Butterworth low-pass of fourth order, run forward and backward.
+    Low-pass uniform samples, shape (N, ...), by a zero-phase Butterworth filter of fourth order.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N, ...)
-        Uniform samples along the first axis.
-    rate_hz : float
-        Sampling rate [Hz].
-    cutoff_hz : float
-        Frequency whose amplitude is halved [Hz]; with 0, or at half the rate and above, where
-        a sampled signal has no content to remove, the values are returned as they are.
+    The cut-off is the frequency whose amplitude is halved [Hz]. With 0, or at half the rate and
+    above, where a sampled signal has no content to remove, the values are returned unchanged.
 
     """
     if not is_filtered(rate_hz, cutoff_hz):
@@ -107,30 +100,15 @@ def edge_length(rate_hz: float, cutoff_hz: float, periods: float = 1.0) -> int:
     return round(lead_in) + 2 * HALF_STENCIL
 
 
-def uniform_times(t: Array, rate_hz: float) -> Array:
-    """Return times at a rate, from the first of `t` and not beyond the last [s]."""
-    times: Array = np.minimum(t[0] + np.arange(grid_size(t, rate_hz)) / rate_hz, t[-1])
+def uniform_times(t: Array, rate_hz: float, first: int = 0, last: int | None = None) -> Array:
+    """Return times at a rate, from the first of `t` and not beyond the last [s], or some."""
+    numbers = np.arange(first, grid_size(t, rate_hz) if last is None else last)
+    times: Array = np.minimum(t[0] + numbers / rate_hz, t[-1])
     return times
 
 
 def resample(t: Array, values: Array, times: Array) -> Array:
-    """
-    Interpolate samples, monotone between each two of them.
-
-    Parameters
-    ----------
-    t : ndarray, shape (N,)
-        Strictly increasing times [s], at least two.
-    values : ndarray, shape (N, n)
-        Samples at `t`.
-    times : ndarray, shape (K,)
-        Within `t` [s].
-
-    Returns
-    -------
-    ndarray, shape (K, n)
-
-    """
+    """Interpolate samples at times t, shape (N, n), to times within, shape (K, n); monotone."""
     interpolated: Array = PchipInterpolator(t, values, axis=0)(times)
     return interpolated
 
@@ -161,16 +139,9 @@ class Window(NamedTuple):
 
 def windows(t: Array, rate_hz: float, cutoff_hz: float) -> Iterator[Window]:
     """
-    Cut the uniform grid of a segment into windows that overlap.
+    Cut the uniform grid of a segment, times t [s], into windows that overlap.
 
     What they give together differs from smoothing the segment at once by rounding only.
-
-    Parameters
-    ----------
-    t : ndarray, shape (N,)
-        Strictly increasing times of the segment [s], at least two.
-    rate_hz, cutoff_hz : float
-        Of the grid and of the low-pass [Hz].
 
     """
     size = grid_size(t, rate_hz)
@@ -183,7 +154,7 @@ def windows(t: Array, rate_hz: float, cutoff_hz: float) -> Iterator[Window]:
         if size - stop < length // 2:  # no short rest
             stop = size
         first, last = max(0, start - margin), min(size, stop + margin)
-        times = np.minimum(t[0] + np.arange(first, last) / rate_hz, t[-1])
+        times = uniform_times(t, rate_hz, first, last)
         begin, end = np.searchsorted(t, [times[0], times[-1]])
         rows = slice(max(0, int(begin) - _NEIGHBOURS), min(t.size, int(end) + 1 + _NEIGHBOURS))
         yield Window(rows, times, first, start, stop)

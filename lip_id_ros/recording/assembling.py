@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.recording.joint_samples import counted, JointSamples, Reason, SIGNALS
+from lip_id_ros.recording.joint_samples import complete, counted, JointSamples, Reason, SIGNALS
 from lip_id_ros.recording.sample_collector import (
     HEADER,
     Part,
@@ -181,7 +181,7 @@ def _source(
     part: Part, taken: Sequence[str], clock: str, counts: Counter[str], notes: dict[str, None]
 ) -> _Source:
     """Put the usable messages of a part in the order of time; count the others."""
-    keep = _complete(part, counts)
+    keep = complete(_absent(part, _VELOCITY), _absent(part, _EFFORT), counts)
     stamps = part.numbers[:, CLOCKS[clock]]
     timeline = arrange(stamps if keep.all() else stamps[keep])
     counts.update(timeline.dropped)
@@ -190,17 +190,6 @@ def _source(
         timeline = timeline._replace(rows=np.flatnonzero(keep)[timeline.rows])
     columns = np.array([part.joints.index(joint) for joint in taken])
     return _Source(part, columns, timeline, GAP_STEPS * median_step(timeline.stamps_ns))
-
-
-def _complete(part: Part, counts: Counter[str]) -> BoolArray:
-    """Mark messages that have velocity and effort, unless none has; count the others once."""
-    keep = np.ones(len(part.numbers), bool)
-    for signal, reason in ((_VELOCITY, Reason.NO_VELOCITY), (_EFFORT, Reason.NO_EFFORT)):
-        absent = _absent(part, signal)
-        if not absent.all():
-            counts[reason] += int((keep & absent).sum())
-            keep &= ~absent
-    return keep
 
 
 def _absent(part: Part, signal: int) -> BoolArray:

@@ -116,6 +116,11 @@ class Bag:
         data : bytes or None
             Serialized; None where it was compressed and is damaged.
 
+        Raises
+        ------
+        SourceError
+            If the topic has very many message definitions.
+
         """
         forms: set[tuple[str, ...]] = set()
         for _, storage in self._files:
@@ -136,19 +141,9 @@ class Bag:
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """
-        Yield the messages of a topic in the order of the files.
+        Yield receive times [ns] and messages of a topic of one type, in the order of the files.
 
-        Parameters
-        ----------
-        topic : str
-            Name of a topic of one type.
-
-        Yields
-        ------
-        receive_ns : int
-            When the message was recorded [ns].
-        message : object
-            With the fields of its type; None where it could not be read.
+        A message has the fields of its type; it is None where it could not be read.
 
         Raises
         ------

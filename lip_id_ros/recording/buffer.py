@@ -13,6 +13,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.recording.joint_samples import (
     columns_of,
+    complete,
     counted,
     JointSamples,
     LARGEST,
@@ -125,13 +126,9 @@ class SampleBuffer:
 
         """
         taken = self.all_samples(source, topic)
-        counts, keep = Counter(self.counts), np.ones(self._size, bool)
-        absent = ((taken.velocity, Reason.NO_VELOCITY), (taken.effort, Reason.NO_EFFORT))
-        for values, reason in absent:
-            empty = np.isnan(values[:, :1]).any(axis=1)
-            if not empty.all():
-                counts[reason] += int((keep & empty).sum())
-                keep &= ~empty
+        counts = Counter(self.counts)
+        no_velocity, no_effort = np.isnan(self._rows[: self._size, 1:, :1]).any(axis=2).T
+        keep = complete(no_velocity, no_effort, counts)
         kept = taken.select(keep)
         first = float(kept.t[0]) if kept.n_samples else 0.0
         return replace(

@@ -147,12 +147,11 @@ def message_blocks(
     messages: Sequence[bytes], kind: str, is_ros1: bool, decode: Decode
 ) -> list[MessageBlock]:
     """
-    Sort joint messages into blocks; broken ones are in none of them.
+    Sort serialized joint messages of one type into blocks; broken ones are in none of them.
 
     Parameters
     ----------
     messages : sequence of bytes
-        Serialized messages of one type.
     kind : str
         The type, as package/msg/Name.
     is_ros1 : bool

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -142,6 +143,16 @@ def _is_empty(values: Array) -> BoolArray:
 def counted(counts: Mapping[str, int]) -> dict[str, int]:
     """Return the reasons that came up, with their numbers."""
     return {str(reason): count for reason, count in counts.items() if count}
+
+
+def complete(no_velocity: BoolArray, no_effort: BoolArray, counts: Counter[str]) -> BoolArray:
+    """Mark messages that have velocity and effort, unless none has; count the others once."""
+    keep = np.ones(no_velocity.size, bool)
+    for absent, reason in ((no_velocity, Reason.NO_VELOCITY), (no_effort, Reason.NO_EFFORT)):
+        if not absent.all():
+            counts[reason] += int((keep & absent).sum())
+            keep &= ~absent
+    return keep
 
 
 def name_reason(names: Sequence[str]) -> Reason | None:

@@ -245,8 +245,9 @@ def _in_parts(stamps: IntArray, restarts: IndexArray) -> IntArray:
     return shifted
 
 
-def some_steps(values: NDArray[Any], most: int = MOST_STEPS) -> NDArray[Any]:
+def some_steps(values: NDArray[Any], most: int | None = None) -> NDArray[Any]:
     """Return the differences of successive values; of more than `most`, those of 16 blocks."""
+    most = MOST_STEPS if most is None else most
     if values.size <= max(most, _STEP_BLOCKS):
         return np.diff(values)
     length = max(1, most // _STEP_BLOCKS)
