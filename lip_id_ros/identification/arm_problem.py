@@ -19,6 +19,7 @@ from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.kinematic_calibration import NOT_FINITE, Samples
 from lip_id_ros.identification.levenberg_marquardt import minimise
 from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.model.threads import in_threads
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.log_cholesky import (
     link_parameter_jacobian,
@@ -36,6 +37,9 @@ SMALLEST = 1e-3
 """Friction coefficients that must be positive start at this share of their prior, or above."""
 
 TOLERANCE = 1e-5
+
+CHUNK = 125
+"""Samples whose Jacobian one thread has in memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +97,7 @@ class ArmProblem:
         self._samples, self._positive, self._prior = samples, positive, prior
         self._scale = np.sqrt(samples.weights) / noise_std
         self.geometry = geometry or Geometry.free(samples.tau.shape[1])
+        self._projected: tuple[Chain, Array] | None = None
 
     @property
     def link_scale(self) -> LinkScale:
@@ -159,6 +164,12 @@ class ArmProblem:
         """Return the slopes of the coefficients of friction by the numbers of a state, (k,)."""
         return np.where(self._positive, self.coefficients(state), 1.0)
 
+    def projector(self, chain: Chain) -> Array:
+        """Return the projection of steps on those that keep the geometry, shape (6 n, 6 n)."""
+        if self._projected is None or self._projected[0] is not chain:
+            self._projected = chain, self.geometry.projector(chain)
+        return self._projected[1]
+
     def torque(self, state: ArmState) -> Array:
         """Return the torques of all samples, shape (N, n) [N m or N]."""
         regressor = torque_regressor(state.chain, *self._samples.state)
@@ -167,39 +178,53 @@ class ArmProblem:
 
     def jacobian(self, state: ArmState) -> Array:
         """Differentiate the torques of all samples by a step, shape (N, n, m) [N m or N]."""
-        samples, n = self._samples, len(state.numbers)
-        placements = placement_derivatives(state.chain, self.links(state), *samples.state)
-        placements = placements.reshape(*samples.tau.shape, -1)
-        placements = placements @ self.geometry.projector(state.chain)
-        regressor = torque_regressor(state.chain, *samples.state)
-        regressor = regressor.reshape(*samples.tau.shape, n, LINK_PARAMETERS)
+        return self._jacobian(state, slice(None))
+
+    def _jacobian(self, state: ArmState, rows: slice) -> Array:
+        samples, shape = self._samples, self._samples.tau[rows].shape
+        links, motion = self.links(state), [x[rows] for x in samples.state]
+        placements = placement_derivatives(state.chain, links, *motion).reshape(*shape, -1)
+        regressor = torque_regressor(state.chain, *motion)
+        regressor = regressor.reshape(*shape, len(links), LINK_PARAMETERS)
+        out = np.empty((*shape, self.size))
+        first, last = placements.shape[2], placements.shape[2] + links.size
+        np.matmul(placements, self.projector(state.chain), out=out[..., :first])
         by_numbers = link_parameter_jacobian(state.numbers, self.link_scale)
-        links = np.empty_like(regressor)
         for j, each in enumerate(by_numbers):
-            links[:, :, j] = regressor[:, :, j] @ each
-        friction = samples.friction * self.coefficient_slopes(state)
-        return np.concatenate(
-            [placements, links.reshape(*samples.tau.shape, -1), friction], axis=2
-        )
+            own = slice(first + LINK_PARAMETERS * j, first + LINK_PARAMETERS * (j + 1))
+            out[..., own] = regressor[:, :, j] @ each
+        out[..., last:] = samples.friction[rows] * self.coefficient_slopes(state)
+        return out
 
     def normal_equations(self, state: ArmState) -> tuple[Array, Array]:
         """Return J^T J and J^T r of steps at a state."""
         assert state.residual is not None
-        jacobian = self.jacobian(state)
-        jacobian *= self._scale[..., None]
-        rows = jacobian.reshape(-1, jacobian.shape[2])
+        projector, residual = self.projector(state.chain), state.residual
+        count = len(residual)
+        chunks = [slice(k, k + CHUNK) for k in range(0, count, CHUNK)]
+        hessians, gradients = ([np.empty(0)] * len(chunks) for _ in range(2))
+
+        def gather(some: slice) -> None:
+            for k in range(len(chunks))[some]:
+                jacobian = self._jacobian(state, chunks[k])
+                jacobian *= self._scale[chunks[k], :, None]
+                rows = jacobian.reshape(-1, jacobian.shape[2])
+                hessians[k] = rows.T @ rows
+                gradients[k] = rows.T @ residual[chunks[k]].ravel()
+
+        # summed in one order, whatever the number of threads
+        in_threads(gather, len(chunks), few=1)
+        hessian, gradient = np.sum(hessians, axis=0), -np.sum(gradients, axis=0)
         precision = self.prior_precision()
-        hessian = rows.T @ rows
-        hessian[np.diag_indices_from(hessian)] += precision**2
-        gradient = precision * self.prior_residual(state) - rows.T @ state.residual.ravel()
-        projector = self.geometry.projector(state.chain)
+        hessian.flat[:: len(hessian) + 1] += precision**2
+        gradient += precision * self.prior_residual(state)
         gradient[: len(projector)] = projector @ gradient[: len(projector)]
         return hessian, gradient
 
     def stepped(self, state: ArmState, step: Array) -> ArmState:
         """Return the state that a step leads to."""
         chain, count = state.chain, DIRECTIONS * len(state.numbers)
-        allowed = self.geometry.projector(chain) @ step[:count]
+        allowed = self.projector(chain) @ step[:count]
         turn, shift = allowed.reshape(-1, 2, 3).transpose(1, 0, 2)
         links = step[count : count + state.numbers.size].reshape(state.numbers.shape)
         moved = chain._replace(

@@ -165,6 +165,7 @@ class _Election:
         sign = groups[len(others) :]
         index = np.full(n, len(SIGN_WIDTHS) // 2)
         for _ in range(2):
+            before = index.copy()
             noise = blocks.noise(
                 np.concatenate([fixed, *(sign[n * k + joint] for joint, k in enumerate(index))])
             )
@@ -172,6 +173,8 @@ class _Election:
                 rest = [sign[n * k + other] for other, k in enumerate(index) if other != joint]
                 fits = blocks.with_each(np.concatenate([fixed, *rest]), sign[joint::n], noise)
                 index[joint] = np.argmin([np.log(fit.mean_squares).sum() for fit in fits])
+            if np.array_equal(index, before):
+                break
         return np.asarray(np.array(SIGN_WIDTHS)[index] * speed)
 
     def chosen(

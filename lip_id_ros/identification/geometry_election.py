@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES
-from lip_id_ros.identification.laplace import LeftOut, posterior
+from lip_id_ros.identification.laplace import left_out_of, LeftOut, posterior
 from lip_id_ros.identification.simple_geometry import candidates, Geometry, together
 
 MOST_LOSS = 0.01
@@ -53,7 +53,7 @@ class _Election:
         geometry = together([fit.geometry, *offers], fitter.dataset.n_joints)
         some = fitter.some(MOST_SAMPLES)
         tried = fitter.refined(some, fitter.with_geometry(fit, geometry), ROUNDS)
-        if _score(posterior(fitter, tried)[2]) <= self._most:
+        if _score(left_out_of(fitter, tried)) <= self._most:
             return tried
         half = (len(offers) + 1) // 2
         if half == len(offers):

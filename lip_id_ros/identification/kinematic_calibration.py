@@ -161,7 +161,7 @@ class PlacementProblem:
         np.multiply(links, self._link_scale, out=features[..., : links.shape[2]])
         features = features.reshape(self._tau.size, -1)
         normal = blas.dsyrk(1.0, features.T, lower=1)
-        normal[np.diag_indices_from(normal)] += 1.0
+        normal.flat[:: len(normal) + 1] += 1.0
         factor, info = lapack.dpotrf(normal, lower=1, overwrite_a=1)
         if info != 0 or not np.isfinite(factor[-1, -1]):
             raise FitError(NOT_FINITE)
@@ -183,7 +183,7 @@ class PlacementProblem:
         hessian = jacobian.T @ jacobian + taken.T @ taken
         gradient = jacobian.T @ point.residual - taken.T @ point.parameters
         distances = np.tile([0.0, 0.0, 0.0, 1.0, 1.0, 1.0], n) / REACH**2
-        hessian[np.diag_indices_from(hessian)] += distances
+        hessian.flat[:: len(hessian) + 1] += distances
         gradient.reshape(n, DIRECTIONS)[:, 3:] += point.chain.translations / REACH**2
         return hessian, gradient
 

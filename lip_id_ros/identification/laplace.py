@@ -10,6 +10,7 @@ correlated in time, so that the covariance is scaled by what left-out blocks sho
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,10 +22,10 @@ from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, links_torque, M
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
-    leave_one_out,
     TorqueStatistics,
     triangular,
 )
+from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.log_cholesky import link_parameter_jacobian
@@ -60,12 +61,15 @@ class LeftOut:
         Factor of the covariance of the parameters with which these are explained; at least 1.
     noise_std : array, shape (n,)
         Standard deviation of what the parameters' covariance does not explain [N m or N].
+    unbiased_std : array, shape (n,)
+        Of the residuals of the fit to all samples, with its degrees of freedom [N m or N].
 
     """
 
     mean_squares: Array
     inflation: float
     noise_std: Array
+    unbiased_std: Array
 
 
 def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, LeftOut]:
@@ -90,13 +94,18 @@ def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Lef
     for _ in range(STEPS if fitter.dataset.n_samples > MOST_SAMPLES else 0):
         fit, blocks = _gauss_newton(fitter, fit, blocks)
     problem = fitter.problem(fitter.some(1), fit)
-    prior = _prior_rows(problem, fit.state)
-    noise_std = _unbiased(blocks[0].merge(*blocks[1:]), prior, fit.noise.std)
-    left_out = measure_left_out(blocks, prior, noise_std)
-    root = _root(blocks[0].merge(*blocks[1:]), prior, noise_std)
+    left_out = measure_left_out(blocks, _prior_rows(problem, fit.state), fit.noise.std)
+    whole = blocks[0].merge(*blocks[1:])
+    root = _root(whole, _prior_rows(problem, fit.state), left_out.unbiased_std)
     covariance_root = np.sqrt(left_out.inflation) * _coordinates(problem, fit.state, root)
     noise = replace(fit.noise, std=left_out.noise_std)
     return fit, ArmPosterior(fit.chain, fit.links, fit.friction, noise, covariance_root), left_out
+
+
+def left_out_of(fitter: ArmFitter, fit: ArmFit) -> LeftOut:
+    """Return what left-out blocks show of a fit to all samples."""
+    prior = _prior_rows(fitter.problem(fitter.some(1), fit), fit.state)
+    return measure_left_out(block_statistics(fitter, fit), prior, fit.noise.std)
 
 
 def block_statistics(fitter: ArmFitter, fit: ArmFit) -> list[TorqueStatistics]:
@@ -125,33 +134,49 @@ def _updated(
     return statistics.update(features, residual, fit.noise.weights(dataset.dq))
 
 
-def measure_left_out(blocks: list[TorqueStatistics], prior: Array, noise_std: Array) -> LeftOut:
+def measure_left_out(
+    blocks: Sequence[TorqueStatistics], prior: Array, noise_std: Array
+) -> LeftOut:
     """
     Predict each block from the others.
 
     Parameters
     ----------
-    blocks : list of TorqueStatistics
-        Of Jacobian and residuals.
+    blocks : sequence of TorqueStatistics
+        Of Jacobian and residuals, in which all joints have all parameters.
     prior : array, shape (m, m + 1)
         Rows of the prior, in units of its standard deviations.
     noise_std : array, shape (n,)
-        Of the fit to all samples.
+        Root mean squares of the residuals of the fit to all samples [N m or N].
 
     """
-    squares, expected, count = np.zeros((3, noise_std.size))
-    for block, others in zip(blocks, leave_one_out(blocks), strict=True):
-        root = _root(others, prior, noise_std)
-        step = solve_triangular(root[:-1, :-1], root[:-1, -1])
-        inverse = solve_triangular(root[:-1, :-1], np.eye(len(step)))
+    grams = np.array([[r.T @ r for r in block.factors] for block in blocks])
+    count = np.sum([block.weights for block in blocks], axis=0)
+    _, covariance = _solved(grams.sum(axis=0), prior, noise_std)
+    noise_std = _unbiased(noise_std, _spread(grams.sum(axis=0), covariance) / count)
+    squares, expected = np.zeros((2, noise_std.size))
+    for k, block in enumerate(blocks):
+        step, covariance = _solved(grams.sum(axis=0) - grams[k], prior, noise_std)
         squares += block.squared_residuals(step)
-        expected += [np.sum((factor[:, :-1] @ inverse) ** 2) for factor in block.factors]
-        count += block.weights
+        expected += _spread(grams[k], covariance)
     variance = noise_std**2
     excess = np.sum(squares / variance - count)
     inflation = float(np.clip(excess / np.sum(expected / variance), 1.0, MOST_INFLATION))
     unexplained = (squares - inflation * expected) / count
-    return LeftOut(squares / count, inflation, np.sqrt(np.maximum(unexplained, variance)))
+    left_std = np.sqrt(np.maximum(unexplained, variance))
+    return LeftOut(squares / count, inflation, left_std, noise_std)
+
+
+def _solved(grams: Array, prior: Array, noise_std: Array) -> tuple[Array, Array]:
+    """Return parameters and covariance from the Gram matrices of all joints' rows."""
+    normal = np.tensordot(noise_std**-2.0, grams, axes=1) + prior.T @ prior
+    factor = CholeskyFactor.of(np.ascontiguousarray(normal[:-1, :-1]))
+    return factor.solve(normal[:-1, -1]), factor.inverse()
+
+
+def _spread(grams: Array, covariance: Array) -> Array:
+    """Return the sums of variances of the torques that a covariance of parameters makes, (n,)."""
+    return np.asarray(np.einsum('iab,ab->i', grams[:, :-1, :-1], covariance))
 
 
 def _gauss_newton(
@@ -190,12 +215,9 @@ def _mean_squares(fitter: ArmFitter, fit: ArmFit) -> Array:
     return np.asarray(squares / count)
 
 
-def _unbiased(statistics: TorqueStatistics, prior: Array, noise_std: Array) -> Array:
-    """Return the noise with degrees of freedom that the parameters took, shape (n,)."""
-    root = _root(statistics, prior, noise_std)
-    inverse = solve_triangular(root[:-1, :-1], np.eye(len(root) - 1))
-    taken = np.array([np.sum((factor[:, :-1] @ inverse) ** 2) for factor in statistics.factors])
-    share = taken / noise_std**2 / statistics.weights
+def _unbiased(noise_std: Array, variance: Array) -> Array:
+    """Return the noise with the degrees of freedom that the parameters took, shape (n,)."""
+    share = variance / noise_std**2
     return np.asarray(noise_std / np.sqrt(np.maximum(1.0 - share, LEAST_FREEDOM)))
 
 

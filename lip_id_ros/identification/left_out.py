@@ -2,8 +2,8 @@
 Prediction of left-out blocks by torque models that are linear in parameters, some not negative.
 
 Cross-validation over contiguous blocks, since residuals are correlated in time (Roberts and
-others, Ecography 2017). All of it is done on statistics in square-root form: a fit without a block
-costs one small triangular factorisation, a fit with one more term an even smaller one.
+others, Ecography 2017). All of it is done on statistics: a fit without a block costs one small
+Cholesky factorisation, a fit with one more term an even smaller one.
 
 """
 
@@ -13,16 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import lapack, solve_triangular
 from scipy.optimize import nnls
 
-from lip_id_ros.arrays import Array, BoolArray, IndexArray
-from lip_id_ros.identification.statistics import (
-    leave_one_out,
-    posterior_root,
-    TorqueStatistics,
-    triangular,
-)
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.identification.statistics import TorqueStatistics
 
 LEFT_OUT_TOGETHER = (1, 2)
 """Numbers of neighbouring blocks that are left out together: two schemes of folds."""
@@ -34,6 +29,9 @@ LEAST_NOISE = 1e-4
 """Least noise, likewise."""
 
 NOISE_ROUNDS = 3
+
+INDEFINITE = (0.0, 1e-12, 1e-10, 1e-8, 1e-6)
+"""Relative increases of the diagonal of normal equations that rounding has made indefinite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +84,9 @@ class LeftOutBlocks:
     """
     Fits with any selection of parameters, to all samples and without parts of them.
 
+    Normal equations are enough here: the prior bounds their condition, and what is elected is
+    fitted again.
+
     Parameters
     ----------
     blocks : sequence of TorqueStatistics, at least 2
@@ -106,24 +107,21 @@ class LeftOutBlocks:
         lower: Array,
         torque_std: Array,
     ) -> None:
-        self.whole = blocks[0].merge(*blocks[1:])
         self._prior_std, self._free = prior_std, np.isneginf(lower)
         self._torque_std = np.where(torque_std > 0.0, torque_std, 1.0)
+        self._parts = [_Part(each, prior_std.size) for each in blocks]
+        count = len(blocks)
         self._schemes = [
-            list(zip(parts, leave_one_out(parts), strict=True))
-            for parts in (_joined(blocks, size) for size in LEFT_OUT_TOGETHER)
-            if len(parts) > 1
+            [list(range(k, min(k + size, count))) for k in range(0, count, size)]
+            for size in LEFT_OUT_TOGETHER
+            if count > size
         ]
+        self._assembled: tuple[bytes, list[Array]] = b'', []
 
     def fit(self, selected: IndexArray, noise_std: Array) -> LeftOutFit:
         """Fit the selected parameters, with given noise per joint (n,)."""
-        return self._measured(
-            self._solve(self.whole, selected, noise_std),
-            [
-                [self._solve(others, selected, noise_std) for _, others in scheme]
-                for scheme in self._schemes
-            ],
-        )
+        (only,) = self.with_each(selected, [np.empty(0, dtype=np.intp)], noise_std)
+        return only
 
     def noise(self, selected: IndexArray) -> Array:
         """Estimate the noise of every joint by the root mean square of left-out residuals."""
@@ -137,67 +135,125 @@ class LeftOutBlocks:
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> list[LeftOutFit]:
         """Return the fits with one more group of parameters each."""
-        whole = self._reduced(self.whole, selected, noise_std)
-        folds = [
-            [self._reduced(others, selected, noise_std) for _, others in scheme]
-            for scheme in self._schemes
-        ]
+        parts = self._normal_equations(noise_std)
+        whole = np.sum(parts, axis=0)
+        every = self._solutions(whole, selected, groups)
+        left_out, squares = [], []
+        for scheme in self._schemes:
+            thetas = [
+                self._solutions(whole - sum(parts[k] for k in out), selected, groups)
+                for out in scheme
+            ]
+            left_out.append(thetas)
+            squares.append(self._squares(scheme, thetas))
         return [
-            self._measured(
-                whole.solve_with(group),
-                [[each.solve_with(group) for each in scheme] for scheme in folds],
+            LeftOutFit(
+                every[g],
+                tuple(theta[g] for theta in left_out[0]),
+                tuple(each[:, g] for each in squares),
             )
-            for group in groups
+            for g in range(len(groups))
         ]
 
-    def _solve(self, statistics: TorqueStatistics, selected: IndexArray, noise: Array) -> Array:
-        free = self._free[selected]
-        ordered = np.concatenate([selected[free], selected[~free]])
-        root = posterior_root(statistics.system(noise, ordered), self._prior_std[ordered])
-        theta = np.zeros(self._prior_std.size)
-        theta[ordered] = bounded_solution(root, int(free.sum()))
-        return theta
+    def _normal_equations(self, noise_std: Array) -> list[Array]:
+        """Return [F, tau]^T [F, tau] of every block in units of the noise."""
+        key = noise_std.tobytes()
+        if self._assembled[0] != key:
+            self._assembled = key, [part.normal_equations(noise_std) for part in self._parts]
+        return self._assembled[1]
 
-    def _reduced(
-        self, statistics: TorqueStatistics, selected: IndexArray, noise: Array
-    ) -> _Reduced:
-        free = self._free[selected]
-        rest = np.setdiff1d(np.arange(self._prior_std.size), selected)
-        ordered = np.concatenate([selected[free], selected[~free], rest])
-        root = posterior_root(statistics.system(noise, ordered), self._prior_std[ordered])
-        return _Reduced(root, ordered, int(free.sum()), selected.size, self._free)
+    def _solutions(
+        self, normal: Array, selected: IndexArray, groups: Sequence[IndexArray]
+    ) -> Array:
+        """Return the parameters with each group beside the selected ones, (groups, P)."""
+        free = selected[self._free[selected]]
+        rest = np.concatenate([selected[~self._free[selected]], *groups])
+        reduced = _Reduced(normal, self._prior_std, free, np.unique(rest))
+        bounded = selected[~self._free[selected]]
+        out = np.zeros((len(groups), self._prior_std.size))
+        for theta, group in zip(out, groups, strict=True):
+            own = self._free[group]
+            more = np.concatenate([group[own], bounded, group[~own]])
+            reduced.solve_into(theta, more, int(own.sum()))
+        return out
 
-    def _measured(self, parameters: Array, thetas: list[list[Array]]) -> LeftOutFit:
-        squares = tuple(
-            _squares([part for part, _ in scheme], each)
-            for scheme, each in zip(self._schemes, thetas, strict=True)
-        )
-        return LeftOutFit(parameters, tuple(thetas[0]), squares)
+    def _squares(self, scheme: list[list[int]], thetas: Sequence[Array]) -> Array:
+        """Return mean squared residuals of the left-out parts, shape (K, groups, n)."""
+        weights = [sum(self._parts[k].weights for k in out) for out in scheme]
+        sums = [
+            sum(self._parts[k].squared_residuals(theta) for k in out)
+            for out, theta in zip(scheme, thetas, strict=True)
+        ]
+        return np.asarray(np.array(sums) / np.mean(weights, axis=0))
+
+
+class _Part:
+    """Rows of one block of samples, all joints in one array."""
+
+    def __init__(self, statistics: TorqueStatistics, size: int) -> None:
+        self.weights = statistics.weights
+        self._starts = np.cumsum([0, *(len(each) for each in statistics.factors)])[:-1]
+        self._rows = np.zeros((sum(len(each) for each in statistics.factors), size + 1))
+        self._joints = []
+        for start, column, factor in zip(
+            self._starts, statistics.columns, statistics.factors, strict=True
+        ):
+            place = np.append(column, size)
+            self._rows[start : start + len(factor), place] = factor
+            flat = (place[:, None] * (size + 1) + place).ravel()
+            self._joints.append((flat, (factor.T @ factor).ravel()))
+
+    def normal_equations(self, noise_std: Array) -> Array:
+        """Return those of all joints in units of the noise, (P + 1, P + 1)."""
+        size = self._rows.shape[1]
+        out = np.zeros(size * size)
+        for (flat, values), std in zip(self._joints, noise_std, strict=True):
+            out[flat] += values / std**2
+        return out.reshape(size, size)
+
+    def squared_residuals(self, thetas: Array) -> Array:
+        """Return sums of squared residuals of every joint, for parameters (g, P), shape (g, n)."""
+        residual = thetas @ self._rows[:, :-1].T - self._rows[:, -1]
+        return np.asarray(np.add.reduceat(residual**2, self._starts, axis=1))
 
 
 class _Reduced:
-    """Triangular system with the selected parameters first, those without bounds before all."""
+    """Normal equations from which the free parameters that all fits share are eliminated."""
 
     def __init__(
-        self, root: Array, ordered: IndexArray, n_free: int, n_selected: int, free: BoolArray
+        self, normal: Array, prior_std: Array, free: IndexArray, rest: IndexArray
     ) -> None:
-        self._root, self._ordered, self._free = root, ordered, free
-        self._n_free, self._n_selected = n_free, n_selected
-        self._place = np.empty_like(ordered)
-        self._place[ordered] = np.arange(ordered.size)
+        self._free, self._rest = free, rest
+        at = np.append(rest, len(normal) - 1)
+        shared = normal[np.ix_(free, free)]
+        shared.flat[:: len(shared) + 1] += prior_std[free] ** -2.0
+        self._factor = _cholesky(shared)
+        self._half, _ = lapack.dtrtrs(self._factor, normal[np.ix_(free, at)], lower=1)
+        self._system = normal[np.ix_(at, at)] - self._half.T @ self._half
+        diagonal = np.arange(rest.size)
+        self._system[diagonal, diagonal] += prior_std[rest] ** -2.0
 
-    def solve_with(self, group: IndexArray) -> Array:
-        """Return the parameters of the fit with some more, shape (P,)."""
-        f, p = self._n_free, self._ordered.size
-        free = self._free[group]
-        bounded = np.append(np.arange(f, self._n_selected), self._place[group[~free]])
-        at = np.append(self._place[group[free]], bounded)
-        x = bounded_solution(triangular(self._root[f:, np.append(at, p)]), int(free.sum()))
-        right = self._root[:f, p] - self._root[:f, at] @ x
-        theta = np.zeros(p)
-        theta[self._ordered[at]] = x
-        theta[self._ordered[:f]] = solve_triangular(self._root[:f, :f], right)
-        return theta
+    def solve_into(self, theta: Array, more: IndexArray, n_free: int) -> None:
+        """Set the parameters (P,) of the fit with some of the rest, the free ones first."""
+        at = np.searchsorted(self._rest, more)
+        x = np.zeros(0)
+        if more.size:
+            lower = _cholesky(self._system[np.ix_(at, at)])
+            right, _ = lapack.dtrtrs(lower, self._system[at, -1], lower=1)
+            x = bounded_solution(np.column_stack([lower.T, right]), n_free)
+        theta[more] = x
+        rest = self._half[:, -1] - self._half[:, at] @ x
+        theta[self._free], _ = lapack.dtrtrs(self._factor, rest, lower=1, trans=1)
+
+
+def _cholesky(matrix: Array) -> Array:
+    """Return the lower factor, of a slightly larger matrix where rounding spoils this one."""
+    for more in INDEFINITE:
+        matrix.flat[:: len(matrix) + 1] *= 1.0 + more
+        factor, info = lapack.dpotrf(matrix, lower=1)
+        if info == 0:
+            break
+    return np.asarray(factor)
 
 
 def bounded_solution(root: Array, n_free: int) -> Array:
@@ -209,7 +265,7 @@ def bounded_solution(root: Array, n_free: int) -> Array:
 
     Parameters
     ----------
-    root : array, shape (p + 1, p + 1)
+    root : array, shape (p, p + 1) or (p + 1, p + 1)
         Upper triangular factor of the rows [features, torque]; its first p columns of full rank.
     n_free : int
         Number of parameters without bounds, which come first.
@@ -219,22 +275,10 @@ def bounded_solution(root: Array, n_free: int) -> Array:
     array, shape (p,)
 
     """
-    f, p = n_free, len(root) - 1
+    f, p = n_free, root.shape[1] - 1
     x = np.zeros(p)
     if p > f:
         x[f:], _ = nnls(root[f:p, f:p], root[f:p, p])
     if f:
         x[:f] = solve_triangular(root[:f, :f], root[:f, p] - root[:f, f:p] @ x[f:])
     return x
-
-
-def _joined(blocks: Sequence[TorqueStatistics], size: int) -> list[TorqueStatistics]:
-    """Merge neighbouring blocks, so many at a time."""
-    parts = [blocks[k : k + size] for k in range(0, len(blocks), size)]
-    return [part[0].merge(*part[1:]) for part in parts]
-
-
-def _squares(parts: Sequence[TorqueStatistics], thetas: Sequence[Array]) -> Array:
-    weights = np.mean([part.weights for part in parts], axis=0)
-    sums = [part.squared_residuals(theta) for part, theta in zip(parts, thetas, strict=True)]
-    return np.asarray(np.array(sums) / weights)

@@ -84,6 +84,6 @@ def _relaxed(damping: float, ratio: float) -> float:
 
 def _solved(hessian: Array, damping: Array, right: Array) -> Array:
     matrix = np.array(hessian, order='F')
-    matrix[np.diag_indices_from(matrix)] += damping
+    matrix.flat[:: len(matrix) + 1] += damping
     _, step, info = lapack.dposv(matrix, right, lower=1, overwrite_a=1)
     return np.asarray(step) if info == 0 else np.zeros_like(right)

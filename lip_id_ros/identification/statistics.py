@@ -295,27 +295,6 @@ def triangular(*blocks: Array) -> Array:
     return np.ascontiguousarray(factor * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)[:, None])
 
 
-def leave_one_out(blocks: Sequence[TorqueStatistics]) -> list[TorqueStatistics]:
-    """
-    For each block, the statistics of all others.
-
-    Parameters
-    ----------
-    blocks : sequence of K statistics, K at least 2
-        Of parts of the samples, as of contiguous stretches of time.
-
-    Returns
-    -------
-    list of K statistics
-
-    """
-    others: list[TorqueStatistics] = []
-    for k in range(len(blocks)):
-        first, *rest = [*blocks[:k], *blocks[k + 1 :]]
-        others.append(first.merge(*rest))
-    return others
-
-
 def contiguous_blocks(n_samples: int, count: int) -> IndexArray:
     """Return the block of every sample, (N,): `count` stretches of time of nearly equal size."""
     return np.arange(n_samples) * min(count, n_samples) // max(n_samples, 1)

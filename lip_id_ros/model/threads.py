@@ -14,10 +14,20 @@ FEW = 500
 """States that one thread evaluates; more are shared among all threads."""
 
 
-def in_threads(work: Callable[[slice], None], count: int) -> None:
-    """Call `work`, which must release the interpreter's lock, with slices that cover `count`."""
+def in_threads(work: Callable[[slice], None], count: int, few: int = FEW) -> None:
+    """
+    Call a function with slices that cover so many states, in all threads.
+
+    Parameters
+    ----------
+    work : callable
+        Compiled, so that it releases the interpreter's lock.
+    count, few : int
+        Number of states, and how many of them do not pay for a second thread.
+
+    """
     n_threads = os.cpu_count() or 1
-    if count <= FEW or n_threads == 1:
+    if count <= few or n_threads == 1:
         work(slice(0, count))
         return
     ends = np.linspace(0, count, n_threads + 1).astype(int).tolist()

@@ -12,9 +12,9 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
+from lip_id_ros.identification.laplace import measure_left_out
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
-    leave_one_out,
     posterior,
     TorqueStatistics,
 )
@@ -119,16 +119,24 @@ def test_chosen_parameters_alone() -> None:
 
 
 def test_leaving_a_block_out() -> None:
+    """Each block is predicted from the others as a fit to the others predicts it."""
     features, tau = samples(120)
-    block = contiguous_blocks(120, 4)
-    blocks = [
-        TorqueStatistics.empty(COLUMNS).update([f[block == k] for f in features], tau[block == k])
-        for k in range(4)
-    ]
-    for k, others in enumerate(leave_one_out(blocks)):
-        rest = block != k
-        expected = dense([f[rest] for f in features], tau[rest], np.ones((90, 3)))
-        np.testing.assert_allclose(posterior(others, NOISE, PRIOR).mean, expected, rtol=1e-9)
+    whole = np.zeros((3, 120, 9))
+    for rows, some, column in zip(whole, features, COLUMNS, strict=True):
+        rows[:, column] = some
+    block, empty = contiguous_blocks(120, 4), TorqueStatistics.empty([np.arange(9)] * 3)
+    blocks = [empty.update(list(whole[:, block == k]), tau[block == k]) for k in range(4)]
+    prior = np.column_stack([np.diag(1.0 / PRIOR), np.zeros(PRIOR.size)])
+    got = measure_left_out(blocks, prior, NOISE)
+    squares, expected = np.zeros((2, 3))
+    for k in range(4):
+        others = blocks[(k + 1) % 4].merge(*(blocks[(k + i) % 4] for i in (2, 3)))
+        fit = posterior(others, got.unbiased_std, PRIOR)
+        squares += blocks[k].squared_residuals(fit.mean)
+        expected += [fit.variance(rows[block == k]).sum() for rows in whole]
+    np.testing.assert_allclose(got.mean_squares, squares / 120, rtol=1e-9)
+    ratio = np.sum(squares / got.unbiased_std**2 - 120) / np.sum(expected / got.unbiased_std**2)
+    assert got.inflation == pytest.approx(max(ratio, 1.0), rel=1e-8)
 
 
 def test_variance_of_a_prediction() -> None:
