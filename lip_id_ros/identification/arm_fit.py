@@ -206,8 +206,9 @@ class ArmFitter:
 
     def best_start(self, chains: Sequence[Chain], elected: ElectedFriction) -> ArmFit:
         """Fit to some of the samples from several starts, and return the best."""
-        some = self.some(START_SAMPLES)
-        starts = (start for chain in chains for start in self._starts(some, chain, elected))
+        some, free = self.some(START_SAMPLES), self._geometry()
+        arm = elected.link_parameters, elected.friction, elected.noise
+        starts = (start for chain in chains for start in self._starts(some, chain, *arm, free))
         fits = [self.refined(some, start, FIRST_ROUND) for start in starts]
         best = sorted(fits, key=lambda fit: fit.score)[:KEPT]
         return min(
@@ -222,9 +223,15 @@ class ArmFitter:
         return replace(changed, state=replace(fit.state, friction=numbers))
 
     def with_geometry(self, fit: ArmFit, geometry: Geometry) -> ArmFit:
-        """Return a start whose placements have a geometry."""
-        state = replace(fit.state, chain=geometry.projected(fit.chain))
-        return replace(fit, state=state, geometry=geometry)
+        """Fit placements that have a geometry to some of the samples."""
+        some, chain = self.some(START_SAMPLES), geometry.projected(fit.chain)
+        moved = replace(fit, state=replace(fit.state, chain=chain), geometry=geometry)
+        # The links of the fit have made up for a geometry that is gone.
+        anew = self._starts(some, chain, fit.links, fit.friction, fit.noise, geometry)
+        return min(
+            (self.refined(some, start, FIRST_ROUND) for start in (moved, *anew)),
+            key=lambda each: each.score,
+        )
 
     def refined(
         self, dataset: Dataset, fit: ArmFit, rounds: Sequence[int] = EVALUATIONS
@@ -286,24 +293,26 @@ class ArmFitter:
         return replace(fit, state=state, links=problem.links(state), friction=friction)
 
     def _starts(
-        self, dataset: Dataset, chain: Chain, elected: ElectedFriction
+        self,
+        dataset: Dataset,
+        chain: Chain,
+        links: Array,
+        friction: FrictionModel,
+        noise: TorqueNoise,
+        geometry: Geometry,
     ) -> Iterator[ArmFit]:
         """Yield starts near the linear fit with the joints in given places."""
-        basis, noise = elected.friction.basis, elected.noise
-        arm = chain, elected.link_parameters
+        arm, basis = (chain, links), friction.basis
         samples = self._samples(dataset, basis, arm, noise.weights(dataset.dq))
         linear = PlacementProblem(samples, noise.std).at(chain.rotations, chain.translations)
-        problem = ArmProblem(samples, noise.std, is_positive(basis), self.prior, self._geometry())
-        links = linear.link_parameters(samples)
-        for lift in LIFTS:
-            state = problem.start(chain, links, linear.friction_coefficients(samples), lift)
-            start = ArmFit(state, links, elected.friction, noise, problem.geometry)
-            yield self.at(start, problem, state)
+        problem = ArmProblem(samples, noise.std, is_positive(basis), self.prior, geometry)
+        own, coefficients = linear.link_parameters(samples), linear.friction_coefficients(samples)
+        states = [problem.start(chain, own, coefficients, lift) for lift in LIFTS]
         if self.prior.chain is not None:  # the described links
-            state = problem.evaluated(replace(state, numbers=np.zeros_like(state.numbers)))
-            yield self.at(
-                ArmFit(state, links, elected.friction, noise, problem.geometry), problem, state
-            )
+            numbers = np.zeros_like(states[-1].numbers)
+            states.append(problem.evaluated(replace(states[-1], numbers=numbers)))
+        for state in states:
+            yield self.at(ArmFit(state, links, friction, noise, geometry), problem, state)
 
     def _geometry(self) -> Geometry:
         free = Geometry.free(self.dataset.n_joints)

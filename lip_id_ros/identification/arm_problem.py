@@ -22,10 +22,12 @@ from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.model.threads import in_threads
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.log_cholesky import (
+    LEAST_LEFT,
     link_parameter_jacobian,
     link_parameters,
     LinkScale,
     log_cholesky,
+    moved,
 )
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
@@ -36,7 +38,7 @@ LOG_PRIOR = 0.3
 SMALLEST = 1e-3
 """Friction coefficients that must be positive start at this share of their prior, or above."""
 
-TOLERANCE = 1e-5
+TOLERANCE = 1e-6
 
 CHUNK = 125
 """Samples whose Jacobian one thread has in memory."""
@@ -227,13 +229,19 @@ class ArmProblem:
         allowed = self.projector(chain) @ step[:count]
         turn, shift = allowed.reshape(-1, 2, 3).transpose(1, 0, 2)
         links = step[count : count + state.numbers.size].reshape(state.numbers.shape)
-        moved = chain._replace(
+        chain = chain._replace(
             rotations=chain.rotations @ Rotation.from_rotvec(turn).as_matrix(),
             translations=chain.translations + shift,
         )
-        friction = state.friction + step[count + state.numbers.size :]
-        moved = self.geometry.projected(moved)
-        return self.evaluated(ArmState(moved, state.numbers + links, friction))
+        friction = state.friction + self._straight(step[count + state.numbers.size :])
+        return self.evaluated(
+            ArmState(self.geometry.projected(chain), moved(state.numbers, links), friction)
+        )
+
+    def _straight(self, step: Array) -> Array:
+        """Return the change of logarithms that changes coefficients as a step does at first."""
+        straight = self._positive & (step > LEAST_LEFT - 1.0)
+        return np.where(straight, np.log1p(np.where(straight, step, 0.0)), step)
 
     def prior_precision(self) -> Array:
         """Return inverse standard deviations of the prior of every entry of a step, (m,)."""

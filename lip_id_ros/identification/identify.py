@@ -21,7 +21,7 @@ from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.progress import Progress, silent
 
 STAGE = 'links and friction'
-STEPS = 5
+STEPS = 4
 
 LEAST_SAMPLES_PER_JOINT = 2
 """With fewer samples placements fit anything, and mean nothing."""
@@ -118,12 +118,10 @@ def _identified(
     progress(STAGE, 1, STEPS)
     fit = fitter.best_start([each.chain for each in calibration.candidates], elected)
     progress(STAGE, 2, STEPS)
-    many = fitter.some(MOST_SAMPLES)
-    fit = fitter.refined(many, fit)
-    progress(STAGE, 3, STEPS)
     # Loads and placements are better known by now.
-    fit = fitter.refined(many, fitter.with_friction(fit, fitter.elected(fit.chain)))
-    progress(STAGE, 4, STEPS)
+    fit = fitter.with_friction(fit, fitter.elected(fit.chain))
+    fit = fitter.refined(fitter.some(MOST_SAMPLES), fit)
+    progress(STAGE, 3, STEPS)
     fit = fit if described else elect_geometry(fitter, fit)
     fit, arm, left_out = posterior(fitter, fit)
     remainder = elect_remainder(fitter, fit)

@@ -19,6 +19,9 @@ from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 LOG_CHOLESKY = 11
 """Numbers of a link: the lower triangle of L, row by row, and half the logarithm of its rotor."""
 
+LEAST_LEFT = 0.1
+"""Share of a link's inertia in any direction that a step along a straight line may leave."""
+
 _ROWS, _COLUMNS = np.tril_indices(4)
 _DIAGONAL = np.flatnonzero(_ROWS == _COLUMNS)
 _ROTOR = LOG_CHOLESKY - 1
@@ -112,6 +115,41 @@ def link_parameter_jacobian(numbers: Array, scale: LinkScale) -> Array:
     out[:, :_ROTOR, :_ROTOR] = by_triangle[..., _ROWS, _COLUMNS]
     out[:, :_ROTOR, _DIAGONAL] *= np.diagonal(triangle, axis1=1, axis2=2)[:, None, :]
     out[:, _ROTOR, _ROTOR] = 2.0 * scale.rotors * np.exp(2.0 * numbers[:, _ROTOR])
+    return out
+
+
+def moved(numbers: Array, step: Array) -> Array:
+    """
+    Return the numbers of links whose parameters move along a straight line.
+
+    Torques are linear in the parameters of the links, so that a step along which no torque changes
+    to first order then changes none at all. A link that would nearly cease to exist on that line
+    moves by the step of its numbers instead.
+
+    Parameters
+    ----------
+    numbers, step : arrays, shape (n, 11)
+
+    Returns
+    -------
+    array, shape (n, 11)
+
+    """
+    out = numbers + step
+    triangle = _triangle(numbers)
+    change = np.zeros_like(triangle)
+    change[:, _ROWS, _COLUMNS] = step[:, :_ROTOR]
+    diagonal = np.arange(4)
+    change[:, diagonal, diagonal] *= triangle[:, diagonal, diagonal]
+    relative = np.linalg.solve(triangle, change)
+    grown = np.eye(4) + relative + relative.transpose(0, 2, 1)
+    exists = np.linalg.eigvalsh(grown)[:, 0] > LEAST_LEFT
+    factor = triangle[exists] @ np.linalg.cholesky(grown[exists])
+    factor[:, diagonal, diagonal] = np.log(factor[:, diagonal, diagonal])
+    out[exists, :_ROTOR] = factor[:, _ROWS, _COLUMNS]
+    rotor = 1.0 + 2.0 * step[:, _ROTOR]
+    turns = rotor > LEAST_LEFT
+    out[turns, _ROTOR] = numbers[turns, _ROTOR] + 0.5 * np.log(rotor[turns])
     return out
 
 

@@ -14,6 +14,7 @@ from lip_id_ros.rigid_body.log_cholesky import (
     link_parameters,
     LinkScale,
     log_cholesky,
+    moved,
     scale_of,
 )
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
@@ -84,3 +85,17 @@ def test_jacobian_with_a_scale_of_each_link() -> None:
         away = step * np.eye(11)[k]
         up, down = (link_parameters(numbers + sign * away, scale) for sign in (1.0, -1.0))
         np.testing.assert_allclose(found[:, :, k], (up - down) / (2.0 * step), atol=1e-6)
+
+
+def test_links_move_along_straight_lines() -> None:
+    """As far as they exist; beyond that they go on to exist."""
+    rng = np.random.default_rng(0)
+    numbers, scale = rng.uniform(-1.0, 1.0, (20, 11)), scale_of(2.0, 0.3)
+    step = 0.02 * rng.normal(size=(20, 11))
+    change = np.einsum('nkl,nl->nk', link_parameter_jacobian(numbers, scale), step)
+    got = link_parameters(moved(numbers, step), scale)
+    straight = np.isclose(got, link_parameters(numbers, scale) + change, rtol=1e-9).all(axis=1)
+    assert straight.mean() > 0.8
+    far = link_parameters(moved(numbers, 5.0 * rng.normal(size=(20, 11))), scale)
+    assert np.linalg.eigvalsh(pseudo_inertia(far[:, :10])).min() > 0.0
+    assert far[:, 10].min() > 0.0
