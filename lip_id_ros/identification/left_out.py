@@ -179,7 +179,7 @@ class LeftOutBlocks:
 
     def _squares(self, scheme: list[list[int]], thetas: Sequence[Array]) -> Array:
         """Return mean squared residuals of the left-out parts, shape (K, groups, n)."""
-        weights = [sum(self._parts[k].weights for k in out) for out in scheme]
+        weights = [np.sum([self._parts[k].weights for k in out], axis=0) for out in scheme]
         sums = [
             sum(self._parts[k].squared_residuals(theta) for k in out)
             for out, theta in zip(scheme, thetas, strict=True)
