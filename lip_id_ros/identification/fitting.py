@@ -125,6 +125,7 @@ def _report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'elected_meeting_axes': found.geometry.meets.tolist(),
         'remainder': joints,
         'friction': [list(names) for names in found.arm.friction.names()],
+        'friction_between_recordings': found.recording_deviations.tolist(),
         'noise_std': found.arm.noise.std.tolist(),
         'device': 'cpu',
         'device_note': '' if settings.device == 'cpu' else CPU_ALONE,

@@ -14,6 +14,7 @@ from lip_id_ros.identification.description_doubts import DescriptionDoubts, doub
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import posterior
 from lip_id_ros.identification.outliers import explained, plausible
+from lip_id_ros.identification.recording_effects import recording_deviations, with_recordings
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
@@ -49,6 +50,8 @@ class Identified:
         Factor of the covariance for residuals that are correlated in time.
     outliers : int
         Samples that were left out.
+    recording_deviations : array, shape (K,)
+        Of friction coefficients between recordings; 0 where not estimated.
     doubts : DescriptionDoubts or None
         Where the data contradict the robot description.
 
@@ -62,6 +65,7 @@ class Identified:
     unexplained: Array
     inflation: float
     outliers: int
+    recording_deviations: Array
     doubts: DescriptionDoubts | None = None
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
@@ -124,6 +128,8 @@ def _identified(
     progress(STAGE, 3, STEPS)
     fit = fit if described else elect_geometry(fitter, fit)
     fit, arm, left_out = posterior(fitter, fit)
+    deviations = recording_deviations(fitter, fit, left_out.inflation)
+    arm = with_recordings(arm, deviations, fitter.some(MOST_SAMPLES).dq)
     remainder = elect_remainder(fitter, fit)
     if remainder is not None:
         std = np.where(remainder.joints, remainder.left_out_std, arm.noise.std)
@@ -140,5 +146,6 @@ def _identified(
         unexplained=left_out.mean_squares / fitter.torque_std**2,
         inflation=left_out.inflation,
         outliers=count - fitter.dataset.n_samples,
+        recording_deviations=deviations,
         doubts=doubts(fitter, fit, described[0]) if described else None,
     )

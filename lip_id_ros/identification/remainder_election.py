@@ -47,8 +47,8 @@ LEAST_GAIN = 0.1
 NOTHING = 1e-3
 """Left-out errors, as a share of the torque's deviation, below which nothing is left to learn."""
 
-LEAST_WINS = 2.0 / 3.0
-"""Least share of the folds in which a process beside links has to predict better."""
+LEAST_ERRORS = 2.0
+"""Least mean decrease of those logarithms over the folds, in its standard errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,20 +177,23 @@ class RemainderElection:
             for replaces in (False, True)
         )
         # Links have to earn their place where a process does without them.
-        if instead.score < min(alone - LEAST_GAIN, beside.score + LEAST_GAIN):
-            return instead
-        if beside.score < alone - LEAST_GAIN and self._wins(joint, beside) >= LEAST_WINS:
-            return beside
+        best = instead if instead.score < beside.score + LEAST_GAIN else beside
+        if best.score < alone - LEAST_GAIN and self._errors(joint, best) >= LEAST_ERRORS:
+            return best
         return None
 
-    def _wins(self, joint: int, choice: Choice) -> float:
-        """Return the share of folds that a process predicts better than links alone."""
+    def _errors(self, joint: int, choice: Choice) -> float:
+        """Return the mean gain of a process over the folds in its standard errors."""
         folds = [fold for fold in self._folds if fold.joint in (-1, joint)]
-        wins = [
-            self._left_out(fold, joint, choice) < self._left_out(fold, joint, None)
-            for fold in folds
-        ]
-        return float(np.mean(wins))
+        gains = np.log(
+            [
+                self._left_out(fold, joint, None)
+                / max(self._left_out(fold, joint, choice), 1e-300)
+                for fold in folds
+            ]
+        )
+        error = float(gains.std(ddof=1)) / np.sqrt(gains.size)
+        return float(gains.mean()) / max(error, 1e-300)
 
     def _choices(self, joint: int, replaces: bool) -> Iterator[Choice]:
         for length in LENGTHS:

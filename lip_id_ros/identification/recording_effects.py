@@ -1,0 +1,154 @@
+"""
+Friction that differs between recordings: a linear mixed model (docs/maths.md, section 13).
+
+Drives warm up and offsets drift. Viscous and Coulomb coefficients and offsets of a recording are
+normal around those of the arm, with deviations that are estimated by expectation maximisation
+(Laird and Ware, Biometrics 1982). A prediction is for a recording that is not known, so that its
+deviation has theirs in it.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.friction.compiled import friction_features
+from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, CHUNK, links_torque
+from lip_id_ros.model.arm_posterior import ArmPosterior
+
+LEAST_RECORDINGS = 3
+ROUNDS = 300
+INITIAL = 0.05
+"""First deviation, as a share of the torque's."""
+
+LEAST_WITHIN = 0.1
+"""Least share of the noise's variance within a recording."""
+
+VARYING = (Viscous, Coulomb, Offset)
+
+
+def recording_deviations(fitter: ArmFitter, fit: ArmFit, inflation: float) -> Array:
+    """
+    Estimate the deviations of friction coefficients between recordings.
+
+    Parameters
+    ----------
+    fitter : ArmFitter
+    fit : ArmFit
+        To all recordings together.
+    inflation : float
+        By which samples count for less than their number, since residuals are correlated.
+
+    Returns
+    -------
+    array, shape (K,)
+        In the units of the coefficients; 0 where a term does not vary, and with fewer than
+        `LEAST_RECORDINGS` recordings.
+
+    """
+    dataset, basis = fitter.dataset, fit.friction.basis
+    out = np.zeros(basis.size)
+    numbers = np.unique(dataset.recording)
+    if numbers.size < LEAST_RECORDINGS:
+        return out
+    each = [_normal_equations(fitter, fit, dataset.recording == number) for number in numbers]
+    normal, right = (np.array(some) for some in zip(*each, strict=True))
+    for joint in range(dataset.n_joints):
+        own = _varying(fit, joint)
+        block = normal[:, joint][:, own][:, :, own] / inflation
+        size = np.sqrt(np.diagonal(block.sum(axis=0)) * inflation / dataset.n_samples)
+        start = INITIAL / np.where(size > 0.0, size, 1.0) * fitter.torque_std[joint]
+        start /= fit.noise.std[joint]
+        out[own] = variance_components(block, right[:, joint, own] / inflation, start)
+    return out
+
+
+def _normal_equations(fitter: ArmFitter, fit: ArmFit, some: BoolArray) -> tuple[Array, Array]:
+    """Return F^T F and F^T r of every joint in units of the noise, (n, K, K) and (n, K)."""
+    n, size = fitter.dataset.n_joints, fit.friction.basis.size
+    normal, right = np.zeros((n, size, size)), np.zeros((n, size))
+    rows = np.flatnonzero(some)
+    for chunk in np.array_split(rows, -(-rows.size // CHUNK)):
+        part = fitter.dataset.select(chunk)
+        load = links_torque(fit.chain, fit.links, part)
+        residual = part.tau - load - fit.friction.torque(part.q, part.dq, load)
+        scale = np.sqrt(fit.noise.weights(part.dq)) / fit.noise.std
+        features = friction_features(fit.friction.basis, part.q, part.dq, load) * scale[..., None]
+        features = np.ascontiguousarray(features.transpose(1, 0, 2))
+        normal += features.transpose(0, 2, 1) @ features
+        right += np.einsum('itk,ti->ik', features, residual * scale)
+    return normal, right
+
+
+def variance_components(normal: Array, right: Array, start: Array) -> Array:
+    """
+    Estimate the deviations of random effects.
+
+    Parameters
+    ----------
+    normal : array, shape (R, k, k)
+        F^T F of every group, in units of the noise.
+    right : array, shape (R, k)
+        F^T r.
+    start : array, shape (k,)
+        Deviations to begin with.
+
+    Returns
+    -------
+    array, shape (k,)
+
+    """
+    variance = start**2
+    for _ in range(ROUNDS):
+        covariance = np.linalg.inv(normal + np.diag(1.0 / variance))
+        mean = np.einsum('rij,rj->ri', covariance, right)
+        second = mean**2 + np.diagonal(covariance, axis1=1, axis2=2)
+        variance = np.maximum(second.mean(axis=0), 1e-12 * start**2)
+    return np.sqrt(variance)
+
+
+def with_recordings(arm: ArmPosterior, deviations: Array, dq: Array) -> ArmPosterior:
+    """
+    Return an arm whose deviations are those of a recording that is not known.
+
+    What differs between recordings is no noise any more.
+
+    Parameters
+    ----------
+    arm : ArmPosterior
+    deviations : array, shape (K,)
+        Of `recording_deviations`.
+    dq : array, shape (N, n)
+        Of the training samples.
+
+    """
+    varying = np.flatnonzero(deviations)
+    if not varying.size:
+        return arm
+    first = len(arm.covariance_root) - deviations.size
+    columns = np.zeros((len(arm.covariance_root), varying.size))
+    columns[first + varying, np.arange(varying.size)] = deviations[varying]
+    zero = np.zeros_like(dq)
+    features = friction_features(arm.friction.basis, zero, dq, zero)
+    between = np.mean(np.sum((features * deviations) ** 2, axis=2), axis=0)
+    variance = arm.noise.std**2
+    std = np.sqrt(np.maximum(variance - between, LEAST_WITHIN * variance))
+    return replace(
+        arm,
+        noise=replace(arm.noise, std=std),
+        covariance_root=np.hstack([arm.covariance_root, columns]),
+    )
+
+
+def _varying(fit: ArmFit, joint: int) -> list[int]:
+    """Return the coefficients of a joint that differ between recordings."""
+    basis = fit.friction.basis
+    return [
+        place.start
+        for part, place in zip(basis.terms, basis.slices, strict=True)
+        if part.drive.joints == (joint,) and isinstance(part.term, VARYING)
+    ]
