@@ -192,8 +192,8 @@ class RemainderElection:
                 for fold in folds
             ]
         )
-        error = float(gains.std(ddof=1)) / np.sqrt(gains.size)
-        return float(gains.mean()) / max(error, 1e-300)
+        error = float(gains.std(ddof=1) / np.sqrt(gains.size))
+        return float(gains.mean() / max(error, 1e-300))
 
     def _choices(self, joint: int, replaces: bool) -> Iterator[Choice]:
         for length in LENGTHS:
