@@ -1,1 +1,1 @@
-"""What the node train does: record in sections, fit in processes."""
+"""The node `train` without ROS: record in sections, fit in processes."""

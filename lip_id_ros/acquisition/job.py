@@ -9,7 +9,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from typing import Any, IO
+from typing import Any
 
 from lip_id_ros.acquisition.recording_file import pass_on
 from lip_id_ros.errors import LipIdError
@@ -76,80 +76,10 @@ class JobState:
     error: str = ''
 
 
-class Job:
-    """
-    One run of `job_process`.
-
-    A process, not a thread: the interpreter stays free for messages, and a crash stays there. It
-    gets a session of its own, so that Ctrl-C in a terminal reaches it only through the node.
-
-    Parameters
-    ----------
-    task : Task
-    recording : str
-        Folder of the samples.
-
-    """
-
-    def __init__(self, task: Task, recording: str) -> None:
-        request = json.dumps({**asdict(task), 'recording': recording})
-        self.state = started(task)
-        self._cancelled = False
-        self._process = subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.acquisition.job_process', request],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-
-    def wait(self) -> Mapping[str, Any]:
-        """
-        Follow the process to its end.
-
-        Returns
-        -------
-        mapping
-            Its result.
-
-        Raises
-        ------
-        LipIdError
-            With the sentence of its failure, or if it was stopped.
-
-        """
-        if self._process.stdout is not None:
-            self._follow(self._process.stdout)
-        status = self._process.wait()
-        if self.state.state == 'running' and self._cancelled:
-            self.state = replace(self.state, state='cancelled')
-            raise LipIdError(f'the {self.state.task} was cancelled.')
-        if self.state.state == 'running':
-            error = f'the process of the {self.state.task} ended with status {status}.'
-            self.state = replace(self.state, state='failed', error=error)
-        if self.state.state == 'failed':
-            raise LipIdError(self.state.error)
-        return self.state.result
-
-    def stop(self) -> None:
-        """End the process; what it had not saved is not saved."""
-        self._cancelled = True
-        end(self._process)
-
-    def _follow(self, lines: IO[str]) -> None:
-        for line in lines:
-            self.state = advanced(self.state, line)
-
-
 def in_words(n_samples: int, bags: Sequence[str]) -> str:
     """Name the sources of a data set: '300 samples and a.mcap, b.mcap'."""
     recorded = [f'{n_samples} samples'] if n_samples or not bags else []
     return ' and '.join([*recorded, *([', '.join(bags)] if bags else [])])
-
-
-def started(task: Task) -> JobState:
-    """Return the state of a job that has just begun."""
-    return JobState(task.kind, 'running', 'start')
 
 
 def advanced(state: JobState, line: str) -> JobState:
@@ -178,18 +108,24 @@ def _pass_on(folder: str, sections: Sequence[JointSamples]) -> None:
 
 
 class Jobs:
-    """Run jobs, one after the other."""
+    """
+    Run jobs, one after the other, each in a process of its own.
+
+    A process, not a thread: the interpreter stays free for messages, and a crash stays there. It
+    gets a session of its own, so that Ctrl-C in a terminal reaches it only through the node.
+
+    Attributes
+    ----------
+    state : JobState
+        Of the last job.
+
+    """
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='jobs')
-        self._job: Job | None = None
-        self._state = JobState()
+        self._process: subprocess.Popen[str] | None = None
         self._cancelled = False
-
-    @property
-    def state(self) -> JobState:
-        """Where the last job stands."""
-        return self._job.state if self._job else self._state
+        self.state = JobState()
 
     def start(self, task: Task, sections: Sequence[JointSamples]) -> Future[Mapping[str, Any]]:
         """
@@ -214,14 +150,18 @@ class Jobs:
         """
         if self.state.state == 'running':
             raise LipIdError(f'a {self.state.task} is running; wait until ~/status shows its end.')
-        self._job = None
         self._cancelled = False
-        self._state = started(task)
+        self.state = JobState(task.kind, 'running', 'start')
         return self._pool.submit(self._run, task, sections)
 
     def cancel(self) -> str:
         """
-        End the job that is running; return which it was.
+        End the job that is running; what it had not saved is not saved.
+
+        Returns
+        -------
+        str
+            'fit' or 'dataset'.
 
         Raises
         ------
@@ -229,31 +169,55 @@ class Jobs:
             If none is running.
 
         """
-        state = self.state
-        if state.state != 'running':
+        task = self.state.task
+        if self.state.state != 'running':
             raise LipIdError('no fit or data set is running.')
-        self._cancelled = True
-        if self._job is not None:
-            self._job.stop()
-        return state.task
+        self._end()
+        return task
 
     def stop(self) -> None:
         """End the job that is running, and take no other."""
-        self._cancelled = True
-        if self._job is not None:
-            self._job.stop()
+        self._end()
         self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def _end(self) -> None:
+        self._cancelled = True
+        if self._process is not None:
+            end(self._process)
 
     def _run(self, task: Task, sections: Sequence[JointSamples]) -> Mapping[str, Any]:
         try:
             with tempfile.TemporaryDirectory(prefix='lip_id_ros_') as folder:
                 _pass_on(folder, sections)
-                self._job = Job(task, folder)
-                if self._cancelled:
-                    self._job.stop()
-                return self._job.wait()
+                status = self._follow(task, folder)
         except Exception as error:  # whatever it was, nothing is running any more
-            if self.state.state == 'running':
-                self._job = None
-                self._state = replace(self._state, state='failed', error=str(error))
+            self.state = replace(self.state, state='failed', error=str(error))
             raise
+        return self._result(status)
+
+    def _follow(self, task: Task, folder: str) -> int:
+        """Run `job_process` to its end; return its exit status."""
+        request = json.dumps({**asdict(task), 'recording': folder})
+        with subprocess.Popen(
+            [sys.executable, '-m', 'lip_id_ros.acquisition.job_process', request],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        ) as self._process:
+            if self._cancelled:
+                end(self._process)
+            for line in self._process.stdout or ():
+                self.state = advanced(self.state, line)
+        return self._process.returncode
+
+    def _result(self, status: int) -> Mapping[str, Any]:
+        if self.state.state == 'running' and self._cancelled:
+            self.state = replace(self.state, state='cancelled')
+            raise LipIdError(f'the {self.state.task} was cancelled.')
+        if self.state.state == 'running':
+            error = f'the process of the {self.state.task} ended with status {status}.'
+            self.state = replace(self.state, state='failed', error=error)
+        if self.state.state == 'failed':
+            raise LipIdError(self.state.error)
+        return self.state.result

@@ -51,7 +51,7 @@ class Sections:
         """Forget all messages, counts and, unless they were given, the joints."""
         self._closed: list[SampleBuffer] = []
         self._current = SampleBuffer(self._wanted, self._max_rows)
-        self._let_go()
+        self._drop_held()
 
     def __len__(self) -> int:
         """Return the number of messages kept."""
@@ -98,11 +98,11 @@ class Sections:
             return self._hold(stamp, message, doubt)
         reason = self._current.add(stamp, *message[1:])
         if reason is None and self._held:
-            self._let_go()
+            self._drop_held()
         return reason
 
     def samples(self, topic: str) -> list[JointSamples]:
-        """Return copies of what every section has taken so far."""
+        """Return copies of the samples of every section."""
         return [
             section.samples('recording', topic)
             for section in (*self._closed, self._current)
@@ -139,7 +139,7 @@ class Sections:
     def _trial(self, stamp: float) -> SampleBuffer:
         """Return where doubted messages are checked, empty unless this stamp follows the last."""
         if not 0.0 <= stamp - self._held_in.last_stamp_s <= LONGEST_STEP_S:
-            self._let_go()
+            self._drop_held()
         return self._held_in
 
     def _follow(self) -> None:
@@ -151,9 +151,9 @@ class Sections:
             self._current = SampleBuffer(self.joint_names, room)
         for stamp, message, _ in self._held:
             self._current.add(stamp, *message[1:])
-        self._let_go()
+        self._drop_held()
 
-    def _let_go(self) -> None:
+    def _drop_held(self) -> None:
         self._held: list[tuple[float, JointMessage, Reason]] = []
         self._held_in = SampleBuffer(self.joint_names, expected_rows=CONFIRMED_BY)
 

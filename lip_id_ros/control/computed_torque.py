@@ -27,14 +27,7 @@ class NoFeedforward:
 
 
 class LearnedFeedforward:
-    """
-    Torques of a learned model.
-
-    Parameters
-    ----------
-    model : DynamicsModel
-
-    """
+    """Torques of a learned model."""
 
     def __init__(self, model: DynamicsModel) -> None:
         self._model = model
@@ -80,15 +73,7 @@ class Torques:
 
 
 class ComputedTorque:
-    """
-    Torques that follow a reference.
-
-    Parameters
-    ----------
-    feedforward : Feedforward
-    gains : Gains
-
-    """
+    """Torques that follow a reference."""
 
     def __init__(self, feedforward: Feedforward, gains: Gains) -> None:
         self._feedforward = feedforward

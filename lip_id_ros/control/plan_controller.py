@@ -1,4 +1,4 @@
-"""What the node `computed_torque` does: follow a plan with its efforts, and PD feedback."""
+"""Computed torque along a plan: its interpolated efforts and PD feedback."""
 
 from __future__ import annotations
 
@@ -77,10 +77,6 @@ class PlanController:
     Stamps of joint states are the clock of a plan. They are judged as `train` does: one that goes
     back or far ahead is refused, and where the clock did jump, the plan is dropped.
 
-    Parameters
-    ----------
-    settings : ControlSettings
-
     Raises
     ------
     ConfigError
@@ -105,6 +101,7 @@ class PlanController:
         self._jumps = 0
         self._plan: _Plan | None = None
         self._tally = Tally('plans', 'torques', 'idle')
+        self._n_refused = 0
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -160,10 +157,11 @@ class PlanController:
             return command
 
     def status(self) -> Status:
-        """Return the counts of plans and joint states, which add up to `received`."""
+        """Return the counts, which add up to `received`; warn of refusals since the last call."""
         tally = self._tally
         values = {'received': tally.received, **tally.used, 'refused': dict(tally.refused)}
-        if tally.refused:
+        before, self._n_refused = self._n_refused, tally.refused.total()
+        if self._n_refused > before:
             return Status(Level.WARN, 'messages were refused', values)
         return Status(Level.OK, 'all messages are answered', values)
 

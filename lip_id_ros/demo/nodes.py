@@ -42,10 +42,6 @@ def motion(settings: RobotSettings) -> tuple[Dataset, Dataset]:
     """
     One period of a motion.
 
-    Parameters
-    ----------
-    settings : RobotSettings
-
     Returns
     -------
     exact, measured : Dataset

@@ -71,7 +71,7 @@ def demonstrate(output: Path) -> Evaluation:
     Returns
     -------
     Evaluation
-        Of what `serve` answered, against the truth.
+        Of the answers of `serve`, against the truth.
 
     """
     shutil.rmtree(output / BAG, ignore_errors=True)
@@ -106,7 +106,7 @@ def learn(graph: Graph, progress: Progress) -> None:
 
 
 def fitted(graph: Graph, progress: Progress) -> bool:
-    """Tell whether the fit is done, and pass its progress on."""
+    """Return whether the fit is done, and report its progress."""
     job = graph.train_status['job']
     if job['task'] != 'fit':
         return False

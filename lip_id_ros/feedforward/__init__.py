@@ -1,1 +1,1 @@
-"""What the node serve does: check, answer, shape, watch."""
+"""The node `serve` without ROS: check references, predict torques, shape and watch them."""

@@ -26,10 +26,6 @@ class ModelFile:
     They load it at different times, and a fit may replace the file at any time: without a copy,
     torques could be of one model and their standard deviations or plans of another.
 
-    Parameters
-    ----------
-    path : str
-
     Raises
     ------
     OSError

@@ -1,4 +1,4 @@
-"""What the node `serve` does with a message: answer safely, or refuse and count."""
+"""The server of torques: each message is answered safely, or refused and counted."""
 
 from __future__ import annotations
 

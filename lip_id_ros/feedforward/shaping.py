@@ -166,11 +166,6 @@ class Shaper:
     counts : Counter
         Gets `limited` and `rate_limited`: samples and points of plans that were cut.
 
-    Attributes
-    ----------
-    rules : Rules
-    sent : Sent
-
     """
 
     def __init__(self, rules: Rules, sent: Sent, counts: Counter[str]) -> None:

@@ -1,4 +1,4 @@
-"""What the node `monitor` does with a joint state: watch energy and contacts, or refuse it."""
+"""The monitor of energy and contacts: each joint state is used, or refused and counted."""
 
 from __future__ import annotations
 
@@ -102,10 +102,6 @@ class Watched:
 class Monitor:
     """
     Watch an arm with a model.
-
-    Parameters
-    ----------
-    settings : MonitorSettings
 
     Raises
     ------

@@ -28,7 +28,7 @@ class NodeBase(Node):
     """
     A node that no message and no request can end.
 
-    An exception that a subscription, a service or a timer lets through is logged and counted, the
+    An exception of a subscription's, a service's or a timer's callback is logged and counted, the
     robot gets the safe torque, and a service answers without success. Refusals are not such
     exceptions: they are handled where they arise.
 
@@ -83,7 +83,7 @@ class NodeBase(Node):
         return Status(Level.OK, 'running')
 
     def stop(self) -> None:
-        """Let go of the robot and keep the data; the node can still publish."""
+        """Release the robot and keep the data; the node can still publish."""
 
     def check_change(self, values: Mapping[str, Any]) -> None:
         """

@@ -63,7 +63,7 @@ def run(make_node: Callable[[], NodeBase], arguments: Sequence[str] | None = Non
     _spare_collections()
     try:
         _spin(node, stopped)
-    finally:  # after an error of the executor too: the robot is let go of, the data is kept
+    finally:  # after an error of the executor too: the robot is released, the data is kept
         ended = _stop(node)
     return ended
 

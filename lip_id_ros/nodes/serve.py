@@ -54,7 +54,7 @@ class ServeNode(NodeBase, LifecycleNode):
             self._start()
 
     def stop(self) -> None:
-        """Let go of the robot and end the lifecycle."""
+        """Release the robot and end the lifecycle."""
         if self._state_label != 'finalized':
             self.trigger_shutdown()
         self._pool.shutdown()
@@ -162,8 +162,8 @@ class ServeNode(NodeBase, LifecycleNode):
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let go of the robot."""
-        self._let_go()
+        """Output zero torque and release the robot."""
+        self._release()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -173,21 +173,21 @@ class ServeNode(NodeBase, LifecycleNode):
         return result
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let go of the robot, for good."""
-        self._let_go()
+        """Release the robot and forget the model; the node cannot be configured again."""
+        self._release()
         result = super().on_shutdown(state)
         self._forget()
         return result
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let go of the robot after a transition that went wrong, and begin anew."""
+        """Release the robot after a transition that raised an error; configure works again."""
         self._failure = 'a transition raised an error; configure the node again'
         self.get_logger().error(self._failure)
-        self._let_go()
+        self._release()
         self._forget()
         return super().on_error(state)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         self._inputs.publish_zero()
         self._server.release()
 

@@ -1,4 +1,4 @@
-"""The topics of the node `serve`: what it publishes, and what it does with messages."""
+"""The topics of the node `serve`: its publishers, and its subscriptions with their callbacks."""
 
 from __future__ import annotations
 
@@ -38,14 +38,7 @@ RESIDUAL_TOPIC = 'torque_residual'
 
 
 class Outputs:
-    """
-    Publishers, which are active while the node is.
-
-    Parameters
-    ----------
-    node : LifecycleNode
-
-    """
+    """Publishers, which are active while the node is."""
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node = node
@@ -127,16 +120,7 @@ class Outputs:
 
 
 class Inputs:
-    """
-    Subscriptions, and what is done with their messages: convert, ask, convert, publish.
-
-    Parameters
-    ----------
-    node : LifecycleNode
-    server : Server
-    outputs : Outputs
-
-    """
+    """Subscriptions with their callbacks: convert, ask the server, convert, publish."""
 
     def __init__(self, node: LifecycleNode, server: Server, outputs: Outputs) -> None:
         self._node = node
@@ -262,7 +246,7 @@ class Inputs:
         self._receive(lambda: self._answer_sample(stamp, names, [reference]))
 
     def _on_joint_state(self, message: JointState) -> None:
-        """Publish energies and torque residual to those who listen."""
+        """Publish energies and the torque residual while they have subscribers."""
         measured = self._server.measure(from_joint_state(message), time.monotonic())
         if measured is None:
             return

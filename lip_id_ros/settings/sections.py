@@ -99,7 +99,7 @@ def override_sections(
 
 def read_config(path: str | os.PathLike[str]) -> Config:
     """
-    Read settings from a YAML file; what it does not name keeps its default.
+    Read settings from a YAML file; settings that it does not name keep their defaults.
 
     Parameters
     ----------

@@ -238,10 +238,6 @@ def panda(n_joints: int = N_JOINTS) -> SimulatedArm:
     n_joints : int
         1 to 7 joints from the base; the others are locked in an elbow-up posture.
 
-    Returns
-    -------
-    SimulatedArm
-
     Raises
     ------
     LipIdError

@@ -16,14 +16,7 @@ from lip_id_ros.simulation.trajectories import Trajectory
 
 
 class NominalFeedforward:
-    """
-    Torques of a rigid-body model, for `lip_id_ros.control.ComputedTorque`.
-
-    Parameters
-    ----------
-    arm : Dynamics
-
-    """
+    """Torques of a rigid-body model, for `lip_id_ros.control.ComputedTorque`."""
 
     def __init__(self, arm: Dynamics) -> None:
         self._arm = arm

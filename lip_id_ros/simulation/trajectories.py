@@ -135,10 +135,6 @@ class SinusoidTrajectory:
             Lowest frequency [Hz]. The paper prints 0.02 rad/s, with which its 500 samples at 10 Hz
             would hold a sixth of a period; with 0.02 Hz they are exactly one.
 
-        Returns
-        -------
-        SinusoidTrajectory
-
         """
         a, b = rng.uniform(-1.0, 1.0, (2, limits.n_joints, n_sinusoids))
         unscaled = cls(np.zeros(limits.n_joints), a, b, fundamental_hz)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 import errno
 import io
 import json
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from waiting import wait_until
 
 from lip_id_ros.acquisition import job_process
 from lip_id_ros.acquisition.job import advanced, in_words, Jobs, JobState, Task
@@ -115,6 +116,26 @@ def test_a_job_that_is_cancelled_says_so_and_another_may_follow(
         jobs.start(Task('dataset', flatten(Config()), path), [samples(500)]).result()['path']
         == path
     )
+    jobs.stop()
+
+
+def test_a_fit_of_torques_that_no_arm_makes_shows_its_progress_and_can_be_cancelled(
+    jobs: Jobs, tmp_path: Path
+) -> None:
+    random = replace(samples(1000), effort=np.random.default_rng(0).normal(size=(1000, 2)))
+    work = jobs.start(Task('fit', flatten(Config()), str(tmp_path / 'model.npz')), [random])
+    shown: set[tuple[str, int]] = set()
+
+    def progressed() -> bool:
+        shown.add((jobs.state.stage, jobs.state.done))
+        return len({stage for stage, _ in shown}) > 2 and jobs.state.total > 0
+
+    wait_until(progressed, 'the progress of the fit')
+    jobs.cancel()
+    with pytest.raises(LipIdError, match=r'^the fit was cancelled\.$'):
+        work.result()
+    assert jobs.state.state == 'cancelled'
+    assert list(tmp_path.iterdir()) == []
     jobs.stop()
 
 

@@ -11,6 +11,8 @@ from simulation.pendulums import swing
 from lip_id_ros.cli import main
 from lip_id_ros.simulation import write_bag
 
+Capture = pytest.CaptureFixture[str]
+
 SETTINGS = """
 preprocessing:
   cutoff_hz: 8.0
@@ -19,6 +21,11 @@ fit:
   max_samples: 50
   iterations: 8
 """
+
+
+def lip_id(*arguments: object) -> None:
+    """Run the command line, which must succeed."""
+    assert main([str(argument) for argument in arguments]) == 0
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,12 @@ from pathlib import Path
 import subprocess
 import sys
 
-from cli.conftest import Workshop
+from cli.conftest import Capture, lip_id, Workshop
 from gp.processes import process_of
 import numpy as np
 import pytest
 from simulation.pendulums import swing
 
-from benchmarks._drives import recording
 from lip_id_ros.baselines import MODELS
 from lip_id_ros.cli import arguments, main
 from lip_id_ros.dataset import Dataset
@@ -25,12 +24,7 @@ from lip_id_ros.preprocessing import for_training, load_dataset
 from lip_id_ros.settings import read_config
 from lip_id_ros.simulation import write_bag
 
-Capture = pytest.CaptureFixture[str]
 VERBS = ('fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'compare')
-
-
-def lip_id(*arguments: object) -> None:
-    assert main([str(argument) for argument in arguments]) == 0
 
 
 def test_fit_writes_a_model_and_shows_its_joints(
@@ -193,54 +187,6 @@ def test_a_csv_data_set_is_a_source(workshop: Workshop, here: Path) -> None:
     np.testing.assert_array_equal(measured, Dataset.load('data.npz').tau)
 
 
-def test_inspect_says_what_is_wrong(workshop: Workshop, here: Path, capsys: Capture) -> None:
-    broken = swing(0, rate=50.0)
-    write_bag('broken', replace(broken, dq=57.3 * broken.dq), start=1.7e9)
-
-    lip_id('inspect', 'broken', '--report', 'out', '--json', 'health.json')
-
-    text = ' '.join(capsys.readouterr().out.split())
-    (recording,) = json.loads((here / 'health.json').read_text())['recordings']
-    scaled = [each for each in recording['health']['findings'] if each['code'] == 'velocity_scale']
-    assert [finding['joint'] for finding in scaled] == ['shoulder', 'elbow', 'wrist']
-    scale = recording['health']['joints']['elbow']['velocity_scale']
-    assert scale == pytest.approx(57.3, rel=1e-2)
-    assert 'warning velocity_scale: the velocity of shoulder is 57.3 times' in text
-    assert 'Likewise elbow, wrist.' in text
-    page = (here / 'out' / 'index.html').read_text(encoding='utf-8')
-    assert 'the velocity of shoulder is 57.3 times' in page
-    assert {path.name for path in (here / 'out').iterdir()} == {
-        'index.html', 'signals.png', 'coverage.png'
-    }  # fmt: skip
-
-
-def test_inspect_finds_out_what_efforts_are(here: Path, capsys: Capture) -> None:
-    _, dataset = recording(0, [])
-    dataset.save('sound.npz')
-    replace(dataset, tau=-dataset.tau).save('turned.npz')
-
-    lip_id('inspect', 'sound.npz', '--efforts')
-    assert 'No other reading of the efforts' in capsys.readouterr().out
-
-    lip_id('inspect', 'turned.npz', '--efforts', '--json', 'efforts.json')
-    text = ' '.join(capsys.readouterr().out.split())
-    (finding,) = json.loads((here / 'efforts.json').read_text())['efforts']
-    assert finding['code'] == 'effort_sign'
-    assert 'give these joints a negative value in recording.effort_scale.' in text
-
-
-def test_only_recordings_can_be_drawn(here: Path, capsys: Capture) -> None:
-    swing(0, rate=50.0).save('data.npz')
-
-    assert main(['inspect', 'data.npz', '--report', 'out']) == 1
-
-    assert capsys.readouterr().err == (
-        'lip_id: error: --report needs a recording with joint samples, but data.npz has none; '
-        'leave --report out, or evaluate a model with it.\n'
-    )
-    assert not (here / 'out').exists()
-
-
 def test_fit_says_what_is_wrong_with_its_recordings(
     workshop: Workshop, here: Path, capsys: Capture
 ) -> None:
@@ -261,36 +207,6 @@ def test_fit_leaves_out_what_is_nearly_at_rest(workshop: Workshop, here: Path) -
     assert (np.abs(data.dq) < slowest).any()
     moving = np.all(np.abs(data.dq) >= slowest, axis=1)
     assert model.n_samples == moving.sum()
-
-
-def test_inspect_tells_a_bag_a_data_set_and_a_model(
-    workshop: Workshop, here: Path, capsys: Capture
-) -> None:
-    lip_id('dataset', workshop.bag, '-o', 'data.npz')
-    capsys.readouterr()
-    kinds = {}
-    for path in (workshop.bag, 'data.npz', workshop.model):
-        lip_id('inspect', path, '--json', '-')
-        kinds[str(path)] = json.loads(capsys.readouterr().out)['kind']
-
-    assert list(kinds.values()) == ['rosbag2 folder', 'data set', 'model']
-
-
-def test_inspect_shows_rate_and_ranges(workshop: Workshop, capsys: Capture) -> None:
-    lip_id('inspect', workshop.bag)
-
-    output = capsys.readouterr().out
-    assert 'rate_hz: 50' in output
-    assert 'topic: /joint_states' in output
-    assert all(name in output for name in ('shoulder', 'position', 'effort'))
-
-
-def test_inspect_shows_what_a_model_was_fitted_on(workshop: Workshop, capsys: Capture) -> None:
-    lip_id('inspect', workshop.model)
-
-    output = capsys.readouterr().out
-    assert 'kernel: articulated' in output
-    assert f'source: {workshop.bag}' in output
 
 
 def test_bench_measures_and_writes(workshop: Workshop, here: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, field, replace
 import math
 
@@ -12,6 +13,7 @@ from lip_id_ros.control.plan_controller import ControlSettings, PlanController
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import RefusedError
+from lip_id_ros.signals.status import Level
 
 NAMES = ('a', 'b')
 SETTINGS = ControlSettings(
@@ -127,9 +129,9 @@ def test_limits_are_kept_to_the_last_digit() -> None:
         ([PLAN[0], Point([0, 0], [0, 0], Time(1))], 'as long as the joint names'),
         ([PLAN[0], Point([0], [0, 0], Time(1), [1, 1])], 'as long as the joint names'),
         ([PLAN[0], Point([0, 0], [0, 0], Time(1), [math.nan, 1])], 'must be finite'),
-        ([PLAN[0], Point([0, 1e300], [0, 0], Time(1), [1, 1])], 'beyond what any arm does'),
-        ([PLAN[0], Point([0, 0], [0, -1e300], Time(1), [1, 1])], 'beyond what any arm does'),
-        ([PLAN[0], Point([0, 0], [0, 0], Time(1), [1e300, 1])], 'beyond what any arm does'),
+        ([PLAN[0], Point([0, 1e300], [0, 0], Time(1), [1, 1])], 'larger than that of any arm'),
+        ([PLAN[0], Point([0, 0], [0, -1e300], Time(1), [1, 1])], 'larger than that of any arm'),
+        ([PLAN[0], Point([0, 0], [0, 0], Time(1), [1e300, 1])], 'larger than that of any arm'),
         ([PLAN[0], Point([0, math.inf], [0, 0], Time(1), [1, 1])], 'must be finite'),
     ],
 )
@@ -216,3 +218,25 @@ def test_a_joint_state_that_comes_again_gets_the_same_torque() -> None:
         torques = controller.torques(measured(0.5, [0.5, 1.0], [1.0, 0.0]))
         assert torques is not None
         np.testing.assert_allclose(torques, [3.0, -4.0], atol=1e-9)
+
+
+def test_every_message_is_used_or_refused_and_new_refusals_are_warned_of() -> None:
+    controller = PlanController(SETTINGS)
+    sent = 0
+    for plan in (PLAN, PLAN[:1], [], PLAN[::-1]):
+        sent += 1
+        with contextlib.suppress(RefusedError):
+            controller.take(NAMES, plan)
+    rows = [[0.0, 0.0], [math.nan, 0.0], [], [0.0]]
+    for number, row in enumerate(rows):
+        sent += 1
+        with contextlib.suppress(RefusedError):
+            controller.torques(measured(0.01 * number, row, [0.0, 0.0]))
+    status = controller.status()
+    assert (status.level, status.summary) == (Level.WARN, 'messages were refused')
+    values = status.values
+    assert (values['received'], values['plans'], values['torques']) == (sent, 1, 1)
+    assert values['idle'] == 0
+    assert sum(values['refused'].values()) == sent - 2
+    assert len(values['refused']) == 5
+    assert controller.status().level == Level.OK

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 from feedforward.arms import arm, NAMES, point
@@ -256,3 +257,23 @@ def test_refused_joint_states_are_warned_of() -> None:
     sentence = 'messages with trouble: joint states: velocity missing 3'
     assert server.judge('', 0.0) == (Level.WARN, sentence)
     assert server.judge('', 0.0) == (Level.OK, 'answering')
+
+
+@given(st.lists(st.integers(0, 5), max_size=30))
+def test_every_message_is_answered_or_refused(kinds: list[int]) -> None:
+    server, plan = serving(), [POINT, point([1, 2], [3, 4], [5, 6], 1.0)]
+    calls = (
+        lambda: server.sample(NAMES, [POINT], 1.0),
+        lambda: server.sample(('a',), [POINT], 1.0),
+        lambda: server.plan(NAMES, plan),
+        lambda: server.plan(NAMES, plan[::-1]),
+        server.disable,
+        lambda: server.enable(1.0),
+    )
+    messages = 0
+    for kind in kinds:
+        messages += kind < 4
+        with contextlib.suppress(RefusedError):
+            calls[kind]()
+    values = server.values()
+    assert messages == sum(values['answered'].values()) + sum(values['refused'].values())

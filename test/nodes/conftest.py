@@ -23,6 +23,37 @@ def ros(tmp_path: Path) -> Iterator[tuple[Graph, Client]]:
 
 
 @pytest.fixture(scope='session')
+def shared(
+    tmp_path_factory: pytest.TempPathFactory, model_path: str
+) -> Iterator[tuple[Graph, Client]]:
+    """Start `serve` once for many tests; each answer is the model's own, none comes unasked."""
+    from nodes.ros_graph import graph  # only where ROS is there
+
+    with graph(tmp_path_factory.mktemp('shared')) as (made, client):
+        made.start('serve', model_path=model_path, ramp_s=0.0, stale_timeout_s=0.0)
+        client.status('serve', lambda status: status['state'] == 'active')
+        yield made, client
+
+
+@pytest.fixture
+def serving(shared: tuple[Graph, Client], model_path: str) -> tuple[Graph, Client]:
+    """Give the shared `serve` as it was at its start, with counts from now on."""
+    _, client = shared
+    results = client.set_parameters(
+        'serve',
+        enabled=True,
+        gravity=True,
+        model_path=model_path,
+        rate_limits=[],
+        residual_cutoff_hz=4.0,
+        torque_limits=[],
+    )
+    assert all(result.successful for result in results)
+    client.mark('serve')
+    return shared
+
+
+@pytest.fixture(scope='session')
 def model_path(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Model of the two pendulums."""
     path = tmp_path_factory.mktemp('model') / 'model.npz'

@@ -13,7 +13,7 @@ import sys
 import threading
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
 import rclpy
@@ -86,6 +86,8 @@ class Client:
         self.received: dict[str, list[Any]] = {}
         self._clients: dict[str, Any] = {}
         self._subscriptions: dict[str, Any] = {}
+        self._publishers: dict[str, Any] = {}
+        self._marks: dict[str, dict[str, Any]] = {}
 
     def wait_until(self, condition: Callable[[], Any], what: str) -> None:
         wait_until(condition, what)
@@ -106,10 +108,14 @@ class Client:
         return self.call(SetBool, name, SetBool.Request(data=on))
 
     def set_parameter(self, node: str, name: str, value: Any) -> Any:
-        request = SetParameters.Request(
-            parameters=[Parameter(name, value=value).to_parameter_msg()]
-        )
-        return self.call(SetParameters, f'/{node}/set_parameters', request).results[0]
+        return self.set_parameters(node, **{name: value})[0]
+
+    def set_parameters(self, node: str, **values: Any) -> Any:
+        parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+        ]
+        request = SetParameters.Request(parameters=parameters)
+        return self.call(SetParameters, f'/{node}/set_parameters', request).results
 
     def transition(self, number: int, node: str = '/serve') -> bool:
         request = ChangeState.Request()
@@ -120,7 +126,10 @@ class Client:
         return str(self.call(GetState, '/serve/get_state', GetState.Request()).current_state.label)
 
     def listen(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> list[Any]:
-        """Collect the messages of a topic; its publishers know this subscription."""
+        """Collect the messages of a topic from now on; its publishers know this subscription."""
+        if topic in self._subscriptions:
+            self.received[topic].clear()
+            return self.received[topic]
         messages = self.await_topic(kind, topic, profile)
         subscription = self._subscriptions[topic]
         wait_until(lambda: subscription.get_publisher_count() > 0, f'publisher of {topic}')
@@ -139,12 +148,25 @@ class Client:
         self, kind: Any, topic: str, profile: QoSProfile = qos.REFERENCE, listeners: int = 1
     ) -> Any:
         """Return a publisher that so many subscribers know."""
+        if topic in self._publishers:
+            return self._publishers[topic]
         publisher = self.node.create_publisher(kind, topic, profile)
         wait_until(
             lambda: publisher.get_subscription_count() >= listeners, f'subscriber of {topic}'
         )
         self._await_discovery(lambda: self.node.get_subscriptions_info_by_topic(topic))
+        self._publishers[topic] = publisher
         return publisher
+
+    def mark(self, node: str) -> None:
+        """Count from now on: `status` subtracts what the node has counted so far."""
+        diagnostics = self.listen(DiagnosticArray, '/diagnostics', qos.DIAGNOSTICS)
+
+        def of_node() -> list[DiagnosticStatus]:
+            return [each.status[0] for each in list(diagnostics) if each.status[0].name == node]
+
+        wait_until(lambda: len(of_node()) > 1, f'diagnostics of {node}')
+        self._marks[node] = messages.status_values(of_node()[-1])
 
     def _await_discovery(self, endpoints: Callable[[], list[Any]]) -> None:
         """Wait until the nodes of endpoints, others than this one, know what this one has."""
@@ -166,11 +188,27 @@ class Client:
 
         def fulfilled() -> bool:
             for message in self.received[topic][-1:]:
-                found[:] = [messages.status_values(message)]
+                found[:] = [since(messages.status_values(message), self._marks.get(node, {}))]
             return bool(found and condition(found[0]))
 
         wait_until(fulfilled, f'status of {node}')
         return found[0]
+
+
+def since(values: dict[str, Any], mark: dict[str, Any]) -> dict[str, Any]:
+    """Return a status whose counts begin at an earlier one; reasons not met since are left out."""
+    counted: dict[str, Any] = {}
+    for key, value in values.items():
+        before = mark.get(key)
+        if isinstance(value, dict):
+            counted[key] = since(value, before if isinstance(before, dict) else {})
+            if key in ('refused', 'unmeasured'):
+                counted[key] = {reason: n for reason, n in counted[key].items() if n}
+        elif type(value) is int and type(before) is int:
+            counted[key] = value - before
+        else:
+            counted[key] = value
+    return counted
 
 
 class Graph:

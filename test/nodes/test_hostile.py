@@ -142,10 +142,9 @@ def test_random_bytes_end_no_node(ros: tuple[Graph, Client], model_path: str, no
 
 
 def test_a_publisher_whose_quality_of_service_does_not_fit_is_warned_of(
-    ros: tuple[Graph, Client], model_path: str
+    serving: tuple[Graph, Client],
 ) -> None:
-    graph, client = ros
-    start_serve(graph, model_path=model_path)
+    _, client = serving
     status = client.status('serve', lambda status: status['state'] == 'active')
     assert status['summary'] == 'answering'
     publisher = client.node.create_publisher(JointTrajectory, REFERENCE, qos.SENSOR_STREAM)

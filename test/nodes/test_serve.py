@@ -49,16 +49,12 @@ def start_serve(graph: Graph, **parameters: Any) -> Process:
     return graph.start('serve', **{'ramp_s': 0.0, 'stale_timeout_s': 0.0, **parameters})
 
 
-def test_a_sample_is_answered_with_torque_and_energies(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
-    graph, client = ros
-    start_serve(graph, model_path=model_path)
+def test_a_sample_is_answered_with_torque_and_energies(serving: tuple[Graph, Client]) -> None:
+    _, client = serving
     torques = client.listen(JointState, TORQUE)
     kinetic = client.listen(Float64, '/serve/kinetic_energy')
     potential = client.listen(Float64, '/serve/potential_energy')
     publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     publisher.publish(GOOD)
     client.wait_until(lambda: torques and kinetic and potential, 'answer')
     assert torques[0].header.stamp == GOOD.header.stamp
@@ -75,12 +71,11 @@ def test_a_sample_is_answered_with_torque_and_energies(
     assert torques[1].effort == torques[0].effort
 
 
-def test_a_plan_comes_back_with_efforts(ros: tuple[Graph, Client], model_path: str) -> None:
-    graph, client = ros
-    start_serve(graph, model_path=model_path, torque_limits=[4.0, 100.0])
+def test_a_plan_comes_back_with_efforts(serving: tuple[Graph, Client]) -> None:
+    _, client = serving
+    client.set_parameter('serve', 'torque_limits', [4.0, 100.0])
     plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
     publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     _, q, dq, ddq = toy.motion(200, seed=5)
     rows = zip(q[:, ::-1].tolist(), dq[:, ::-1].tolist(), ddq[:, ::-1].tolist(), strict=True)
     plan = trajectory(SWAPPED, *(point(*row) for row in rows))
@@ -97,14 +92,11 @@ def test_a_plan_comes_back_with_efforts(ros: tuple[Graph, Client], model_path: s
     assert plans[0] == plan
 
 
-def test_bad_references_are_counted_and_the_node_lives(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
-    graph, client = ros
-    serve = start_serve(graph, model_path=model_path)
+def test_bad_references_are_counted_and_the_node_lives(serving: tuple[Graph, Client]) -> None:
+    graph, client = serving
+    serve = graph.processes[0]
     torques = client.listen(JointState, TORQUE)
     publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     two = [0.0, 0.0]
     bad = [
         trajectory(toy.JOINTS),
@@ -182,12 +174,10 @@ def test_the_last_word_is_zero_torque(
     assert list(commands[1].data) == [0.0, 0.0]
 
 
-def test_disabled_means_silent_after_one_zero(ros: tuple[Graph, Client], model_path: str) -> None:
-    graph, client = ros
-    start_serve(graph, model_path=model_path)
+def test_disabled_means_silent_after_one_zero(serving: tuple[Graph, Client]) -> None:
+    _, client = serving
     torques = client.listen(JointState, TORQUE)
     publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     assert client.switch('/serve/enable', False).success
     publisher.publish(GOOD)
     status = client.status('serve', lambda status: status['refused'])
@@ -199,13 +189,11 @@ def test_disabled_means_silent_after_one_zero(ros: tuple[Graph, Client], model_p
 
 
 def test_limits_change_while_it_runs_and_wrong_ones_are_refused(
-    ros: tuple[Graph, Client], model_path: str
+    serving: tuple[Graph, Client],
 ) -> None:
-    graph, client = ros
-    start_serve(graph, model_path=model_path)
+    _, client = serving
     torques = client.listen(JointState, TORQUE)
     publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     result = client.set_parameter('serve', 'torque_limits', [1.0, 2.0, 3.0])
     assert result.reason.startswith('torque_limits must hold one value per joint (2)')
     result = client.set_parameter('serve', 'joints', ['left', 'right'])
@@ -219,13 +207,11 @@ def test_limits_change_while_it_runs_and_wrong_ones_are_refused(
 
 
 def test_reload_swaps_the_model_or_keeps_the_old_one(
-    ros: tuple[Graph, Client], model_path: str, foreign_model_path: str, tmp_path: Path
+    serving: tuple[Graph, Client], model_path: str, foreign_model_path: str, tmp_path: Path
 ) -> None:
-    graph, client = ros
-    start_serve(graph, model_path=model_path)
+    _, client = serving
     torques = client.listen(JointState, TORQUE)
     publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     publisher.publish(GOOD)
     client.set_parameter('serve', 'model_path', foreign_model_path)
     answer = client.trigger('/serve/reload_model')

@@ -83,15 +83,14 @@ def test_parts_and_standard_deviations_are_published_where_asked_for(
 
 
 def test_measured_joint_states_give_energies_and_a_torque_residual(
-    ros: tuple[Graph, Client], model_path: str
+    serving: tuple[Graph, Client],
 ) -> None:
-    graph, client = ros
-    start_serve(graph, model_path=model_path, residual_cutoff_hz=50.0)
+    _, client = serving
+    client.set_parameter('serve', 'residual_cutoff_hz', 50.0)
     kinetic = client.listen(Float64, '/serve/measured/kinetic_energy')
     potential = client.listen(Float64, '/serve/measured/potential_energy')
     residuals = client.listen(JointState, '/serve/torque_residual')
     publisher = client.speak(JointState, '/joint_states')
-    client.status('serve', lambda status: status['state'] == 'active')
     _, q, dq, ddq = toy.motion(60, seed=3)
     effort = toy.torque(q, ddq) + [0.0, 2.0]
     for row in range(len(q)):

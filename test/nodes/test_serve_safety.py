@@ -119,12 +119,11 @@ def test_limits_of_rate_and_range_hold_and_are_told(
     client.wait_until(warned, 'warning')
 
 
-def test_gravity_is_left_to_the_robot(ros: tuple[Graph, Client], model_path: str) -> None:
-    graph, client = ros
-    start_serve(graph, model_path=model_path, gravity=False)
+def test_gravity_is_left_to_the_robot(serving: tuple[Graph, Client]) -> None:
+    _, client = serving
+    client.set_parameter('serve', 'gravity', False)
     torques = client.listen(JointState, TORQUE)
     publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     publisher.publish(GOOD)
     client.wait_until(lambda: torques, 'answer')
     np.testing.assert_allclose(torques[0].effort, toy.INERTIA * [1.0, -1.0], atol=0.1)
@@ -188,14 +187,10 @@ def test_a_configuration_that_fails_is_an_error_in_the_diagnostics(
     assert status.message.startswith(f'not configured: {foreign_model_path} must be a model of')
 
 
-def test_a_reload_leaves_no_reference_unanswered(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
-    graph, client = ros
-    start_serve(graph, model_path=model_path)
+def test_a_reload_leaves_no_reference_unanswered(serving: tuple[Graph, Client]) -> None:
+    _, client = serving
     torques = client.listen(JointState, TORQUE)
     publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     publisher.publish(GOOD)
     client.wait_until(lambda: torques, 'answer')
     stop, sent = threading.Event(), [1]
@@ -218,14 +213,13 @@ def test_a_reload_leaves_no_reference_unanswered(
 
 
 @pytest.mark.slow
-def test_ten_thousand_malformed_references_are_counted_each(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
-    graph, client = ros
-    serve = start_serve(graph, model_path=model_path, torque_limits=[3.0, 6.0])
+def test_ten_thousand_malformed_references_are_counted_each(serving: tuple[Graph, Client]) -> None:
+    graph, client = serving
+    serve = graph.processes[0]
+    client.set_parameter('serve', 'torque_limits', [3.0, 6.0])
+    client.set_parameter('serve', 'rate_limits', [1e6])
     torques = client.listen(JointState, TORQUE)
     publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     rng = np.random.default_rng(0)
     for batch in range(1, 201):
         for _ in range(50):  # less than the queue holds
