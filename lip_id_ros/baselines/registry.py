@@ -69,6 +69,7 @@ LITERATURE = {
     'rigid_body': Entry(
         'least squares on rigid-body dynamics with smooth friction, kinematics known from a URDF',
         'rigid_body',
+        version=2,
         needs_urdf=True,
     ),
     'rigid_body_friction': Entry(
@@ -79,6 +80,7 @@ LITERATURE = {
     'semiparametric': Entry(
         'a Gaussian process per joint, rigid-body features and squared exponential',
         'single_output',
+        version=2,
         needs_urdf=True,
     ),
 }

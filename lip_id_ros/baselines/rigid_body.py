@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.linalg import lstsq
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State, Urdf
-from lip_id_ros.baselines.regressor import Regressor
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.description.urdf import load_description
 from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.regressor import (
+    kinetic_regressor,
+    potential_regressor,
+    torque_regressor,
+)
 from lip_id_ros.settings import FitSettings
 
 REPEATS = 3  # of the weighting
@@ -25,37 +33,84 @@ SWEEPS = 2  # over the joints
 STAGE = 'least squares'
 
 
+def known_chain(urdf: Urdf, dataset: Dataset) -> Chain:
+    """
+    Return the kinematics of a URDF for the joints of a data set; its masses are not used.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    DataError
+        If it is not a URDF, or not of this arm.
+
+    """
+    chain = load_description(urdf, dataset.joint_names, dataset.joint_types).chain
+    return chain._replace(gravity=0.0 * chain.gravity) if dataset.gravity_compensated else chain
+
+
+@dataclass(frozen=True)
 class RigidBodyFeatures:
     """
-    The regressor of the links and that of the joints.
+    The regressor of the links and that of the joints (paper, eq. linear_model).
 
-    Parameters
+    Attributes
     ----------
-    links : Regressor
+    chain : Chain
     sign_width : array, shape (n,)
         Velocity [rad/s or m/s] at which Coulomb friction has tanh(1) of its size; 0 for a jump.
 
     """
 
-    def __init__(self, links: Regressor, sign_width: Array) -> None:
-        self.links = links
-        self.sign_width = sign_width
+    chain: Chain
+    sign_width: Array
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return Phi, shape (N, n, 14 n): links, viscous, Coulomb, offset, rotor."""
-        columns = (dq, smooth_sign(dq, self.sign_width), np.ones_like(dq), ddq)
-        return np.concatenate(
-            [self.links.torque(q, dq, ddq), *(_diagonal(x) for x in columns)], axis=2
-        )
+        """Return Phi, shape (N, n, 14 n): links with rotors, viscous, Coulomb, offset."""
+        columns = (dq, smooth_sign(dq, self.sign_width), np.ones_like(dq))
+        links = torque_regressor(self.chain, *contiguous(q, dq, ddq))
+        return np.concatenate([links, *(_diagonal(x) for x in columns)], axis=2)
 
     def kinetic(self, q: Array, dq: Array) -> Array:
         """Return rows, shape (N, 14 n), whose product with the parameters is T [J]."""
-        none = np.zeros((len(q), 3 * q.shape[1]))
-        return np.hstack([self.links.kinetic(q, dq), none, 0.5 * np.square(dq)])
+        return _without_friction(kinetic_regressor(self.chain, *contiguous(q, dq)), q)
 
     def potential(self, q: Array) -> Array:
         """Return rows, shape (N, 14 n), whose product with the parameters is V [J]."""
-        return np.hstack([self.links.potential(q), np.zeros((len(q), 4 * q.shape[1]))])
+        return _without_friction(potential_regressor(self.chain, *contiguous(q)), q)
+
+    def state(self) -> State:
+        """Return the features as a state."""
+        return {**chain_state(self.chain), 'sign_width': self.sign_width}
+
+    @classmethod
+    def restored(cls, state: State) -> RigidBodyFeatures:
+        """Return the features of a state; KeyError or ValueError if it is not one."""
+        return cls(restored_chain(state), state['sign_width'])
+
+
+def chain_state(chain: Chain) -> State:
+    """Return a chain as a state."""
+    return {name: np.asarray(x) for name, x in chain._asdict().items()}
+
+
+def restored_chain(state: State) -> Chain:
+    """Return the chain of a state; KeyError or ValueError if it is not one."""
+    chain = Chain(*(np.array(state[name]) for name in Chain._fields))
+    n = len(chain.rotations)
+    shapes = [x.shape for x in chain]
+    if shapes != [(n, 3, 3), (n, 3), (n,), (3,)]:
+        raise ValueError(f'the arrays of a chain have shapes {shapes}')
+    return chain
+
+
+def contiguous(*arrays: Array) -> tuple[Array, ...]:
+    """Return arrays as compiled functions take them."""
+    return tuple(np.ascontiguousarray(x) for x in arrays)
+
+
+def _without_friction(links: Array, q: Array) -> Array:
+    return np.hstack([links, np.zeros((len(q), 3 * q.shape[1]))])
 
 
 class RigidBody(Baseline):
@@ -99,7 +154,7 @@ class RigidBody(Baseline):
 
     def state(self) -> State:
         """Return regressor, widths and parameters."""
-        return {'features': features_state(self._features), 'parameters': self._parameters}
+        return {'features': self._features.state(), 'parameters': self._parameters}
 
 
 class Identification:
@@ -123,8 +178,7 @@ class Identification:
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> RigidBody:
         """Identify from all samples."""
-        links = Regressor.of(self._urdf, dataset)
-        features = chosen_features(links, dataset)
+        features = chosen_features(known_chain(self._urdf, dataset), dataset)
         phi = features.torque(dataset.q, dataset.dq, dataset.ddq)
         parameters, _ = _identified(phi, dataset.tau)
         progress(STAGE, REPEATS, REPEATS)
@@ -136,31 +190,10 @@ METHODS: Methods = {'rigid_body': Identification}
 
 def read(joints: Joints, state: State) -> RigidBody:
     """Return the model of a state."""
-    return RigidBody(*joints, restored_features(state['features']), state['parameters'])
+    return RigidBody(*joints, RigidBodyFeatures.restored(state['features']), state['parameters'])
 
 
-def features_state(features: RigidBodyFeatures) -> State:
-    """Return features as a state."""
-    return {**features.links.state, 'sign_width': features.sign_width}
-
-
-def restored_features(state: State) -> RigidBodyFeatures:
-    """
-    Return the features of a state.
-
-    Raises
-    ------
-    KeyError
-        If it lacks something.
-    DataError
-        If it is not that of a robot.
-
-    """
-    names = ('urdf', 'place', 'joint_names', 'gravity_compensated')
-    return RigidBodyFeatures(Regressor(*(state[name] for name in names)), state['sign_width'])
-
-
-def chosen_features(links: Regressor, dataset: Dataset) -> RigidBodyFeatures:
+def chosen_features(chain: Chain, dataset: Dataset) -> RigidBodyFeatures:
     """
     Choose the width of each joint's smooth sign by the prediction of left-out blocks.
 
@@ -169,13 +202,13 @@ def chosen_features(links: Regressor, dataset: Dataset) -> RigidBodyFeatures:
 
     Parameters
     ----------
-    links : Regressor
+    chain : Chain
     dataset : Dataset
         The training data.
 
     """
     unit = 2.0 * np.sqrt(np.mean(np.square(dataset.dq), axis=0))
-    trial = _WidthTrial(links, dataset, unit)
+    trial = _WidthTrial(chain, dataset, unit)
     n = dataset.n_joints
     choice = min(
         (np.full(n, width) for width in range(len(WIDTHS))), key=lambda each: trial.error(each)
@@ -185,7 +218,7 @@ def chosen_features(links: Regressor, dataset: Dataset) -> RigidBodyFeatures:
         for width, candidate in enumerate(candidates):
             candidate[joint] = width
         choice = min(candidates, key=lambda each: trial.error(each))
-    return RigidBodyFeatures(links, np.array(WIDTHS)[choice] * unit)
+    return RigidBodyFeatures(chain, np.array(WIDTHS)[choice] * unit)
 
 
 class _WidthTrial:
@@ -197,12 +230,12 @@ class _WidthTrial:
 
     """
 
-    def __init__(self, links: Regressor, dataset: Dataset, unit: Array) -> None:
+    def __init__(self, chain: Chain, dataset: Dataset, unit: Array) -> None:
         n = dataset.n_joints
         q, dq, ddq, tau = dataset.q, dataset.dq, dataset.ddq, dataset.tau
         signs = [smooth_sign(dq, width * unit) for width in WIDTHS]
-        joints = [_diagonal(x) for x in (dq, np.ones_like(dq), ddq, *signs)]
-        phi = np.concatenate([links.torque(q, dq, ddq), *joints], axis=2)
+        joints = [_diagonal(x) for x in (dq, np.ones_like(dq), *signs)]
+        phi = np.concatenate([torque_regressor(chain, *contiguous(q, dq, ddq)), *joints], axis=2)
         self._n_fixed = phi.shape[2] - n * len(WIDTHS)
         narrow = phi[:, :, : self._n_fixed + n]  # with the jump
         _, residual_std = _identified(narrow, tau)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State, Urdf
-from lip_id_ros.baselines.regressor import Regressor
+from lip_id_ros.baselines.rigid_body import (
+    chain_state,
+    contiguous,
+    known_chain,
+    restored_chain,
+)
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification.arm_fit import link_prior_std
@@ -57,7 +60,7 @@ class RigidBodyFriction(Baseline):
 
     def predict(self, q: Array, dq: Array, ddq: Array) -> TorquePrediction:
         """Return torques and both energies."""
-        q, dq, ddq = (np.ascontiguousarray(x) for x in (q, dq, ddq))
+        q, dq, ddq = contiguous(q, dq, ddq)
         chain, links = self._chain, self._links.ravel()
         load = torque_regressor(chain, q, dq, ddq) @ links
         return TorquePrediction(
@@ -68,8 +71,11 @@ class RigidBodyFriction(Baseline):
 
     def state(self) -> State:
         """Return chain, links and friction."""
-        chain = {name: np.asarray(x) for name, x in self._chain._asdict().items()}
-        return {'chain': chain, 'links': self._links, 'friction': self.friction.to_json()}
+        return {
+            'chain': chain_state(self._chain),
+            'links': self._links,
+            'friction': self.friction.to_json(),
+        }
 
 
 class Identification:
@@ -91,7 +97,7 @@ class Identification:
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Baseline:
         """Elect friction and identify from all samples."""
-        chain = Regressor.of(self._urdf, dataset).chain()
+        chain = known_chain(self._urdf, dataset)
         elected = elect_friction(dataset, chain, link_prior_std(dataset))
         progress(STAGE, 1, 1)
         names = dataset.joint_names, dataset.joint_types
@@ -103,7 +109,6 @@ METHODS: Methods = {'rigid_body_friction': Identification}
 
 def read(joints: Joints, state: State) -> RigidBodyFriction:
     """Return the model of a state."""
-    places = state['chain']
-    chain = Chain(*(np.array(places[name]) for name in Chain._fields))
     friction = FrictionModel.from_json(state['friction'])
+    chain = restored_chain(state['chain'])
     return RigidBodyFriction(*joints, chain, state['links'], friction)

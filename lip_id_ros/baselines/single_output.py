@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -12,7 +11,8 @@ import torch
 from lip_id_ros.arrays import Array
 from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State, Urdf
 from lip_id_ros.baselines.marginal_likelihood import maximise
-from lip_id_ros.baselines.terms import Linear, MakeTerm, Motion, Term, TERMS
+from lip_id_ros.baselines.rigid_body import chosen_features, known_chain, RigidBodyFeatures
+from lip_id_ros.baselines.terms import Linear, Motion, Term, TERMS
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp.fitting import covering
 from lip_id_ros.kernels import JointBasis
@@ -55,7 +55,7 @@ class SingleOutput:
         """Fit the joints one after another."""
         names = (*self.terms, 'friction') if settings.friction and self.friction else self.terms
         basis = JointBasis.of(dataset.joint_types, dataset.q)
-        terms = _Terms(names, basis, self._regressor_features(dataset))
+        terms = _Terms(names, basis, self._rigid_body(dataset))
         few = covering(dataset, basis, settings.subset)
         many = covering(dataset, basis, settings.max_samples)
         joints = []
@@ -65,13 +65,10 @@ class SingleOutput:
             joints.append(_condition(covariance, theta, many))
         return PerJoint(dataset.joint_names, dataset.joint_types, terms, joints)
 
-    def _regressor_features(self, dataset: Dataset) -> Any:
+    def _rigid_body(self, dataset: Dataset) -> RigidBodyFeatures | None:
         if self.urdf is None:
             return None
-        from lip_id_ros.baselines.regressor import Regressor  # needs pinocchio
-        from lip_id_ros.baselines.rigid_body import chosen_features
-
-        return chosen_features(Regressor.of(self.urdf, dataset), dataset)
+        return chosen_features(known_chain(self.urdf, dataset), dataset)
 
 
 METHODS: Methods = {
@@ -92,7 +89,7 @@ class RigidBodyTerm(Linear):
 
     """
 
-    def __init__(self, features: Any, joint: int) -> None:
+    def __init__(self, features: RigidBodyFeatures, joint: int) -> None:
         self._features = features
         self._joint = joint
 
@@ -108,36 +105,26 @@ class _Terms:
 
     names: tuple[str, ...]
     basis: JointBasis
-    rigid_body: Any = None  # RigidBodyFeatures, which need pinocchio
+    rigid_body: RigidBodyFeatures | None = None
 
     def covariance(self, joint: int) -> Sum:
-        return Sum([self._maker(name)(self.basis, joint) for name in self.names], joint)
+        return Sum([self._term(name, joint) for name in self.names], joint)
 
-    def _maker(self, name: str) -> MakeTerm:
-        if name == RIGID_BODY:
-            return lambda basis, joint: RigidBodyTerm(self.rigid_body, joint)
-        return TERMS[name]
+    def _term(self, name: str, joint: int) -> Term:
+        if self.rigid_body is not None and name == RIGID_BODY:
+            return RigidBodyTerm(self.rigid_body, joint)
+        return TERMS[name](self.basis, joint)
 
     def state(self) -> State:
-        state = {
-            'names': list(self.names),
-            'centre': self.basis.centre,
-            'half_range': self.basis.half_range,
-        }
-        if self.rigid_body is None:
-            return state
-        from lip_id_ros.baselines.rigid_body import features_state
-
-        return {**state, RIGID_BODY: features_state(self.rigid_body)}
+        features = {} if self.rigid_body is None else {RIGID_BODY: self.rigid_body.state()}
+        basis = {'centre': self.basis.centre, 'half_range': self.basis.half_range}
+        return {'names': list(self.names), **basis, **features}
 
     @classmethod
     def restored(cls, joint_types: tuple[str, ...], state: State) -> _Terms:
         basis = JointBasis(joint_types, state['centre'], state['half_range'])
-        if RIGID_BODY not in state:
-            return cls(tuple(state['names']), basis)
-        from lip_id_ros.baselines.rigid_body import restored_features
-
-        return cls(tuple(state['names']), basis, restored_features(state[RIGID_BODY]))
+        features = RigidBodyFeatures.restored(state[RIGID_BODY]) if RIGID_BODY in state else None
+        return cls(tuple(state['names']), basis, features)
 
 
 class Sum:
