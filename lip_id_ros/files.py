@@ -190,21 +190,9 @@ def write_npz(
     header: Mapping[str, Any],
 ) -> None:
     """
-    Write arrays and a JSON header into one npz file, atomically.
+    Write named arrays and a JSON-able header into one npz file, as `write_atomically` does.
 
-    Parameters
-    ----------
-    path : path
-        Taken as it is, no suffix is added.
-    arrays : mapping
-        Named arrays of numbers or strings.
-    header : mapping
-        JSON-able; stored as the array `header_json`.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
+    No suffix is added to the path. The header is the array `header_json`.
 
     """
     text = np.array(json.dumps(dict(header), sort_keys=True))

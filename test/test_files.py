@@ -1,4 +1,4 @@
-"""Files are whole or absent, and what is no good npz is told from what is."""
+"""Files are whole or absent, and damaged npz files are refused."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ class Dataset:
         t: ArrayLike | None = None,
     ) -> Self:
         """
-        Make a data set of one uninterrupted motion.
+        Make a data set of one uninterrupted motion; raises what the class raises.
 
         Parameters
         ----------
@@ -110,13 +110,6 @@ class Dataset:
             'revolute' or 'prismatic'; all revolute where not given.
         t : array, shape (N,), optional
             Time [s]; steps of 1 s where not given.
-
-        Raises
-        ------
-        ShapeError
-            If an array does not have its shape, or a sequence its length.
-        DataError
-            If a number is not finite, names are not unique, a type is unknown, or time goes back.
 
         """
         arrays = {'q': q, 'dq': dq, 'ddq': ddq, 'tau': tau}
@@ -163,12 +156,7 @@ class Dataset:
 
     def split(self, fraction: float) -> tuple[Dataset, Dataset]:
         """
-        Cut into a first and a remaining part in time.
-
-        Parameters
-        ----------
-        fraction : float
-            Share of samples in the first part, between 0 and 1.
+        Cut into a first part in time, with a share of the samples between 0 and 1, and the rest.
 
         Raises
         ------
@@ -187,18 +175,11 @@ class Dataset:
 
     def blocks(self, count: int, guard: int = GUARD) -> tuple[LeftOutBlock, ...]:
         """
-        Cut into contiguous blocks for cross-validation, each left out once.
+        Cut into `count` contiguous blocks for cross-validation, each left out once.
 
         Samples close in time are correlated, so that `guard` samples on both sides of a block are
         neither held out nor trained on, unless a segment ends there. Where the end of a segment
         is near, a block ends with it.
-
-        Parameters
-        ----------
-        count : int
-            Number of blocks.
-        guard : int
-            Samples left between a block and the training data.
 
         Raises
         ------

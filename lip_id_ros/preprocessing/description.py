@@ -40,7 +40,7 @@ def describe(
     path : path
         A rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz.
     progress : callable
-        Told how many messages are read.
+        Called with the number of messages read.
     assess : callable
         Gets the samples of each recording, returns more keys for its description.
 

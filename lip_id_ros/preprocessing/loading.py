@@ -50,9 +50,9 @@ def load_dataset(
     settings : Config
         Sections `recording` and `preprocessing` are used.
     progress : callable
-        Told how many messages are read.
+        Called with the number of messages read.
     watch : callable
-        Shown the raw samples of every recording before they are preprocessed.
+        Called with the raw samples of every recording before they are preprocessed.
 
     Raises
     ------

@@ -93,11 +93,7 @@ def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> N
     """
     Write a rosbag2 folder: metadata.yaml and one MCAP file.
 
-    Parameters
-    ----------
-    path : path
-        The folder to be made; nothing of it is left after a failure.
-    tracks : sequence of Track
+    Nothing of it is left after a failure.
 
     Raises
     ------
@@ -116,11 +112,6 @@ def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     Write one MCAP file, in place of any that was there.
 
     A link is followed, the mode of an existing file is kept, a pipe or a device is written to.
-
-    Parameters
-    ----------
-    path : path
-    tracks : sequence of Track
 
     Raises
     ------

@@ -90,7 +90,7 @@ class Bag:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is wrong with the bag, as far as it was read: one phrase each, with the file."""
+        """Defects of the bag that reading has found: one phrase each, with the file."""
         found = [f'{name}: {note}' for name, storage in self._files for note in storage.notes]
         return (*self._notes, *found)
 

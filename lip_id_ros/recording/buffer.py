@@ -119,7 +119,7 @@ class SampleBuffer:
 
     def samples(self, source: str = 'the recording', topic: str = '') -> JointSamples:
         """
-        Return copies of what was taken so far; the buffer goes on.
+        Return copies of the messages taken so far; the buffer goes on.
 
         Where only some messages have velocities or efforts, those without are left out and
         counted.

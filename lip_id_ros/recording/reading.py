@@ -80,7 +80,7 @@ def read_bag(
     settings : RecordingSettings
         Topics, joints and clock; scales and types are not applied here.
     progress : callable
-        Told how many messages are read.
+        Called with the number of messages read.
 
     Returns
     -------
@@ -100,15 +100,7 @@ def read_bag(
 
 
 def read_topic(bag: Bag, topic: Topic, progress: Progress = silent) -> JointSamples:
-    """
-    Read the joint samples of one topic, be they few or none.
-
-    Raises
-    ------
-    SourceError
-        If the bag defines the message type in a way that cannot be read.
-
-    """
+    """Read the joint samples of one topic, be they few or none; see `Bag.decoder` for errors."""
     return assembled([_collected(bag, topic, (), progress)], RecordingSettings().clock)
 
 
@@ -116,15 +108,10 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
     """
     Read the joint samples of a CSV log; rows that cannot be used are dropped and counted.
 
-    Times may be negative. As in bags, rows are put in the order of time, and single times far
-    from those around them are dropped (see `timing.arrange`).
-
-    Parameters
-    ----------
-    path : path
-        Columns t [s], q_NAME, tau_NAME and optionally dq_NAME of every joint NAME.
-    joints : sequence of str
-        Joints to keep; empty for all, in the order of their positions.
+    The columns are t [s], q_NAME, tau_NAME and optionally dq_NAME of every joint NAME. Without
+    `joints` all are kept, in the order of their positions. Times may be negative. As in bags, rows
+    are put in the order of time, and single times far from those around them are dropped (see
+    `timing.arrange`).
 
     Raises
     ------

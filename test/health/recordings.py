@@ -41,7 +41,7 @@ def sound(seed: int = 0, friction: float = 1.0, seconds: float = 40.0) -> JointS
 
 
 def codes(samples: JointSamples) -> set[str]:
-    """Return the kinds of what is found."""
+    """Return the codes of the findings."""
     return {finding.code for finding in found(samples)}
 
 

@@ -1,4 +1,4 @@
-"""What is said of real recordings, and that it is true."""
+"""Findings in real recordings, and that they are true."""
 
 from __future__ import annotations
 

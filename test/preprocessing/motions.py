@@ -1,4 +1,4 @@
-"""Recordings of known motions, for tests of what is made of them."""
+"""Recordings of known motions, for tests of preprocessing."""
 
 from __future__ import annotations
 

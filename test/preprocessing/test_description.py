@@ -1,4 +1,4 @@
-"""What `lip_id inspect` says about bags and data sets."""
+"""The description of bags and data sets by `lip_id inspect`."""
 
 from __future__ import annotations
 

@@ -160,7 +160,7 @@ def test_frozen_state_becomes_a_gap() -> None:
 
 
 def test_stamps_far_from_even_ones_stay_as_they_are() -> None:
-    """One repetition in a recording with a changing rate says nothing about its clock."""
+    """One repetition in a recording with a changing rate proves nothing about its clock."""
     t = np.concatenate([T[:500], T[500] + 0.02 * np.arange(300)])
     samples = recording(t)
     position, velocity = samples.position.copy(), samples.velocity.copy()

@@ -27,7 +27,7 @@ PLUGINS = {'.db3': StoragePlugin.SQLITE3, '.mcap': StoragePlugin.MCAP}
 
 @dataclass(frozen=True)
 class State:
-    """A JointState; received when it says it was sent, unless told otherwise."""
+    """A JointState; received at its stamp unless a time is given."""
 
     stamp_ns: int
     position: Sequence[float] = (0.5, -0.5)

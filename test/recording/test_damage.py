@@ -1,4 +1,4 @@
-"""Files really broken in the ways that files break: what is left is read, the rest is told."""
+"""Files broken in the ways that files break: what is left is read, the rest is noted."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_row_cut_in_the_middle(tmp_path: Path) -> None:
     samples = read_bag(path)
     assert_part_of_clean(samples)
     assert COUNT - 40 < samples.n_samples < COUNT
-    assert f'a.db3: {CUT}: it is smaller than it says' in samples.notes
+    assert f'a.db3: {CUT}: it is smaller than its head claims' in samples.notes
 
 
 def test_damaged_page_costs_its_rows(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_damaged_chunk_costs_its_messages(tmp_path: Path, compression: Compressi
 
 @pytest.mark.parametrize('kind', ['mcap', 'ros1'])
 def test_reading_goes_on_after_bytes_that_are_no_record(tmp_path: Path, kind: str) -> None:
-    """The head of a record is overwritten: the index tells where the next chunk is."""
+    """The head of a record is overwritten: the index gives the next chunk."""
     if kind == 'mcap':
         path = write_mcap(tmp_path / 'a.mcap', moving(COUNT), chunk_size=20_000)
     else:
@@ -164,7 +164,7 @@ def test_declared_size_of_a_record_allocates_nothing(tmp_path: Path, kind: str) 
         content[9 + 8 : 17 + 8] = struct.pack('<Q', 2**62)
         content[8 + 1 : 8 + 9] = struct.pack('<Q', 2**50)
     path.write_bytes(content)
-    if kind == 'mcap without chunks':  # nothing tells where to go on
+    if kind == 'mcap without chunks':  # nothing gives the next record
         with pytest.raises(SourceError, match=r'is empty \(a.mcap: bytes 8 to \d+ are damaged\)'):
             read_bag(path)
     else:

@@ -57,7 +57,7 @@ def decoded(data: bytes, is_ros1: bool) -> Any:
 
 
 def check(data: list[bytes], is_ros1: bool) -> None:
-    """Compare every message with what the library says."""
+    """Compare every message with the library's."""
     one_by_one = [decoded(each, is_ros1) for each in data]
     found = message_blocks(data, JOINT_STATE, is_ros1, lambda each: decoded(each, is_ros1))
     rows = [row for block in found for row in block.rows.tolist()]

@@ -32,7 +32,7 @@ BOTH = RecordingSettings(joints=NAMES)
 
 
 def alone(state: State, joint: int, **changes: Any) -> State:
-    """Return what a publisher of one of the joints says."""
+    """Return the state that a publisher of one joint sends."""
     parts = ('names', 'position', 'velocity', 'effort')
     values: dict[str, Any] = {name: [getattr(state, name)[joint]] for name in parts}
     return replace(state, **values, **changes)
@@ -145,7 +145,7 @@ def test_controller_states(
 
 @pytest.mark.parametrize('form', ['newest', 'new', 'old'])
 def test_controller_states_without_definition(tmp_path: Path, form: str) -> None:
-    """Up to Humble sqlite3 files had none; the length of a message tells which form it has."""
+    """Up to Humble sqlite3 files had none; the length of a message decides which form it has."""
     points: Any = [{'feedback': MEASURED, 'actual': MEASURED, 'output': COMMAND}] * 4
     folder = write_controller_states(tmp_path / 'bag', form, points, '.db3')
     with sqlite3.connect(next(folder.glob('*.db3'))) as database:

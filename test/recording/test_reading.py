@@ -31,7 +31,7 @@ EVERY_KIND = ('folder.db3', 'folder.mcap', 'bare.db3', 'bare.mcap', 'ros1.bag')
 
 
 def write(path: Path, states: list[State]) -> Path:
-    """Write a bag of the kind that the name says."""
+    """Write a bag of the kind that its name has."""
     if path.suffix == '.bag':
         return write_ros1(path, states)
     if path.stem == 'bare':

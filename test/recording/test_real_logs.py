@@ -40,7 +40,7 @@ def assert_holds(samples: JointSamples, position: Array, velocity: Array, effort
 
 
 def test_tiago_controller_states(shared_data: Path) -> None:
-    """Receive stamps come in bursts up to 231 ms apart; the headers tell the time."""
+    """Receive stamps come in bursts up to 231 ms apart; the headers are the times."""
     samples = read_bag(shared_data / 'tiago_ros1_jtc_state' / 'arm_jointstate.bag')
     assert (samples.n_samples, samples.n_joints, samples.counts) == (2206, 7, {})
     assert (samples.clock, samples.notes) == ('header', ())

@@ -50,12 +50,7 @@ def open_storage(path: Path, stack: ExitStack) -> Storage:
     """
     Open a storage file; a compressed one is decompressed into a temporary file first.
 
-    Parameters
-    ----------
-    path : path
-        With a name that `is_storage`.
-    stack : ExitStack
-        Closes the file and removes what is temporary.
+    The stack closes the file and removes what is temporary.
 
     Raises
     ------

@@ -53,7 +53,7 @@ class SqliteFile:
             raise DamageError('it does not begin as an sqlite3 file does')
         page_size, pages = _HEAD.unpack(head)
         if (page_size if page_size > 1 else 65536) * pages > size:
-            self.notes['the file was cut short: it is smaller than it says'] = None
+            self.notes['the file was cut short: it is smaller than its head claims'] = None
         if _is_not_empty(Path(f'{path}-journal')):
             self.notes[f'{path.name}-journal is left of a write that was never finished'] = None
         self._database = self._connected(path)
@@ -105,7 +105,7 @@ class SqliteFile:
                 return _opened(f'{address}?mode=ro')
             except sqlite3.Error as error:
                 self.notes[f'{log.name} cannot be read ({error}): what it holds is lost'] = None
-        try:  # without a log the file is taken as it is, and nothing is made beside it
+        try:  # without a log the file is read alone, and nothing is made beside it
             return _opened(f'{address}?immutable=1')
         except sqlite3.Error as error:
             raise DamageError(str(error)) from error
