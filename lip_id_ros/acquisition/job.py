@@ -25,7 +25,7 @@ class Task:
     Attributes
     ----------
     kind : str
-        'fit' or 'dataset'.
+        'fit', 'dataset' or 'payload'.
     settings : mapping
         Settings of a fit by ``section.name``.
     path : str
@@ -36,6 +36,10 @@ class Task:
         Share of the samples that is kept out of a fit, to judge it by.
     niceness : int
         How much it gives way to other processes.
+    model : str
+        File of the arm whose payload is sought.
+    payload_model : str
+        Where the model with the payload is saved; empty for nowhere.
 
     """
 
@@ -45,6 +49,8 @@ class Task:
     bags: Sequence[str] = ()
     holdout: float = 0.0
     niceness: int = 0
+    model: str = ''
+    payload_model: str = ''
 
 
 @dataclass(frozen=True)
@@ -55,7 +61,7 @@ class JobState:
     Attributes
     ----------
     task : str
-        'fit' or 'dataset'; 'none' before the first.
+        'fit', 'dataset' or 'payload'; 'none' before the first.
     state : str
         'idle', 'running', 'done', 'failed' or 'cancelled'.
     stage, done, total

@@ -17,10 +17,13 @@ from typing import Any, TextIO
 from lip_id_ros.acquisition.recording_file import receive
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError, LipIdError
-from lip_id_ros.evaluation import evaluate, fit_cautions, with_checks
+from lip_id_ros.evaluation import evaluate, fit_cautions, matched, with_checks
 from lip_id_ros.evaluation.recording_health import RecordingHealth
-from lip_id_ros.files import write_or_rescue
+from lip_id_ros.export.payload import attached, inertias, links_of, payload_in_flange, to_yaml
+from lip_id_ros.files import write_or_rescue, write_whole
 from lip_id_ros.identification import fit
+from lip_id_ros.identification.payload import identify_payload
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training, load_dataset, preprocess
 from lip_id_ros.preprocessing.loading import Watch
 from lip_id_ros.preprocessing.selection import at_most
@@ -74,6 +77,8 @@ def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     }
     if request['kind'] == 'dataset':
         return {**result, **_save(prepared.dataset.save, request['path'])}
+    if request['kind'] == 'payload':
+        return {**result, **_payload(prepared.dataset, request)}
     return {**result, **_fit(prepared.dataset, request, config, progress)}
 
 
@@ -92,6 +97,26 @@ def _fit(
     saved = _save(model.save, request['path'])
     cautions = fit_cautions(model.joint_names, model.summary)
     return {**saved, 'summary': model.summary, 'cautions': cautions, 'holdout': judged}
+
+
+def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
+    """Find what is attached to an arm whose model is known, and save it."""
+    model = InverseDynamicsModel.load(request['model'])
+    arm, data = links_of(model, request['model']), matched(data, model)
+    found = identify_payload(arm.chain, arm.links, arm.friction, data)
+    shown = payload_in_flange(arm.chain, found, 0.0, 0.0)
+    text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], (0.0, 0.0))
+    if request['payload_model']:
+        attached(model, found).save(request['payload_model'])
+    figures = {
+        'mass': shown.mass,
+        'mass_std': shown.mass_std,
+        'centre_of_mass': shown.centre.tolist(),
+        'centre_of_mass_std': shown.centre_std.tolist(),
+        'inertia_about_centre_of_mass': inertias(shown),
+    }
+    saved = _save(lambda place: write_whole(place, text.encode()), request['path'])
+    return {**saved, 'payload': figures}
 
 
 def _save(save: Callable[[str | os.PathLike[str]], None], path: str) -> dict[str, Any]:

@@ -32,6 +32,22 @@ class TrainSettings(Settings):
     dataset_path: str = setting(
         'dataset.npz', 'Where save_dataset saves the data set.', applies=NEXT_JOB
     )
+    use_robot_description: bool = setting(
+        False,
+        'Take the last URDF of the topic robot_description as fit.description.',
+        applies=NEXT_JOB,
+    )
+    payload_path: str = setting(
+        'payload.yaml',
+        'Where the service payload saves mass, centre of mass and inertia of what is attached to '
+        'the arm of model_path.',
+        applies=NEXT_JOB,
+    )
+    payload_model_path: str = setting(
+        '',
+        'Where the service payload saves the model with the payload; empty: nowhere.',
+        applies=NEXT_JOB,
+    )
     unsaved_path: str = setting(
         'unsaved.mcap',
         'Where the samples go that no data set was saved of when the node ends; a number is added '

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lip_id_ros.cli import arguments
-from lip_id_ros.errors import ModelError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -73,7 +72,7 @@ def run(args: argparse.Namespace) -> None:
     """Find the payload, show it, and write what is asked for."""
     from lip_id_ros.cli import models, output
     from lip_id_ros.evaluation.tables import show_lines
-    from lip_id_ros.export.payload import attached, payload_in_flange, to_yaml
+    from lip_id_ros.export.payload import attached, links_of, payload_in_flange, to_yaml
     from lip_id_ros.files import write_whole
     from lip_id_ros.identification.payload import identify_payload
     from lip_id_ros.model import InverseDynamicsModel
@@ -82,15 +81,11 @@ def run(args: argparse.Namespace) -> None:
     output.check_file(args.yaml, inputs, _is_payload, 'a payload', args.force)
     output.check_file(args.output, inputs, models.is_model, 'a model', args.force)
     model = InverseDynamicsModel.load(args.model)
-    if model.arm is None:
-        raise ModelError(
-            f'a payload is added to rigid links, but {args.model} has none; fit with the default '
-            'kernel.'
-        )
+    arm = links_of(model, args.model)
     with output.progress_display() as progress:
         dataset = models.load_for(model, args.sources, args.config, progress)
-    found = identify_payload(model.arm.chain, model.arm.links, model.arm.friction, dataset)
-    shown = payload_in_flange(model.arm.chain, found, *args.flange)
+    found = identify_payload(arm.chain, arm.links, arm.friction, dataset)
+    shown = payload_in_flange(arm.chain, found, *args.flange)
     console = output.console()
     _show(shown, console)
     if args.yaml is not None:

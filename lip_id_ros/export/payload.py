@@ -10,14 +10,40 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ModelError
 from lip_id_ros.identification.payload import BODY, Payload
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.pseudo_inertia import in_other_frames
 
 PLACEMENT = 6
 """Coordinates of a joint's placement in the covariance of an arm."""
+
+
+def links_of(model: InverseDynamicsModel, place: str) -> ArmPosterior:
+    """
+    Return the arm of a model.
+
+    Parameters
+    ----------
+    model : InverseDynamicsModel
+    place : str
+        Its file, for the message.
+
+    Raises
+    ------
+    ModelError
+        If it has no rigid links.
+
+    """
+    if model.arm is None:
+        raise ModelError(
+            f'a payload is added to rigid links, but {place} has none; fit with the default '
+            'kernel.'
+        )
+    return model.arm
 
 
 def payload_in_flange(chain: Chain, payload: Payload, shift: float, turn: float) -> Payload:
@@ -62,8 +88,7 @@ def attached(model: InverseDynamicsModel, payload: Payload) -> InverseDynamicsMo
         In the frame of the last link of the model's chain.
 
     """
-    arm = model.arm
-    assert arm is not None, 'a payload is attached to links'
+    arm = links_of(model, 'this model')
     links = arm.links.copy()
     links[-1, :BODY] += payload.parameters
     n = model.n_joints

@@ -158,6 +158,19 @@ class ArmFitter:
         """Return a fitter of other samples, with the same description."""
         return ArmFitter(dataset, self._described)
 
+    def tempered(self, inflation: float) -> ArmFitter:
+        """
+        Return a fitter whose prior counts for more.
+
+        Residuals that are correlated in time count for less than their number, so that the
+        samples' squares are too large by this factor. A prior that matters has to keep pace.
+
+        """
+        other = self.of(self.dataset)
+        precision = np.sqrt(inflation) * self.prior.precision
+        other.prior = replace(self.prior, precision=precision)
+        return other
+
     def calibrated(self, seed: int, progress: Progress) -> Calibration:
         """
         Find the placements of the joints, with viscous and Coulomb friction and offsets.

@@ -128,6 +128,9 @@ def _identified(
     progress(STAGE, 3, STEPS)
     fit = fit if described else elect_geometry(fitter, fit)
     fit, arm, left_out = posterior(fitter, fit)
+    if described is not None:
+        tempered = fitter.tempered(left_out.inflation)
+        fit, arm, left_out = posterior(tempered, tempered.refined(many, fit))
     deviations = recording_deviations(fitter, fit, left_out.inflation)
     arm = with_recordings(arm, deviations, fitter.some(MOST_SAMPLES).dq)
     remainder = elect_remainder(fitter, fit)

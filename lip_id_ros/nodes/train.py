@@ -10,6 +10,7 @@ from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.acquisition.job import in_words, Jobs, JobState, Task
@@ -54,6 +55,10 @@ class TrainNode(NodeBase):
         self._subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
         )
+        self._description = ''
+        self._descriptions = self.create_subscription(
+            String, 'robot_description', self._on_description, qos.LATCHED
+        )
         self._make_services()
 
     def stop(self) -> None:
@@ -83,6 +88,7 @@ class TrainNode(NodeBase):
     def _make_services(self) -> None:
         self.create_service(SetBool, '~/record', self._on_record)
         self.create_service(Trigger, '~/fit', self._on_fit)
+        self.create_service(Trigger, '~/payload', self._on_payload)
         self.create_service(Trigger, '~/cancel', self._on_cancel)
         self.create_service(Trigger, '~/clear', self._on_clear)
         own_group = MutuallyExclusiveCallbackGroup()
@@ -153,6 +159,20 @@ class TrainNode(NodeBase):
         text = f'fitting {sources} into {path}; progress and outcome are in ~/status'
         return self._answer(response, True, text)
 
+    def _on_payload(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        try:
+            settings = self._settings()
+            require_writable('payload_path', settings.payload_path)
+            if settings.payload_model_path:
+                require_writable('payload_model_path', settings.payload_model_path)
+            sources, _, _ = self._start('payload', settings.payload_path)
+        except LipIdError as error:
+            return self._answer(response, False, str(error))
+        text = f'finding the payload in {sources}; progress and outcome are in ~/status'
+        return self._answer(response, True, text)
+
     async def _on_save_dataset(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
@@ -180,15 +200,33 @@ class TrainNode(NodeBase):
             raise DataError(self._recorder.why_empty(self._topic))
         task = Task(
             kind,
-            fit_values(values),
+            self._fit_values(kind, values),
             path,
             bags=values['bags'],
             holdout=values['holdout'],
             niceness=values['fit_niceness'],
+            model=values['model_path'],
+            payload_model=values['payload_model_path'],
         )
         work = self._jobs.start(task, sections)
         sources = in_words(len(self._recorder), values['bags'])
         return sources, work, self._recorder.saving(sections)
+
+    def _fit_values(self, kind: str, values: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the settings of a fit, with the URDF of the topic where that is asked for."""
+        found = fit_values(values)
+        if kind != 'fit' or not values['use_robot_description']:
+            return found
+        if not self._description:
+            topic = self._descriptions.topic_name
+            raise DataError(
+                f'a URDF was expected on {topic} (use_robot_description), but none has come; '
+                'start robot_state_publisher, or switch that off.'
+            )
+        return {**found, 'fit.description': self._description}
+
+    def _on_description(self, message: String) -> None:
+        self._description = message.data
 
     def _answer(self, response: Any, success: bool, text: str) -> Any:
         self.publish_status()

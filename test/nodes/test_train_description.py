@@ -1,0 +1,69 @@
+"""Node `train` with a URDF of a topic, and the payload of an arm that it has learned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('pinocchio')
+
+from baselines.panda_runs import runs
+import numpy as np
+from std_msgs.msg import String
+import yaml
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.nodes import qos
+from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.simulation.arm import panda_urdf
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+MASS, CENTRE = 1.0, np.array([0.0, 0.03, 0.05])
+
+
+def body() -> Array:
+    inertia = 1e-3 * np.eye(3) + MASS * (CENTRE @ CENTRE * np.eye(3) - np.outer(CENTRE, CENTRE))
+    return np.array([MASS, *(MASS * CENTRE), *inertia[np.triu_indices(3)]])
+
+
+def test_the_topic_is_the_prior_and_payloads_are_found(
+    ros: tuple[Graph, Client], tmp_path: Path
+) -> None:
+    graph, client = ros
+    bare, other = runs(3, 300, noise=1e-3)
+    bare.save(tmp_path / 'bare.npz')
+    train = graph.start('train', bags=['bare.npz'], use_robot_description=True)
+    answer = client.trigger('/train/fit')
+    assert not answer.success
+    assert answer.message.startswith('a URDF was expected on /robot_description')
+    client.speak(String, '/robot_description', qos.LATCHED).publish(
+        String(data=panda_urdf().read_text())
+    )
+    client.wait_until(lambda: client.trigger('/train/fit').success, 'a fit with the URDF')
+    status = client.status('train', lambda status: status['job']['state'] in ('done', 'failed'))
+    assert status['job']['state'] == 'done', train.log
+    model = InverseDynamicsModel.load(tmp_path / 'model.npz')
+    assert model.summary['description']['place'] == 'robot_description'
+    assert model.arm is not None
+    added = torque_regressor(model.arm.chain, other.q, other.dq, other.ddq)[:, :, -11:-1] @ body()
+    replace(other, tau=other.tau + added).save(tmp_path / 'loaded.npz')
+    client.set_parameter('train', 'bags', ['loaded.npz'])
+    client.set_parameter('train', 'payload_model_path', 'with_payload.npz')
+    assert client.trigger('/train/payload').success
+    status = client.status('train', lambda status: status['job']['task'] == 'payload'
+                           and status['job']['state'] in ('done', 'failed'))  # fmt: skip
+    assert status['job']['state'] == 'done', train.log
+    content = yaml.safe_load((tmp_path / 'payload.yaml').read_text())
+    # three joints hardly distinguish a mass from its place along the last axis
+    assert abs(content['mass'] - MASS) < min(3.0 * content['mass_std'], 0.3)
+    loaded = InverseDynamicsModel.load(tmp_path / 'with_payload.npz')
+    assert loaded.provenance['payload_mass'] == content['mass']
