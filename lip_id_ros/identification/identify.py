@@ -130,7 +130,8 @@ def _identified(
     fit, arm, left_out = posterior(fitter, fit)
     if described is not None:
         tempered = fitter.tempered(left_out.inflation)
-        fit, arm, left_out = posterior(tempered, tempered.refined(many, fit))
+        fit = tempered.refined(fitter.some(MOST_SAMPLES), fit)
+        fit, arm, left_out = posterior(tempered, fit)
     deviations = recording_deviations(fitter, fit, left_out.inflation)
     arm = with_recordings(arm, deviations, fitter.some(MOST_SAMPLES).dq)
     remainder = elect_remainder(fitter, fit)
