@@ -91,7 +91,7 @@ def _remainder(model: InverseDynamicsModel) -> str | None:
     if remainder is None:
         return None
     names = np.array(model.joint_names)
-    beside = names[(remainder.length > 0.0) & ~remainder.replaces].tolist()
+    beside = names[remainder.joints & ~remainder.replaces].tolist()
     instead = names[remainder.replaces].tolist()
     parts = [f'beside links and friction at {", ".join(beside)}'] if beside else []
     parts += [f'instead of them at {", ".join(instead)}'] if instead else []

@@ -22,6 +22,8 @@ from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import FitSettings
 
 LEAST_SAMPLES = 10
+ROUNDING = 1e-9
+"""Share of the largest torque below which a change is none."""
 
 CPU_ALONE = (
     'Fitted on the CPU instead of cuda: an arm is identified on the CPU; choose another kernel '
@@ -178,7 +180,7 @@ def _check(dataset: Dataset) -> None:
     still = [
         name
         for name, extent in zip(dataset.joint_names, np.ptp(dataset.tau, axis=0), strict=True)
-        if extent == 0.0
+        if extent <= ROUNDING * np.abs(dataset.tau).max()
     ]
     if still:
         raise DataError(

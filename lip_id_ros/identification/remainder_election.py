@@ -1,23 +1,26 @@
 """
 Which joints have a Gaussian process beside links and friction, or instead of them.
 
-Its length scale and noise are not chosen by likelihood, which takes correlated residuals for
-signal, but by the prediction of left-out samples, joint by joint, as is whether there is a process
-at all. Left out are contiguous blocks of time, and the lowest and the highest positions of the
-joint: a model must also extrapolate.
+A coarse grid offers one length scale for all inputs. Marginal likelihood offers one for each input
+of a process instead of the links; it takes residuals that are correlated in time for signal, so
+that beside them it offers nothing. The prediction of left-out samples chooses among these, joint
+by joint, and whether there is a process at all. Left out are contiguous blocks of time, and the
+lowest and the highest positions of the joint: a model must also extrapolate.
 
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, evenly
+from lip_id_ros.identification.length_scales import likeliest
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.model.remainder import (
     correlation,
@@ -28,18 +31,18 @@ from lip_id_ros.model.remainder import (
     stored_weights,
 )
 
-MOST_SAMPLES = 300
-"""Of the processes."""
+MOST_SAMPLES, ELECTION_SAMPLES = 1000, 300
+"""Of the processes that were elected, and of their election."""
 
 BLOCKS = 6
 EXTREME = 1.0 / 6.0
 """Share of the samples at each end of a joint's positions that are left out together."""
 
 LENGTHS = (1.0, 2.0, 4.0)
-"""Length scales that are tried, in standard deviations times the root of the number of inputs."""
+"""Common length scales, in standard deviations times the root of the number of inputs."""
 
 NOISES = (0.1, 1.0)
-"""Variances of the noise that are tried, in variances of the process."""
+"""Variances of the noise that are tried at least, in variances of the process."""
 
 LEAST_GAIN = 0.1
 """Least decrease of the logarithm of left-out errors for which a joint has a process."""
@@ -72,6 +75,42 @@ class Fold:
 
 
 @dataclass(frozen=True, eq=False)
+class Errors:
+    """
+    Errors of samples that were left out.
+
+    Attributes
+    ----------
+    mean_squares : array, shape (K,)
+        Of every fold [(N m)^2 or N^2].
+    block_std : float
+        Root mean square error of left-out blocks of time [N m or N].
+    score : float
+        Logarithm of root mean squared errors, averaged over the two kinds of folds.
+
+    """
+
+    mean_squares: Array
+    block_std: float
+    score: float
+
+    @classmethod
+    def of(cls, folds: Sequence[Fold], errors: Sequence[Array]) -> Errors:
+        """Return the measures of errors fold by fold."""
+        squares = np.array([np.mean(each**2) for each in errors])
+        extreme = np.array([fold.joint >= 0 for fold in folds])
+        means = [squares[kind].mean() for kind in (~extreme, extreme) if kind.any()]
+        score = 0.5 * np.mean(np.log(np.maximum(means, 1e-300)))
+        return cls(squares, float(np.sqrt(means[0])), float(score))
+
+    def gain_over(self, other: Errors) -> float:
+        """Return the mean decrease of log errors over the folds, in its standard errors."""
+        gains = np.log(other.mean_squares / np.maximum(self.mean_squares, 1e-300))
+        error = float(gains.std(ddof=1) / np.sqrt(gains.size))
+        return float(gains.mean() / max(error, 1e-300))
+
+
+@dataclass(frozen=True, eq=False)
 class Choice:
     """
     A process of one joint, and how well left-out samples are predicted with it.
@@ -79,19 +118,16 @@ class Choice:
     Attributes
     ----------
     replaces : bool
-    length, noise : float
-    left_out_std : float
-        Root mean square error of left-out blocks of time [N m or N].
-    score : float
-        Logarithm of root mean squared errors, averaged over the two kinds of folds.
+    lengths : array, shape (d,)
+    noise : float
+    errors : Errors
 
     """
 
     replaces: bool
-    length: float
+    lengths: Array
     noise: float
-    left_out_std: float
-    score: float
+    errors: Errors
 
 
 def fold_masks(q: Array, number_of_samples: int, rows: IndexArray) -> list[tuple[BoolArray, int]]:
@@ -115,121 +151,131 @@ def fold_masks(q: Array, number_of_samples: int, rows: IndexArray) -> list[tuple
     return [(mask, joint) for mask, joint in masks if 0 < mask.sum() < 0.7 * len(q)]
 
 
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """
+    What processes are to explain.
+
+    Attributes
+    ----------
+    inputs : Inputs
+    x : array, shape (M, d)
+        Inputs of the samples.
+    friction : array, shape (M, n, 3)
+        Features of friction.
+    tau, residual : arrays, shape (M, n)
+        Torques, and what links and friction do not explain of them [N m or N].
+
+    """
+
+    inputs: Inputs
+    x: Array
+    friction: Array
+    tau: Array
+    residual: Array
+
+    @classmethod
+    def of(cls, inputs: Inputs, dataset: Dataset, residual: Array) -> Targets:
+        """Return the targets of samples."""
+        x = stored_inputs(inputs(dataset.q, dataset.dq, dataset.ddq))
+        return cls(inputs, x, inputs.friction(dataset.dq), dataset.tau, residual)
+
+    def of_joint(self, joint: int, replaces: bool) -> Array:
+        """Return what the process of a joint explains, shape (M,) [N m or N]."""
+        return np.asarray((self.tau if replaces else self.residual)[:, joint])
+
+    def known(self, joint: int, replaces: bool) -> Array:
+        """Return the covariance of friction, where links do not have it, shape (M, M)."""
+        own = self.friction[:, joint] * float(replaces)
+        return np.asarray(FRICTION_VARIANCE * own @ own.T)
+
+    def conditioned(self, choices: Sequence[Choice | None]) -> Remainder | None:
+        """Return the processes of the joints that have one; None if there are none."""
+        n = self.tau.shape[1]
+        noise, variance, left_out_std = np.zeros((3, n))
+        replaces = np.zeros(n, dtype=bool)
+        lengths, alpha = np.zeros((n, self.x.shape[1])), np.zeros_like(self.tau)
+        friction = np.zeros((n, 3))
+        for joint, choice in enumerate(choices):
+            if choice is None:
+                continue
+            lengths[joint], noise[joint] = choice.lengths, choice.noise
+            replaces[joint], left_out_std[joint] = choice.replaces, choice.errors.block_std
+            target = self.of_joint(joint, choice.replaces)
+            gram = correlation(self.x, self.x, choice.lengths) + self.known(joint, choice.replaces)
+            gram[np.diag_indices_from(gram)] += choice.noise
+            alpha[:, joint] = stored_weights(cho_solve(cho_factor(gram, lower=True), target))
+            variance[joint] = float(target @ alpha[:, joint]) / len(target)
+            if choice.replaces:
+                friction[joint] = FRICTION_VARIANCE * self.friction[:, joint].T @ alpha[:, joint]
+        if not lengths.any():
+            return None
+        own = lengths, noise, variance, left_out_std
+        return Remainder(self.inputs, self.x, *own, replaces, alpha, friction)
+
+
 class RemainderElection:
     """
     Election of processes, joint by joint.
 
     Parameters
     ----------
-    inputs : Inputs
-    q, dq, ddq, tau : arrays, shape (M, n)
-    residual : array, shape (M, n)
-        Of links and friction fitted to all [N m or N].
+    targets : Targets
     folds : sequence of Fold
 
     """
 
-    def __init__(
-        self,
-        inputs: Inputs,
-        state: tuple[Array, Array, Array],
-        tau: Array,
-        residual: Array,
-        folds: Sequence[Fold],
-    ) -> None:
-        self._inputs, self._tau, self._residual, self._folds = inputs, tau, residual, folds
-        self._x = stored_inputs(inputs(*state))
-        self._friction = inputs.friction(state[1])
-        self._grams = {length: correlation(self._x, self._x, length) for length in LENGTHS}
+    def __init__(self, targets: Targets, folds: Sequence[Fold]) -> None:
+        self._targets, self._folds = targets, folds
 
-    def elect(self) -> Remainder | None:
-        """Return the processes that predict better than links and friction alone, if any."""
-        n = self._tau.shape[1]
-        shape = (len(self._x), n)
-        length, noise, variance, left_out_std = np.zeros((4, n))
-        replaces = np.zeros(n, dtype=bool)
-        alpha, friction = np.zeros(shape), np.zeros((n, 3))
-        for joint in range(n):
-            choice = self.chosen(joint)
-            if choice is None:
-                continue
-            length[joint], noise[joint] = choice.length, choice.noise
-            replaces[joint] = choice.replaces
-            left_out_std[joint] = choice.left_out_std
-            target = (self._tau if choice.replaces else self._residual)[:, joint]
-            gram = self._gram(choice, joint) + choice.noise * np.eye(len(target))
-            alpha[:, joint] = stored_weights(cho_solve(cho_factor(gram, lower=True), target))
-            variance[joint] = float(target @ alpha[:, joint]) / len(target)
-            if choice.replaces:
-                friction[joint] = FRICTION_VARIANCE * self._friction[:, joint].T @ alpha[:, joint]
-        if not length.any():
-            return None
-        scales = length, noise, variance, left_out_std
-        return Remainder(self._inputs, self._x, *scales, replaces, alpha, friction)
+    def elect(self) -> list[Choice | None]:
+        """Return the process of every joint; None where it predicts better without."""
+        return [self.chosen(joint) for joint in range(self._targets.tau.shape[1])]
 
     def chosen(self, joint: int) -> Choice | None:
         """Return the process of one joint; None where it is better off without."""
-        left_out_std, alone = self._measured(joint, None)
-        if left_out_std < NOTHING * self._tau[:, joint].std():
+        folds = [fold for fold in self._folds if fold.joint in (-1, joint)]
+        alone = Errors.of(folds, [fold.residual[fold.out, joint] for fold in folds])
+        if alone.block_std < NOTHING * self._targets.tau[:, joint].std():
             return None
         beside, instead = (
-            min(self._choices(joint, replaces), key=lambda each: each.score)
+            min(self._choices(joint, replaces, folds), key=lambda each: each.errors.score)
             for replaces in (False, True)
         )
         # Links have to earn their place where a process does without them.
-        best = instead if instead.score < beside.score + LEAST_GAIN else beside
-        if best.score < alone - LEAST_GAIN and self._errors(joint, best) >= LEAST_ERRORS:
-            return best
-        return None
+        better = instead.errors.score < beside.errors.score + LEAST_GAIN
+        best = instead if better else beside
+        gains = best.errors.score < alone.score - LEAST_GAIN
+        return best if gains and best.errors.gain_over(alone) >= LEAST_ERRORS else None
 
-    def _errors(self, joint: int, choice: Choice) -> float:
-        """Return the mean gain of a process over the folds in its standard errors."""
-        folds = [fold for fold in self._folds if fold.joint in (-1, joint)]
-        gains = np.log(
-            [
-                self._left_out(fold, joint, None)
-                / max(self._left_out(fold, joint, choice), 1e-300)
-                for fold in folds
-            ]
-        )
-        error = float(gains.std(ddof=1) / np.sqrt(gains.size))
-        return float(gains.mean() / max(error, 1e-300))
+    def _choices(self, joint: int, replaces: bool, folds: Sequence[Fold]) -> Iterator[Choice]:
+        """Yield processes with the errors of left-out samples."""
+        x, known = self._targets.x, self._targets.known(joint, replaces)
+        for lengths, noises in self._offers(joint, replaces):
+            gram = correlation(x, x, lengths) + known
+            for noise in noises:
+                errors = [self._left_out(fold, joint, replaces, gram, noise) for fold in folds]
+                yield Choice(replaces, lengths, noise, Errors.of(folds, errors))
 
-    def _choices(self, joint: int, replaces: bool) -> Iterator[Choice]:
+    def _offers(self, joint: int, replaces: bool) -> Iterator[tuple[Array, Sequence[float]]]:
+        """Yield length scales with the noises to try."""
+        x = self._targets.x
+        if replaces:
+            target = self._targets.of_joint(joint, replaces)
+            lengths, noise = likeliest(x, target, self._targets.known(joint, replaces))
+            yield lengths, [noise, *(least for least in NOISES if least > noise)]
         for length in LENGTHS:
-            for noise in NOISES:
-                choice = Choice(replaces, length, noise, 0.0, 0.0)
-                block_std, score = self._measured(joint, choice)
-                yield replace(choice, left_out_std=block_std, score=score)
+            yield np.full(x.shape[1], length * np.sqrt(x.shape[1])), NOISES
 
-    def _measured(self, joint: int, choice: Choice | None) -> tuple[float, float]:
-        """Return the left-out deviation in blocks of time, and the score."""
-        squares: dict[bool, list[float]] = {False: [], True: []}
-        for fold in self._folds:
-            if fold.joint in (-1, joint):
-                squares[fold.joint >= 0].append(self._left_out(fold, joint, choice))
-        means = [np.mean(each) for each in squares.values() if each]
-        score = 0.5 * np.mean(np.log(np.maximum(means, 1e-300)))
-        return float(np.sqrt(means[0])), float(score)
-
-    def _left_out(self, fold: Fold, joint: int, choice: Choice | None) -> float:
-        """Return the mean squared error of the samples of a fold."""
+    def _left_out(
+        self, fold: Fold, joint: int, replaces: bool, gram: Array, noise: float
+    ) -> Array:
+        """Return the errors of the samples of a fold."""
         out = fold.out
-        if choice is None:
-            return float(np.mean(fold.residual[out, joint] ** 2))
-        target = (self._tau if choice.replaces else fold.residual)[:, joint]
-        gram = self._gram(choice, joint)
-        known = gram[np.ix_(~out, ~out)] + choice.noise * np.eye(int(np.sum(~out)))
+        target = (self._targets.tau if replaces else fold.residual)[:, joint]
+        known = gram[np.ix_(~out, ~out)] + noise * np.eye(int(np.sum(~out)))
         alpha = cho_solve(cho_factor(known, lower=True), target[~out])
-        error = target[out] - gram[np.ix_(out, ~out)] @ alpha
-        return float(np.mean(error**2))
-
-    def _gram(self, choice: Choice, joint: int) -> Array:
-        gram = self._grams[choice.length]
-        if not choice.replaces:
-            return gram
-        own = self._friction[:, joint]
-        return np.asarray(gram + FRICTION_VARIANCE * own @ own.T)
+        return np.asarray(target[out] - gram[np.ix_(out, ~out)] @ alpha)
 
 
 def elect_remainder(fitter: ArmFitter, fit: ArmFit) -> Remainder | None:
@@ -244,15 +290,18 @@ def elect_remainder(fitter: ArmFitter, fit: ArmFit) -> Remainder | None:
 
     """
     count = fitter.dataset.n_samples
-    rows = np.unique(np.linspace(0, count - 1, MOST_SAMPLES).astype(np.intp))
-    some = fitter.dataset.select(rows)
-    state = some.q, some.dq, some.ddq
-    revolute = np.array([kind == 'revolute' for kind in some.joint_types])
-    masks = fold_masks(some.q, count, rows)
-    residual = some.tau - fitter.problem(some, fit).torque(fit.state)
+    rows = evenly(count, ELECTION_SAMPLES)
+    masks = fold_masks(fitter.dataset.q[rows], count, rows)
     folds = left_out_fits(fitter, fit, rows, masks)
-    inputs = Inputs.of(revolute, *state)
-    return RemainderElection(inputs, state, some.tau, residual, folds).elect()
+    choices = RemainderElection(_targets(fitter, fit, rows), folds).elect()
+    return _targets(fitter, fit, evenly(count, MOST_SAMPLES)).conditioned(choices)
+
+
+def _targets(fitter: ArmFitter, fit: ArmFit, rows: IndexArray) -> Targets:
+    some, dataset = fitter.dataset.select(rows), fitter.dataset
+    revolute = np.array([kind == 'revolute' for kind in some.joint_types])
+    inputs = Inputs.of(revolute, dataset.q, dataset.dq, dataset.ddq)
+    return Targets.of(inputs, some, some.tau - fitter.problem(some, fit).torque(fit.state))
 
 
 def left_out_fits(

@@ -2,7 +2,8 @@
 Torques that links do not explain: a Gaussian process per joint, beside the links or instead.
 
 Squared-exponential covariance in cosines and sines of revolute positions, prismatic positions,
-velocities and accelerations (Rasmussen and Williams 2006, section 5.3).
+velocities and accelerations with one length scale for each of them
+(Rasmussen and Williams 2006, section 5.1).
 
 """
 
@@ -14,6 +15,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.numba_jit import jit
 
 FRICTION_VARIANCE = 10.0
 """Prior variance of viscous and Coulomb friction and offset, in variances of the torque."""
@@ -77,9 +79,10 @@ class Remainder:
     inputs : Inputs
     x : array, shape (M, d)
         Of the training samples, by `stored_inputs`.
-    length, noise, variance : arrays, shape (n,)
-        Length scales (0 for joints without a process), variances of the noise in those of the
-        process, and these [(N m)^2 or N^2].
+    lengths : array, shape (n, d)
+        Length scales of the inputs; 0 for joints without a process.
+    noise, variance : arrays, shape (n,)
+        Variances of the noise in those of the process, and these [(N m)^2 or N^2].
     left_out_std : array, shape (n,)
         Root mean square errors of left-out blocks of time: the noise of measurements [N m or N].
     replaces : bool array, shape (n,)
@@ -93,7 +96,7 @@ class Remainder:
 
     inputs: Inputs
     x: Array
-    length: Array
+    lengths: Array
     noise: Array
     variance: Array
     left_out_std: Array
@@ -104,15 +107,13 @@ class Remainder:
     @property
     def joints(self) -> BoolArray:
         """Which joints have a process, shape (n,)."""
-        return np.asarray(self.length > 0.0)
+        return np.asarray(self.lengths.any(axis=1))
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the posterior mean at joint states of shape (N, n), same shape [N m or N]."""
         z = self.inputs(q, dq, ddq)
         out: Array = np.einsum('tik,ik->ti', self.inputs.friction(dq), self.friction)
-        for length in np.unique(self.length[self.joints]):
-            some = self.length == length
-            out[:, some] += correlation(z, self.x, length) @ self.alpha[:, some]
+        add_means(out, z, self.x, self.lengths, self.alpha)
         return out
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
@@ -120,19 +121,36 @@ class Remainder:
         z = self.inputs(q, dq, ddq)
         out = np.zeros_like(q)
         for joint in np.flatnonzero(self.joints):
-            length = self.length[joint]
-            gram = correlation(self.x, self.x, length) + self.noise[joint] * np.eye(len(self.x))
-            cross = correlation(self.x, z, length)
+            lengths = self.lengths[joint]
+            gram = correlation(self.x, self.x, lengths) + self.noise[joint] * np.eye(len(self.x))
+            cross = correlation(self.x, z, lengths)
             known = np.sum(cross * cho_solve(cho_factor(gram, lower=True), cross), axis=0)
             out[:, joint] = np.sqrt(self.variance[joint] * np.maximum(1.0 - known, 0.0))
         return out
 
 
-def correlation(x: Array, z: Array, length: float) -> Array:
+def correlation(x: Array, z: Array, lengths: Array) -> Array:
     """Return the correlations of inputs, shapes (M, d) and (L, d), shape (M, L)."""
+    x, z = x / lengths, z / lengths
     squares = np.sum(x**2, axis=1)[:, None] + np.sum(z**2, axis=1) - 2.0 * x @ z.T
-    scale = 2.0 * x.shape[1] * length**2
-    return np.asarray(np.exp(-np.maximum(squares, 0.0) / scale))
+    return np.asarray(np.exp(-0.5 * np.maximum(squares, 0.0)))
+
+
+@jit
+def add_means(out: Array, z: Array, x: Array, lengths: Array, alpha: Array) -> None:
+    """Add correlations of (L, d) and (M, d) times weights (M, n), joint by joint, to (L, n)."""
+    for i in range(len(lengths)):
+        if lengths[i, 0] == 0.0:
+            continue
+        inverse = 1.0 / lengths[i]
+        for t in range(len(z)):
+            mean = 0.0
+            for m in range(len(x)):
+                square = 0.0
+                for k in range(len(inverse)):
+                    square += ((z[t, k] - x[m, k]) * inverse[k]) ** 2
+                mean += alpha[m, i] * np.exp(-0.5 * square)
+            out[t, i] += mean
 
 
 def _raw(revolute: BoolArray, q: Array, dq: Array, ddq: Array) -> Array:

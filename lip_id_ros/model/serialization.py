@@ -32,7 +32,7 @@ from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 
-REMAINDER = ('x', 'length', 'noise', 'variance', 'left_out_std', 'alpha', 'friction')
+REMAINDER = ('x', 'lengths', 'noise', 'variance', 'left_out_std', 'alpha', 'friction')
 CONTRADICTIONS = (AttributeError, IndexError, KeyError, TypeError, ValueError, LipIdError)
 INPUTS = ('centre', 'scale', 'sign_width')
 
@@ -165,9 +165,9 @@ def remainder_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str
     n, revolute = len(types), np.array([kind == REVOLUTE for kind in types])
     count, width = len(arrays['remainder_x']), 3 * n + int(revolute.sum())
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
-        ('length', 'noise', 'variance', 'left_out_std', 'sign_width'), (n,)
+        ('noise', 'variance', 'left_out_std', 'sign_width'), (n,)
     )
-    shapes |= {'x': (count, width), 'alpha': (count, n), 'friction': (n, 3)}
+    shapes |= {'x': (count, width), 'lengths': (n, width), 'alpha': (count, n), 'friction': (n, 3)}
     shapes |= {'centre': (width,), 'scale': (width,)}
     expect(arrays, {f'remainder_{name}': shape for name, shape in shapes.items()})
     replaces = np.array(entry['replaces'], dtype=np.bool_)

@@ -130,7 +130,7 @@ def remainder_of(arm: ArmDescription) -> Remainder:
     return Remainder(
         inputs=inputs,
         x=inputs(*states),
-        length=np.where(has, 1.0, 0.0),
+        lengths=np.where(has, 4.0, 0.0)[:, None] * np.ones_like(inputs.scale),
         noise=np.full(n, 0.1),
         variance=np.ones(n),
         left_out_std=np.full(n, 0.1),

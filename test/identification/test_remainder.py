@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.identification.remainder_election import Fold, fold_masks, RemainderElection
-from lip_id_ros.model.remainder import correlation, Inputs, Remainder
+from lip_id_ros.identification.length_scales import likeliest, negative_log_posterior, TYPICAL
+from lip_id_ros.identification.remainder_election import (
+    Fold,
+    fold_masks,
+    RemainderElection,
+    Targets,
+)
+from lip_id_ros.model.remainder import correlation, Inputs, Remainder, stored_inputs
 
 N = 240
 
@@ -23,7 +32,10 @@ def elected(residual: Array, tau: Array) -> Remainder | None:
     masks = fold_masks(state[0], N, np.arange(N))
     folds = [Fold(out, residual, joint) for out, joint in masks]
     inputs = Inputs.of(np.ones(2, dtype=bool), *state)
-    return RemainderElection(inputs, state, tau, residual, folds).elect()
+    targets = Targets(
+        inputs, stored_inputs(inputs(*state)), inputs.friction(state[1]), tau, residual
+    )
+    return targets.conditioned(RemainderElection(targets, folds).elect())
 
 
 def test_noise_has_no_process() -> None:
@@ -98,6 +110,59 @@ def test_extreme_positions_are_left_out_of_their_joint_alone() -> None:
 
 def test_the_correlation_is_one_of_gaussian_processes() -> None:
     x = np.random.default_rng(0).standard_normal((50, 6))
-    gram = correlation(x, x, 0.5)
+    gram = correlation(x, x, np.full(6, 1.2))
     np.testing.assert_allclose(np.diagonal(gram), 1.0)
     assert np.linalg.eigvalsh(gram).min() > -1e-10
+
+
+def test_length_scales_by_automatic_differentiation() -> None:
+    """The gradient of the posterior density."""
+    torch = pytest.importorskip('torch')
+    rng = np.random.default_rng(0)
+    x, y, known = rng.standard_normal((30, 4)), rng.standard_normal(30), np.full((30, 30), 0.7)
+    theta = rng.normal(size=5)
+
+    def density(theta: Any) -> Any:
+        scaled = torch.from_numpy(x) / torch.exp(theta[:-1])
+        squares = ((scaled[:, None] - scaled) ** 2).sum(dim=2)
+        noise = torch.exp(theta[-1]) * torch.eye(30)
+        gram = torch.exp(-0.5 * squares) + torch.from_numpy(known) + noise
+        explained = torch.from_numpy(y) @ torch.linalg.solve(gram, torch.from_numpy(y))
+        prior = ((theta[:-1] - np.log(TYPICAL * 2.0)) ** 2).sum()
+        return 0.5 * (torch.logdet(gram) + 30 * torch.log(explained / 30) + prior)
+
+    at = torch.tensor(theta, requires_grad=True)
+    expected = density(at)
+    expected.backward()
+    value, gradient = negative_log_posterior(theta, x, y, known)
+    np.testing.assert_allclose(value, expected.item(), rtol=1e-7)
+    np.testing.assert_allclose(gradient, at.grad.numpy(), rtol=1e-6)
+
+
+def test_inputs_that_do_not_matter_have_long_scales() -> None:
+    rng = np.random.default_rng(1)
+    x = rng.standard_normal((150, 3))
+    y = np.sin(2.0 * x[:, 1]) + 0.1 * rng.standard_normal(150)
+    lengths, noise = likeliest(x, y, np.zeros((150, 150)))
+    assert lengths[1] < 2.0 < 4.0 < min(lengths[0], lengths[2])
+    variance = 0.1**2 / noise  # of the process
+    assert 0.1 < variance < 10.0
+
+
+def test_a_torque_of_few_inputs_is_learned_from_them() -> None:
+    """One length scale for all inputs would need many more samples."""
+    rng = np.random.default_rng(2)
+    q, dq, ddq = (rng.uniform(-1.0, 1.0, (2 * N, 5)) for _ in range(3))
+    tau = np.sin(3.0 * q) + 0.5 * ddq
+    tau += 0.02 * rng.standard_normal(tau.shape)
+    inputs = Inputs.of(np.ones(5, dtype=bool), q, dq, ddq)
+    state = q[:N], dq[:N], ddq[:N]
+    targets = Targets(
+        inputs, inputs(*state), inputs.friction(dq[:N]), tau[:N], 3.0 * rng.standard_normal((N, 5))
+    )
+    folds = [Fold(out, targets.residual, k) for out, k in fold_masks(q[:N], N, np.arange(N))]
+    found = targets.conditioned(RemainderElection(targets, folds).elect())
+    assert found is not None
+    assert found.replaces.all()
+    error = found.torque(q[N:], dq[N:], ddq[N:]) - tau[N:]
+    assert (np.mean(error**2, axis=0) < 0.02 * tau.var(axis=0)).all()

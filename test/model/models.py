@@ -136,7 +136,7 @@ def random_remainder(types: tuple[str, ...], rng: np.random.Generator) -> Remain
     return Remainder(
         inputs=inputs,
         x=stored_inputs(inputs(q, dq, ddq)),
-        length=np.where(own, 1.5, 0.0),
+        lengths=rng.uniform(2.0, 6.0, inputs.scale.size) * own[:, None],
         noise=np.where(own, 0.1, 0.0),
         variance=np.where(own, 2.0, 0.0),
         left_out_std=np.where(own, 0.3, 0.0),

@@ -1,0 +1,93 @@
+"""
+Length scales of a Gaussian process by marginal likelihood.
+
+One length scale for each input ("automatic relevance determination", Rasmussen and Williams 2006,
+sections 5.1 and 5.4.1). The variance of the process is the one that maximises the likelihood for
+given length scales and noise. A broad prior keeps the scales of inputs that do not matter finite.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.model.remainder import correlation
+
+TYPICAL = 1.5
+"""Prior median of a length scale, in roots of the number of inputs, which have unit variance."""
+
+SHORTEST, LONGEST = 0.1, 1e3
+LEAST_NOISE, MOST_NOISE, FIRST_NOISE = 1e-5, 10.0, 1e-2
+"""Variances of the noise, in those of the process."""
+
+MOST_ITERATIONS = 60
+
+
+def likeliest(x: Array, y: Array, known: Array) -> tuple[Array, float]:
+    """
+    Return length scales and noise of greatest posterior probability.
+
+    Parameters
+    ----------
+    x : array, shape (M, d)
+        Inputs of unit variance.
+    y : array, shape (M,)
+        Not zero everywhere.
+    known : array, shape (M, M)
+        Covariance that is added to that of the process, in variances of the process.
+
+    Returns
+    -------
+    lengths : array, shape (d,)
+    noise : float
+        Variance, in variances of the process.
+
+    """
+    start = np.append(np.full(x.shape[1], _typical(x)), np.log(FIRST_NOISE))
+    bounds = [(np.log(SHORTEST), np.log(LONGEST))] * x.shape[1]
+    found = minimize(
+        negative_log_posterior,
+        start,
+        args=(x, y, known),
+        jac=True,
+        method='L-BFGS-B',
+        bounds=[*bounds, (np.log(LEAST_NOISE), np.log(MOST_NOISE))],
+        options={'maxiter': MOST_ITERATIONS},
+    )
+    return np.exp(found.x[:-1]), float(np.exp(found.x[-1]))
+
+
+def negative_log_posterior(theta: Array, x: Array, y: Array, known: Array) -> tuple[float, Array]:
+    """
+    Return the negative logarithm of the posterior density, up to a constant, and its gradient.
+
+    Parameters
+    ----------
+    theta : array, shape (d + 1,)
+        Logarithms of length scales and noise.
+    x, y, known : arrays
+        As for `likeliest`.
+
+    """
+    lengths, noise = np.exp(theta[:-1]), np.exp(theta[-1])
+    process = correlation(x, x, lengths)
+    gram = process + known
+    gram[np.diag_indices_from(gram)] += noise
+    factor = cho_factor(gram, lower=True)
+    alpha = cho_solve(factor, y)
+    scale = len(y) / float(y @ alpha)
+    slope = 0.5 * (cho_solve(factor, np.eye(len(y))) - scale * np.outer(alpha, alpha))
+    weights = slope * process
+    # the sum over pairs of weights times squared differences, input by input
+    squares = 2.0 * (weights.sum(axis=1) @ x**2 - np.sum(x * (weights @ x), axis=0))
+    excess = theta[:-1] - _typical(x)
+    value = np.log(np.diag(factor[0])).sum() - 0.5 * len(y) * np.log(scale) + 0.5 * excess @ excess
+    gradient = np.append(squares / lengths**2 + excess, noise * np.trace(slope))
+    return float(value), gradient
+
+
+def _typical(x: Array) -> float:
+    return float(np.log(TYPICAL * np.sqrt(x.shape[1])))
