@@ -15,6 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.terms import Coulomb
 
 RATIOS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Standard deviations at rest that are tried, beside none, in those of motion."""
@@ -24,6 +26,9 @@ VELOCITIES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 
 MOST, THRESHOLD = 10.0, 4.0
 """Standard deviations at which residuals are clipped, and beyond which samples count for less."""
+
+SATURATED = 2.0
+"""Velocity at which a smooth sign is nearly one, in its widths."""
 
 LEAST_GAIN = 0.02
 """Least increase of the log likelihood per sample for which noise near rest differs."""
@@ -102,6 +107,39 @@ def outlier_weights(residuals: Array, std: Array) -> Array:
     """
     ratio = THRESHOLD / np.maximum(np.abs(residuals) / np.maximum(std, 1e-300), THRESHOLD)
     return np.asarray(np.where(ratio < 0.5, 2.0 * ratio**2, ratio))
+
+
+def sticking_noise(
+    noise: TorqueNoise, friction: FrictionModel, q: Array, load: Array
+) -> TorqueNoise:
+    """
+    Return noise that covers a joint that sticks, whether or not one did in the recording.
+
+    At rest friction is anything between the two Coulomb torques: as if uniform, with the
+    deviation of half their distance over the root of three.
+
+    Parameters
+    ----------
+    noise : TorqueNoise
+        Of the samples of the recording.
+    friction : FrictionModel
+    q, load : arrays, shape (N, n)
+        Positions, and torques of the links on the joints [N m or N].
+
+    """
+    width = np.ones(friction.n_joints)
+    for part in friction.basis.terms:
+        if isinstance(part.term, Coulomb):
+            width[list(part.drive.joints)] = part.term.width
+    moving = np.broadcast_to(SATURATED * width, q.shape)
+    torques = friction.torque(q, moving, load), friction.torque(q, -moving, load)
+    coulomb = 0.5 * np.mean(np.maximum(torques[0] - torques[1], 0.0), axis=0)
+    ratio = coulomb / np.sqrt(3.0) / np.maximum(noise.std, 1e-300)
+    velocity = np.where(noise.ratio > 0.0, noise.velocity, width)
+    more = ratio > noise.ratio
+    return TorqueNoise(
+        noise.std, np.where(more, ratio, noise.ratio), np.where(more, velocity, noise.velocity)
+    )
 
 
 def leverage_weights(features: Sequence[Array], threshold: float = 20.0) -> Array:

@@ -19,8 +19,11 @@ from lip_id_ros.health.finding import Finding, Severity
 from lip_id_ros.identification.effort_scale import as_recorded, EffortScale, find_effort_scale
 from lip_id_ros.progress import Progress, silent
 
-WELL = 0.1
-"""Geometric mean over joints of residuals, as shares of the efforts, below which links explain."""
+WELL, EACH_WELL = 0.05, 0.2
+"""
+Geometric mean over joints of residuals, and the largest one, as shares of the efforts, below which
+links explain them.
+"""
 
 BETTER = 2.0
 """By this factor residuals must be smaller for another reading of the efforts to be proposed."""
@@ -54,7 +57,7 @@ def diagnose_effort(
     """
     recorded = as_recorded(dataset, seed, progress)
     findings: list[Finding] = []
-    if not dataset.gravity_compensated:
+    if not dataset.gravity_compensated and not recorded.bears_weight:
         without = replace(dataset, gravity_compensated=True)
         other = as_recorded(without, seed, progress)
         if other.mean_residual <= NO_WORSE * recorded.mean_residual:
@@ -69,7 +72,7 @@ def _readings(
     """Try other scales, signs and orders where links explain the efforts badly."""
     if np.all(recorded.scale < 0.0) and np.sum(recorded.friction) < 0.0:
         yield _turned(dataset, range(dataset.n_joints), recorded, recorded)
-    if recorded.mean_residual < WELL and np.max(recorded.residual) < BETTER * WELL:
+    if recorded.mean_residual < WELL and np.max(recorded.residual) < EACH_WELL:
         return
     scaled = find_effort_scale(dataset, recorded, seed, progress)
     order, ordered = _best_order(dataset, seed, progress)

@@ -32,6 +32,9 @@ ALTERNATIONS, NOISE_ROUNDS = 30, 2
 SEARCHES = 4
 CONVERGED = 0.01
 
+CLEARLY = 5.0
+"""Torque of weight, in residuals, that links have on some joint only if there is weight."""
+
 
 @dataclass(frozen=True, eq=False)
 class EffortScale:
@@ -47,12 +50,20 @@ class EffortScale:
         Root mean squares of the residuals, as shares of each effort's standard deviation.
     friction : array, shape (n,)
         Friction at the usual speed, likewise; negative where it would drive a joint.
+    gravity : array, shape (n,)
+        Root mean squares of the torques of the links' weight, likewise.
 
     """
 
     scale: Array
     residual: Array
     friction: Array
+    gravity: Array
+
+    @property
+    def bears_weight(self) -> bool:
+        """Whether the weight of the links explains more than it could by chance."""
+        return bool(np.any(self.gravity > CLEARLY * self.residual))
 
     @property
     def mean_residual(self) -> float:
@@ -137,7 +148,12 @@ def fit_scale(
     usual = np.array([value[0] + value[1] for value in friction])
     positive = 1.0 if _kinetic_energy(dataset, chain, links * link_std.ravel()) >= 0.0 else -1.0
     spread = size / np.sqrt(dataset.n_samples)
-    return EffortScale(positive * scale, noise / size, usual / spread)
+    still = np.zeros_like(dataset.q)
+    weight = torque_regressor(chain, np.ascontiguousarray(dataset.q), still, still)
+    gravity = scale * (weight @ (links * link_std.ravel()))
+    return EffortScale(
+        positive * scale, noise / size, usual / spread, gravity.std(axis=0) / spread
+    )
 
 
 def _factors(dataset: Dataset, chain: Chain, link_std: Array) -> tuple[list[Array], int]:

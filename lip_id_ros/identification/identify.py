@@ -9,7 +9,13 @@ from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.arm_fit import ArmFitter, Described, MOST_SAMPLES
+from lip_id_ros.friction.noise import sticking_noise
+from lip_id_ros.identification.arm_fit import (
+    ArmFitter,
+    Described,
+    links_torque,
+    MOST_SAMPLES,
+)
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import posterior
@@ -138,6 +144,9 @@ def _identified(
     if remainder is not None:
         std = np.where(remainder.joints, remainder.left_out_std, arm.noise.std)
         arm = replace(arm, noise=replace(arm.noise, std=std))
+    some = fitter.some(MOST_SAMPLES)
+    load = links_torque(fit.chain, fit.links, some)
+    arm = replace(arm, noise=sticking_noise(arm.noise, arm.friction, some.q, load))
     states = np.stack([fitter.dataset.q, fitter.dataset.dq, fitter.dataset.ddq])
     arm = compacted(arm, (states.min(axis=1), states.max(axis=1)))
     progress(STAGE, STEPS, STEPS)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import (
     estimate_noise,
     leverage_weights,
     outlier_weights,
+    sticking_noise,
     TorqueNoise,
 )
+from lip_id_ros.friction.terms import Coulomb, LoadCoulomb
 
 TRUTH = TorqueNoise(np.array([0.5, 2.0]), np.array([0.0, 8.0]), np.array([1.0, 0.1]))
 
@@ -32,6 +35,26 @@ def test_weights_are_those_of_the_variance() -> None:
     np.testing.assert_allclose(TRUTH.std_at(dq) ** 2 * weights, np.tile(TRUTH.std**2, (21, 1)))
     np.testing.assert_array_equal(weights[:, 0], 1.0)
     assert weights[10, 1] == 1.0 / 65.0
+
+
+def test_a_joint_at_rest_may_have_any_friction_between_the_coulomb_torques() -> None:
+    terms = Coulomb(0.05), LoadCoulomb(0.05)
+    basis = FrictionBasis(2, tuple(DriveTerm(Drive.of_joint(0), term) for term in terms))
+    friction = FrictionModel(basis, np.array([3.0, 0.1]))
+    q, load = np.zeros((4, 2)), np.full((4, 2), -20.0)
+    noise = sticking_noise(TorqueNoise.constant(np.array([0.1, 0.1])), friction, q, load)
+    at_rest, moving = noise.std_at(np.array([[0.0, 0.0], [0.5, 0.5]]))
+    uniform = np.random.default_rng(0).uniform(-5.0, 5.0, 10**6)
+    np.testing.assert_allclose(at_rest, [uniform.std(), 0.1], rtol=0.05)
+    np.testing.assert_allclose(moving, 0.1)
+
+
+def test_noise_that_was_seen_near_rest_is_kept() -> None:
+    basis = FrictionBasis(2, (DriveTerm(Drive.of_joint(1), Coulomb(0.05)),))
+    friction = FrictionModel(basis, np.array([1.0]))
+    got = sticking_noise(TRUTH, friction, np.zeros((1, 2)), np.zeros((1, 2)))
+    np.testing.assert_array_equal(got.ratio, TRUTH.ratio)
+    np.testing.assert_array_equal(got.velocity[1], TRUTH.velocity[1])
 
 
 def test_joints_that_never_move_have_constant_noise() -> None:
