@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 import os
 import shutil
 
 import numpy as np
 
-from lip_id_ros.errors import ModelError
+from lip_id_ros.errors import ConfigError, ModelError
 from lip_id_ros.feedforward.deviations import Deviations
 from lip_id_ros.feedforward.settings import make_rules, require_consistent, ServeSettings
 from lip_id_ros.files import require_regular_file
@@ -172,6 +172,62 @@ def load_successor(settings: ServeSettings, before: LoadedModel) -> LoadedModel:
         f'{settings.model_path} must have its joints in the order {", ".join(expected)}, but has '
         f'{", ".join(found)}; clean the node up and configure it anew to change the order.'
     )
+
+
+def load_models(settings: ServeSettings, before: LoadedModel | None) -> dict[str, LoadedModel]:
+    """
+    Load the model of `model_path`, under an empty name, and those with payloads, by their paths.
+
+    Parameters
+    ----------
+    settings : ServeSettings
+    before : LoadedModel or None
+        The model whose place they take.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be opened.
+    LipIdError
+        If one is not a model, or has other joints, or no payload has the name that is set.
+
+    """
+    require_payload(settings, settings.payload_models)
+    if before is None:
+        models = {'': load_model(settings, settings.joints)}
+    else:
+        models = {'': load_successor(settings, before)}
+    try:
+        for path in settings.payload_models:
+            models[path] = load_successor(replace(settings, model_path=path), models[''])
+    except BaseException:
+        stop(models)
+        raise
+    return models
+
+
+def stop(models: Mapping[str, LoadedModel]) -> None:
+    """End the processes that belong to models."""
+    for loaded in models.values():
+        loaded.stop()
+
+
+def require_payload(settings: ServeSettings, known: Collection[str]) -> None:
+    """
+    Refuse a payload that is not loaded.
+
+    Raises
+    ------
+    ConfigError
+        With the names that are.
+
+    """
+    if settings.payload and settings.payload not in known:
+        listed = ', '.join(filter(None, known)) or 'none'
+        raise ConfigError(
+            f'payload must be one of the payload_models that are loaded ({listed}), but is '
+            f'{settings.payload}; name it there, and call reload_model or configure the node.'
+        )
 
 
 def require_rules(settings: ServeSettings, loaded: LoadedModel | None) -> None:

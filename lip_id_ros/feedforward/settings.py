@@ -43,6 +43,17 @@ class ServeSettings(Settings):
         'Model to serve; also read by the service reload_model.',
         applies=ON_LOAD,
     )
+    payload_models: tuple[str, ...] = setting(
+        (),
+        'Models of the same arm with payloads, as `lip_id payload -o` writes them: loaded beside '
+        'model_path, to be selected by payload.',
+        applies=ON_LOAD,
+    )
+    payload: str = setting(
+        '',
+        'The model among payload_models that answers; empty for that of model_path. A change '
+        'loads nothing, and torques are ramped to.',
+    )
     joints: tuple[str, ...] = setting(
         (),
         'Joints that the model must have, in any order, and that every list here is given for; '

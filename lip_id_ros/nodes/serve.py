@@ -16,7 +16,13 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.feedforward.loading import load_model, load_successor, LoadedModel, require_rules
+from lip_id_ros.feedforward.loading import (
+    load_models,
+    LoadedModel,
+    require_payload,
+    require_rules,
+    stop,
+)
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import require_changeable, ServeSettings, unbounded
 from lip_id_ros.nodes import running
@@ -43,6 +49,7 @@ class ServeNode(NodeBase, LifecycleNode):
     def __init__(self) -> None:
         super().__init__('serve', parameters_of(ServeSettings))
         self._server = Server()
+        self._models: dict[str, LoadedModel] = {}
         self._loaded: LoadedModel | None = None
         self._failure = ''
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='loading')
@@ -111,14 +118,25 @@ class ServeNode(NodeBase, LifecycleNode):
         settings = replace(before, **values)
         require_changeable(before, settings, self._state_label)
         require_rules(settings, self._loaded)
+        if self._models:
+            require_payload(settings, self._models)
 
     def apply_change(self, values: Mapping[str, Any]) -> None:
         """Use the new settings at once; a torque that they change is ramped to."""
         settings = self._settings()
         self._server.adjust(settings, time.monotonic())
         self._inputs.adjust(settings)
+        if self._models and self._models[settings.payload] is not self._loaded:
+            self._serve(self._models[settings.payload], settings)
         if self._server.active and settings.enabled != self._server.enabled:
             self._enable(settings.enabled)
+
+    def _serve(self, loaded: LoadedModel, settings: ServeSettings) -> None:
+        """Answer with another model from the next reference on."""
+        self._loaded = loaded
+        self._inputs.use(loaded, settings)
+        if self._server.active:
+            self._server.use(loaded, settings, time.monotonic())
 
     def _settings(self) -> ServeSettings:
         return ServeSettings(**self.values())
@@ -134,7 +152,8 @@ class ServeNode(NodeBase, LifecycleNode):
         settings = self._settings()
         try:
             self._inputs.configure(settings)
-            self._loaded = load_model(settings, settings.joints)
+            self._models = load_models(settings, None)
+            self._loaded = self._models[settings.payload]
             require_rules(settings, self._loaded)
             self._inputs.use(self._loaded, settings)
         except (LipIdError, OSError) as error:
@@ -194,9 +213,8 @@ class ServeNode(NodeBase, LifecycleNode):
     def _forget(self) -> None:
         self._inputs.clean_up()
         self._outputs.clean_up()
-        if self._loaded is not None:
-            self._loaded.stop()
-            self._loaded = None
+        stop(self._models)
+        self._models, self._loaded = {}, None
 
     # services
 
@@ -231,17 +249,16 @@ class ServeNode(NodeBase, LifecycleNode):
         settings, before = self._settings(), self._loaded
         if before is None:
             raise LipIdError('there is no model to replace; configure the node instead.')
-        loaded = await outcome(self, self._pool.submit(load_successor, settings, before))
-        # another reload may have been faster: its model is replaced then
-        replaced = self._loaded
-        if replaced is None or replaced.joint_names != loaded.joint_names:
-            loaded.stop()
+        models = await outcome(self, self._pool.submit(load_models, settings, before))
+        # another reload may have been faster: its models are replaced then
+        replaced, now = self._models, self._settings()
+        if self._loaded is None or self._loaded.joint_names != models[''].joint_names:
+            stop(models)
             raise LipIdError('the node was cleaned up while the model was loaded.')
-        self._loaded = loaded
-        self._inputs.use(loaded, settings)
-        if self._server.active:
-            self._server.use(loaded, self._settings(), time.monotonic())
-        self._pool.submit(replaced.stop)
+        self._models = models
+        # the payload may have changed meanwhile to one that was not to be loaded
+        self._serve(models.get(now.payload, models['']), now)
+        self._pool.submit(stop, replaced)
         return f'serves {settings.model_path}'
 
 

@@ -229,3 +229,26 @@ def test_reload_swaps_the_model_or_keeps_the_old_one(
     publisher.publish(GOOD)
     client.wait_until(lambda: len(torques) == 2, 'answer')
     assert torques[0].effort == torques[1].effort
+
+
+def test_payloads_are_switched_without_a_reload(
+    ros: tuple[Graph, Client], model_path: str, tmp_path: Path
+) -> None:
+    graph, client = ros
+    toy.model_with_weight(2.0).save(tmp_path / 'heavy.npz')
+    heavy = str(tmp_path / 'heavy.npz')
+    start_serve(graph, model_path=model_path, payload_models=[heavy], autostart=True)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    (tmp_path / 'heavy.npz').unlink()
+    for count, payload in enumerate(('', heavy, ''), start=1):
+        assert client.set_parameter('serve', 'payload', payload).successful
+        publisher.publish(GOOD)
+        client.wait_until(lambda count=count: len(torques) == count, 'answer')
+    bare, loaded, again = (np.array(each.effort) for each in torques)
+    np.testing.assert_allclose(bare, EXPECTED, atol=0.1)
+    assert again.tolist() == bare.tolist()
+    assert np.abs(loaded - bare).max() > 1.0
+    answer = client.set_parameter('serve', 'payload', 'other.npz')
+    assert not answer.successful
+    assert 'payload must be one of the payload_models that are loaded' in answer.reason

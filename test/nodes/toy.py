@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from lip_id_ros.arrays import Array
@@ -58,3 +60,10 @@ def model(joints: tuple[str, ...] = JOINTS) -> InverseDynamicsModel:
     fitted = fit(dataset(joints), CHEAP)
     fitted.predict(*np.zeros((3, 1, 2)))
     return fitted
+
+
+def model_with_weight(factor: float) -> InverseDynamicsModel:
+    """Fit pendulums that are heavier by a factor."""
+    data = dataset()
+    gravity = WEIGHT * np.sin(data.q)
+    return fit(replace(data, tau=data.tau + (factor - 1.0) * gravity), CHEAP)
