@@ -79,7 +79,8 @@ def test_torques_come_through_the_middleware(
     from benchmarks.__main__ import main
 
     model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
-    fit(run_pair(7, 0)[0], FitSettings(subset=20, max_samples=60, iterations=2)).save(model)
+    settings = FitSettings(kernel='recursive', subset=20, max_samples=60, iterations=2)
+    fit(run_pair(7, 0)[0], settings).save(model)
     routes = ['stream', 'plan, node']
     arguments = [
         '--routes',

@@ -1,8 +1,7 @@
 """The quality of a model on a data set: figures, tables, plots and cautions."""
 
 from lip_id_ros.evaluation.cautions import fit_cautions, no_better_than_mean, with_checks
-from lip_id_ros.evaluation.metrics import evaluate, Evaluation, score
-from lip_id_ros.evaluation.outcome import matched, Outcome, run
+from lip_id_ros.evaluation.metrics import evaluate, Evaluation, matched, Outcome, run, score
 
 __all__ = [
     'Evaluation',

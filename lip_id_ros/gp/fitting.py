@@ -11,9 +11,13 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import farthest_points
-from lip_id_ros.gp.initialisation import initial_guesses, InitialGuess, make_friction
+from lip_id_ros.gp.initialisation import (
+    initial_guesses,
+    InitialGuess,
+    make_friction,
+    with_likely_sign_widths,
+)
 from lip_id_ros.gp.likelihood import Backend, choose
-from lip_id_ros.gp.sign_width import with_likely_sign_widths
 from lip_id_ros.gp.training import maximise, Objective, Optimum
 from lip_id_ros.kernels import (
     FAMILY,

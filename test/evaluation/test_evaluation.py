@@ -13,7 +13,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.errors import DataError, ModelError
 from lip_id_ros.evaluation import evaluate, matched, run
-from lip_id_ros.evaluation.outcome import standard_deviation
+from lip_id_ros.evaluation.metrics import standard_deviation
 from lip_id_ros.evaluation.tables import error_table, notes, percent
 
 KEYS = {

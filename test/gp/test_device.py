@@ -81,7 +81,7 @@ def test_without_gravity(member: str, device: str) -> None:
 
 @pytest.mark.parametrize('chunk_bytes', [1, 600_000])
 def test_chunks_make_no_difference(chunk_bytes: int) -> None:
-    likelihood = random_likelihood('recursive', TYPES, True, 5)
+    likelihood = random_likelihood('recursive', TYPES, True, 4)
     assert_same(likelihood, on_device(likelihood, 'cpu', chunk_bytes))
 
 
@@ -104,7 +104,7 @@ def test_a_singular_gram_matrix_is_refused() -> None:
 def motions() -> Dataset:
     """Return motions of the polar arm with a little noise."""
     arm = PHYSICAL_ARMS['polar']
-    motion = random_motion(arm, 40, seed=0)
+    motion = random_motion(arm, 16, seed=0)
     tau = arm.torque(*motion)
     noise = 0.01 * np.random.default_rng(1).normal(size=tau.shape)
     return dataset_of(arm, motion, tau + noise)

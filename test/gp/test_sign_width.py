@@ -11,11 +11,15 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.gp import sign_width
+from lip_id_ros.gp import initialisation
 from lip_id_ros.gp.fitting import make_kernel
-from lip_id_ros.gp.initialisation import initial_hyperparameters, SIGN_SHARE
+from lip_id_ros.gp.initialisation import (
+    FACTORS,
+    initial_hyperparameters,
+    SIGN_SHARE,
+    with_likely_sign_widths,
+)
 from lip_id_ros.gp.likelihood import MarginalLikelihood
-from lip_id_ros.gp.sign_width import FACTORS, with_likely_sign_widths
 from lip_id_ros.identification import fit
 from lip_id_ros.kernels import FrictionKernel, TorqueKernel, TorquePrior
 from lip_id_ros.settings import FitSettings
@@ -77,7 +81,7 @@ def test_values_are_likelihoods_of_the_matrix_with_another_vector() -> None:
     now, *tried = rng.standard_normal((4, 12))
     rest = np.diag(rng.uniform(0.5, 2.0, 12))
     y = rng.standard_normal(12)
-    found = sign_width._values(rest + np.outer(now, now), y, now, *tried)
+    found = initialisation._values(rest + np.outer(now, now), y, now, *tried)
     expected = []
     for z in tried:
         matrix = rest + np.outer(z, z)
@@ -92,13 +96,13 @@ def test_each_joint_is_judged_with_the_widths_found_before(
     kernel = make_kernel(data, FitSettings(kernel='recursive'), 'recursive')
     at = initial_hyperparameters(kernel, data)
     grams: list[Array] = []
-    values = sign_width._values
+    values = initialisation._values
 
     def seen(gram: Array, *vectors: Array) -> list[float]:
         grams.append(gram.copy())
         return values(gram, *vectors)
 
-    monkeypatch.setattr(sign_width, '_values', seen)
+    monkeypatch.setattr(initialisation, '_values', seen)
     found, widths = widths_of(with_likely_sign_widths(kernel, at, data)), widths_of(kernel).copy()
     assert found[0] != widths[0]
     widths[0] = found[0]

@@ -10,8 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from lip_id_ros.evaluation.cautions import no_better_than_mean
-from lip_id_ros.evaluation.metrics import Evaluation
-from lip_id_ros.evaluation.outcome import Outcome
+from lip_id_ros.evaluation.metrics import Evaluation, Outcome
 from lip_id_ros.evaluation.report import plots
 from lip_id_ros.evaluation.report.page import drawn, page, Picture, write_folder
 from lip_id_ros.evaluation.report.plots import Band

@@ -12,8 +12,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import for_plot
-from lip_id_ros.evaluation.metrics import Evaluation
-from lip_id_ros.evaluation.outcome import Outcome, standard_deviation
+from lip_id_ros.evaluation.metrics import Evaluation, Outcome, standard_deviation
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.model import DynamicsModel, Prediction, TorqueModel
 from lip_id_ros.progress import Progress, silent
