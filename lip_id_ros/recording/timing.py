@@ -193,7 +193,9 @@ def _plausible(
 
 
 def _far_end(stamps: IntArray) -> bool:
-    return bool(stamps.size > 2 and np.abs(np.diff(stamps[[0, 1, -2, -1]])).max() > END_NS)
+    """Whether the first or last few stamps reach over more than an hour."""
+    ends = (stamps[:_NEIGHBOURS], stamps[-_NEIGHBOURS:])
+    return any(end.size > 0 and int(np.ptp(end)) > END_NS for end in ends)
 
 
 def _far(stamps: IntArray) -> BoolArray:

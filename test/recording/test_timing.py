@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.arrays import IntArray
-from lip_id_ros.recording import Reason
+from lip_id_ros.recording import Reason, timing
 from lip_id_ros.recording.timing import APART_NS, arrange, stamps_advance
 
 STEP = 10_000_000
@@ -50,6 +50,15 @@ def test_one_wrong_stamp_costs_one_message(place: int, stamp: int, reason: Reaso
 def test_first_stamp_may_be_zero_or_next_to_it(first: int) -> None:
     timeline = arrange(np.concatenate([[first], STEP * np.arange(1, 50)]))
     assert (timeline.rows.size, timeline.start_ns, timeline.dropped) == (50, first, {})
+
+
+def test_stamps_in_order_for_hours_are_not_judged_one_by_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """That took several arrays in memory, as long as the recording."""
+    monkeypatch.delattr(timing, '_plausible')
+    stamps = EPOCH + 60 * 10**9 * np.arange(300)
+    np.testing.assert_array_equal(arrange(stamps).stamps_ns, stamps)
 
 
 def test_pause_is_no_reason_to_drop() -> None:
