@@ -27,7 +27,7 @@ from lip_id_ros.arrays import Array, IntArray
 
 
 class Operation(IntEnum):
-    """What a step does to the running velocity kernel y."""
+    """Effects of a step on the running velocity kernel y."""
 
     RESET = 0  # y = 0
     MULTIPLY = 1  # y = a_b y

@@ -1,4 +1,4 @@
-"""A model that explains nothing is called that, wherever it is shown."""
+"""Every output warns of a model that explains nothing."""
 
 from __future__ import annotations
 

@@ -205,7 +205,7 @@ def with_offset_variance(model: InverseDynamicsModel, variance: float) -> Invers
 
 
 def test_a_constant_force_of_a_sliding_joint_is_gravity_or_offset() -> None:
-    """Data tell the sum of the weight and the friction's offset; how it is split, the prior."""
+    """Data determine the sum of weight and friction offset; the prior determines the split."""
     arm = ARMS['slider']
     motion = random_motion(arm, N_SAMPLES, seed=0)
     tau = arm.torque(*motion)

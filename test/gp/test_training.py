@@ -110,7 +110,7 @@ def test_what_runs_to_a_bound_is_named() -> None:
 
 
 def test_the_start_need_not_be_the_centre_of_the_prior() -> None:
-    """The objective tells starts apart by where they are, not by how far they came."""
+    """The objective depends on where a start is, not on how far it came."""
     likelihood = small()
     centre = likelihood.like.vector()
     objective = Objective(likelihood, likelihood.like, 0.5)

@@ -1,4 +1,4 @@
-"""Plots of a recording as it was read, and the page that shows them with the findings."""
+"""Plots of a recording, and the page that shows them with the findings."""
 
 from __future__ import annotations
 
