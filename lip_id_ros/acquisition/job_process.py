@@ -103,7 +103,7 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
     """Find what is attached to an arm whose model is known, and save it."""
     model = InverseDynamicsModel.load(request['model'])
     arm, data = links_of(model, request['model']), matched(data, model)
-    found = identify_payload(arm.chain, arm.links, arm.friction, data)
+    found = identify_payload(arm, data)
     shown = payload_in_flange(arm.chain, found, 0.0, 0.0)
     text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], (0.0, 0.0))
     if request['payload_model']:

@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> None:
     arm = links_of(model, args.model)
     with output.progress_display() as progress:
         dataset = models.load_for(model, args.sources, args.config, progress)
-    found = identify_payload(arm.chain, arm.links, arm.friction, dataset)
+    found = identify_payload(arm, dataset)
     shown = payload_in_flange(arm.chain, found, *args.flange)
     console = output.console()
     _show(shown, console)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
-from lip_id_ros.identification.payload import BODY, Payload
+from lip_id_ros.identification.payload import BODY, Payload, with_body
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
@@ -89,8 +89,6 @@ def attached(model: InverseDynamicsModel, payload: Payload) -> InverseDynamicsMo
 
     """
     arm = links_of(model, 'this model')
-    links = arm.links.copy()
-    links[-1, :BODY] += payload.parameters
     n = model.n_joints
     first = PLACEMENT * n + LINK_PARAMETERS * (n - 1)
     own = np.zeros((len(arm.covariance_root), BODY))
@@ -98,7 +96,11 @@ def attached(model: InverseDynamicsModel, payload: Payload) -> InverseDynamicsMo
     own[first : first + BODY] = vectors * np.sqrt(np.maximum(values, 0.0))
     root = np.concatenate([arm.covariance_root, own], axis=1)
     noted = {**model.provenance, 'payload_mass': payload.mass}
-    return replace(model, arm=replace(arm, links=links, covariance_root=root), provenance=noted)
+    return replace(
+        model,
+        arm=replace(with_body(arm, payload.parameters), covariance_root=root),
+        provenance=noted,
+    )
 
 
 def to_yaml(payload: Payload, sources: Sequence[str], flange: tuple[float, float]) -> str:

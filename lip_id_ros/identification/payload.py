@@ -2,13 +2,14 @@
 What is attached to the last link: its mass, centre of mass and inertia, the arm being known.
 
 A body fixed to the last link adds its parameters to those of the link. So torques are linear in
-ten numbers, which some seconds of motion determine; everything else is left as it was.
+ten numbers, which some seconds of motion determine. The arm stays as it is, but for what its own
+covariance allows.
 
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -16,9 +17,9 @@ from scipy.linalg import solve_triangular
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification.statistics import contiguous_blocks
-from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
@@ -30,7 +31,7 @@ PRIOR_STD = MASS * np.repeat([1.0, LENGTH, LENGTH**2], [1, 3, 6])
 ROUNDS, BLOCKS = 4, 20
 ROUNDING = 1e-14
 BARRIERS, ITERATIONS, CONVERGED, SHORTEST = (1.0, 0.1, 0.01), 50, 1e-8, 1e-10
-LEAST_SAMPLES = 50
+LEAST_SAMPLES, MOST_SAMPLES = 50, 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,20 +82,19 @@ class Payload:
         return about_origin - self.mass * (c @ c * np.eye(3) - np.outer(c, c))
 
 
-def identify_payload(
-    chain: Chain, links: Array, friction: FrictionModel, dataset: Dataset
-) -> Payload:
+def identify_payload(arm: ArmPosterior, dataset: Dataset) -> Payload:
     """
     Find what is attached to an arm.
 
+    A learned arm is uncertain too: its parameters may differ by what their covariance allows, or
+    an error of a length would count as mass.
+
     Parameters
     ----------
-    chain : Chain
-    links : array, shape (n, 11)
-        Of the arm without the payload.
-    friction : FrictionModel
+    arm : ArmPosterior
+        Without the payload.
     dataset : Dataset
-        Of the arm with its payload, in the order of time.
+        Of the arm with its payload, in the order of time; at most `MOST_SAMPLES` are used.
 
     Returns
     -------
@@ -113,29 +113,49 @@ def identify_payload(
             f'at least {LEAST_SAMPLES} samples were expected to find a payload, but '
             f'{dataset.n_samples} came; record some seconds of motion.'
         )
+    rows = np.linspace(0, dataset.n_samples - 1, min(MOST_SAMPLES, dataset.n_samples))
+    dataset = dataset.select(rows.astype(np.intp))
     state = [np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq)]
-    regressor = torque_regressor(chain, *state)
-    own = regressor @ links.ravel()
-    features = regressor[:, :, -LINK_PARAMETERS:-1]
+    features = torque_regressor(arm.chain, *state)[:, :, -LINK_PARAMETERS:-1]
     body, std = np.zeros(BODY), np.std(dataset.tau, axis=0)
     for _ in range(ROUNDS):
-        load = own + features @ body
-        target = dataset.tau - own - friction.torque(state[0], state[1], load)
+        loaded = with_body(arm, body)
+        own = loaded.jacobian(*state) @ arm.covariance_root
+        target = dataset.tau - loaded.torque(*state) + features @ body
         std = np.where(std > 0.0, std, 1.0)
-        root, right = _normal_root(features / std[:, None], target / std)
+        columns = np.concatenate([own, features], axis=2)
+        triangle = _triangle(columns / std[:, None], target / std)
+        known = own.shape[2]
+        root, right = triangle[known:-1, known:-1], triangle[known:-1, -1]
         body = _existing(root, right)
-        std = np.sqrt(np.mean((target - features @ body) ** 2, axis=0))
+        corrections = solve_triangular(
+            triangle[:known, :known], triangle[:known, -1] - triangle[:known, known:-1] @ body
+        )
+        residual = target - columns @ np.concatenate([corrections, body])
+        std = np.sqrt(np.mean(residual**2, axis=0))
     std = np.where(std > 0.0, std, 1.0)
-    scores = np.einsum('tik,ti->tk', features / std[:, None] ** 2, target - features @ body)
-    return Payload(body, _sandwich(root, scores))
+    scores = np.einsum('tik,ti->tk', columns / std[:, None] ** 2, residual)
+    return Payload(body, _sandwich(triangle[:-1, :-1], scores)[known:, known:])
 
 
-def _normal_root(features: Array, target: Array) -> tuple[Array, Array]:
-    """Return the triangle R and the right side z of |R x - z|^2, the prior included."""
-    rows = np.concatenate([features.reshape(-1, BODY), np.diag(1.0 / PRIOR_STD)])
-    values = np.concatenate([target.ravel(), np.zeros(BODY)])
-    triangle = np.linalg.qr(np.column_stack([rows, values]), mode='r')
-    return triangle[:BODY, :BODY], triangle[:BODY, BODY]
+def with_body(arm: ArmPosterior, body: Array) -> ArmPosterior:
+    """Return the arm with a body fixed to its last link."""
+    links = arm.links.copy()
+    links[-1, :BODY] += body
+    return replace(arm, links=links)
+
+
+def _prior_precision(size: int) -> Array:
+    """Return precisions of corrections of the arm, in units of its covariance, and of the body."""
+    return np.concatenate([np.ones(size - BODY), 1.0 / PRIOR_STD])
+
+
+def _triangle(columns: Array, target: Array) -> Array:
+    """Return the triangular factor of columns and target, the prior included."""
+    size = columns.shape[2]
+    rows = np.concatenate([columns.reshape(-1, size), np.diag(_prior_precision(size))])
+    values = np.concatenate([target.ravel(), np.zeros(size)])
+    return np.asarray(np.linalg.qr(np.column_stack([rows, values]), mode='r'))
 
 
 def _existing(root: Array, right: Array) -> Array:
@@ -198,13 +218,13 @@ class _BarrierProblem:
 
 
 def _sandwich(root: Array, scores: Array) -> Array:
-    inverse = solve_triangular(root, np.eye(BODY))
+    inverse = solve_triangular(root, np.eye(len(root)))
     hessian_inverse = inverse @ inverse.T
     block = contiguous_blocks(len(scores), min(BLOCKS, len(scores)))
-    sums = np.zeros((int(block.max()) + 1, BODY))
+    sums = np.zeros((int(block.max()) + 1, len(root)))
     np.add.at(sums, block, scores)
     # The prior is what is known of directions that the motion does not show.
-    spread = sums.T @ sums + np.diag(PRIOR_STD**-2.0)
+    spread = sums.T @ sums + np.diag(_prior_precision(len(root)) ** 2)
     return np.asarray(hessian_inverse @ spread @ hessian_inverse)
 
 

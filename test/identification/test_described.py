@@ -15,16 +15,19 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import load_description, RobotDescription
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.export.arm import ArmDescription, JointRanges
+from lip_id_ros.export.payload import payload_in_flange
 from lip_id_ros.export.urdf_template import fill_template
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.identification import fit
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
 from lip_id_ros.identification.description_doubts import doubts, reversed_axis
+from lip_id_ros.identification.payload import identify_payload, Payload
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table, with_standard_frames
 from lip_id_ros.rigid_body.log_cholesky import link_parameters, scale_of
+from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import (
@@ -116,6 +119,24 @@ def test_the_frames_stay_those_of_the_file(fitted: InverseDynamicsModel) -> None
     turned = before.chain.rotations.swapaxes(1, 2) @ fitted.arm.chain.rotations
     angles = np.linalg.norm(Rotation.from_matrix(turned).as_rotvec(), axis=1)
     np.testing.assert_allclose(np.degrees(angles), report['turns_deg'], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_payload_of_a_learned_arm(fitted: InverseDynamicsModel) -> None:
+    """One kilogram, 5 cm beside the last axis, from 20 s of motion."""
+    assert fitted.arm is not None
+    centre = np.array([0.05, 0.0, 0.107])
+    inertia = 1e-3 * np.eye(3) + centre @ centre * np.eye(3) - np.outer(centre, centre)
+    body = np.array([1.0, *centre, *inertia[np.triu_indices(3)]])
+    links = np.zeros((N, 11))
+    links[-1, :10] = body
+    data = motion(10, 20, 50)
+    load = torque_regressor(truth().chain, data.q, data.dq, data.ddq) @ links.ravel()
+    payload = identify_payload(fitted.arm, replace(data, tau=data.tau + load))
+    found = payload_in_flange(fitted.arm.chain, payload, 0.0, 0.0)
+    expected = payload_in_flange(truth().chain, Payload(body, np.eye(10)), 0.0, 0.0)
+    assert found.mass == pytest.approx(1.0, rel=0.01)
+    np.testing.assert_allclose(found.centre, expected.centre, atol=2e-3)
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from export.arms import random_arm
+from export.arms import model_of, random_arm
 import numpy as np
 import pytest
 
@@ -36,7 +36,9 @@ def arm_of(kinds: str, seed: int = 5) -> ArmDescription:
 
 
 def payload_of(arm: ArmDescription, dataset: Dataset) -> Payload:
-    return identify_payload(arm.chain, arm.links, arm.friction, dataset)
+    posterior = model_of(arm).arm
+    assert posterior is not None
+    return identify_payload(posterior, dataset)
 
 
 def recorded(
