@@ -1,0 +1,59 @@
+"""Draw the joint axes that a fit finds in a simulated Panda's torques, beside the true ones."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from benchmarks._panda import run_pair
+from lip_id_ros.arrays import Array
+from lip_id_ros.description.urdf import load_description
+from lip_id_ros.identification import fit
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.denavit_hartenberg import poses, with_standard_frames
+from lip_id_ros.simulation.arm import panda_urdf
+
+AXIS_M = 0.12
+"""Length at which an axis is drawn."""
+
+
+def main(arguments: list[str]) -> int:
+    """Fit a simulated Panda without its URDF, and draw both arms."""
+    parser = argparse.ArgumentParser(prog='benchmarks kinematics_picture', description=__doc__)
+    parser.add_argument('-o', '--output', type=Path, default=Path('docs/images/kinematics.png'))
+    parser.add_argument('--joints', type=int, default=7)
+    options = parser.parse_args(arguments)
+    training, _ = run_pair(options.joints, seed=0)
+    model = fit(training)
+    assert model.arm is not None
+    known = load_description(panda_urdf(), training.joint_names, training.joint_types)
+    true, _ = with_standard_frames(known.chain, known.links)
+    found, _ = with_standard_frames(model.arm.chain, model.arm.links)
+    figure = plt.figure(figsize=(8.0, 4.5), layout='constrained')
+    views = zip(('true (URDF)', 'found in torques'), (true, found), strict=True)
+    for k, (title, chain) in enumerate(views, start=1):
+        axes = figure.add_subplot(1, 2, k, projection='3d')
+        _draw(axes, chain)
+        axes.set_title(title)
+    figure.savefig(options.output, dpi=120)
+    print(f'Written: {options.output}')
+    return 0
+
+
+def _draw(axes: Any, chain: Chain) -> None:
+    """Draw links as lines between the frames, and each joint's axis through its frame."""
+    frames = poses(chain)
+    origins: Array = frames.origin - frames.origin[0]
+    axes.plot(*origins.T, color='0.6', linewidth=2.0)
+    for i, (origin, rotation) in enumerate(zip(origins, frames.axes, strict=True)):
+        ends = np.stack([origin - AXIS_M * rotation[:, 2], origin + AXIS_M * rotation[:, 2]])
+        axes.plot(*ends.T, color=f'C{i}', label=f'joint {i + 1}')
+    middle = 0.5 * (origins.max(axis=0) + origins.min(axis=0))
+    for limits, centre in zip(('x', 'y', 'z'), middle, strict=True):
+        getattr(axes, f'set_{limits}lim')(centre - 0.5, centre + 0.5)
+        getattr(axes, f'set_{limits}label')(f'{limits} [m]')
+    axes.legend(fontsize='x-small', loc='upper left')
