@@ -14,6 +14,8 @@ from benchmarks.__main__ import available, main
 from benchmarks.query_million import ALLOWED_BLOCKS
 from lip_id_ros.recording import read_bag
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip('pinocchio', reason='the simulated arm needs pinocchio')
 
 SMALL = ['--joints', '3', '--kernels', 'recursive', '--set', 'subset=30', 'iterations=3']

@@ -22,6 +22,8 @@ from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import panda, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 
+pytestmark = pytest.mark.slow
+
 RNG = np.random.default_rng(0)
 
 

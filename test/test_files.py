@@ -101,6 +101,7 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(header=st.dictionaries(st.text(), JSON))
 def test_npz_round_trip(
     header: dict[str, object], tmp_path_factory: pytest.TempPathFactory

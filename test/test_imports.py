@@ -163,6 +163,7 @@ LIGHT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('module', sorted(LIGHT))
 def test_import_stays_light(module: str) -> None:
     program = f'import {module}, sys; print(*sorted(sys.modules))'

@@ -14,6 +14,8 @@ ROOT = Path(__file__).resolve().parents[1]
 INNER = """
 from lip_id_ros.numba_jit import jit
 
+pytestmark = pytest.mark.slow
+
 @jit
 def inner(x: float) -> float:
     return {factor} * x

@@ -55,6 +55,7 @@ def test_what_a_library_prints_changes_nothing() -> None:
     assert advanced(RUNNING, 'NumbaWarning: something\n') == RUNNING
 
 
+@pytest.mark.slow
 def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
     task = Task('dataset', flatten(Config()), str(tmp_path / 'data.npz'), niceness=1)
     work = jobs.start(task, [samples(500)])
@@ -79,6 +80,7 @@ def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
     jobs.stop()
 
 
+@pytest.mark.slow
 def test_a_failure_is_one_sentence_and_leaves_no_file(jobs: Jobs, tmp_path: Path) -> None:
     task = Task('fit', flatten(Config()), str(tmp_path / 'absent' / 'model.npz'))
     with pytest.raises(LipIdError) as failed:
@@ -99,6 +101,7 @@ def test_a_job_ends_with_its_owner(jobs: Jobs, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_job_that_is_cancelled_says_so_and_another_may_follow(
     jobs: Jobs, tmp_path: Path
 ) -> None:

@@ -18,6 +18,8 @@ pytest.importorskip('pinocchio')
 
 from lip_id_ros.baselines.delan import Delan, DelanNetwork
 
+pytestmark = pytest.mark.slow
+
 
 def network() -> DelanNetwork:
     torch.manual_seed(1)

@@ -68,6 +68,7 @@ def test_the_geometric_polynomial_holds_the_torques_of_rigid_bodies() -> None:
     assert metrics.nmse_percent(estimate, arm.inverse_dynamics(*unseen)).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_gip_learns_friction_and_se_something() -> None:
     data, unseen = runs(2, 120, FRICTION, noise=0.05)
     errors = {}

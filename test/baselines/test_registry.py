@@ -25,6 +25,7 @@ def test_kinematics_are_asked_for(name: str) -> None:
         method(name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', [name for name in MODELS if name != 'delan'])
 def test_every_model_answers(name: str) -> None:
     pytest.importorskip('torch')

@@ -119,6 +119,7 @@ def test_a_model_of_this_package_is_not_one_of_the_literature() -> None:
 NUMBERS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text()
 
 
+@pytest.mark.slow
 @given(
     st.recursive(
         NUMBERS, lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner), max_leaves=10

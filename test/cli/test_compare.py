@@ -12,6 +12,8 @@ import pytest
 from lip_id_ros.cli import main
 from lip_id_ros.comparison import Case, Results
 
+pytestmark = pytest.mark.slow
+
 Capture = pytest.CaptureFixture[str]
 
 

@@ -248,6 +248,7 @@ def test_a_report_in_the_place_of_a_file(here: Path, capsys: Capture) -> None:
     check(line, 'report: Not a directory')
 
 
+@pytest.mark.slow
 def test_where_the_disk_fails_the_model_is_kept_elsewhere(
     workshop: Workshop, here: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,6 +18,7 @@ def run(*arguments: str | Path) -> None:
     assert main([str(argument) for argument in arguments]) == 0
 
 
+@pytest.mark.slow
 def test_a_fit_tells_the_length_of_a_link(tmp_path: Path, capsys: Capture) -> None:
     """The planar arm has parallel axes, half a metre apart."""
     arm = TwoLinks(length=0.5)

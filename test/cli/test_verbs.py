@@ -27,6 +27,7 @@ from lip_id_ros.simulation import write_bag
 VERBS = ('fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'compare')
 
 
+@pytest.mark.slow
 def test_fit_writes_a_model_and_shows_its_joints(
     workshop: Workshop, here: Path, capsys: Capture
 ) -> None:
@@ -62,6 +63,7 @@ def test_fit_takes_kernel_and_joints_from_the_command_line(workshop: Workshop, h
     assert model.joint_names == ('wrist', 'elbow')
 
 
+@pytest.mark.slow
 def test_fit_without_a_device_says_so_and_goes_on(
     workshop: Workshop, here: Path, capsys: Capture
 ) -> None:
@@ -102,6 +104,7 @@ def test_held_out_samples_are_the_last_and_are_not_learned_from(
     assert f'{rest.n_samples} samples, compared with the measured torques' in output
 
 
+@pytest.mark.slow
 def test_evaluate_writes_figures_and_report(
     workshop: Workshop, here: Path, capsys: Capture
 ) -> None:
@@ -187,6 +190,7 @@ def test_a_csv_data_set_is_a_source(workshop: Workshop, here: Path) -> None:
     np.testing.assert_array_equal(measured, Dataset.load('data.npz').tau)
 
 
+@pytest.mark.slow
 def test_fit_says_what_is_wrong_with_its_recordings(
     workshop: Workshop, here: Path, capsys: Capture
 ) -> None:
@@ -209,6 +213,7 @@ def test_fit_leaves_out_what_is_nearly_at_rest(workshop: Workshop, here: Path) -
     assert model.n_samples == moving.sum()
 
 
+@pytest.mark.slow
 def test_bench_measures_and_writes(workshop: Workshop, here: Path) -> None:
     lip_id('bench', workshop.model, '--json', 'bench.json')
 
@@ -250,6 +255,7 @@ def test_help_is_quick_and_names_every_verb() -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('verb', VERBS)
 def test_every_verb_has_help_with_an_example(verb: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit) as stopped:
@@ -312,6 +318,7 @@ def test_a_model_that_needs_kinematics_says_so(
     assert not list(here.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('target', ['-', '/dev/stdout'])
 def test_a_data_set_goes_to_standard_output_and_its_table_elsewhere(
     workshop: Workshop, here: Path, capfdbinary: pytest.CaptureFixture[bytes], target: str
@@ -331,6 +338,7 @@ def test_a_model_goes_through_a_pipe_of_the_shell(workshop: Workshop, here: Path
     assert {'tau', 'tau_std', 'gravity'} <= set(arrays)
 
 
+@pytest.mark.slow
 def test_an_output_is_replaced_by_its_own_kind_and_with_force_by_any(
     workshop: Workshop, here: Path
 ) -> None:

@@ -113,6 +113,7 @@ def test_thinning_keeps_the_ends() -> None:
     assert thinned(whole, 10**6) is whole
 
 
+@pytest.mark.slow
 def test_the_page_holds_everything_and_needs_no_network(tmp_path: Path) -> None:
     methods: dict[str, Method] = {'half': Scaled(1.0), 'good': Scaled(1.9), 'never': Refusing()}
     cases = [

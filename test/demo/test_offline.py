@@ -14,6 +14,8 @@ from lip_id_ros.evaluation import Evaluation
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import Config, FitSettings, PreprocessingSettings
 
+pytestmark = pytest.mark.slow
+
 Capture = pytest.CaptureFixture[str]
 
 SMALL = offline.Size(n_joints=3, duration=25.0)

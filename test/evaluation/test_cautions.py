@@ -62,6 +62,7 @@ def test_a_constant_torque_has_no_share() -> None:
     assert checked.summary['unexplained_percent'][1] is None
 
 
+@pytest.mark.slow
 def test_the_page_warns_of_joints_that_are_not_explained(tmp_path: Path) -> None:
     outcome = run(Knowing(torque_error=50.0), swing(1))
     page = write_report(tmp_path, outcome, score(outcome), None, Labels('Bad'))

@@ -15,6 +15,7 @@ from lip_id_ros.settings import FitSettings
 QUICK = FitSettings(subset=100, iterations=5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('noise', 'identified'), [(0.001, True), (3.0, False)])
 def test_noise_decides_what_is_identified(noise: float, identified: bool) -> None:
     arm = TwoLinks(length=0.5)

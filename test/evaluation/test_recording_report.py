@@ -45,6 +45,7 @@ def test_what_was_not_recorded_is_said_in_the_picture() -> None:
     assert [text.get_text() for text in panel.texts] == ['not recorded']
 
 
+@pytest.mark.slow
 def test_several_recordings_get_folders(tmp_path: Path) -> None:
     broken = evidence_of(column(sound(), 'effort', 0, 1.0))
     short = evidence_of(

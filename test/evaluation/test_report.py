@@ -18,6 +18,8 @@ from lip_id_ros.evaluation import Outcome, run, score
 from lip_id_ros.evaluation.report import Band, band, Labels, plots, write_report
 from lip_id_ros.evaluation.report.style import broken_at, MOST_POINTS, shown_rows
 
+pytestmark = pytest.mark.slow
+
 PICTURES = ('torque', 'errors', 'residual', 'energies', 'torque_split')
 PNG = b'\x89PNG\r\n\x1a\n'
 

@@ -33,6 +33,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 @NEEDS_CC
 def test_all_formats_agree_with_the_model(
     model: Path,
@@ -52,6 +53,7 @@ def test_all_formats_agree_with_the_model(
         assert 'Position ranges, velocities and efforts are those of the recordings' in text
 
 
+@pytest.mark.slow
 @NEEDS_CC
 def test_the_example_controls_the_arm(model: Path, tmp_path: Path) -> None:
     """docs/examples/computed_torque.c, which fails where it does not follow."""

@@ -34,6 +34,7 @@ def offer(deviations: Deviations, state: Array, tag: str, now: float) -> None:
     deviations.offer(state, tag, now, 0.1)
 
 
+@pytest.mark.slow
 def test_the_newest_reference_gets_its_standard_deviations(tmp_path: Path) -> None:
     model = random_model('recursive')
     path = str(tmp_path / 'model.npz')
@@ -61,6 +62,7 @@ def test_the_newest_reference_gets_its_standard_deviations(tmp_path: Path) -> No
     assert deviations.take() is None
 
 
+@pytest.mark.slow
 def test_what_cannot_be_told_is_beyond_the_limit(tmp_path: Path) -> None:
     model = random_model('recursive')
     path = str(tmp_path / 'model.npz')
@@ -110,6 +112,7 @@ def test_deviations_are_those_of_the_model_that_answers(tmp_path: Path) -> None:
         file.close()
 
 
+@pytest.mark.slow
 def test_a_process_that_cannot_begin_says_so(tmp_path: Path) -> None:
     path = str(tmp_path / 'absent.npz')
     with pytest.raises(ModelError, match=r'process that computes them ended with an error; see'):

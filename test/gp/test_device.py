@@ -28,6 +28,8 @@ torch = pytest.importorskip('torch', reason='the device path needs torch')
 
 from lip_id_ros.gp.reference import CHUNK_BYTES, TorchMarginalLikelihood  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 DEVICES = ('cpu', pytest.param('cuda', marks=pytest.mark.gpu))
 ARMS = ((R,), (P,), (P, R), (R, R, P, R))
 

@@ -45,6 +45,7 @@ def assert_close(got: Array, expected: Array, size: float) -> None:
     np.testing.assert_allclose(got, expected, rtol=0.0, atol=2e-3 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('name', 'member'), CASES)
 def test_torques(name: str, member: str) -> None:
     """Inertial, Coriolis and gravity torques, each by itself."""
@@ -82,6 +83,7 @@ def test_energies(name: str, member: str) -> None:
     assert_close(got.potential, potential, abs(potential).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('name', 'member'), CASES)
 def test_noise_is_recovered(name: str, member: str) -> None:
     model = learned(name, member)

@@ -10,6 +10,8 @@ import pytest
 from benchmarks._drives import Fault, FAULTS, faulty, nothing, recording
 from lip_id_ros.health.effort_meaning import diagnose_effort, orders
 
+pytestmark = pytest.mark.slow
+
 REMEDIES = {
     'effort_without_gravity': 'gravity_compensated',
     'effort_sign': 'negative value in recording.effort_scale',

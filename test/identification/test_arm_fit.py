@@ -18,6 +18,8 @@ from lip_id_ros.progress import silent
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
+pytestmark = pytest.mark.slow
+
 VISCOUS, COULOMB, NOISE = 0.8, 1.5, 0.02
 TYPES = (R, P, R)
 

@@ -24,6 +24,8 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
 
+pytestmark = pytest.mark.slow
+
 SEEDS = (0, 1)
 
 

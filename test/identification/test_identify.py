@@ -129,6 +129,7 @@ def test_few_samples() -> None:
     assert (error < 0.1 * tau.var(axis=0)).all()
 
 
+@pytest.mark.slow
 def test_exact_torques() -> None:
     arm = random_arm((R, R, R), seed=1)
     motion = arm.motion(100, seed=1)
@@ -137,6 +138,7 @@ def test_exact_torques() -> None:
     assert_predicts(found, motion, arm.torque(*motion), 1e-4)
 
 
+@pytest.mark.slow
 def test_a_torque_of_noise_alone() -> None:
     """Does not spoil what is known of the other joints."""
     arm = random_arm((R, R, R), seed=1)
@@ -150,6 +152,7 @@ def test_a_torque_of_noise_alone() -> None:
     np.testing.assert_allclose(got, expected, atol=0.01 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('size', [1e-3, 1e4])
 def test_torques_of_any_size(size: float) -> None:
     dataset = samples_of(random_arm((R, R), seed=2))
@@ -171,6 +174,7 @@ def test_an_absurd_acceleration_and_spikes_change_little() -> None:
     assert_predicts(found, motion, arm.torque(*motion))
 
 
+@pytest.mark.slow
 def test_a_spring_between_joints_has_a_process_beside_the_links() -> None:
     """It is no rigid link, and a function of the angles."""
     arm = random_arm((R, R), seed=4)

@@ -108,6 +108,7 @@ def found(samples: Samples, seed: int = 0) -> Calibration:
     return calibrate(samples, 60, seed, silent)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('joint_types', [(R, R, R), (R, P, R), (P, R, R), (R, R, P)])
 @pytest.mark.parametrize('seed', [0, 1])
 def test_the_residuals_at_the_lowest_place_are_the_noise(
@@ -126,6 +127,7 @@ def test_residuals_vanish_without_noise() -> None:
     np.testing.assert_allclose(found(samples).noise_std, FINEST * samples.tau.std(axis=0))
 
 
+@pytest.mark.slow
 def test_a_seed_decides_everything() -> None:
     _, samples = samples_of((R, P, R))
     first, second, other = (found(samples, seed).placements.chain for seed in (0, 0, 1))

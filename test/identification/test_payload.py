@@ -89,6 +89,7 @@ def test_without_noise_all_ten_numbers_are_found() -> None:
     np.testing.assert_allclose(found.parameters, body(), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_deviations_are_those_of_the_errors() -> None:
     """Over many recordings, with noise that is correlated over a tenth of a second."""
     arm = arm_of('RRRRR')

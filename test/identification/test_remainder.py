@@ -38,12 +38,14 @@ def elected(residual: Array, tau: Array) -> Remainder | None:
     return targets.conditioned(RemainderElection(targets, folds).elect())
 
 
+@pytest.mark.slow
 def test_noise_has_no_process() -> None:
     for seed in range(5):
         noise = np.random.default_rng(seed).standard_normal((N, 2))
         assert elected(noise, 10.0 * noise + motion()[0]) is None
 
 
+@pytest.mark.slow
 def test_noise_that_is_correlated_in_time_rarely_has_a_process() -> None:
     """A likelihood would take it for signal."""
     joints = 0

@@ -40,6 +40,7 @@ def tensors(states: tuple[Array, Array, Array], t: int) -> State:
     return State(torch.tensor(q[t]), torch.tensor(dq[t]), torch.tensor(ddq[t]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('member', 'types'), CASES)
 def test_torque_blocks(member: str, types: tuple[str, ...]) -> None:
     """The closed-form Gram matrix is the Euler-Lagrange operator applied to both sides."""
@@ -101,6 +102,7 @@ def test_gram_is_the_symmetric_cross_gram(member: str) -> None:
     np.testing.assert_allclose(blocks, expected, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('member', MEMBERS)
 def test_gradient_against_autograd(member: str) -> None:
     """Derivatives by every weight, against automatic differentiation through the reference."""

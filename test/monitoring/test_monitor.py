@@ -46,6 +46,7 @@ def take(watching: Monitor, rows: range, contact: float = 0.0) -> list[Watched]:
     return [each for each in found if each is not None]
 
 
+@pytest.mark.slow
 def test_a_contact_is_told_in_time_after_calibration(path: str) -> None:
     watching = monitor(path)
     assert all(each.contact is None for each in take(watching, range(200)))
@@ -68,6 +69,7 @@ def test_a_contact_is_told_in_time_after_calibration(path: str) -> None:
     assert not take(watching, range(1230, 1400))[-1].contact
 
 
+@pytest.mark.slow
 def test_thresholds_can_be_given(path: str) -> None:
     watching = monitor(path, thresholds=(0.5, 0.7), joints=toy.JOINTS[::-1])
     assert watching.values()['thresholds'] == [0.7, 0.5]

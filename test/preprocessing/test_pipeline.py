@@ -92,6 +92,7 @@ def test_nothing_crosses_a_gap() -> None:
 EVERY = PreprocessingSettings(decimate=1)
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.integers(150, 300), min_size=2, max_size=4),
     st.integers(0, 3),

@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith('linux'), reason='limits memory as Linux does')
 def test_broken_bags_never_crash_hang_or_take_memory(tmp_path: Path) -> None:
     ran = subprocess.run(

@@ -186,6 +186,7 @@ LAUGHS = '\n'.join(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'text',
     [
@@ -242,6 +243,7 @@ def test_journal_of_an_unfinished_write_is_noted(tmp_path: Path) -> None:
     assert samples.notes == ('a.db3: a.db3-journal is left of a write that was never finished',)
 
 
+@pytest.mark.slow
 def test_only_some_of_very_many_topics_are_described(tmp_path: Path) -> None:
     states = [*moving(3)] + [State(STEP_NS, topic=f'/t{k}') for k in range(3000)]
     path = write_mcap(tmp_path / 'a.mcap', states)

@@ -82,6 +82,7 @@ def assert_right_times(samples: JointSamples, rate: float, tolerance: float = 1e
     np.testing.assert_allclose(samples.position, expected, atol=tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('rate', [50, 100, 1000])
 @pytest.mark.parametrize(
     'change', [lambda state: replace(state, frame_id='base'), turned], ids=['frame', 'order']
@@ -105,6 +106,7 @@ def test_two_definitions_on_one_topic_keep_the_order_of_the_file(tmp_path: Path)
     assert_right_times(read_bag(path, JOINTS), 100, 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('rate', [50, 100, 1000])
 def test_a_driver_is_preferred_to_what_repeats_it_beside_other_joints(
     tmp_path: Path, rate: int
@@ -147,6 +149,7 @@ def test_two_publishers_that_only_their_frames_tell_apart(tmp_path: Path) -> Non
     assert "(its frame is '')" in samples.notes[0]
 
 
+@pytest.mark.slow
 def test_a_frame_of_its_own_for_every_message_is_no_publisher_of_its_own(tmp_path: Path) -> None:
     states = [replace(state, frame_id=f'{k:06}') for k, state in enumerate(driver(100))]
     samples = read_bag(write_folder(tmp_path / 'bag', states), JOINTS)

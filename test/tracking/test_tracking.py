@@ -26,6 +26,8 @@ from lip_id_ros.tracking import (
 from lip_id_ros.tracking.experiment import panda_setup, POSTURE, recorded
 from lip_id_ros.tracking.figures import FEEDBACK, notes, POSITION, RunFigures, tables
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
 
 SMALL = Experiment(
