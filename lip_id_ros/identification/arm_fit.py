@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray, IndexArray
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.description.urdf import RobotDescription
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
@@ -37,6 +36,7 @@ from lip_id_ros.identification.placement_search import (
     LENGTH,
     refine,
 )
+from lip_id_ros.identification.sample_selection import covering, evenly
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain
@@ -50,8 +50,8 @@ MOST_SAMPLES, SEARCH_SAMPLES, START_SAMPLES, FEW_SAMPLES = 1000, 500, 150, 100
 Of the fit, of the refinement of placements, of the comparison of starts, and of the search.
 """
 
-MOST_COVERED, CHUNK = 10_000, 5000
-"""Samples among which others are chosen, and samples whose features are in memory together."""
+CHUNK = 5000
+"""Samples whose features are in memory together."""
 
 SIGN_WIDTH = 0.05
 """Width of the first smooth sign, as a share of each joint's root mean square velocity."""
@@ -76,7 +76,6 @@ likelihood per sample.
 
 FIRST_ROUND, LAST_ROUNDS, KEPT = (40,), (30, 20), 2
 """Of starts: all go through the first round, the best through the last ones."""
-
 
 Described = tuple[RobotDescription, DescriptionSettings]
 
@@ -358,22 +357,6 @@ def links_torque(chain: Chain, links: Array, dataset: Dataset) -> Array:
 def _features(dataset: Dataset, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
     load = np.zeros_like(dataset.tau) if arm is None else links_torque(*arm, dataset)
     return friction_features(basis, dataset.q, dataset.dq, load)
-
-
-def evenly(count: int, most: int) -> IndexArray:
-    """Return row numbers at even distances, at most so many."""
-    return np.unique(np.linspace(0, count - 1, min(most, count)).astype(np.intp))
-
-
-def covering(dataset: Dataset, count: int) -> IndexArray:
-    """Return rows that cover positions, velocities and accelerations, in the order of time."""
-    if dataset.n_samples > MOST_COVERED:
-        rows = evenly(dataset.n_samples, MOST_COVERED)
-        return np.asarray(rows[covering(dataset.select(rows), count)])
-    revolute = np.array(dataset.joint_types) == 'revolute'
-    angles, shifts = dataset.q[:, revolute], dataset.q[:, ~revolute]
-    states = [np.sin(angles), np.cos(angles), shifts, dataset.dq, dataset.ddq]
-    return farthest_points(np.concatenate(states, axis=1), count)
 
 
 def is_positive(basis: FrictionBasis) -> BoolArray:

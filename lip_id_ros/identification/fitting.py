@@ -19,6 +19,7 @@ from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import Progress, silent
+from lip_id_ros.rigid_body.denavit_hartenberg import table, with_standard_frames
 from lip_id_ros.settings import FitSettings
 
 LEAST_SAMPLES = 10
@@ -125,6 +126,7 @@ def _report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'outliers': found.outliers,
         'elected_twists_deg': _twists(found),
         'elected_meeting_axes': found.geometry.meets.tolist(),
+        'denavit_hartenberg': _kinematics(found),
         'remainder': joints,
         'friction': [list(names) for names in found.arm.friction.names()],
         'friction_between_recordings': found.recording_deviations.tolist(),
@@ -132,6 +134,20 @@ def _report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'device': 'cpu',
         'device_note': '' if settings.device == 'cpu' else CPU_ALONE,
     }
+
+
+def _kinematics(found: Identified) -> dict[str, list[float]]:
+    """Return the parameters of Denavit and Hartenberg with their standard deviations."""
+    chain, _ = with_standard_frames(found.arm.chain, found.arm.links)
+    report = {}
+    for ending, values in (('', table(chain)), ('_std', found.kinematics_std)):
+        report |= {
+            f'twist{ending}_deg': np.degrees(values.twist),
+            f'length{ending}_m': values.length,
+            f'angle{ending}_deg': np.degrees(values.angle),
+            f'offset{ending}_m': values.offset,
+        }
+    return {name: np.round(each, 5).tolist() for name, each in report.items()}
 
 
 def _described(dataset: Dataset, settings: FitSettings) -> Described | None:

@@ -19,13 +19,15 @@ from lip_id_ros.identification.arm_fit import (
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import posterior
-from lip_id_ros.identification.outliers import explained, plausible
 from lip_id_ros.identification.recording_effects import recording_deviations, with_recordings
 from lip_id_ros.identification.remainder_election import elect_remainder
+from lip_id_ros.identification.sample_selection import explained, plausible
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.progress import Progress, silent
+from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table_std
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 STAGE = 'links and friction'
 STEPS = 4
@@ -44,6 +46,8 @@ class Identified:
     arm : ArmPosterior
     remainder : Remainder or None
         What is added to the torques of some joints, or takes their place.
+    kinematics_std : DenavitHartenberg
+        Standard deviations of twists, lengths, angles and offsets.
     geometry : Geometry
         Twists and lengths that were elected to be simple.
     searches_agreed : bool
@@ -65,6 +69,7 @@ class Identified:
 
     arm: ArmPosterior
     remainder: Remainder | None
+    kinematics_std: DenavitHartenberg
     geometry: Geometry
     searches_agreed: bool
     descents: int
@@ -147,6 +152,7 @@ def _identified(
     some = fitter.some(MOST_SAMPLES)
     load = links_torque(fit.chain, fit.links, some)
     arm = replace(arm, noise=sticking_noise(arm.noise, arm.friction, some.q, load))
+    kinematics_std = table_std(arm.chain, arm.covariance_root[: DIRECTIONS * dataset.n_joints])
     states = np.stack([fitter.dataset.q, fitter.dataset.dq, fitter.dataset.ddq])
     arm = compacted(arm, (states.min(axis=1), states.max(axis=1)))
     progress(STAGE, STEPS, STEPS)
@@ -160,5 +166,6 @@ def _identified(
         inflation=left_out.inflation,
         outliers=count - fitter.dataset.n_samples,
         recording_deviations=deviations,
+        kinematics_std=kinematics_std,
         doubts=doubts(fitter, fit, described[0]) if described else None,
     )

@@ -26,7 +26,7 @@ REACH = 3.0
 """Standard deviation of the prior on distances between joints [m]."""
 
 TOLERANCE = 1e-4
-"""A descent ends where a step gains less than this share of its cost."""
+"""A descent of the search ends where a step gains less than this share of its cost."""
 
 NOT_FINITE = (
     'the torques of the samples were expected to be finite in units of the noise but are not: '
@@ -193,9 +193,15 @@ class PlacementProblem:
         rotations = point.chain.rotations @ Rotation.from_rotvec(turn).as_matrix()
         return self.at(rotations, point.chain.translations + shift)
 
-    def descend(self, rotations: Array, translations: Array, evaluations: int) -> Placements:
-        """Descend from given placements."""
-        return minimise(self, self.at(rotations, translations), evaluations, TOLERANCE)
+    def descend(
+        self,
+        rotations: Array,
+        translations: Array,
+        evaluations: int,
+        tolerance: float = TOLERANCE,
+    ) -> Placements:
+        """Descend from given placements, until a step gains less than a share of the cost."""
+        return minimise(self, self.at(rotations, translations), evaluations, tolerance)
 
     def residual_rms(self, point: Placements) -> Array:
         """Return the root mean square residual of each joint, shape (n,) [N m or N]."""

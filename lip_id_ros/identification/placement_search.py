@@ -44,8 +44,13 @@ KEPT = 6
 DISTINCT, SAME = 0.005, 0.01
 """Relative difference of costs of two minima, and of what counts as agreement of two searches."""
 
-CANDIDATES, REFINEMENTS = 3, 2
-EVALUATIONS, MORE_EVALUATIONS = 40, 30
+CANDIDATES, FINALISTS, REFINEMENTS = 6, 3, 2
+"""Minima that are refined on few samples, and on all; rounds of noise of each."""
+
+EVALUATIONS, MORE_EVALUATIONS = 40, 80
+FINE = 1e-6
+"""Share of the cost that a step of a refinement has to gain."""
+
 ALIGNMENT_NOISE = 0.02
 STAGE = 'kinematic calibration'
 
@@ -117,8 +122,9 @@ def refine(samples: Samples, few: int, found: Calibration) -> Calibration:
     with threadpool_limits(1), ThreadPoolExecutor(SEARCHES) as pool:
         minima = list(found.candidates[:CANDIDATES])
         minima, noise_std = _refined(few_of(samples, few), minima, noise_std, floor, pool)
-        (lowest,), noise_std = _refined(samples, minima[:1], noise_std, floor, pool)
-    return replace(found, placements=lowest, candidates=tuple(minima), noise_std=noise_std)
+        # Few samples may order nearly equal minima wrongly.
+        minima, noise_std = _refined(samples, minima[:FINALISTS], noise_std, floor, pool)
+    return replace(found, placements=minima[0], candidates=tuple(minima), noise_std=noise_std)
 
 
 def calibration_at(chain: Chain, samples: Samples) -> Calibration:
@@ -256,6 +262,6 @@ def _descended(
 ) -> list[Placements]:
     def descend(each: Placements) -> Placements:
         chain = each.chain
-        return problem.descend(chain.rotations, chain.translations, MORE_EVALUATIONS)
+        return problem.descend(chain.rotations, chain.translations, MORE_EVALUATIONS, FINE)
 
     return sorted(pool.map(descend, minima), key=lambda each: each.cost)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 import os
@@ -22,7 +22,7 @@ from lip_id_ros.model.checked_file import Arrays, MODEL, read_checked, write_che
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.process_mean import ProcessMean
 from lip_id_ros.model.remainder import Remainder
-from lip_id_ros.model.torque_model import Prediction, Query, StandardDeviation
+from lip_id_ros.model.torque_model import Parts, Prediction, Query, StandardDeviation
 
 VERSION = 4
 
@@ -181,14 +181,11 @@ class InverseDynamicsModel:
 
     def coriolis(self, q: ArrayLike, dq: ArrayLike) -> Array:
         """Coriolis and centrifugal torques, shape (N, n) [N m or N]."""
-        positions, velocities = self._checked(q, dq)
-        return self._mean.many(positions, velocities, np.zeros_like(positions)).coriolis
+        return self._unaccelerated(q, dq).coriolis
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques, shape (N, n) [N m or N]; zero where the model has no potential."""
-        (positions,) = self._checked(q)
-        still = np.zeros_like(positions)
-        return self._mean.many(positions, still, still).gravity
+        return self._unaccelerated(q, np.zeros_like(q, dtype=np.float64)).gravity
 
     def friction(self, dq: ArrayLike, q: ArrayLike | None = None) -> Array:
         """
@@ -202,22 +199,23 @@ class InverseDynamicsModel:
             the training positions.
 
         """
-        (velocities,) = self._checked(dq)
         if q is None:
+            (velocities,) = self._checked(dq)
             q = np.broadcast_to(self.potential_reference, velocities.shape)
-        positions, velocities = self._checked(q, dq)
-        return self._mean.many(positions, velocities, np.zeros_like(positions)).friction
+        return self._unaccelerated(q, dq).friction
 
     def kinetic_energy(self, q: ArrayLike, dq: ArrayLike) -> Array:
         """Kinetic energy, shape (N,) [J]."""
-        positions, velocities = self._checked(q, dq)
-        return self._mean.many(positions, velocities, np.zeros_like(positions)).kinetic
+        return self._unaccelerated(q, dq).kinetic
 
     def potential_energy(self, q: ArrayLike) -> Array:
         """Potential energy relative to the reference, shape (N,) [J]; nan without potential."""
-        (positions,) = self._checked(q)
-        still = np.zeros_like(positions)
-        return self._mean.many(positions, still, still).potential - self._potential_offset
+        still = np.zeros_like(q, dtype=np.float64)
+        return self._unaccelerated(q, still).potential - self._potential_offset
+
+    def _unaccelerated(self, q: ArrayLike, dq: ArrayLike) -> Parts:
+        positions, velocities = self._checked(q, dq)
+        return self._mean.many(positions, velocities, np.zeros_like(positions))
 
     def standard_deviation(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> StandardDeviation:
         """
@@ -275,20 +273,14 @@ class InverseDynamicsModel:
                 ),
                 summary=header['summary'],
                 provenance=header['provenance'],
-                **_parts(arrays, header, types),
+                **serialization.parts_from(arrays, header, types),
             )
 
     def _contents(self) -> tuple[Arrays, dict[str, Any]]:
         """Return the arrays and the header of the model's file."""
         low, high = self.training_range
         arrays: Arrays = {'training_low': low, 'training_high': high}
-        entries: dict[str, Any] = {'arm': None, 'remainder': None, 'process': None}
-        if self.arm is not None:
-            entries['arm'] = serialization.put_arm(self.arm, arrays)
-        if self.remainder is not None:
-            entries['remainder'] = serialization.put_remainder(self.remainder, arrays)
-        if self.process is not None:
-            entries['process'] = serialization.put_process(self.process, arrays)
+        entries = serialization.put_parts(self.arm, self.remainder, self.process, arrays)
         return arrays, {
             'joint_names': list(self.joint_names),
             'joint_types': list(self.joint_types),
@@ -364,21 +356,3 @@ class InverseDynamicsModel:
                     'pass one row per sample and one column per joint of the model.'
                 )
         return out
-
-
-PARTS: dict[str, Callable[[Arrays, Mapping[str, Any], Sequence[str]], Any]] = {
-    'arm': serialization.arm_from,
-    'remainder': serialization.remainder_from,
-    'process': serialization.process_from,
-}
-
-
-def _parts(arrays: Arrays, header: Mapping[str, Any], types: Sequence[str]) -> dict[str, Any]:
-    found = {
-        name: read(arrays, header[name], types)
-        for name, read in PARTS.items()
-        if header[name] is not None
-    }
-    if set(found) not in ({'arm'}, {'arm', 'remainder'}, {'process'}):
-        raise ValueError(f'parts {sorted(found)}, neither an arm nor a process')
-    return found

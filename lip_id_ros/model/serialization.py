@@ -247,3 +247,34 @@ def _process_shapes(energy: EnergyKernel, has_friction: bool) -> dict[str, tuple
 
 def _energy_kernel(entry: Mapping[str, Any], n_joints: int) -> EnergyKernel:
     return with_potential_after(FAMILY[entry['kernel']](n_joints), entry['potential_links'])
+
+
+def put_parts(
+    arm: ArmPosterior | None,
+    remainder: Remainder | None,
+    process: TorquePosterior | None,
+    arrays: Arrays,
+) -> dict[str, Any]:
+    """Add the arrays of what a model is made of; return their entries in the header."""
+    return {
+        'arm': None if arm is None else put_arm(arm, arrays),
+        'remainder': None if remainder is None else put_remainder(remainder, arrays),
+        'process': None if process is None else put_process(process, arrays),
+    }
+
+
+def parts_from(arrays: Arrays, header: Mapping[str, Any], types: Sequence[str]) -> dict[str, Any]:
+    """
+    Return what a model is made of, by its names in `InverseDynamicsModel`.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError, LipIdError
+        If the parts contradict each other.
+
+    """
+    readers = {'arm': arm_from, 'remainder': remainder_from, 'process': process_from}
+    names = {name for name in readers if header[name] is not None}
+    if names not in ({'arm'}, {'arm', 'remainder'}, {'process'}):
+        raise ValueError(f'parts {sorted(names)}, neither an arm nor a process')
+    return {name: readers[name](arrays, header[name], types) for name in names}

@@ -13,9 +13,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.rigid_body.chain import Chain
+from lip_id_ros.rigid_body.chain import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.pseudo_inertia import in_other_frames
 
 PARALLEL = np.sin(np.radians(10.0))
@@ -24,6 +25,10 @@ Sine of the angle below which two axes count as parallel: their common normal ma
 """
 COINCIDENT = 1e-3
 """Distance [m] below which two parallel axes count as one: the direction between is uncertain."""
+
+
+STEP = 1e-6
+"""Of central differences [rad, m]."""
 
 
 class DenavitHartenberg(NamedTuple):
@@ -51,6 +56,9 @@ class DenavitHartenberg(NamedTuple):
     angle: Array
     offset: Array
     tilt: Array
+
+
+_ANGLES = [DenavitHartenberg._fields.index(name) for name in ('twist', 'angle', 'tilt')]
 
 
 class Pose(NamedTuple):
@@ -137,6 +145,43 @@ def table(chain: Chain) -> DenavitHartenberg:
         angle=np.arctan2(-r[:, 0, 1], r[:, 0, 0]),
         offset=offset,
         tilt=tilt,
+    )
+
+
+def table_std(chain: Chain, root: Array) -> DenavitHartenberg:
+    """
+    Return standard deviations of the parameters of a chain in frames by the convention.
+
+    Differentiated by central differences, since the frames follow the axes.
+
+    Parameters
+    ----------
+    chain : Chain
+        In any frames.
+    root : array, shape (6 n, r)
+        Square root of the covariance of small rotations about the axes of each joint's own frame
+        and of translations in its parent, joint by joint.
+
+    """
+    n = len(chain.prismatic)
+    jacobian = np.empty((len(DenavitHartenberg._fields), n, 6 * n))
+    for k, step in enumerate(STEP * np.eye(6 * n)):
+        ahead, behind = (_standard_table(_displaced(chain, by)) for by in (step, -step))
+        change = np.array(ahead) - np.array(behind)
+        change[_ANGLES] = np.angle(np.exp(1j * change[_ANGLES]))
+        jacobian[:, :, k] = change / (2.0 * STEP)
+    return DenavitHartenberg(*np.linalg.norm(jacobian @ root, axis=2))
+
+
+def _standard_table(chain: Chain) -> DenavitHartenberg:
+    return table(with_standard_frames(chain, np.zeros((len(chain.prismatic), LINK_PARAMETERS)))[0])
+
+
+def _displaced(chain: Chain, by: Array) -> Chain:
+    turns, shifts = by.reshape(-1, 2, 3).transpose(1, 0, 2)
+    return chain._replace(
+        rotations=chain.rotations @ Rotation.from_rotvec(turns).as_matrix(),
+        translations=chain.translations + shifts,
     )
 
 

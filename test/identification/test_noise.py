@@ -63,7 +63,7 @@ def test_joints_that_never_move_have_constant_noise() -> None:
     assert np.isfinite(got.std_at(np.zeros((1, 1)))).all()
 
 
-def test_outliers_count_for_less_the_farther_out() -> None:
+def test_sample_selection_count_for_less_the_farther_out() -> None:
     residuals = np.array([[0.0, 3.9, -4.0, 6.0, -8.0, 80.0]]).T
     got = outlier_weights(residuals, np.ones_like(residuals))[:, 0]
     np.testing.assert_allclose(got, [1.0, 1.0, 1.0, 2.0 / 3.0, 0.5, 0.005])

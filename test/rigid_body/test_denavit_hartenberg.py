@@ -13,6 +13,7 @@ from lip_id_ros.rigid_body.denavit_hartenberg import (
     DenavitHartenberg,
     mirrored,
     table,
+    table_std,
     with_standard_frames,
 )
 from lip_id_ros.simulation.arm import panda_urdf
@@ -118,3 +119,32 @@ def test_the_panda_has_the_table_of_its_maker() -> None:
     np.testing.assert_allclose(found.length, [0, 0, 0, 0.0825, -0.0825, 0, 0.088], atol=1e-9)
     np.testing.assert_allclose(found.offset, [0, 0, 0.316, 0, 0.384, 0, 0], atol=1e-9)
     np.testing.assert_allclose(found.angle, 0.0, atol=1e-9)
+
+
+def test_deviations_of_the_table() -> None:
+    """Tables of chains that are displaced at random spread as much."""
+    rng = np.random.default_rng(3)
+    rotations = Rotation.random(3, random_state=rng).as_matrix()
+    chain = Chain(rotations, rng.standard_normal((3, 3)), np.zeros(3, dtype=bool), UP)
+    root = 1e-4 * rng.standard_normal((18, 4))
+    found = np.array(table_std(chain, root))
+    moved = (displaced(chain, root @ rng.standard_normal(4)) for _ in range(1000))
+    spread = np.std([standard_table(each) for each in moved], axis=0)
+    np.testing.assert_allclose(found, spread, rtol=0.12, atol=1e-9)
+    turn = np.zeros((18, 1))
+    turn[8] = 0.1  # of the second link, and all beyond, about its own axis
+    expected = np.zeros((5, 3))
+    expected[DenavitHartenberg._fields.index('angle'), 1] = 0.1
+    np.testing.assert_allclose(table_std(chain, turn), expected, atol=1e-8)
+
+
+def standard_table(chain: Chain) -> DenavitHartenberg:
+    return table(with_standard_frames(chain, np.zeros((3, LINK_PARAMETERS)))[0])
+
+
+def displaced(chain: Chain, by: Array) -> Chain:
+    places = by.reshape(3, 6)
+    turns = Rotation.from_rotvec(places[:, :3]).as_matrix()
+    return chain._replace(
+        rotations=chain.rotations @ turns, translations=chain.translations + places[:, 3:]
+    )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.outliers import explained, plausible
+from lip_id_ros.identification.sample_selection import explained, plausible
 
 
 def recorded() -> Dataset:

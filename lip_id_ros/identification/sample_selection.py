@@ -1,5 +1,5 @@
 """
-Samples that are left out of an identification: absurd motions and torques, spikes.
+Samples of an identification: those that are left out as absurd, and few that cover the rest.
 
 Scales are quantiles, which a few absurd values do not move (Huber, Robust Statistics, 1981).
 
@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset.subsets import farthest_points
 
 QUANTILE = 0.9
 FARTHEST_MOTION, FARTHEST_TORQUE = 20.0, 6.0
@@ -23,6 +24,9 @@ FARTHEST_RESIDUAL = 12.0
 
 MOST = 0.15
 """Share of the samples beyond which they are no outliers."""
+
+MOST_COVERED = 10_000
+"""Samples among which those are chosen that cover the rest."""
 
 NORMAL_MEDIAN = 0.6745
 """Median absolute value of a standard normal variable."""
@@ -52,3 +56,19 @@ def _within(values: Array, farthest: float) -> BoolArray:
 
 def _if_few(kept: BoolArray) -> BoolArray:
     return kept if np.mean(kept) >= 1.0 - MOST else np.ones_like(kept)
+
+
+def evenly(count: int, most: int) -> IndexArray:
+    """Return row numbers at even distances, at most so many."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).astype(np.intp))
+
+
+def covering(dataset: Dataset, count: int) -> IndexArray:
+    """Return rows that cover positions, velocities and accelerations, in the order of time."""
+    if dataset.n_samples > MOST_COVERED:
+        rows = evenly(dataset.n_samples, MOST_COVERED)
+        return np.asarray(rows[covering(dataset.select(rows), count)])
+    revolute = np.array(dataset.joint_types) == 'revolute'
+    angles, shifts = dataset.q[:, revolute], dataset.q[:, ~revolute]
+    states = [np.sin(angles), np.cos(angles), shifts, dataset.dq, dataset.ddq]
+    return farthest_points(np.concatenate(states, axis=1), count)
