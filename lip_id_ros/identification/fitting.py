@@ -139,7 +139,7 @@ def _report(found: Identified, settings: FitSettings) -> dict[str, Any]:
 def _kinematics(found: Identified) -> dict[str, list[float]]:
     """Return the parameters of Denavit and Hartenberg with their standard deviations."""
     chain, _ = with_standard_frames(found.arm.chain, found.arm.links)
-    report = {}
+    report: dict[str, Array] = {}
     for ending, values in (('', table(chain)), ('_std', found.kinematics_std)):
         report |= {
             f'twist{ending}_deg': np.degrees(values.twist),

@@ -19,8 +19,9 @@ from scipy.linalg import cho_factor, cho_solve
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, evenly
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.length_scales import likeliest
+from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.model.remainder import (
     correlation,
