@@ -215,8 +215,7 @@ def _rolled_out(arm: ForwardArm, dataset: Dataset, horizon: float) -> Rollout | 
     if starts.size == 0:
         return None
     position, velocity = simulated(arm, dataset, starts, horizon)
-    errors = _Squares.of(dataset, starts, horizon, position, velocity)
-    rms = np.sqrt(errors.sums / errors.samples)
+    rms = np.sqrt(_error_squares(dataset, starts, horizon, position, velocity))
     return Rollout(horizon, starts.size, rms[0], rms[1], rms[2])
 
 
@@ -279,32 +278,21 @@ def measured_between(dataset: Dataset, starts: IndexArray, steps: int) -> Array:
     return out
 
 
-class _Squares(NamedTuple):
-    """Sums of squares of the errors of position and velocity and of the travel."""
-
-    sums: Array
-    samples: int
-
-    @classmethod
-    def of(
-        cls,
-        dataset: Dataset,
-        starts: IndexArray,
-        horizon: float,
-        position: Array,
-        velocity: Array,
-    ) -> _Squares:
-        sums, count = np.zeros((3, dataset.n_joints)), 0
-        last = _last_of_segment(dataset)
-        for w, start in enumerate(starts):
-            rows = np.arange(start + 1, last[start] + 1)
-            rows = rows[dataset.t[rows] <= dataset.t[start] + horizon]
-            at = (dataset.t[rows] - dataset.t[start]) / STEP_S
-            q, dq = (_between(x[:, w], at) for x in (position, velocity))
-            errors = q - dataset.q[rows], dq - dataset.dq[rows], dataset.q[rows] - dataset.q[start]
-            sums += np.array([np.sum(each**2, axis=0) for each in errors])
-            count += rows.size
-        return cls(sums, count)
+def _error_squares(
+    dataset: Dataset, starts: IndexArray, horizon: float, position: Array, velocity: Array
+) -> Array:
+    """Return mean squares of the errors of position and velocity and of the travel, (3, n)."""
+    sums, count = np.zeros((3, dataset.n_joints)), 0
+    last = _last_of_segment(dataset)
+    for w, start in enumerate(starts):
+        rows = np.arange(start + 1, last[start] + 1)
+        rows = rows[dataset.t[rows] <= dataset.t[start] + horizon]
+        at = (dataset.t[rows] - dataset.t[start]) / STEP_S
+        q, dq = (_between(x[:, w], at) for x in (position, velocity))
+        errors = q - dataset.q[rows], dq - dataset.dq[rows], dataset.q[rows] - dataset.q[start]
+        sums += np.array([np.sum(each**2, axis=0) for each in errors])
+        count += rows.size
+    return sums / count
 
 
 def _between(values: Array, at: Array) -> Array:

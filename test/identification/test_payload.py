@@ -44,9 +44,9 @@ def payload_of(arm: ArmDescription, dataset: Dataset) -> Payload:
 def recorded(
     arm: ArmDescription, payload: Array, seed: int, noise: float, correlated: int = 1
 ) -> Dataset:
-    """Simulate 20 s at 100 Hz of sinusoids."""
+    """Simulate 20 s at 50 Hz of sinusoids."""
     rng = np.random.default_rng(seed)
-    n, t = len(arm.links), np.arange(0.0, 20.0, 0.01)
+    n, t = len(arm.links), np.arange(0.0, 20.0, 0.02)
     w = 2.0 * np.pi * rng.uniform(0.1, 0.5, (5, n))
     a, phase = rng.uniform(-0.3, 0.3, (5, n)), rng.uniform(0.0, 6.0, (5, n))
     angle = w * t[:, None, None] + phase
@@ -95,7 +95,7 @@ def test_deviations_are_those_of_the_errors() -> None:
     arm = arm_of('RRRRR')
     errors = []
     for seed in range(40):
-        found = payload_of(arm, recorded(arm, body(), seed, NOISE, correlated=10))
+        found = payload_of(arm, recorded(arm, body(), seed, NOISE, correlated=5))
         errors.append((found.parameters - body()) / np.sqrt(np.diagonal(found.covariance)))
     spread = np.sqrt(np.mean(np.square(errors)))
     assert 0.8 < spread < 1.4
