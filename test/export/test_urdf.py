@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import os
 from pathlib import Path
 import shutil
 import subprocess
@@ -19,6 +20,25 @@ from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
 pinocchio = pytest.importorskip('pinocchio')
+PARSE = """
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <string>
+
+namespace urdf
+{
+class ModelInterface;
+std::shared_ptr<ModelInterface> parseURDF(const std::string & text);
+}
+
+int main(int, char ** files)
+{
+  std::ifstream file(files[1]);
+  std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  return urdf::parseURDF(text) ? 0 : 1;
+}
+"""
 
 
 def test_it_says_what_was_recorded() -> None:
@@ -67,6 +87,25 @@ def test_check_urdf_reads_it(kinds: str, tmp_path: Path) -> None:
     ran = subprocess.run(['check_urdf', file], capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert f'joint_{len(kinds)}_link' in ran.stdout
+
+
+@pytest.mark.skipif(shutil.which('g++') is None, reason='needs g++')
+def test_the_parser_of_ros_reads_it(tmp_path: Path) -> None:
+    """Urdfdom of the ROS in use, with which robot_state_publisher reads; it refuses a bad file."""
+    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
+    libraries = (file for x in prefixes for file in Path(x).glob('lib/**/liburdfdom_model.so'))
+    library = next(libraries, None)
+    if library is None:
+        pytest.skip('needs the urdfdom of ROS')
+    file, source, program = (tmp_path / x for x in ('arm.urdf', 'parse.cpp', 'parse'))
+    source.write_text(PARSE)
+    paths = f'-L{library.parent}', f'-Wl,-rpath,{library.parent}', '-Wl,--allow-shlib-undefined'
+    subprocess.run(['g++', '-o', program, source, library, *paths], check=True)
+    text = to_urdf(random_arm('RPRRRRR'))
+    for content, status in ((text, 0), (text.replace('type=', 'kind='), 1)):
+        file.write_text(content)
+        ran = subprocess.run([program, file], capture_output=True, check=False)
+        assert ran.returncode == status, ran.stderr
 
 
 @pytest.mark.parametrize('kinds', ['RRRRRR', 'RPRPRR'])
