@@ -13,6 +13,7 @@ from export.arms import panda, random_arm
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+import yaml
 
 from lip_id_ros.export.text import number, roll_pitch_yaw
 from lip_id_ros.export.urdf import rotor_inertias, to_urdf
@@ -20,6 +21,7 @@ from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
 pinocchio = pytest.importorskip('pinocchio')
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
 PARSE = """
 #include <fstream>
 #include <iterator>
@@ -106,6 +108,25 @@ def test_the_parser_of_ros_reads_it(tmp_path: Path) -> None:
         file.write_text(content)
         ran = subprocess.run([program, file], capture_output=True, check=False)
         assert ran.returncode == status, ran.stderr
+
+
+def test_gravity_with_the_example_of_a_solver() -> None:
+    """config/inverse_dynamics_solver.yaml: its links are in the file, its gravity is the arm's."""
+    example = yaml.safe_load((CONFIG / 'inverse_dynamics_solver.yaml').read_text())
+    parameters = example['/**']['ros__parameters']['kdl']
+    controllers = yaml.safe_load((CONFIG / 'controllers.yaml').read_text())
+    names = tuple(controllers['arm_controller']['ros__parameters']['joints'])
+    arm = replace(panda(), joint_names=names)
+    text = to_urdf(arm)
+    links = [link.get('name') for link in ET.fromstring(text).findall('link')]
+    assert [parameters['root'], parameters['tip']] == [links[0], links[-1]]
+    model = pinocchio.buildModelFromXML(text)
+    model.gravity.linear = np.array(parameters['gravity'])
+    data, still = model.createData(), np.zeros((1, len(names)))
+    for q in arm.ranges.random_states(20, np.random.default_rng(3))[0]:
+        found = pinocchio.computeGeneralizedGravity(model, data, q)
+        expected = torque_regressor(arm.chain, q[None], still, still)[0] @ arm.links.ravel()
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10)
 
 
 @pytest.mark.parametrize('kinds', ['RRRRRR', 'RPRPRR'])
