@@ -195,14 +195,20 @@ class Jobs:
         try:
             with tempfile.TemporaryDirectory(prefix='lip_id_ros_') as folder:
                 _pass_on(folder, sections)
-                status = self._follow(task, folder)
+                outcome = self._follow(task, folder)
         except Exception as error:  # whatever it was, nothing is running any more
             self.state = replace(self.state, state='failed', error=str(error))
             raise
-        return self._result(status)
+        self.state = outcome
+        if outcome.state == 'cancelled':
+            raise LipIdError(f'the {outcome.task} was cancelled.')
+        if outcome.state == 'failed':
+            raise LipIdError(outcome.error)
+        return outcome.result
 
-    def _follow(self, task: Task, folder: str) -> int:
-        """Run `job_process` to its end; return its exit status."""
+    def _follow(self, task: Task, folder: str) -> JobState:
+        """Run `job_process`; return the last state once the process has ended."""
+        state = self.state
         request = json.dumps({**asdict(task), 'recording': folder})
         with subprocess.Popen(
             [sys.executable, '-m', 'lip_id_ros.acquisition.job_process', request],
@@ -214,16 +220,12 @@ class Jobs:
             if self._cancelled:
                 end(self._process)
             for line in self._process.stdout or ():
-                self.state = advanced(self.state, line)
-        return self._process.returncode
-
-    def _result(self, status: int) -> Mapping[str, Any]:
-        if self.state.state == 'running' and self._cancelled:
-            self.state = replace(self.state, state='cancelled')
-            raise LipIdError(f'the {self.state.task} was cancelled.')
-        if self.state.state == 'running':
-            error = f'the process of the {self.state.task} ended with status {status}.'
-            self.state = replace(self.state, state='failed', error=error)
-        if self.state.state == 'failed':
-            raise LipIdError(self.state.error)
-        return self.state.result
+                state = advanced(state, line)
+                if state.state == 'running':
+                    self.state = state
+        if state.state != 'running':
+            return state
+        if self._cancelled:
+            return replace(state, state='cancelled')
+        error = f'the process of the {task.kind} ended with status {self._process.returncode}.'
+        return replace(state, state='failed', error=error)

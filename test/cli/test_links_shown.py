@@ -35,7 +35,7 @@ def test_a_fit_tells_the_length_of_a_link(tmp_path: Path, capsys: Capture) -> No
     run('inspect', tmp_path / 'model.npz')
     output = ' '.join(capsys.readouterr().out.split())
     assert 'remainder: none' in output
-    assert output.count('angle_deg') == 1
+    assert output.count('distance_m') == 1
 
 
 def test_a_slide_is_no_distance_away(tmp_path: Path, capsys: Capture) -> None:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
+LATE = 4  # plans that are published just before serve stops
 NOT_WHILE_ACTIVE = (0, 1, 2, 3, 5, 6, 8, 99, 255)
 
 
@@ -185,14 +186,18 @@ def test_long_plans_are_computed_beside_the_stream(
     assert status['refused'] == {'plan too long': 1}
     assert status['limited'] == 3000 + 10
 
-    # a plan that nobody may answer any more is counted
-    publisher.publish(long)
+    # plans that nobody may answer any more are counted
+    for _ in range(LATE):
+        publisher.publish(long)
     publisher.publish(GOOD)
     client.wait_until(lambda: len(torques) == 11, 'answer')
     assert client.transition(Transition.TRANSITION_DEACTIVATE)
     assert client.transition(Transition.TRANSITION_CLEANUP)
-    status = client.status('serve', lambda status: len(status['refused']) == 2)
-    assert sum(status['refused'].values()) == 2
+
+    def counted(status: dict[str, Any]) -> int:
+        return int(status['answered']['plans'] + sum(status['refused'].values()))
+
+    client.status('serve', lambda status: counted(status) == 2 + LATE)
 
 
 def test_points_are_counted_without_being_read() -> None:
@@ -227,10 +232,9 @@ def test_every_message_to_any_node_is_used_or_refused(
         states.publish(state)
         for publisher in (references, plans):
             publisher.publish(hostile_trajectory(rng, number, toy.JOINTS))
-        time.sleep(0.003)  # joint states are best effort, ten deep
-    client.status('train', lambda status: counts('train', status) == (600, 600))
+        time.sleep(0.003)  # joint states are best effort: a loaded machine loses some
     client.status('serve', lambda status: status['received']['references'] == 600)
-    for node in ('serve', 'monitor', 'computed_torque'):
+    for node in ('serve', 'train', 'monitor', 'computed_torque'):
 
         def complete(status: dict[str, Any], node: str = node) -> bool:
             received, accounted = counts(node, status)

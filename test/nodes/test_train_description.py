@@ -54,7 +54,8 @@ def test_the_topic_is_the_prior_and_payloads_are_found(
     model = InverseDynamicsModel.load(tmp_path / 'model.npz')
     assert model.summary['description']['place'] == 'robot_description'
     assert model.arm is not None
-    added = torque_regressor(model.arm.chain, other.q, other.dq, other.ddq)[:, :, -11:-1] @ body()
+    motion = other.q, other.dq, other.ddq
+    added = torque_regressor(model.arm.chain, *motion)[:, :, -11:-1] @ body()
     replace(other, tau=other.tau + added).save(tmp_path / 'loaded.npz')
     client.set_parameter('train', 'bags', ['loaded.npz'])
     client.set_parameter('train', 'payload_model_path', 'with_payload.npz')
@@ -63,7 +64,8 @@ def test_the_topic_is_the_prior_and_payloads_are_found(
                            and status['job']['state'] in ('done', 'failed'))  # fmt: skip
     assert status['job']['state'] == 'done', train.log
     content = yaml.safe_load((tmp_path / 'payload.yaml').read_text())
-    # three joints hardly distinguish a mass from its place along the last axis
-    assert abs(content['mass'] - MASS) < min(3.0 * content['mass_std'], 0.3)
     loaded = InverseDynamicsModel.load(tmp_path / 'with_payload.npz')
     assert loaded.provenance['payload_mass'] == content['mass']
+    # three joints hardly distinguish a mass from its place, but its torques are identified
+    found = loaded.predict(*motion).tau - model.predict(*motion).tau
+    np.testing.assert_allclose(found, added, atol=0.02 * np.abs(added).max())
