@@ -9,7 +9,7 @@ from evaluation.models import small_model
 import numpy as np
 import pytest
 
-from benchmarks import long_recording, panda_monte_carlo
+from benchmarks import c_against_pinocchio, long_recording, panda_monte_carlo
 from benchmarks.__main__ import available, main
 from benchmarks.query_million import ALLOWED_BLOCKS
 from lip_id_ros.recording import read_bag
@@ -54,6 +54,20 @@ def test_reading_is_measured_in_processes_of_its_own(tmp_path: Path) -> None:
     assert main(['read_bags', *arguments]) == 0
     rows = json.loads(figures.read_text())
     assert [row['messages'] for row in rows] == [300] * 3
+
+
+def test_the_header_against_pinocchio(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The exit status is not 0 where the torques differ; without Eigen it says so."""
+    figures = tmp_path / 'figures.json'
+    arguments = ['--blocks', '1', '--flags=-O0', '--json', str(figures)]
+    status = main(['c_against_pinocchio', *arguments])
+    if not any(folder.is_dir() for folder in c_against_pinocchio.EIGEN):
+        assert status == 2
+        assert 'the headers of Eigen were expected' in capsys.readouterr().err
+        return
+    assert status == 0
+    (row,) = json.loads(figures.read_text())
+    assert float(row['ratio']) > 0.0
 
 
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:

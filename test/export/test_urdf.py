@@ -15,6 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 import yaml
 
+from lip_id_ros.description.urdf import STANDARD_GRAVITY
 from lip_id_ros.export.text import number, roll_pitch_yaw
 from lip_id_ros.export.urdf import rotor_inertias, to_urdf
 from lip_id_ros.rigid_body.chain import ROTOR
@@ -116,7 +117,8 @@ def test_gravity_with_the_example_of_a_solver() -> None:
     parameters = example['/**']['ros__parameters']['kdl']
     controllers = yaml.safe_load((CONFIG / 'controllers.yaml').read_text())
     names = tuple(controllers['arm_controller']['ros__parameters']['joints'])
-    arm = replace(panda(), joint_names=names)
+    chain = panda().chain._replace(gravity=np.array([0.0, 0.0, -STANDARD_GRAVITY]))
+    arm = replace(panda(), joint_names=names, chain=chain)
     text = to_urdf(arm)
     links = [link.get('name') for link in ET.fromstring(text).findall('link')]
     assert [parameters['root'], parameters['tip']] == [links[0], links[-1]]
