@@ -6,7 +6,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.arm_fit import link_prior_std
+from lip_id_ros.identification.link_torques import link_prior_std
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.axes import distances_between, PARALLEL

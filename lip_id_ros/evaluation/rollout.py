@@ -18,7 +18,7 @@ from scipy.interpolate import CubicHermiteSpline, interp1d
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.description.urdf import RobotDescription
+from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation.tables import POSITION_UNITS, Table
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction

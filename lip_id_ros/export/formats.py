@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.description.urdf import RobotDescription
+from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import ModelError
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.c_header import to_c_header

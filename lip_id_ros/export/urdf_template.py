@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.description.urdf import Body, moved, RobotDescription, transform
+from lip_id_ros.description.robot import Body, moved, RobotDescription, transform
 from lip_id_ros.errors import ModelError
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import (

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError, ShapeError
 from lip_id_ros.friction import terms
 from lip_id_ros.friction.terms import Coulomb, DriveState, FrictionTerm, Offset, Viscous
@@ -116,6 +116,11 @@ class FrictionBasis:
     def lower(self) -> Array:
         """Lower bounds of the coefficients, shape (K,)."""
         return np.array([bound for each in self.terms for bound in each.term.lower])
+
+    @property
+    def is_positive(self) -> BoolArray:
+        """Which coefficients must be positive, shape (K,)."""
+        return np.asarray(self.lower >= 0.0)
 
     def columns(self) -> tuple[IndexArray, ...]:
         """Return, for every joint, the coefficients that its torque depends on."""

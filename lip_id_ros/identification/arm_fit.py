@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.description.urdf import RobotDescription
+from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
@@ -27,6 +27,11 @@ from lip_id_ros.identification.kinematic_calibration import (
     Placements,
     placements_residual,
     Samples,
+)
+from lip_id_ros.identification.link_torques import (
+    link_prior_std,
+    links_torque,
+    STANDARD_GRAVITY,
 )
 from lip_id_ros.identification.placement_search import (
     calibrate,
@@ -41,9 +46,7 @@ from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.log_cholesky import scale_of
-from lip_id_ros.rigid_body.regressor import torque_regressor
 
-STANDARD_GRAVITY = 9.80665
 PRISMATIC = 'prismatic'
 MOST_SAMPLES, SEARCH_SAMPLES, START_SAMPLES, FEW_SAMPLES = 1000, 500, 150, 100
 """
@@ -267,7 +270,7 @@ class ArmFitter:
         basis, noise = fit.friction.basis, fit.noise
         arm = fit.chain, fit.links
         samples = self._samples(dataset, basis, arm, noise.weights(dataset.dq))
-        return ArmProblem(samples, noise.std, is_positive(basis), self.prior, fit.geometry)
+        return ArmProblem(samples, noise.std, basis.is_positive, self.prior, fit.geometry)
 
     def _samples(
         self,
@@ -317,7 +320,7 @@ class ArmFitter:
         arm, basis = (chain, links), friction.basis
         samples = self._samples(dataset, basis, arm, noise.weights(dataset.dq))
         linear = PlacementProblem(samples, noise.std).at(chain.rotations, chain.translations)
-        problem = ArmProblem(samples, noise.std, is_positive(basis), self.prior, geometry)
+        problem = ArmProblem(samples, noise.std, basis.is_positive, self.prior, geometry)
         own, coefficients = linear.link_parameters(samples), linear.friction_coefficients(samples)
         states = [problem.start(chain, own, coefficients, lift) for lift in LIFTS]
         if self.prior.chain is not None:  # the described links
@@ -340,25 +343,6 @@ class ArmFitter:
         return replace(self.at(fit, problem, state), noise=replace(fit.noise, std=std))
 
 
-def link_prior_std(dataset: Dataset) -> Array:
-    """Return deviations of link parameters, (n, 11), that make torques of the measured size."""
-    acceleration = STANDARD_GRAVITY + LENGTH * np.sqrt(np.mean(dataset.ddq**2))
-    mass = np.sqrt(np.mean(dataset.tau**2)) / (LENGTH * acceleration)
-    link = [mass, *[mass * LENGTH] * 3, *[mass * LENGTH**2] * 7]
-    return np.tile(link, (dataset.n_joints, 1))
-
-
-def links_torque(chain: Chain, links: Array, dataset: Dataset) -> Array:
-    """Return the torques of the links, shape (N, n) [N m or N]."""
-    state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
-    return np.asarray(torque_regressor(chain, *state) @ links.ravel())
-
-
 def _features(dataset: Dataset, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
     load = np.zeros_like(dataset.tau) if arm is None else links_torque(*arm, dataset)
     return friction_features(basis, dataset.q, dataset.dq, load)
-
-
-def is_positive(basis: FrictionBasis) -> BoolArray:
-    """Return which coefficients must be positive, shape (K,)."""
-    return np.asarray(basis.lower >= 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.description.urdf import RobotDescription
+from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.identification.kinematic_calibration import REACH
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.log_cholesky import LinkScale

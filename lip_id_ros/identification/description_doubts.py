@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.description.urdf import RobotDescription
+from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS

@@ -9,7 +9,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.description.urdf import load_description, RobotDescription
+from lip_id_ros.description.robot import RobotDescription
+from lip_id_ros.description.urdf import load_description
 from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.gp import fit_process
 from lip_id_ros.identification.arm_fit import Described

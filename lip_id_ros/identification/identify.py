@@ -10,15 +10,11 @@ from threadpoolctl import threadpool_limits
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.noise import sticking_noise
-from lip_id_ros.identification.arm_fit import (
-    ArmFitter,
-    Described,
-    links_torque,
-    MOST_SAMPLES,
-)
+from lip_id_ros.identification.arm_fit import ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import posterior
+from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.recording_effects import recording_deviations, with_recordings
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.sample_selection import explained, plausible

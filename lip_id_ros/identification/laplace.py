@@ -18,8 +18,9 @@ from scipy.linalg import solve_triangular
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, links_torque, MOST_SAMPLES
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
+from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
     TorqueStatistics,

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lip_id_ros.description.urdf import load_description, parse_description, rotation_to
+from lip_id_ros.description.robot import rotation_to
+from lip_id_ros.description.urdf import load_description, parse_description
 from lip_id_ros.errors import DataError
 from lip_id_ros.rigid_body.regressor import torque_regressor
 

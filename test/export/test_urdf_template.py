@@ -12,7 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.cli import main
-from lip_id_ros.description.urdf import load_description, RobotDescription
+from lip_id_ros.description.robot import RobotDescription
+from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.check import check_template
 from lip_id_ros.export.urdf_template import fill_template, template_remarks

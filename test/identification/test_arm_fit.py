@@ -11,8 +11,9 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, links_torque
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.laplace import posterior
+from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.sample_selection import covering
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.progress import silent

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.description.urdf import load_description, RobotDescription
+from lip_id_ros.description.robot import RobotDescription
+from lip_id_ros.description.urdf import load_description
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.export.arm import ArmDescription, JointRanges
 from lip_id_ros.export.payload import payload_in_flange

@@ -1,0 +1,111 @@
+"""Joints, links and friction of an arm as a robot description has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import hashlib
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.pseudo_inertia import link_parameters, pseudo_inertia
+
+DIGITS = 9
+"""Of placements, by which two descriptions are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """
+    A link of the file.
+
+    Attributes
+    ----------
+    name : str
+    placement : array, shape (4, 4)
+        Of its frame in the frame of the chain's link that carries it.
+    parameters : array, shape (10,)
+        Mass, first moments and inertias about the origin of its own frame; zero without an
+        `<inertial>`.
+
+    """
+
+    name: str
+    placement: Array
+    parameters: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RobotDescription:
+    """
+    Joints, links and friction of an arm as a URDF has them.
+
+    Attributes
+    ----------
+    place : str
+        File or topic, for messages.
+    text : str
+    joint_names, joint_types : tuples of str
+        From base to tip.
+    chain : Chain
+        Frames of the links, turned so that z is the joint's axis.
+    bodies : tuple of tuple of Body
+        What moves with each joint; the joint's own link first.
+    damping, friction : arrays, shape (n,)
+        Of `<dynamics>`: viscous and Coulomb coefficients.
+    to_axis : array, shape (n, 3, 3)
+        Rotation from the chain's frame of each link to the file's.
+    before : array, shape (n, 4, 4)
+        Placement, in the chain's frame of the link before, of the frame in which the file gives
+        each joint's origin.
+
+    """
+
+    place: str
+    text: str
+    joint_names: tuple[str, ...]
+    joint_types: tuple[str, ...]
+    chain: Chain
+    bodies: tuple[tuple[Body, ...], ...]
+    damping: Array
+    friction: Array
+    to_axis: Array
+    before: Array
+
+    @property
+    def links(self) -> Array:
+        """Parameters of the links in the chain's frames, shape (n, 11); the rotors have none."""
+        out = np.zeros((len(self.bodies), LINK_PARAMETERS))
+        for row, bodies in zip(out, self.bodies, strict=True):
+            row[:-1] = sum(moved(body.parameters, body.placement) for body in bodies)
+        return out
+
+    @property
+    def fingerprint(self) -> str:
+        """Digest of the placements: equal where two files place their joints alike."""
+        numbers = np.concatenate([x.ravel() for x in (self.chain[0], self.chain[1], self.to_axis)])
+        return hashlib.sha256((np.round(numbers, DIGITS) + 0.0).tobytes()).hexdigest()
+
+
+def moved(parameters: Array, placement: Array) -> Array:
+    """Re-express the ten parameters of a body in the frame in which it has a placement."""
+    return np.asarray(link_parameters(placement @ pseudo_inertia(parameters) @ placement.T))
+
+
+def transform(rotation: Array, translation: Array) -> Array:
+    """Return a homogeneous matrix, shape (4, 4)."""
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = rotation, translation
+    return out
+
+
+def rotation_to(axis: Array) -> Array:
+    """Return the smallest rotation that takes z to a unit vector, shape (3, 3)."""
+    x, y, z = axis
+    if z < 0.0:  # the smallest one is not unique near -z: turn about x first
+        return rotation_to(-axis) @ np.diag([1.0, -1.0, -1.0])
+    k = 1.0 / (1.0 + z)
+    return np.array(
+        [[1.0 - k * x * x, -k * x * y, x], [-k * x * y, 1.0 - k * y * y, y], [-x, -y, z]]
+    )
