@@ -9,12 +9,12 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[1]
 
 INNER = """
 from lip_id_ros.numba_jit import jit
-
-pytestmark = pytest.mark.slow
 
 @jit
 def inner(x: float) -> float:

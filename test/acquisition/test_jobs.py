@@ -81,6 +81,19 @@ def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_the_end_of_a_job_is_not_that_of_the_next(jobs: Jobs, tmp_path: Path) -> None:
+    """A process reports its result before it ends."""
+    for name in ('first', 'second'):
+        task = Task('dataset', flatten(Config()), str(tmp_path / f'{name}.npz'))
+        work = jobs.start(task, [samples(500)])
+        wait_until(lambda: jobs.state.state != 'running', 'the end of a job')
+        assert jobs.state.state == 'done', jobs.state.error
+        assert jobs.state.result['path'] == task.path
+    assert work.result()['path'] == task.path
+    jobs.stop()
+
+
+@pytest.mark.slow
 def test_a_failure_is_one_sentence_and_leaves_no_file(jobs: Jobs, tmp_path: Path) -> None:
     task = Task('fit', flatten(Config()), str(tmp_path / 'absent' / 'model.npz'))
     with pytest.raises(LipIdError) as failed:
