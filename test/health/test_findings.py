@@ -197,3 +197,24 @@ def test_limits_are_those_of_the_documentation(code: str) -> None:
     inside, beyond = LIMITS[code]
     assert code not in codes(inside(sound()))
     assert code in codes(beyond(sound()))
+
+
+@pytest.mark.parametrize(
+    ('signal', 'share', 'is_coarse'),
+    [
+        ('position', 0.005, False),
+        ('position', 0.03, True),
+        ('velocity', 0.05, False),
+        ('velocity', 0.2, True),
+        ('effort', 0.05, False),
+        ('effort', 0.2, True),
+    ],
+)
+def test_steps_are_coarse_beside_the_deviation_of_their_signal(
+    signal: str, share: float, is_coarse: bool
+) -> None:
+    samples = sound()
+    values = getattr(samples, signal)[:, JOINT]
+    step = share * values.std()
+    kinds = codes(column(samples, signal, JOINT, step * np.round(values / step)))
+    assert ('coarse' in kinds) is is_coarse

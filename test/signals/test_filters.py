@@ -1,0 +1,35 @@
+"""Causal filters against the filters of the same transfer function."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lip_id_ros.signals.filters import high_pass, LowPass
+
+STEP_S = 1e-4
+
+
+def last(low_pass: LowPass, t: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+    for time, value in zip(t, values, strict=True):
+        filtered = low_pass.add(float(time), np.array([value]))
+    assert filtered is not None
+    return float(filtered[0][0]), float(filtered[1][0])
+
+
+@pytest.mark.parametrize('cutoff_hz', [2.0, 10.0])
+def test_a_ramp_comes_late_by_two_time_constants(cutoff_hz: float) -> None:
+    t = np.arange(0.0, 6.0 / cutoff_hz, STEP_S)
+    value, slope = last(LowPass(cutoff_hz), t, 3.0 * t)
+    delay = 2.0 / (2.0 * np.pi * cutoff_hz)
+    assert slope == pytest.approx(3.0, rel=1e-3)
+    assert t[-1] - value / 3.0 == pytest.approx(delay, rel=0.01)
+
+
+@pytest.mark.parametrize('cutoff_hz', [2.0, 10.0])
+def test_a_step_passes_the_high_pass_and_decays_with_its_time_constant(cutoff_hz: float) -> None:
+    t = np.arange(0.0, 1.0 / cutoff_hz, STEP_S)
+    values = np.where(t > 0.0, 1.0, 0.0)[:, None]
+    out = high_pass(t, values, cutoff_hz)[:, 0]
+    expected = np.exp(-2.0 * np.pi * cutoff_hz * t[1:])
+    np.testing.assert_allclose(out[1:], expected, atol=2.0 * np.pi * cutoff_hz * STEP_S * 2.0)
