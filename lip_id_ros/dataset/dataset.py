@@ -12,11 +12,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import formats
 from lip_id_ros.dataset.checks import checked, floats, INDICES, PER_JOINT, PER_SAMPLE
-from lip_id_ros.dataset.subsets import GUARD, left_out_blocks, LeftOutBlock
+from lip_id_ros.dataset.subsets import farthest_points, GUARD, left_out_blocks, LeftOutBlock
 from lip_id_ros.errors import DataError
 
 _NO_NUMBERS: IntArray = np.empty(0, np.int64)
@@ -132,6 +132,23 @@ class Dataset:
     def n_joints(self) -> int:
         """Number of joints n."""
         return int(self.q.shape[1])
+
+    @property
+    def prismatic(self) -> BoolArray:
+        """Which joints are prismatic, shape (n,); the others are revolute."""
+        return np.array([kind == 'prismatic' for kind in self.joint_types])
+
+    def covering(self, count: int) -> IndexArray:
+        """
+        Return the rows that cover positions, velocities and accelerations best.
+
+        Farthest points in sine and cosine of revolute positions, prismatic positions, velocities
+        and accelerations; fewer where the rest only repeats them.
+
+        """
+        angles, shifts = self.q[:, ~self.prismatic], self.q[:, self.prismatic]
+        states = [np.sin(angles), np.cos(angles), shifts, self.dq, self.ddq]
+        return farthest_points(np.concatenate(states, axis=1), count)
 
     def select(self, indices: ArrayLike) -> Dataset:
         """

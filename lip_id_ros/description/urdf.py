@@ -19,10 +19,9 @@ from scipy.spatial.transform import Rotation
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.robot import Body, moved, RobotDescription, rotation_to, transform
 from lip_id_ros.errors import DataError
-from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS, STANDARD_GRAVITY
 
 KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
-STANDARD_GRAVITY = 9.80665
 
 
 def load_description(

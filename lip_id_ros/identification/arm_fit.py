@@ -31,7 +31,6 @@ from lip_id_ros.identification.kinematic_calibration import (
 from lip_id_ros.identification.link_torques import (
     link_prior_std,
     links_torque,
-    STANDARD_GRAVITY,
 )
 from lip_id_ros.identification.placement_search import (
     calibrate,
@@ -44,10 +43,9 @@ from lip_id_ros.identification.placement_search import (
 from lip_id_ros.identification.sample_selection import covering, evenly
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.progress import Progress
-from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body import Chain, STANDARD_GRAVITY
 from lip_id_ros.rigid_body.log_cholesky import scale_of
 
-PRISMATIC = 'prismatic'
 MOST_SAMPLES, SEARCH_SAMPLES, START_SAMPLES, FEW_SAMPLES = 1000, 500, 150, 100
 """
 Of the fit, of the refinement of placements, of the comparison of starts, and of the search.
@@ -286,7 +284,7 @@ class ArmFitter:
             dq=np.ascontiguousarray(dataset.dq),
             ddq=np.ascontiguousarray(dataset.ddq),
             tau=dataset.tau,
-            prismatic=np.array([kind == PRISMATIC for kind in dataset.joint_types]),
+            prismatic=dataset.prismatic,
             gravity=np.array([0.0, 0.0, down]),
             friction=_features(dataset, basis, arm),
             link_std=self.link_std,

@@ -27,7 +27,7 @@ LEAST_GAIN = 0.05
 """Mean decrease of the logarithm of the joints' residuals that a correction has to bring."""
 
 TIE = 0.01
-"""Difference of that within which two corrections cannot be told apart."""
+"""Two corrections whose decreases differ by less explain the data equally well."""
 
 MOST_DEVIATIONS = 3.0
 """Standard deviations of the prior beyond which a joint is elsewhere than described."""

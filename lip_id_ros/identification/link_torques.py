@@ -7,10 +7,8 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.placement_search import LENGTH
-from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body import Chain, STANDARD_GRAVITY
 from lip_id_ros.rigid_body.regressor import torque_regressor
-
-STANDARD_GRAVITY = 9.80665
 
 
 def link_prior_std(dataset: Dataset) -> Array:

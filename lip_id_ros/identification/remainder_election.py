@@ -255,18 +255,20 @@ class RemainderElection:
     def _choices(self, joint: int, replaces: bool, folds: Sequence[Fold]) -> Iterator[Choice]:
         """Yield processes with the errors of left-out samples."""
         x, known = self._targets.x, self._targets.known(joint, replaces)
-        for lengths, noises in self._offers(joint, replaces):
+        for lengths, noises in self._offers(joint, replaces, known):
             gram = correlation(x, x, lengths) + known
             for noise in noises:
                 errors = [self._left_out(fold, joint, replaces, gram, noise) for fold in folds]
                 yield Choice(replaces, lengths, noise, Errors.of(folds, errors))
 
-    def _offers(self, joint: int, replaces: bool) -> Iterator[tuple[Array, Sequence[float]]]:
+    def _offers(
+        self, joint: int, replaces: bool, known: Array
+    ) -> Iterator[tuple[Array, Sequence[float]]]:
         """Yield length scales with the noises to try."""
         x = self._targets.x
         if replaces:
             target = self._targets.of_joint(joint, replaces)
-            lengths, noise = likeliest(x, target, self._targets.known(joint, replaces))
+            lengths, noise = likeliest(x, target, known)
             yield lengths, [noise, *(least for least in NOISES if least > noise)]
         for length in LENGTHS:
             yield np.full(x.shape[1], length * np.sqrt(x.shape[1])), NOISES
@@ -298,13 +300,14 @@ def elect_remainder(fitter: ArmFitter, fit: ArmFit) -> Remainder | None:
     masks = fold_masks(fitter.dataset.q[rows], count, rows)
     folds = left_out_fits(fitter, fit, rows, masks)
     choices = RemainderElection(_targets(fitter, fit, rows), folds).elect()
+    if not any(choices):
+        return None
     return _targets(fitter, fit, evenly(count, MOST_SAMPLES)).conditioned(choices)
 
 
 def _targets(fitter: ArmFitter, fit: ArmFit, rows: IndexArray) -> Targets:
     some, dataset = fitter.dataset.select(rows), fitter.dataset
-    revolute = np.array([kind == 'revolute' for kind in some.joint_types])
-    inputs = Inputs.of(revolute, dataset.q, dataset.dq, dataset.ddq)
+    inputs = Inputs.of(~dataset.prismatic, dataset.q, dataset.dq, dataset.ddq)
     return Targets.of(inputs, some, some.tau - fitter.problem(some, fit).torque(fit.state))
 
 

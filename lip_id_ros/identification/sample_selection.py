@@ -11,7 +11,6 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.dataset.subsets import farthest_points
 
 QUANTILE = 0.9
 FARTHEST_MOTION, FARTHEST_TORQUE = 20.0, 6.0
@@ -68,7 +67,4 @@ def covering(dataset: Dataset, count: int) -> IndexArray:
     if dataset.n_samples > MOST_COVERED:
         rows = evenly(dataset.n_samples, MOST_COVERED)
         return np.asarray(rows[covering(dataset.select(rows), count)])
-    revolute = np.array(dataset.joint_types) == 'revolute'
-    angles, shifts = dataset.q[:, revolute], dataset.q[:, ~revolute]
-    states = [np.sin(angles), np.cos(angles), shifts, dataset.dq, dataset.ddq]
-    return farthest_points(np.concatenate(states, axis=1), count)
+    return dataset.covering(count)

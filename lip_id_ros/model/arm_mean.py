@@ -26,7 +26,7 @@ from lip_id_ros.rigid_body.rnea import (
 )
 
 REMAINDER_ROWS = 1000
-"""States of which the covariances with the samples of the remainder are in memory at a time."""
+"""States whose inputs of the remainder are in memory at a time."""
 
 
 class ArmMean:

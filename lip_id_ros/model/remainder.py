@@ -10,6 +10,7 @@ velocities and accelerations with one length scale for each of them
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -109,6 +110,18 @@ class Remainder:
         """Which joints have a process, shape (n,)."""
         return np.asarray(self.lengths.any(axis=1))
 
+    @cached_property
+    def _factors(self) -> dict[int, tuple[Array, bool]]:
+        """Cholesky factors of the Gram matrices of the joints with a process."""
+        noise = np.eye(len(self.x))
+        return {
+            int(joint): cho_factor(
+                correlation(self.x, self.x, self.lengths[joint]) + self.noise[joint] * noise,
+                lower=True,
+            )
+            for joint in np.flatnonzero(self.joints)
+        }
+
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the posterior mean at joint states of shape (N, n), same shape [N m or N]."""
         z = self.inputs(q, dq, ddq)
@@ -120,11 +133,9 @@ class Remainder:
         """Return posterior standard deviations, (N, n) [N m or N]; zero without a process."""
         z = self.inputs(q, dq, ddq)
         out = np.zeros_like(q)
-        for joint in np.flatnonzero(self.joints):
-            lengths = self.lengths[joint]
-            gram = correlation(self.x, self.x, lengths) + self.noise[joint] * np.eye(len(self.x))
-            cross = correlation(self.x, z, lengths)
-            known = np.sum(cross * cho_solve(cho_factor(gram, lower=True), cross), axis=0)
+        for joint in self._factors:
+            cross = correlation(self.x, z, self.lengths[joint])
+            known = np.sum(cross * cho_solve(self._factors[joint], cross), axis=0)
             out[:, joint] = np.sqrt(self.variance[joint] * np.maximum(1.0 - known, 0.0))
         return out
 

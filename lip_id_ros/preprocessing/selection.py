@@ -9,7 +9,6 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.preprocessing.smoothing import is_filtered
 from lip_id_ros.settings import PreprocessingSettings
 
@@ -85,22 +84,8 @@ def evenly_in_time(data: Dataset, count: int) -> IndexArray:
     return np.linspace(0, data.n_samples - 1, count).round().astype(np.intp)
 
 
-def covering(data: Dataset, count: int) -> IndexArray:
-    """
-    Return the rows that cover positions, velocities and accelerations best.
-
-    Farthest points in sine and cosine of revolute positions, prismatic positions, velocities and
-    accelerations, each divided by its standard deviation; fewer where the rest only repeats them.
-
-    """
-    revolute = np.array(data.joint_types) == 'revolute'
-    angles, shifts = data.q[:, revolute], data.q[:, ~revolute]
-    features = [np.sin(angles), np.cos(angles), shifts, data.dq, data.ddq]
-    return farthest_points(np.concatenate(features, axis=1), count)
-
-
 SELECTIONS: Mapping[str, Callable[[Dataset, int], IndexArray]] = {
-    'coverage': covering,
+    'coverage': Dataset.covering,
     'time': evenly_in_time,
 }
 """By the name that `preprocessing.selection` has for them."""

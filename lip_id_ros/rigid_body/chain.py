@@ -16,6 +16,9 @@ from lip_id_ros.numba_jit import jit
 from lip_id_ros.rigid_body.spatial import SpatialInertia, SpatialMotion, Transform, Wrench
 from lip_id_ros.rigid_body.vec3 import add, scale, Vec3
 
+STANDARD_GRAVITY = 9.80665
+"""[m/s^2]"""
+
 LINK_PARAMETERS = 11
 """
 Of every link: mass, three first moments, the inertias xx xy xz yy yz zz about the origin of its

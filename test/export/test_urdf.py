@@ -15,9 +15,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 import yaml
 
-from lip_id_ros.description.urdf import STANDARD_GRAVITY
 from lip_id_ros.export.text import number, roll_pitch_yaw
 from lip_id_ros.export.urdf import rotor_inertias, to_urdf
+from lip_id_ros.rigid_body import STANDARD_GRAVITY
 from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
