@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, interp1d
@@ -47,7 +47,8 @@ NOMINAL_SIGN_WIDTH = 0.01
 """Of the Coulomb friction of a URDF, whose sign jumps [rad/s or m/s]."""
 
 
-class ForwardArm(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class ForwardArm:
     """
     What is simulated.
 
@@ -87,6 +88,10 @@ class ForwardArm(NamedTuple):
         chain = description.chain._replace(gravity=gravity)
         return cls(chain, description.links, FrictionModel(basis, coefficients.ravel()))
 
+    @cached_property
+    def _compiled(self) -> tuple[Links, CompiledFriction]:
+        return Links(self.chain, self.links), CompiledFriction.of(self.friction)
+
     def acceleration(self, q: Array, dq: Array, tau: Array, before: Array, step: float) -> Array:
         """
         Return accelerations, shape (W, n).
@@ -107,8 +112,7 @@ class ForwardArm(NamedTuple):
             If an inertia matrix is singular.
 
         """
-        links, friction = Links(self.chain, self.links), CompiledFriction.of(self.friction)
-        bias, inertia = equations_of_motion(links, friction, q, dq, before, step)
+        bias, inertia = equations_of_motion(*self._compiled, q, dq, before, step)
         try:
             return np.linalg.solve(inertia, (tau - bias)[:, :, None])[:, :, 0]
         except np.linalg.LinAlgError as error:
@@ -223,8 +227,7 @@ def window_starts(dataset: Dataset, horizon: float) -> IndexArray:
     """Return rows at which windows of a length begin, evenly chosen, that hold other samples."""
     last = _last_of_segment(dataset)
     fits = dataset.t + horizon <= dataset.t[last]
-    rows = np.arange(dataset.n_samples)
-    fits &= rows < last
+    fits &= np.arange(dataset.n_samples) < last
     fits[:-1] &= dataset.t[1:] <= dataset.t[:-1] + horizon
     candidates = np.flatnonzero(fits)
     chosen = np.linspace(0, candidates.size - 1, min(MOST_WINDOWS, candidates.size))

@@ -82,10 +82,9 @@ def doubts(fitter: ArmFitter, fit: ArmFit, description: RobotDescription) -> Des
     description : RobotDescription
 
     """
-    steps = fitter.prior.deviation(fit.chain, fit.state.numbers)[
-        : DIRECTIONS * fit.chain[0].shape[0]
-    ]
-    turns, shifts = np.linalg.norm(steps.reshape(-1, 2, 3), axis=2).T
+    n = len(description.joint_names)
+    steps = fitter.prior.deviation(fit.chain, fit.state.numbers)[: DIRECTIONS * n]
+    turns, shifts = np.linalg.norm(steps.reshape(n, 2, 3), axis=2).T
     precision = fitter.prior.precision[:DIRECTIONS]
     deviations = np.maximum(turns * precision[0], shifts * precision[3])
     corrections = _corrections(fitter, fit, description)

@@ -83,7 +83,7 @@ def test_wrong_links_stray() -> None:
     heavy = arm.links.copy()
     heavy[3, :10] *= 1.2
     right, wrong = (
-        roll_out(x, data)[1] for x in (forward(arm), forward(arm)._replace(links=heavy))
+        roll_out(x, data)[1] for x in (forward(arm), replace(forward(arm), links=heavy))
     )
     assert wrong.position[:4].max() > 5.0 * right.position[:4].max()
 
@@ -105,7 +105,7 @@ def test_too_short_a_recording_is_refused() -> None:
 
 def test_links_without_inertia_are_refused() -> None:
     arm = arm_with(0.2)
-    nothing = forward(arm)._replace(links=np.zeros_like(arm.links))
+    nothing = replace(forward(arm), links=np.zeros_like(arm.links))
     q, dq, tau, ddq = np.zeros((4, 1, N))
     with pytest.raises(DataError, match='links with inertia were expected'):
         nothing.acceleration(q, dq, tau, ddq, 0.0)
