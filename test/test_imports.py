@@ -55,6 +55,10 @@ PARTS = {
         ),
         *('rigid_body', 'settings'),
     },
+    'fleet': {
+        *('dataset', 'evaluation', 'friction', 'identification', 'linear_algebra', 'model'),
+        *('preprocessing', 'recording', 'rigid_body', 'settings'),
+    },
     'baselines': {
         *('dataset', 'description', 'friction', 'gp', 'identification', 'kernels'),
         *('linear_algebra', 'model', 'rigid_body', 'settings'),

@@ -1,0 +1,223 @@
+"""What each pass over a fleet returns: arrays and texts that processes, caches and files take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+import json
+from typing import Any, Self
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.errors import DataError
+from lip_id_ros.model import InverseDynamicsModel
+
+TEXTS = '_texts'
+
+FITTED, EXCLUDED, FAILED = 'fitted', 'excluded', 'failed'
+"""Status of a recording: in the fit, left out since it contradicts the fleet, or unreadable."""
+
+
+@dataclass(frozen=True, eq=False)
+class Packable:
+    """A dataclass of arrays, texts and numbers that is stored as named arrays, without pickle."""
+
+    def to_arrays(self) -> dict[str, Any]:
+        """Return named arrays; `from_arrays` reads them."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        arrays = {name: x for name, x in values.items() if isinstance(x, np.ndarray)}
+        texts = {name: x for name, x in values.items() if name not in arrays}
+        return {**arrays, TEXTS: np.array(json.dumps(texts))}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Any]) -> Self:
+        """
+        Return the object that `to_arrays` gave.
+
+        Raises
+        ------
+        DataError
+            If an entry is missing or damaged.
+
+        """
+        try:
+            texts = json.loads(str(arrays[TEXTS]))
+            values = {name: arrays[name] for name in arrays if name != TEXTS}
+            return cls(**values, **{name: _immutable(value) for name, value in texts.items()})
+        except (KeyError, TypeError, ValueError) as error:
+            raise DataError(
+                f'a {cls.__name__} with all of its entries was expected, but the stored arrays '
+                f'are damaged ({error}); make it anew.'
+            ) from error
+
+
+def _immutable(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+@dataclass(frozen=True, eq=False)
+class Survey(Packable):
+    """
+    What the first pass keeps of a recording.
+
+    Attributes
+    ----------
+    key : str
+        Fingerprint of the content: copies of a recording have the same.
+    name : str
+        Where it was read from.
+    group : str
+        Robot.
+    joint_names, joint_types : tuple of str
+    gravity_compensated : bool
+    t : array, shape (m,)
+        Times of the reservoir, some samples that cover the motion [s].
+    q, dq, ddq, tau : arrays, shape (m, n)
+        The reservoir.
+    segment : int array, shape (m,)
+    n_samples : int
+        Of the recording, after preprocessing.
+    rate_hz : float
+        Of the messages; 0 where it is not known.
+    seconds : float
+        From the first sample to the last, without gaps between segments.
+    start_s : float
+        Time of the first message [s].
+    health : tuple of str
+        Warnings and errors, a line each.
+    low, high : arrays, shape (3, n)
+        Ranges of q, dq, ddq.
+    largest_torque : array, shape (n,)
+        [N m or N].
+    mean_q : array, shape (n,)
+        [rad or m].
+    temperature : float
+        Mean of the recording [degrees Celsius]; not a number where no topic has it.
+    provenance : str
+        JSON: the source's entry in the provenance of its data set.
+
+    """
+
+    key: str
+    name: str
+    group: str
+    joint_names: tuple[str, ...]
+    joint_types: tuple[str, ...]
+    gravity_compensated: bool
+    t: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    segment: IntArray
+    n_samples: int
+    rate_hz: float
+    seconds: float
+    start_s: float
+    health: tuple[str, ...]
+    low: Array
+    high: Array
+    largest_torque: Array
+    mean_q: Array
+    temperature: float
+    provenance: str
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingStatistics(Packable):
+    """
+    Square-root statistics of a recording with given placements.
+
+    Per joint i, the triangular factor of the rows [friction, links, torque] in the order of the
+    joints. Its first k_i rows have the friction of this recording in them; the rest, from which
+    that has been eliminated, adds up over recordings.
+
+    Attributes
+    ----------
+    key : str
+        Of the recording.
+    friction_rows : array, shape (sum of k_i (k_i + p_i + 1),)
+        First rows of every joint, one after another.
+    link_factors : array, shape (sum of (p_i + 1) (p_i + 2) / 2,)
+        Upper triangles of the rest, row by row.
+    weights : array, shape (n,)
+        Sums of the weights of the samples.
+    n_samples : int
+        That were taken in.
+    outliers : int
+        Samples that were left out.
+
+    """
+
+    key: str
+    friction_rows: Array
+    link_factors: Array
+    weights: Array
+    n_samples: int
+    outliers: int
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingResult:
+    """
+    What a fit of a fleet says of one recording.
+
+    Attributes
+    ----------
+    key, name, group : str
+    status : str
+        `FITTED`, `EXCLUDED` or `FAILED`.
+    reason : str
+        Why it is not in the fit; empty where it is.
+    n_samples : int
+    rate_hz, seconds, start_s, temperature : float
+        As in `Survey`; not a number where it could not be read.
+    health : tuple of str
+    residual_rms : array, shape (n,)
+        With the links of the fleet and the friction of this recording [N m or N].
+    friction, friction_std : arrays, shape (K,)
+        Coefficients in this recording, in the order of `FleetResult.friction_names`, and their
+        standard deviations.
+
+    """
+
+    key: str
+    name: str
+    group: str
+    status: str
+    reason: str
+    n_samples: int
+    rate_hz: float
+    seconds: float
+    start_s: float
+    temperature: float
+    health: tuple[str, ...]
+    residual_rms: Array
+    friction: Array
+    friction_std: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FleetResult:
+    """
+    Model of a fleet, and what each recording contributes.
+
+    Attributes
+    ----------
+    model : InverseDynamicsModel
+    recordings : tuple of RecordingResult
+        In the order of the sources.
+    friction_names : tuple of str
+        Of the K coefficients: joint and term.
+    deviation_of_recordings, deviation_of_groups : arrays, shape (K,)
+        Standard deviations of the coefficients between recordings of a robot, and between robots;
+        0 where they are not estimated.
+
+    """
+
+    model: InverseDynamicsModel
+    recordings: tuple[RecordingResult, ...]
+    friction_names: tuple[str, ...]
+    deviation_of_recordings: Array
+    deviation_of_groups: Array
