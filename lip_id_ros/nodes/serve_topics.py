@@ -10,6 +10,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 import numpy as np
 from pal_statistics_msgs.msg import Statistics
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
@@ -27,6 +28,9 @@ from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.signals.joints import ON_PURPOSE, Refusal, RefusedError
 
 WARNING_PERIOD_S = 5.0
+DELIVERY_S = 5.0
+"""A subscriber that does not answer for so long holds up the node's end no more."""
+
 INLINE_BYTES = 24 * 1024
 """A longer plan, of about a hundred points of seven joints, is answered beside the stream."""
 
@@ -64,10 +68,27 @@ class Outputs:
             self._add(JointState, RESIDUAL_TOPIC)
 
     def clean_up(self) -> None:
-        """Destroy what `configure` made."""
+        """Destroy what `configure` made, after subscribers have its last messages."""
+        self._await_delivery()
         for publisher in self._optional.values():
             self._node.destroy_lifecycle_publisher(publisher)
         self._optional.clear()
+
+    def _await_delivery(self) -> None:
+        """Wait for reliable subscribers of torques: with its publisher the last zero is lost."""
+        publishers = [self._torque, *filter(None, [self._optional.get('commands')])]
+        if all(publisher.wait_for_all_acked(Duration()) for publisher in publishers):
+            return
+        log = self._node.get_logger()
+        log.info('waits until every subscriber has the last torque')
+        end = time.monotonic() + DELIVERY_S
+        for publisher in publishers:
+            rest = Duration(seconds=max(0.0, end - time.monotonic()))
+            if not publisher.wait_for_all_acked(rest):
+                log.warning(
+                    f'a subscriber of {publisher.topic_name} has not confirmed the last torque '
+                    f'within {DELIVERY_S:g} s; it may still hold another one.'
+                )
 
     def wants(self, *names: str) -> bool:
         """Return whether anybody subscribes to one of the optional topics."""

@@ -40,12 +40,9 @@ class Process:
         self, name: str, folder: Path, environment: dict[str, str], arguments: list[str]
     ) -> None:
         self.log_path = folder / f'{name}.log'
-        program = ['-m', f'lip_id_ros.nodes.{name}']
-        if name in SIMULATED:
-            program = ['-c', f'from lip_id_ros.demo.nodes import {name}; exit({name}())']
         with open(self.log_path, 'wb') as log:
             self._popen = subprocess.Popen(
-                [sys.executable, *program, '--ros-args', *arguments],
+                [sys.executable, *arguments],
                 cwd=folder,
                 env=environment,
                 stdout=log,
@@ -62,10 +59,14 @@ class Process:
     def alive(self) -> bool:
         return self._popen.poll() is None
 
-    def end(self, number: int = signal.SIGINT) -> int:
-        """Ask the process to end and return its exit status."""
+    def send(self, number: int) -> None:
+        """Send a signal, if the process is alive."""
         if self.alive:
             self._popen.send_signal(number)
+
+    def end(self, number: int = signal.SIGINT) -> int:
+        """Ask the process to end and return its exit status."""
+        self.send(number)
         return self.wait()
 
     def wait(self) -> int:
@@ -158,6 +159,12 @@ class Client:
         self._publishers[topic] = publisher
         return publisher
 
+    def await_subscribers(self, topic: str, count: int) -> None:
+        """Wait until so many subscriptions of a topic are known to its other nodes."""
+        endpoints = self.node.get_subscriptions_info_by_topic
+        wait_until(lambda: len(endpoints(topic)) >= count, f'subscribers of {topic}')
+        self._await_discovery(lambda: endpoints(topic))
+
     def mark(self, node: str) -> None:
         """Count from now on: `status` subtracts what the node has counted so far."""
         diagnostics = self.listen(DiagnosticArray, '/diagnostics', qos.DIAGNOSTICS)
@@ -236,7 +243,14 @@ class Graph:
 
     def start_with(self, module: str, arguments: list[str]) -> Process:
         """Start a node with ROS arguments."""
-        process = Process(module, self.folder, self.environment, arguments)
+        program = ['-m', f'lip_id_ros.nodes.{module}']
+        if module in SIMULATED:
+            program = ['-c', f'from lip_id_ros.demo.nodes import {module}; exit({module}())']
+        return self.start_program(module, [*program, '--ros-args', *arguments])
+
+    def start_program(self, name: str, arguments: list[str]) -> Process:
+        """Start Python with arguments."""
+        process = Process(name, self.folder, self.environment, arguments)
         self.processes.append(process)
         return process
 

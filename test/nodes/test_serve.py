@@ -175,6 +175,41 @@ def test_the_last_word_is_zero_torque(
     assert list(commands[1].data) == [0.0, 0.0]
 
 
+WAITS = 'waits until every subscriber has the last torque'
+LISTENER = """
+import sys
+import rclpy
+from std_msgs.msg import Float64MultiArray
+from lip_id_ros.nodes import qos
+rclpy.init()
+node = rclpy.create_node('slow')
+show = lambda message: print(list(message.data), flush=True)
+node.create_subscription(Float64MultiArray, '/serve/commands', show, qos.OUTPUT)
+rclpy.spin(node)
+"""
+
+
+def test_the_last_word_reaches_a_controller_that_is_late(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    """A process that does not run for a while, as on a loaded machine, hears the zero too."""
+    graph, client = ros
+    serve = start_serve(graph, model_path=model_path, publish_commands=True)
+    commands = client.listen(Float64MultiArray, '/serve/commands')
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    listener = graph.start_program('slow', ['-c', LISTENER])
+    client.await_subscribers('/serve/commands', 2)
+    publisher.publish(GOOD)
+    client.wait_until(lambda: commands and listener.log.count('[') == 1, 'command')
+    listener.send(signal.SIGSTOP)
+    serve.send(signal.SIGINT)
+    client.wait_until(lambda: WAITS in serve.log or not serve.alive, 'end of the node')
+    listener.send(signal.SIGCONT)
+    client.wait_until(lambda: '[0.0, 0.0]' in listener.log, 'zero torque')
+    assert serve.wait() == 0, serve.log
+
+
 def test_disabled_means_silent_after_one_zero(serving: tuple[Graph, Client]) -> None:
     _, client = serving
     torques = client.listen(JointState, TORQUE)
