@@ -73,7 +73,9 @@ def run(args: argparse.Namespace) -> None:
             efforts = _effort_findings(args, progress)
             cautions += [finding.text for finding in efforts] or [UNDISPUTED]
         if args.report:
-            health.report(args.report, args.file, progress)
+            from lip_id_ros.evaluation.report.recording_report import write_recording_report
+
+            write_recording_report(args.report, args.file, health.seen, progress, health.units)
     console = output.console(args.json)
     show.described(description, console)
     show_lines(cautions, console)

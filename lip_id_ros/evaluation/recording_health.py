@@ -6,10 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from lip_id_ros.errors import SourceError
 from lip_id_ros.evaluation.tables import POSITION_UNITS, Table
 from lip_id_ros.health import Evidence, evidence_of, health
-from lip_id_ros.progress import Progress
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import RecordingSettings
 
@@ -41,7 +39,7 @@ class RecordingHealth:
     recording : RecordingSettings, optional
         Joint types, and the meaning of efforts.
     keep_samples : bool
-        Whether `report` will be called, which needs all samples in memory.
+        Whether the samples are plotted later, which needs all of them in memory.
 
     Attributes
     ----------
@@ -79,28 +77,11 @@ class RecordingHealth:
             findings = [finding for finding in findings if finding['code'] != SHORT]
         return serious_lines(findings)
 
-    def report(self, folder: str, source: str, progress: Progress) -> None:
-        """
-        Write plots and one web page of all recordings.
-
-        Raises
-        ------
-        SourceError
-            If there is none.
-        OSError
-            If the folder cannot be written.
-
-        """
-        from lip_id_ros.evaluation.report.recording_report import write_recording_report
-
-        if not self.seen:
-            raise SourceError(
-                f'--report needs a recording with joint samples, but {source} has none; '
-                'leave --report out, or evaluate a model with it.'
-            )
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Unit of the positions for each joint type."""
         known = self._recording is not None and bool(self._recording.joint_types)
-        units = POSITION_UNITS if known else UNKNOWN_UNITS
-        write_recording_report(folder, source, self.seen, progress, units)
+        return POSITION_UNITS if known else UNKNOWN_UNITS
 
 
 def _settings_for(

@@ -15,6 +15,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.errors import SourceError
 from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.recording_health import finding_lines, health_table
 from lip_id_ros.evaluation.report import style
@@ -52,7 +53,7 @@ def write_recording_report(
     source : str
         Name of their source.
     recordings : sequence of (Evidence, mapping)
-        With at least one sample, and their health.
+        With at least one sample, and their health; at least one.
     progress : Progress
         Called after every recording.
     units : mapping
@@ -65,10 +66,17 @@ def write_recording_report(
 
     Raises
     ------
+    SourceError
+        If there is no recording.
     OSError
         If the folder cannot be written.
 
     """
+    if not recordings:
+        raise SourceError(
+            f'--report needs a recording with joint samples, but {source} has none; '
+            'leave --report out, or evaluate a model with it.'
+        )
     pages = []
     for number, (evidence, health) in enumerate(recordings, start=1):
         target = Path(folder) / str(number) if len(recordings) > 1 else Path(folder)
