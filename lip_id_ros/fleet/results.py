@@ -53,7 +53,7 @@ class Packable:
 
 
 def _immutable(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+    return tuple(map(_immutable, value)) if isinstance(value, list) else value
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +92,10 @@ class Survey(Packable):
         [N m or N].
     mean_q : array, shape (n,)
         [rad or m].
-    temperature : float
-        Mean of the recording [degrees Celsius]; not a number where no topic has it.
     provenance : str
         JSON: the source's entry in the provenance of its data set.
+    temperature : float
+        Mean of the recording [degrees Celsius]; not a number where no topic has it.
 
     """
 
@@ -120,8 +120,8 @@ class Survey(Packable):
     high: Array
     largest_torque: Array
     mean_q: Array
-    temperature: float
     provenance: str
+    temperature: float = np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +143,6 @@ class RecordingStatistics(Packable):
         Upper triangles of the rest, row by row.
     weights : array, shape (n,)
         Sums of the weights of the samples.
-    n_samples : int
-        That were taken in.
     outliers : int
         Samples that were left out.
 
@@ -154,7 +152,6 @@ class RecordingStatistics(Packable):
     friction_rows: Array
     link_factors: Array
     weights: Array
-    n_samples: int
     outliers: int
 
 

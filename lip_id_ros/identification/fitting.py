@@ -100,11 +100,11 @@ def _fitted(
             'change that.'
         )
     if settings.kernel == ARTICULATED and not few:
-        described = _described(dataset, settings)
+        described = described_arm(dataset.joint_names, dataset.joint_types, settings)
         found = identify(dataset, settings.seed, progress, described)
-        report = _report(found, settings)
+        report = fit_report(found, settings)
         if described is not None:
-            report['description'] = _description_report(found, described[0])
+            report['description'] = description_report(found, described[0])
         return {'arm': found.arm, 'remainder': found.remainder}, report
     kernel = WITHOUT_LINKS if settings.kernel == ARTICULATED else settings.kernel
     fitted = fit_process(dataset, settings, kernel, progress)
@@ -117,7 +117,8 @@ def _ignored(settings: FitSettings, names: tuple[str, ...]) -> list[str]:
     return [f'fit.{name}' for name in names if getattr(settings, name) != getattr(default, name)]
 
 
-def _report(found: Identified, settings: FitSettings) -> dict[str, Any]:
+def fit_report(found: Identified, settings: FitSettings) -> dict[str, Any]:
+    """Return the JSON-able summary of an arm that was identified."""
     joints = found.remainder.joints.tolist() if found.remainder else []
     return {
         'searches_agreed': found.searches_agreed,
@@ -151,10 +152,12 @@ def _kinematics(found: Identified) -> dict[str, list[float]]:
     return {name: np.round(each, 5).tolist() for name, each in report.items()}
 
 
-def _described(dataset: Dataset, settings: FitSettings) -> Described | None:
+def described_arm(
+    names: tuple[str, ...], types: tuple[str, ...], settings: FitSettings
+) -> Described | None:
+    """Return the robot description that the settings name, and how far it is trusted."""
     if not settings.description:
         return None
-    names, types = dataset.joint_names, dataset.joint_types
     trust = DescriptionSettings(
         angle_std=float(np.radians(settings.description_angle_deg)),
         distance_std=settings.description_distance_m,
@@ -163,7 +166,8 @@ def _described(dataset: Dataset, settings: FitSettings) -> Described | None:
     return load_description(settings.description, names, types), trust
 
 
-def _description_report(found: Identified, description: RobotDescription) -> dict[str, Any]:
+def description_report(found: Identified, description: RobotDescription) -> dict[str, Any]:
+    """Return the JSON-able summary of how the data agree with a robot description."""
     doubts = found.doubts
     assert doubts is not None, 'the arm was fitted with a description'
     return {

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.noise import sticking_noise
-from lip_id_ros.identification.arm_fit import ArmFitter, Described, MOST_SAMPLES
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import posterior
@@ -40,6 +40,8 @@ class Identified:
     Attributes
     ----------
     arm : ArmPosterior
+    fit : ArmFit
+        Parameters that the posterior is about, with the noise of the samples of the fit.
     remainder : Remainder or None
         What is added to the torques of some joints, or takes their place.
     kinematics_std : DenavitHartenberg
@@ -64,6 +66,7 @@ class Identified:
     """
 
     arm: ArmPosterior
+    fit: ArmFit
     remainder: Remainder | None
     kinematics_std: DenavitHartenberg
     geometry: Geometry
@@ -154,6 +157,7 @@ def _identified(
     progress(STAGE, STEPS, STEPS)
     return Identified(
         arm=arm,
+        fit=fit,
         remainder=remainder,
         geometry=fit.geometry,
         searches_agreed=calibration.agreed,

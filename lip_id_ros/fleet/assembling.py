@@ -1,0 +1,169 @@
+"""The model of a fleet from placements of the first pass and parameters of the second."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+import json
+from typing import Any
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.evaluation.cautions import with_checks
+from lip_id_ros.fleet.placements import PlacedArm
+from lip_id_ros.fleet.results import Survey
+from lip_id_ros.fleet.solution import Solution
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.noise import sticking_noise
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
+from lip_id_ros.identification.arm_prior import ArmPrior
+from lip_id_ros.identification.arm_problem import ArmState
+from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.remainder_election import elect_remainder
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
+from lip_id_ros.model.effort_calibration import effort_calibrations
+from lip_id_ros.rigid_body.log_cholesky import log_cholesky
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
+
+EXISTS = 1e-12
+"""Least scaled eigenvalue of links that exist already."""
+
+SECTIONS = ('recording', 'preprocessing')
+"""Settings in the provenance of a recording."""
+
+SMALLEST = 1e-300
+"""Least coefficient of friction that has a logarithm."""
+
+
+def model_of(
+    placed: PlacedArm,
+    solution: Solution,
+    surveys: Sequence[Survey],
+    described: Described | None = None,
+) -> InverseDynamicsModel:
+    """
+    Return the model of a fleet.
+
+    Parameters
+    ----------
+    placed : PlacedArm
+    solution : Solution
+    surveys : sequence of Survey
+        Of the recordings in the fit.
+    described : tuple of RobotDescription and DescriptionSettings, optional
+        That the first pass had.
+
+    """
+    fitter = ArmFitter(placed.dataset, described)
+    fit = _fit(placed, solution, fitter.prior)
+    noise = replace(fit.noise, std=solution.noise_std)
+    arm = ArmPosterior(fit.chain, fit.links, fit.friction, noise, _root(placed, solution))
+    remainder = elect_remainder(fitter, fit) if placed.has_remainder else None
+    if remainder is not None:
+        std = np.where(remainder.joints, remainder.left_out_std, noise.std)
+        arm = replace(arm, noise=replace(noise, std=std))
+    some = fitter.some(MOST_SAMPLES)
+    load = links_torque(fit.chain, fit.links, some)
+    arm = replace(arm, noise=sticking_noise(arm.noise, arm.friction, some.q, load))
+    arm = compacted(arm, _ranges(placed, surveys))
+    report = json.loads(placed.report) | {
+        'unexplained_left_out': (solution.left_out / fitter.torque_std**2).tolist(),
+        'covariance_inflation': solution.inflation,
+        'remainder': remainder.joints.tolist() if remainder else [],
+        'friction_between_recordings': solution.deviations.recordings.tolist(),
+        'friction_between_groups': solution.deviations.groups.tolist(),
+        'noise_std': arm.noise.std.tolist(),
+        'recordings': len(surveys),
+    }
+    return with_checks(_assembled(placed, surveys, arm, remainder, report), placed.dataset)
+
+
+def _fit(placed: PlacedArm, solution: Solution, prior: ArmPrior) -> ArmFit:
+    """Return the fit of the first pass with the parameters of the second."""
+    regression = placed.regression
+    basis = regression.friction.basis
+    numbers = log_cholesky(solution.links, prior.scale, EXISTS)
+    logs = np.log(np.maximum(solution.friction, SMALLEST))
+    friction = np.where(basis.is_positive, logs, solution.friction)
+    return ArmFit(
+        ArmState(regression.chain, numbers, friction),
+        solution.links,
+        FrictionModel(basis, solution.friction),
+        replace(regression.noise, std=solution.noise_std),
+        placed.geometry,
+    )
+
+
+def _root(placed: PlacedArm, solution: Solution) -> Array:
+    """
+    Return a square root of the covariance of placements, links and friction.
+
+    The placements have the covariance of the first pass, and links and friction follow them as
+    there; with the placements given, they have that of the second.
+
+    """
+    first = placed.covariance_root
+    count = DIRECTIONS * len(solution.links)
+    triangle = np.asarray(np.linalg.qr(first.T, mode='r')).T  # placements in the first columns
+    columns = [triangle[:, :count]]
+    for root in (solution.covariance_root, _deviations(solution)):
+        column = np.zeros((len(first), root.shape[1]))
+        column[len(first) - len(root) :] = root
+        columns.append(column)
+    return np.hstack(columns)
+
+
+def _deviations(solution: Solution) -> Array:
+    """Return the columns of friction that differs in a recording that is not known."""
+    total = solution.deviations.total
+    return np.diag(total)[:, total > 0.0]
+
+
+def _ranges(placed: PlacedArm, surveys: Sequence[Survey]) -> tuple[Array, Array]:
+    names = placed.joint_names
+    low: Array = np.min([_ordered(each, each.low, names) for each in surveys], axis=0)
+    high: Array = np.max([_ordered(each, each.high, names) for each in surveys], axis=0)
+    return low, high
+
+
+def _assembled(
+    placed: PlacedArm, surveys: Sequence[Survey], arm: ArmPosterior, remainder: Any, report: Any
+) -> InverseDynamicsModel:
+    names = placed.joint_names
+    counts = np.array([each.n_samples for each in surveys])
+    means = np.array([_ordered(each, each.mean_q, names) for each in surveys])
+    largest = [_ordered(each, each.largest_torque, names) for each in surveys]
+    sources, calibrated = _sources(surveys)
+    return InverseDynamicsModel(
+        joint_names=names,
+        joint_types=placed.joint_types,
+        potential_reference=counts @ means / counts.sum(),
+        training_range=_ranges(placed, surveys),
+        largest_torque=np.max(largest, axis=0),
+        n_samples=int(counts.sum()),
+        effort_calibrations=effort_calibrations({'sources': calibrated}, names),
+        arm=arm,
+        remainder=remainder,
+        summary=report,
+        provenance={'sources': sources, 'n_samples_available': int(counts.sum())},
+    )
+
+
+def _ordered(survey: Survey, values: Array, names: Sequence[str]) -> Array:
+    """Return values of joints (..., n) in the order of the model."""
+    return values[..., [survey.joint_names.index(name) for name in names]]
+
+
+def _sources(surveys: Sequence[Survey]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return an entry for each recording, and the full ones of those with other settings."""
+    entries, full = [], dict[str, dict[str, Any]]()
+    for survey in surveys:
+        source = json.loads(survey.provenance)
+        settings = json.dumps([source.get(name) for name in SECTIONS], sort_keys=True)
+        short = {'source': survey.name, 'content': source.get('content', survey.key)}
+        known = settings in full
+        full.setdefault(settings, {**source, **short})
+        entries.append(short if known else full[settings])
+    return entries, list(full.values())

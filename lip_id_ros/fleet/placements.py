@@ -1,0 +1,290 @@
+"""
+Placements of the joints from the reservoirs of all recordings, and recordings of another arm.
+
+The first identification takes all recordings for one arm with one friction. With its placements,
+each recording gets its own friction, and those whose residuals contradict the fleet are left out;
+then the arm is identified again, with what friction deviates by taken from the torques.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+import json
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from lip_id_ros.arrays import Array, BoolArray, IntArray
+from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.fleet.recording_statistics import Regression, statistics_of
+from lip_id_ros.fleet.results import Packable, Survey
+from lip_id_ros.fleet.solution import Sizes, Solution, solve
+from lip_id_ros.fleet.sums import FleetStatistics
+from lip_id_ros.fleet.survey import merged, reservoir_data
+from lip_id_ros.friction.compiled import friction_features
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.identification.arm_fit import ArmFitter, Described
+from lip_id_ros.identification.fitting import description_report, fit_report
+from lip_id_ros.identification.identify import identify
+from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.sample_selection import plausible
+from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.progress import Progress, silent
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.settings import FitSettings
+
+SIGNALS = ('t', 'q', 'dq', 'ddq', 'tau', 'segment', 'recording')
+
+ROUNDS = 3
+"""Most repetitions of the identification while recordings are found to contradict the fleet."""
+
+MOST_RECORDINGS = 24
+"""Recordings that placements are identified with."""
+
+LEAST_RECORDINGS = 4
+"""With fewer recordings none contradicts the others."""
+
+FARTHEST, LEAST_RATIO = 6.0, 2.0
+"""
+Residual from which a recording contradicts the fleet: so many robust standard deviations of the
+logarithms above the median, and at least this factor.
+"""
+
+NORMAL_MAD = 1.4826
+"""Standard deviation of a normal variable in median absolute deviations."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedArm(Packable):
+    """
+    Outcome of the first pass, as plain arrays and texts.
+
+    Attributes
+    ----------
+    joint_names, joint_types : tuple of str
+    rotations, translations, gravity, links : arrays
+        Of the chain, and parameters of the links, (n, 11).
+    friction : str
+        JSON: terms and coefficients.
+    noise_std, noise_ratio, noise_velocity : arrays, shape (n,)
+        Of the samples of the fit.
+    twists, meets, rigid
+        Of the geometry that was elected.
+    covariance_root : array, shape (17 n + K, r)
+    inflation : float
+        Factor of the covariance for correlated residuals.
+    has_remainder : bool
+        Whether left-out samples asked for Gaussian processes.
+    report : str
+        JSON: summary of the identification.
+    excluded : tuple of pairs of str
+        Key and reason of the recordings that contradict the fleet.
+    t, q, dq, ddq, tau, segment, recording, gravity_compensated
+        Samples that the arm was identified with.
+
+    """
+
+    joint_names: tuple[str, ...]
+    joint_types: tuple[str, ...]
+    rotations: Array
+    translations: Array
+    gravity: Array
+    links: Array
+    friction: str
+    noise_std: Array
+    noise_ratio: Array
+    noise_velocity: Array
+    twists: Array
+    meets: BoolArray
+    rigid: bool
+    covariance_root: Array
+    inflation: float
+    has_remainder: bool
+    report: str
+    excluded: tuple[tuple[str, str], ...]
+    t: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    segment: IntArray
+    recording: IntArray
+    gravity_compensated: bool
+
+    @cached_property
+    def dataset(self) -> Dataset:
+        """The samples that the arm was identified with."""
+        names = (*SIGNALS, 'joint_names', 'joint_types', 'gravity_compensated')
+        return Dataset(**{name: getattr(self, name) for name in names})
+
+    @cached_property
+    def regression(self) -> Regression:
+        """What statistics are gathered with."""
+        return Regression(
+            self.joint_names,
+            Chain(self.rotations, self.translations, self.dataset.prismatic, self.gravity),
+            self.links,
+            FrictionModel.from_json(json.loads(self.friction)),
+            TorqueNoise(self.noise_std, self.noise_ratio, self.noise_velocity),
+        )
+
+    @property
+    def geometry(self) -> Geometry:
+        """What of the placements was elected to be simple."""
+        return Geometry(self.twists, self.meets, self.rigid)
+
+    def sizes(self, fitter: ArmFitter) -> Sizes:
+        """Return what the solution of a fleet begins with."""
+        return Sizes(fitter.torque_std, fitter.prior, self.inflation)
+
+
+def place(
+    surveys: Sequence[Survey],
+    settings: FitSettings,
+    described: Described | None = None,
+    progress: Progress = silent,
+) -> PlacedArm:
+    """
+    Identify an arm with the reservoirs of its recordings.
+
+    Parameters
+    ----------
+    surveys : sequence of Survey
+        Of one kind of arm.
+    settings : FitSettings
+    described : tuple of RobotDescription and DescriptionSettings, optional
+        Prior of placements and links.
+    progress : callable
+
+    Raises
+    ------
+    FitError
+        If the data are not finite in units of the noise.
+
+    """
+    names = surveys[0].joint_names
+    kept, excluded = chosen(surveys), dict[str, str]()
+    data = merged(kept)
+    for number in range(ROUNDS):
+        placed = _identified(data, settings, progress, described, excluded)
+        if len(kept) == 1 or number == ROUNDS - 1:
+            break
+        solution = _solution(kept, placed, described)
+        reasons = contradictions(solution.residual_rms, names)
+        excluded |= {kept[k].key: reason for k, reason in reasons.items()}
+        if number > 0 and not reasons:
+            break
+        rest = [k for k in range(len(kept)) if k not in reasons]
+        data = _centred([kept[k] for k in rest], placed, solution, rest)
+        kept = [kept[k] for k in rest]
+    return placed
+
+
+def chosen(surveys: Sequence[Survey]) -> list[Survey]:
+    """
+    Return the recordings that placements are identified with, those with the lowest keys.
+
+    A key is as good as random, and further recordings seldom have lower ones (bottom-k sampling:
+    Cohen and Kaplan, PODC 2007), so that statistics of before can be used again.
+
+    """
+    return sorted(surveys, key=lambda each: each.key)[:MOST_RECORDINGS]
+
+
+def contradictions(rms: Array, joint_names: Sequence[str]) -> dict[int, str]:
+    """
+    Return which recordings contradict the others, and why.
+
+    Parameters
+    ----------
+    rms : array, shape (R, n)
+        Residuals of every recording with its own friction [N m or N].
+    joint_names : sequence of str
+
+    """
+    if len(rms) < LEAST_RECORDINGS:
+        return {}
+    logs = np.log(np.maximum(rms, 1e-300))
+    median = np.median(logs, axis=0)
+    spread = NORMAL_MAD * np.median(np.abs(logs - median), axis=0)
+    excess = logs - median - np.maximum(FARTHEST * spread, np.log(LEAST_RATIO))
+    worst = np.argmax(excess, axis=1)
+    return {
+        int(k): (
+            f'contradicts the fleet: its residual at {joint_names[worst[k]]} is '
+            f'{np.exp(logs[k, worst[k]] - median[worst[k]]):.1f} times the median of '
+            f'{len(rms)} recordings; it may be of another arm or have another load'
+        )
+        for k in np.flatnonzero(excess.max(axis=1) > 0.0)
+    }
+
+
+def _identified(
+    data: Dataset,
+    settings: FitSettings,
+    progress: Progress,
+    described: Described | None,
+    excluded: Mapping[str, str],
+) -> PlacedArm:
+    found = identify(data, settings.seed, progress, described)
+    fit, report = found.fit, fit_report(found, settings)
+    if described is not None:
+        report['description'] = description_report(found, described[0])
+    kept = data.select(np.flatnonzero(plausible(data)))
+    return PlacedArm(
+        joint_names=data.joint_names,
+        joint_types=data.joint_types,
+        rotations=fit.chain.rotations,
+        translations=fit.chain.translations,
+        gravity=fit.chain.gravity,
+        links=fit.links,
+        friction=json.dumps(fit.friction.to_json()),
+        noise_std=fit.noise.std,
+        noise_ratio=fit.noise.ratio,
+        noise_velocity=fit.noise.velocity,
+        twists=fit.geometry.twists,
+        meets=fit.geometry.meets,
+        rigid=fit.geometry.rigid,
+        covariance_root=found.arm.covariance_root,
+        inflation=found.inflation,
+        has_remainder=found.remainder is not None,
+        report=json.dumps(report),
+        excluded=tuple(excluded.items()),
+        **{name: getattr(kept, name) for name in SIGNALS},
+        gravity_compensated=kept.gravity_compensated,
+    )
+
+
+def _solution(
+    surveys: Sequence[Survey], placed: PlacedArm, described: Described | None
+) -> Solution:
+    """Solve for links and the friction of each recording with the reservoirs."""
+    regression = placed.regression
+    with threadpool_limits(1):
+        statistics = [
+            statistics_of(reservoir_data(each, regression.joint_names), each.key, regression)
+            for each in surveys
+        ]
+        groups = [each.group for each in surveys]
+        sizes = placed.sizes(ArmFitter(placed.dataset, described))
+        return solve(FleetStatistics(regression, statistics, groups), sizes)
+
+
+def _centred(
+    surveys: Sequence[Survey], placed: PlacedArm, solution: Solution, numbers: Sequence[int]
+) -> Dataset:
+    """Join reservoirs, with the torques that they have with the friction of the fleet."""
+    regression = placed.regression
+    data = merged(surveys)
+    parts = []
+    for recording, number in zip(np.unique(data.recording), numbers, strict=True):
+        part = data.select(data.recording == recording)
+        deviation = solution.recording_friction[number] - solution.friction
+        load = links_torque(regression.chain, solution.links, part)
+        features = friction_features(regression.friction.basis, part.q, part.dq, load)
+        parts.append(replace(part, tau=part.tau - features @ deviation))
+    return concatenate(parts)

@@ -1,0 +1,175 @@
+"""
+Square-root statistics of one recording, from which its own friction is eliminated.
+
+With given placements the rows of joint i are [friction, links, torque]. Their triangular factor
+has the friction of the recording in its first rows alone, so that the rest adds up over
+recordings: block angular least squares (Björck, Numerical Methods for Least Squares Problems,
+1996, 6.3; Golub and Van Loan, Matrix Computations, 4th ed., 5.3; docs/maths.md, section 14).
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import os
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.fleet.results import RecordingStatistics
+from lip_id_ros.friction.compiled import friction_features
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.identification.sample_selection import explained, plausible
+from lip_id_ros.identification.statistics import TorqueStatistics
+from lip_id_ros.preprocessing import for_training, load_dataset
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.settings import Config
+
+CHUNK = 2000
+"""Samples whose regressor is in memory at one time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """
+    What the torques of every recording are regressed on.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+    chain : Chain
+        Placements of the joints, the same for all recordings.
+    links : array, shape (n, 11)
+        Present parameters, which give the loads that friction depends on.
+    friction : FrictionModel
+        Terms with present coefficients, which residuals of bad samples are measured with.
+    noise : TorqueNoise
+        Gives the weights of samples.
+
+    """
+
+    joint_names: tuple[str, ...]
+    chain: Chain
+    links: Array
+    friction: FrictionModel
+    noise: TorqueNoise
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def n_friction(self) -> int:
+        """Number of coefficients of friction, K."""
+        return self.friction.basis.size
+
+    def columns(self) -> tuple[tuple[IndexArray, IndexArray], ...]:
+        """Return, for every joint, its coefficients of friction and its link parameters."""
+        every = np.arange(self.links.size)
+        return tuple(
+            (own, every[LINK_PARAMETERS * joint :])
+            for joint, own in enumerate(self.friction.basis.columns())
+        )
+
+    def rows(self, dataset: Dataset) -> tuple[list[Array], Array]:
+        """Return the features of every joint, (N, k_i + p_i), and the residuals, (N, n)."""
+        state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
+        regressor = torque_regressor(self.chain, *state)
+        load = regressor @ self.links.ravel()
+        features = friction_features(self.friction.basis, dataset.q, dataset.dq, load)
+        residual = dataset.tau - load - features @ self.friction.coefficients
+        rows = [
+            np.hstack([features[:, joint, own], regressor[:, joint, links]])
+            for joint, (own, links) in enumerate(self.columns())
+        ]
+        return rows, residual
+
+
+def statistics_of_source(
+    path: str | os.PathLike[str], key: str, regression: Regression, config: Config
+) -> RecordingStatistics:
+    """
+    Read a recording and gather its statistics; raises what `load_dataset` raises.
+
+    Parameters
+    ----------
+    path : path
+    key : str
+        Of its survey.
+    regression : Regression
+    config : Config
+
+    """
+    data = load_dataset(path, config).with_joints(regression.joint_names)
+    data = for_training(data, config.preprocessing, config.fit.kernel)
+    return statistics_of(data, key, regression)
+
+
+def statistics_of(dataset: Dataset, key: str, regression: Regression) -> RecordingStatistics:
+    """Gather the statistics of a recording without its bad samples."""
+    kept = plausible(dataset)
+    residuals = [regression.rows(dataset.select(rows))[1] for rows in _chunks(dataset.n_samples)]
+    kept &= explained(np.concatenate(residuals))
+    statistics = empty_statistics(regression)
+    good = np.flatnonzero(kept)
+    for chunk in _chunks(good.size):
+        statistics = updated(statistics, dataset.select(good[chunk]), regression)
+    return packed(statistics, key, regression, dataset.n_samples - good.size)
+
+
+def empty_statistics(regression: Regression) -> TorqueStatistics:
+    """Return the statistics of no samples: friction first, then links."""
+    shift = regression.n_friction
+    return TorqueStatistics.empty(
+        [np.concatenate([own, shift + links]) for own, links in regression.columns()]
+    )
+
+
+def updated(
+    statistics: TorqueStatistics, dataset: Dataset, regression: Regression
+) -> TorqueStatistics:
+    """Return statistics with further samples, whose features are in memory together."""
+    features, _ = regression.rows(dataset)
+    return statistics.update(features, dataset.tau, regression.noise.weights(dataset.dq))
+
+
+def packed(
+    statistics: TorqueStatistics, key: str, regression: Regression, outliers: int
+) -> RecordingStatistics:
+    """Return statistics as flat arrays, friction of the recording apart from what adds up."""
+    tops, rests = [], []
+    for factor, (own, links) in zip(statistics.factors, regression.columns(), strict=True):
+        tops.append(factor[: own.size].ravel())
+        rests.append(factor[own.size :, own.size :][np.triu_indices(links.size + 1)])
+    return RecordingStatistics(
+        key=key,
+        friction_rows=np.concatenate(tops),
+        link_factors=np.concatenate(rests),
+        weights=statistics.weights,
+        outliers=outliers,
+    )
+
+
+def unpacked(
+    statistics: RecordingStatistics, regression: Regression
+) -> tuple[list[Array], list[Array]]:
+    """Return every joint's rows of friction, (k_i, k_i + p_i + 1), and triangle of links."""
+    tops, rests, at, then = [], [], 0, 0
+    for own, links in regression.columns():
+        shape = own.size, own.size + links.size + 1
+        tops.append(statistics.friction_rows[at : at + shape[0] * shape[1]].reshape(shape))
+        at += tops[-1].size
+        upper = np.triu_indices(links.size + 1)
+        rest = np.zeros((links.size + 1, links.size + 1))
+        rest[upper] = statistics.link_factors[then : then + upper[0].size]
+        then += upper[0].size
+        rests.append(rest)
+    return tops, rests
+
+
+def _chunks(count: int) -> list[IndexArray]:
+    return np.array_split(np.arange(count), -(-count // CHUNK)) if count else []

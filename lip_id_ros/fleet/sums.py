@@ -1,0 +1,220 @@
+"""Statistics of all recordings, summed in a fixed tree, and the system to solve for links."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.sparse.csgraph import connected_components
+
+from lip_id_ros.arrays import Array, IndexArray, IntArray
+from lip_id_ros.fleet.friction_deviations import Effects, NestedEffects
+from lip_id_ros.fleet.recording_statistics import Regression, unpacked
+from lip_id_ros.fleet.results import RecordingStatistics
+from lip_id_ros.identification.statistics import TorqueStatistics, triangular
+
+LEFT_OUT_PARTS = 6
+
+
+def tree_sum(parts: Sequence[TorqueStatistics]) -> TorqueStatistics:
+    """Merge statistics in pairs, pairs of pairs and so on: the tree depends on their number."""
+    if len(parts) == 1:
+        return parts[0]
+    half = len(parts) // 2
+    return tree_sum(parts[:half]).merge(tree_sum(parts[half:]))
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionDeviations:
+    """
+    Standard deviations of coefficients of friction.
+
+    Attributes
+    ----------
+    recordings, groups : arrays, shape (K,)
+        Between recordings of one robot, and between robots; 0 where they do not differ.
+
+    """
+
+    recordings: Array
+    groups: Array
+
+    @property
+    def total(self) -> Array:
+        """Of a recording of a robot that is not known, shape (K,)."""
+        return np.hypot(self.recordings, self.groups)
+
+
+class FleetStatistics:
+    """
+    Statistics of all recordings that are in the fit.
+
+    Parameters
+    ----------
+    regression : Regression
+        That the statistics were gathered with.
+    recordings : sequence of RecordingStatistics
+        In the order of their keys, so that the order of the sources plays no role.
+    groups : sequence of str
+        Robot of each.
+
+    """
+
+    def __init__(
+        self,
+        regression: Regression,
+        recordings: Sequence[RecordingStatistics],
+        groups: Sequence[str],
+    ) -> None:
+        self.regression, self.recordings = regression, list(recordings)
+        self.group: IntArray = np.unique(groups, return_inverse=True)[1].astype(np.int64)
+        self.n_links, self.n_friction = regression.links.size, regression.n_friction
+        self._tops = []
+        self._rests = []
+        for each in recordings:
+            tops, rests = unpacked(each, regression)
+            self._tops.append(tops)
+            self._rests.append(rests)
+        self.weights = np.sum([each.weights for each in recordings], axis=0)
+
+    @cached_property
+    def parts(self) -> list[TorqueStatistics]:
+        """Sums of the links' triangles over contiguous parts of the recordings."""
+        count = min(LEFT_OUT_PARTS, len(self.recordings))
+        ends = np.linspace(0, len(self.recordings), count + 1).round().astype(int)
+        return [tree_sum([self._links(r) for r in range(a, b)]) for a, b in pairwise(ends)]
+
+    @cached_property
+    def links(self) -> TorqueStatistics:
+        """Sum of the links' triangles over all recordings."""
+        return tree_sum(self.parts)
+
+    def _links(self, recording: int) -> TorqueStatistics:
+        columns = tuple(links for _, links in self.regression.columns())
+        factors = tuple(self._rests[recording])
+        return TorqueStatistics(columns, factors, self.recordings[recording].weights)
+
+    def friction_rows(self, recording: int, noise_std: Array) -> Array:
+        """
+        Return all rows of a recording that have its friction in them, in units of the noise.
+
+        Returns
+        -------
+        array, shape (sum of k_i, K + 11 n + 1)
+            Columns of friction, links and torque.
+
+        """
+        blocks = []
+        for joint, (own, links) in enumerate(self.regression.columns()):
+            block = np.zeros((own.size, self.n_friction + self.n_links + 1))
+            top = self._tops[recording][joint] / noise_std[joint]
+            block[:, own] = top[:, : own.size]
+            block[:, self.n_friction + links] = top[:, own.size : -1]
+            block[:, -1] = top[:, -1]
+            blocks.append(block)
+        return np.concatenate(blocks)
+
+    def feature_squares(self, recording: int) -> Array:
+        """Return weighted sums of squared friction features of a recording, shape (n, K)."""
+        out = np.zeros((self.regression.n_joints, self.n_friction))
+        for joint, (own, _) in enumerate(self.regression.columns()):
+            out[joint, own] = np.sum(self._tops[recording][joint][:, : own.size] ** 2, axis=0)
+        return out
+
+    def system(self, noise_std: Array, deviations: FrictionDeviations) -> Array:
+        """
+        Return the triangular system of mean friction and links.
+
+        Parameters
+        ----------
+        noise_std : array, shape (n,)
+            [N m or N].
+        deviations : FrictionDeviations
+
+        Returns
+        -------
+        array, shape (K + 11 n + 1, K + 11 n + 1)
+            Columns of friction, links and torque.
+
+        """
+        rest = self.links.system(noise_std, np.arange(self.n_links))
+        blocks = [np.hstack([np.zeros((len(rest), self.n_friction)), rest])]
+        for number in range(int(self.group.max()) + 1):
+            own = np.flatnonzero(self.group == number)
+            rows = [
+                self._whitened(self.friction_rows(r, noise_std), deviations.recordings)
+                for r in own.tolist()
+            ]
+            blocks.append(self._whitened(triangular(*rows), deviations.groups))
+        return triangular(*blocks)
+
+    def _whitened(self, rows: Array, deviations: Array) -> Array:
+        """Return rows whose noise has random effects of friction in it, in its units."""
+        if not deviations.any():
+            return rows
+        scaled = rows[:, : self.n_friction] * deviations
+        covariance = np.eye(len(rows)) + scaled @ scaled.T
+        lower = np.linalg.cholesky(covariance)
+        return np.asarray(solve_triangular(lower, rows, lower=True))
+
+    def effects(self, noise_std: Array, links: Array, friction: Array) -> NestedEffects:
+        """Return the normal equations of every recording's friction, with links given."""
+        normal, right = [], []
+        for r in range(len(self.recordings)):
+            rows = self.friction_rows(r, noise_std)
+            features = rows[:, : self.n_friction]
+            residual = rows[:, -1] - rows[:, self.n_friction : -1] @ links.ravel()
+            normal.append(features.T @ features)
+            right.append(features.T @ (residual - features @ friction))
+        return NestedEffects(np.array(normal), np.array(right), self.group)
+
+    def residual_squares(self, links: Array, friction: Array) -> Array:
+        """
+        Return sums of squared residuals of every recording with its own friction.
+
+        Parameters
+        ----------
+        links : array, shape (n, 11)
+        friction : array, shape (R, K)
+
+        Returns
+        -------
+        array, shape (R, n)
+            [(N m)^2 or N^2].
+
+        """
+        out = np.zeros((len(self.recordings), self.regression.n_joints))
+        vector = links.ravel()
+        for r, (tops, rests) in enumerate(zip(self._tops, self._rests, strict=True)):
+            for joint, (own, column) in enumerate(self.regression.columns()):
+                x = np.concatenate([friction[r, own], vector[column], [-1.0]])
+                rest = rests[joint] @ x[own.size :]
+                out[r, joint] = np.sum((tops[joint] @ x) ** 2) + rest @ rest
+        return out
+
+
+def components(effects: NestedEffects) -> list[IndexArray]:
+    """Return the coefficients that depend on each other, those of one joint as a rule."""
+    _, label = connected_components(np.abs(effects.normal).sum(axis=0) > 0.0, directed=False)
+    return [np.flatnonzero(label == k) for k in range(int(label.max()) + 1)]
+
+
+def part_of(effects: NestedEffects, some: IndexArray) -> NestedEffects:
+    """Return the normal equations of some coefficients, which no other depends on."""
+    normal = effects.normal[:, some[:, None], some]
+    return replace(effects, normal=normal, right=effects.right[:, some])
+
+
+def joined(parts: Sequence[tuple[IndexArray, Effects]], size: int) -> Effects:
+    """Put the effects of all components together."""
+    count = len(parts[0][1].mean)
+    each, every = np.zeros(size), np.zeros((count, size))
+    out = Effects(each, each.copy(), every, every.copy(), each.copy())
+    for some, part in parts:
+        for name, values in vars(part).items():
+            getattr(out, name)[..., some] = values
+    return out

@@ -1,0 +1,184 @@
+"""The first pass over a recording: read it, and keep some samples that cover its motion."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+import json
+import os
+from typing import Any
+
+import numpy as np
+
+from lip_id_ros.arrays import IndexArray
+from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.evaluation.recording_health import RecordingHealth
+from lip_id_ros.fleet.results import Survey
+from lip_id_ros.identification.sample_selection import covering, evenly
+from lip_id_ros.preprocessing import for_training, load_dataset
+from lip_id_ros.preprocessing.cleaning import content_digest
+from lip_id_ros.settings import Config
+
+RESERVOIR_BYTES = 140_000
+MOST_RESERVOIR = 600
+"""Samples of one recording that are kept, as far as `RESERVOIR_BYTES` allow."""
+
+MOST_MERGED = 10_000
+"""Samples of all recordings together that placements are identified with."""
+
+MOST_TEXT = 20_000
+"""Characters of a provenance that is kept."""
+
+
+def survey(path: str | os.PathLike[str], name: str, group: str, config: Config) -> Survey:
+    """
+    Read a recording and keep what finding the placements needs; raises what `load_dataset` raises.
+
+    Parameters
+    ----------
+    path : path
+        Of a recording of any kind.
+    name : str
+        Under which people know it.
+    group : str
+        Robot.
+    config : Config
+
+    """
+    health = RecordingHealth(config.recording)
+    data = for_training(
+        load_dataset(path, config, watch=health), config.preprocessing, config.fit.kernel
+    )
+    return survey_of(data, name, group, tuple(health.lines))
+
+
+def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] = ()) -> Survey:
+    """Return the survey of samples that have been preprocessed."""
+    stack = np.stack([dataset.q, dataset.dq, dataset.ddq])
+    source = _source(dataset)
+    some = dataset.select(reservoir(dataset))
+    return Survey(
+        key=content_digest(dataset.joint_names, dataset.q, dataset.tau),
+        name=name,
+        group=group,
+        joint_names=dataset.joint_names,
+        joint_types=dataset.joint_types,
+        gravity_compensated=dataset.gravity_compensated,
+        t=some.t,
+        q=some.q,
+        dq=some.dq,
+        ddq=some.ddq,
+        tau=some.tau,
+        segment=some.segment,
+        n_samples=dataset.n_samples,
+        rate_hz=float(source.get('rate_hz', 0.0)),
+        seconds=_seconds(dataset),
+        start_s=float(source.get('start_s', np.nan)),
+        health=health,
+        low=stack.min(axis=1),
+        high=stack.max(axis=1),
+        largest_torque=np.abs(dataset.tau).max(axis=0),
+        mean_q=dataset.q.mean(axis=0),
+        provenance=_shortened(source),
+    )
+
+
+def reservoir(dataset: Dataset) -> IndexArray:
+    """
+    Return the rows that are kept: half of them cover the motion, half are even in time.
+
+    The first identify placements best; the others have friction and noise in their usual shares.
+
+    """
+    count = min(MOST_RESERVOIR, RESERVOIR_BYTES // (8 * (4 * dataset.n_joints + 2)))
+    if dataset.n_samples <= count:
+        return np.arange(dataset.n_samples)
+    half = covering(dataset, count // 2)
+    return np.union1d(half, evenly(dataset.n_samples, count - count // 2))
+
+
+def merged(surveys: Sequence[Survey]) -> Dataset:
+    """
+    Join the reservoirs of recordings of one arm, `MOST_MERGED` samples at most.
+
+    Parameters
+    ----------
+    surveys : sequence of Survey
+        In the order of their keys, so that the order of the sources plays no role.
+
+    """
+    most = max(MOST_MERGED // len(surveys), 1)
+    return concatenate([reservoir_data(each, surveys[0].joint_names, most) for each in surveys])
+
+
+def reservoir_data(
+    survey: Survey, joint_names: Sequence[str], most: int = MOST_RESERVOIR
+) -> Dataset:
+    """Return the reservoir of a recording, at most so many of its samples."""
+    data = Dataset(
+        t=survey.t,
+        q=survey.q,
+        dq=survey.dq,
+        ddq=survey.ddq,
+        tau=survey.tau,
+        segment=survey.segment,
+        joint_names=survey.joint_names,
+        joint_types=survey.joint_types,
+        gravity_compensated=survey.gravity_compensated,
+        provenance={'sources': [json.loads(survey.provenance)]},
+    )
+    return data.with_joints(joint_names).select(evenly(len(survey.t), most))
+
+
+def sorted_of_one_arm(surveys: Sequence[Survey]) -> tuple[list[Survey], dict[int, str]]:
+    """
+    Sort surveys by key, and leave out copies and those that have other joints than most.
+
+    Returns
+    -------
+    kept : list of Survey
+    left_out : dict
+        Reason by number of the survey.
+
+    """
+    order = sorted(range(len(surveys)), key=lambda k: (surveys[k].key, surveys[k].name))
+    most = max(sorted(Counter(map(_kind, surveys)).items()), key=lambda each: each[1])[0]
+    kept: dict[str, Survey] = {}
+    left_out = {}
+    for k in order:
+        each = surveys[k]
+        if _kind(each) != most:
+            left_out[k] = (
+                f'has joints {", ".join(each.joint_names)} of types {", ".join(each.joint_types)} '
+                'and not those of most recordings'
+            )
+        elif each.key in kept:
+            left_out[k] = f'is a copy of {kept[each.key].name}'
+        else:
+            kept[each.key] = each
+    return list(kept.values()), left_out
+
+
+def _kind(survey: Survey) -> tuple[Any, ...]:
+    joints = sorted(zip(survey.joint_names, survey.joint_types, strict=True))
+    return tuple(joints), survey.gravity_compensated
+
+
+def _source(dataset: Dataset) -> dict[str, Any]:
+    sources = [each for each in dataset.provenance.get('sources', []) if isinstance(each, dict)]
+    return dict(sources[0]) if sources else {}
+
+
+def _shortened(source: dict[str, Any]) -> str:
+    """Return a provenance as text; of one that is too long, what the model needs of it."""
+    text = json.dumps(source)
+    if len(text) <= MOST_TEXT:
+        return text
+    needed = ('content', 'samples', 'rate_hz', 'start_s', 'recording', 'preprocessing')
+    return json.dumps({name: source[name] for name in needed if name in source})
+
+
+def _seconds(dataset: Dataset) -> float:
+    """Return how long all segments last together [s]."""
+    same = np.diff(dataset.segment) == 0
+    return float(np.diff(dataset.t)[same].sum())

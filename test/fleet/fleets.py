@@ -1,0 +1,132 @@
+"""Small simulated fleets: recordings of robots of one type with friction of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from gp.chains import ChainArm, random_arm
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import LipIdError
+from lip_id_ros.progress import Progress
+
+TYPES = ('revolute', 'revolute')
+NAMES = ('shoulder', 'elbow')
+WIDTH = 0.05
+"""Of the smooth sign of Coulomb friction [rad/s]."""
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """A data set on disk."""
+
+    name: str
+    group: str
+
+    @property
+    def fingerprint(self) -> str:
+        return hashlib.sha256(Path(self.name).read_bytes()).hexdigest()
+
+    @contextmanager
+    def local(self) -> Iterator[str]:
+        yield self.name
+
+
+@dataclass(frozen=True)
+class Done:
+    value: Any
+    reason: str = ''
+
+
+@dataclass
+class PlainEngine:
+    """Runs items one after another in this process, in a given order."""
+
+    backwards: bool = False
+    counts: list[int] = field(default_factory=list)
+
+    def map(
+        self,
+        function: Callable[[Any], Any],
+        items: Sequence[Any],
+        progress: Progress,
+        keep: Callable[[int, Any], None],
+    ) -> list[Done]:
+        self.counts.append(len(items))
+        outcomes: list[Done] = [Done(None)] * len(items)
+        order = range(len(items))
+        for number, k in enumerate(reversed(order) if self.backwards else order):
+            try:
+                outcomes[k] = Done(function(items[k]))
+                keep(k, outcomes[k].value)
+            except (LipIdError, OSError) as error:
+                outcomes[k] = Done(None, str(error))
+            progress('', number + 1, len(items))
+        return outcomes
+
+
+@dataclass
+class MemoryCache:
+    """Keeps arrays in memory."""
+
+    arrays: dict[str, Any] = field(default_factory=dict)
+
+    def get(self, key: str) -> Any:
+        return self.arrays.get(key)
+
+    def put(self, key: str, arrays: Any) -> None:
+        self.arrays[key] = dict(arrays)
+
+
+def arm_of(seed: int = 3, joint_types: tuple[str, ...] = TYPES) -> ChainArm:
+    return random_arm(joint_types, seed, 9.80665)
+
+
+def friction_of(arm: ChainArm, rng: np.random.Generator, spread: float) -> Array:
+    """Return viscous and Coulomb coefficients and offsets, shape (n, 3)."""
+    mean = np.tile([0.3, 0.8, 0.2], (len(arm.joint_types), 1))
+    return np.asarray(mean * (1.0 + spread * rng.standard_normal(mean.shape)))
+
+
+def recording(
+    arm: ChainArm, friction: Array, seed: int, count: int = 400, noise: float = 0.02
+) -> Dataset:
+    """Return samples at 50 Hz of a motion with a few frequencies, drawn by seed."""
+    rng = np.random.default_rng(seed)
+    n = len(arm.joint_types)
+    t = np.arange(count) / 50.0
+    omega = 2.0 * np.pi * rng.uniform(0.1, 0.9, (5, n))
+    phase, size = rng.uniform(0.0, 2.0 * np.pi, (5, n)), rng.uniform(0.2, 0.6, (5, n))
+    angle = omega * t[:, None, None] + phase
+    q = np.sum(size * np.sin(angle), axis=1)
+    dq = np.sum(size * omega * np.cos(angle), axis=1)
+    ddq = -np.sum(size * omega**2 * np.sin(angle), axis=1)
+    tau = arm.torque(q, dq, ddq) + friction_torque(friction, dq)
+    return Dataset(
+        t=t,
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        tau=tau + noise * rng.standard_normal(tau.shape),
+        joint_names=tuple(f'joint_{k}' for k in range(n)),
+        joint_types=arm.joint_types,
+        segment=np.zeros(count, np.int64),
+        tau_noiseless=tau,
+    )
+
+
+def friction_torque(friction: Array, dq: Array) -> Array:
+    viscous, coulomb, offset = friction.T
+    return np.asarray(viscous * dq + coulomb * np.tanh(dq / WIDTH) + offset)
+
+
+def save(data: Dataset, path: Path, group: str) -> FileSource:
+    data.save(path)
+    return FileSource(str(path), group)
