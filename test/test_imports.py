@@ -88,7 +88,7 @@ FOREIGN = {
     'numpy': ('',),
     'scipy': ('',),
     'numba': ('numba_jit', 'kernels'),  # prange in loops over all threads
-    'threadpoolctl': ('gp/placement_search', 'identification'),
+    'threadpoolctl': ('gp/placement_search', 'identification', 'fleet'),
     'torch': ('gp/reference', 'baselines'),  # imported where asked for
     'rosbags': ('recording',),
     'lz4': ('recording/storage/contents',),

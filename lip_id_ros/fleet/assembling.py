@@ -123,9 +123,9 @@ def _deviations(solution: Solution) -> Array:
 
 def _ranges(placed: PlacedArm, surveys: Sequence[Survey]) -> tuple[Array, Array]:
     names = placed.joint_names
-    low: Array = np.min([_ordered(each, each.low, names) for each in surveys], axis=0)
-    high: Array = np.max([_ordered(each, each.high, names) for each in surveys], axis=0)
-    return low, high
+    low = np.array([_ordered(each, each.low, names) for each in surveys])
+    high = np.array([_ordered(each, each.high, names) for each in surveys])
+    return low.min(axis=0), high.max(axis=0)
 
 
 def _assembled(
