@@ -27,7 +27,7 @@ from lip_id_ros.friction.terms import (
     Viscous,
 )
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.log_cholesky import link_parameters, scale_of
+from lip_id_ros.rigid_body.pseudo_inertia import link_parameters, scale_of
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
 N_JOINTS, JOINT = 3, 1

@@ -27,7 +27,7 @@ from lip_id_ros.evaluation.tables import (
     TORQUE_UNITS,
 )
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.rigid_body.axes import angles_between, distances_between
+from lip_id_ros.rigid_body.chain import angles_between, distances_between
 
 UNSEEN = (
     'Only data that the model has not seen show how good it is: fit with --holdout, or evaluate '

@@ -9,7 +9,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.pseudo_inertia import link_parameters, pseudo_inertia
+from lip_id_ros.rigid_body.pseudo_inertia import from_pseudo_inertia, pseudo_inertia
 
 DIGITS = 9
 """Of placements, by which two descriptions are compared."""
@@ -90,7 +90,7 @@ class RobotDescription:
 
 def moved(parameters: Array, placement: Array) -> Array:
     """Re-express the ten parameters of a body in the frame in which it has a placement."""
-    return np.asarray(link_parameters(placement @ pseudo_inertia(parameters) @ placement.T))
+    return np.asarray(from_pseudo_inertia(placement @ pseudo_inertia(parameters) @ placement.T))
 
 
 def transform(rotation: Array, translation: Array) -> Array:

@@ -9,7 +9,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.link_torques import link_prior_std
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.axes import distances_between, PARALLEL
+from lip_id_ros.rigid_body.chain import distances_between, PARALLEL
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
 MOST_SAMPLES = 150

@@ -44,7 +44,7 @@ from lip_id_ros.identification.sample_selection import covering, evenly
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain, STANDARD_GRAVITY
-from lip_id_ros.rigid_body.log_cholesky import scale_of
+from lip_id_ros.rigid_body.pseudo_inertia import scale_of
 
 MOST_SAMPLES, SEARCH_SAMPLES, START_SAMPLES, FEW_SAMPLES = 1000, 500, 150, 100
 """

@@ -11,8 +11,7 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.identification.kinematic_calibration import REACH
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.log_cholesky import LinkScale
-from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
+from lip_id_ros.rigid_body.pseudo_inertia import LinkScale, pseudo_inertia
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 LINK_PRIOR = 0.3

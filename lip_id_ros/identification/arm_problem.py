@@ -21,7 +21,7 @@ from lip_id_ros.identification.levenberg_marquardt import minimise
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.model.threads import in_threads
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.log_cholesky import (
+from lip_id_ros.rigid_body.pseudo_inertia import (
     LEAST_LEFT,
     link_parameter_jacobian,
     link_parameters,

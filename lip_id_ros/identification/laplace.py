@@ -29,7 +29,7 @@ from lip_id_ros.identification.statistics import (
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import LINK_PARAMETERS
-from lip_id_ros.rigid_body.log_cholesky import link_parameter_jacobian
+from lip_id_ros.rigid_body.pseudo_inertia import link_parameter_jacobian
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 LEFT_OUT_BLOCKS = 6

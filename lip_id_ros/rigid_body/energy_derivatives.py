@@ -20,25 +20,23 @@ from lip_id_ros.rigid_body.chain import (
 )
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 from lip_id_ros.rigid_body.spatial import (
+    add,
     add_wrenches,
+    cross,
     inertia_times,
+    load,
     load_transform,
     propagate_velocity,
-    SpatialInertia,
-    store_transform,
-    Transform,
-    transform_wrench,
-    Wrench,
-)
-from lip_id_ros.rigid_body.vec3 import (
-    add,
-    cross,
-    load,
     scale,
+    SpatialInertia,
     store,
+    store_transform,
     to_child,
     to_parent,
+    Transform,
+    transform_wrench,
     Vec3,
+    Wrench,
     ZERO,
 )
 

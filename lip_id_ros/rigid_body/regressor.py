@@ -15,16 +15,21 @@ from lip_id_ros.rigid_body.chain import (
     LINK_PARAMETERS,
 )
 from lip_id_ros.rigid_body.spatial import (
+    add,
+    cross,
+    dot,
     load_transform,
     propagate_motion,
     propagate_velocity,
     SpatialMotion,
     store_transform,
+    to_child,
     Transform,
     transform_wrench,
+    Vec3,
     Wrench,
+    ZERO,
 )
-from lip_id_ros.rigid_body.vec3 import add, cross, dot, to_child, Vec3, ZERO
 
 
 @jit

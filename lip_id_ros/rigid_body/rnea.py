@@ -25,28 +25,26 @@ from lip_id_ros.rigid_body.chain import (
     ROTOR,
 )
 from lip_id_ros.rigid_body.spatial import (
+    add,
     add_wrenches,
+    cross,
+    dot,
     inertia_times,
+    load,
     load_transform,
     newton_euler,
     propagate_motion,
     propagate_velocity,
+    scale,
     SpatialInertia,
     SpatialMotion,
-    store_transform,
-    transform_wrench,
-    Wrench,
-)
-from lip_id_ros.rigid_body.vec3 import (
-    add,
-    cross,
-    dot,
-    load,
-    scale,
     store,
+    store_transform,
     to_child,
     to_parent,
+    transform_wrench,
     Vec3,
+    Wrench,
     ZERO,
 )
 

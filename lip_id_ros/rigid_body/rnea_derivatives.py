@@ -23,18 +23,25 @@ from lip_id_ros.rigid_body.chain import (
     link_inertia,
 )
 from lip_id_ros.rigid_body.spatial import (
+    add,
     add_wrenches,
+    cross,
+    load,
     load_transform,
     newton_euler,
     newton_euler_derivative,
     propagate_motion,
     SpatialMotion,
+    store,
     store_transform,
+    to_child,
+    to_parent,
     Transform,
     transform_wrench,
+    Vec3,
     Wrench,
+    ZERO,
 )
-from lip_id_ros.rigid_body.vec3 import add, cross, load, store, to_child, to_parent, Vec3, ZERO
 
 DIRECTIONS = 6
 """Of a placement: three rotations about its own axes, three shifts of its origin."""

@@ -14,8 +14,8 @@ from lip_id_ros.errors import FitError
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.rigid_body.axes import angles_between, distances_between
-from lip_id_ros.rigid_body.log_cholesky import scale_of
+from lip_id_ros.rigid_body.chain import angles_between, distances_between
+from lip_id_ros.rigid_body.pseudo_inertia import scale_of
 
 SCALE = scale_of(2.0, 0.2)
 ARMS = [(R,), (P, R), (R, P, R), (R, R, R, R)]

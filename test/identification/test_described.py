@@ -27,7 +27,7 @@ from lip_id_ros.identification.payload import identify_payload, Payload
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table, with_standard_frames
-from lip_id_ros.rigid_body.log_cholesky import link_parameters, scale_of
+from lip_id_ros.rigid_body.pseudo_inertia import link_parameters, scale_of
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 from lip_id_ros.settings import FitSettings

@@ -15,7 +15,7 @@ from lip_id_ros.identification.simple_geometry import (
     together,
 )
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.axes import angles_between, distances_between
+from lip_id_ros.rigid_body.chain import angles_between, distances_between
 
 N = 4
 DOWN = np.array([0.0, 0.0, -9.81])

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.pseudo_inertia import link_parameters
+from lip_id_ros.rigid_body.pseudo_inertia import from_pseudo_inertia
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
     potential_regressor,
@@ -54,7 +54,7 @@ def random_bodies(n: int, rng: np.random.Generator) -> Array:
     masses = rng.uniform(0.1, 1.0, (n, 6))
     pseudo = np.einsum('iak,ik,ibk->iab', factors, masses, factors)
     rotors = rng.uniform(0.01, 0.1, (n, 1))
-    return np.concatenate([link_parameters(pseudo), rotors], axis=1)
+    return np.concatenate([from_pseudo_inertia(pseudo), rotors], axis=1)
 
 
 def links_of(model: Any) -> tuple[Chain, Array]:

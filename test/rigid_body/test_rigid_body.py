@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.axes import angles_between, distances_between
+from lip_id_ros.rigid_body.chain import angles_between, distances_between
 from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,

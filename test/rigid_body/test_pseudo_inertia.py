@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.rigid_body.log_cholesky import (
+from lip_id_ros.rigid_body.pseudo_inertia import (
     link_parameter_jacobian,
     link_parameters,
     LinkScale,
     log_cholesky,
     moved,
+    pseudo_inertia,
     scale_of,
 )
-from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 
 SCALE = scale_of(3.0, 0.3)
 NUMBERS = arrays(np.float64, (2, 11), elements=st.floats(-3.0, 2.0))
