@@ -16,13 +16,24 @@ SOURCES = Path(__file__).resolve().parents[1] / PACKAGE
 
 # The parts in the order in which the data goes through them, and what each may import besides
 # itself and BASE.
-BASE = {'arrays', 'csv_table', 'errors', 'escaping', 'files', 'numba_jit', 'processes', 'progress'}
+BASE = {
+    'arrays',
+    'csv_table',
+    'errors',
+    'escaping',
+    'files',
+    'joint_types',
+    'numba_jit',
+    'processes',
+    'progress',
+}
 PARTS = {
     'arrays': set(),
     'errors': set(),
     'escaping': set(),
     'csv_table': set(),
     'files': set(),
+    'joint_types': set(),
     'numba_jit': set(),
     'processes': set(),
     'progress': set(),

@@ -9,7 +9,7 @@ sizes of the paper's table.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 
@@ -18,9 +18,10 @@ import torch
 from torch import nn
 from torch.optim.lr_scheduler import OneCycleLR
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
@@ -65,7 +66,7 @@ class Delan:
         """Train on inverse dynamics and power conservation."""
         with torch.random.fork_rng(devices=[]), _one_thread():
             torch.manual_seed(settings.seed)
-            network = DelanNetwork(_prismatic(dataset.joint_types), WIDTH, DEPTH)
+            network = DelanNetwork(dataset.prismatic, WIDTH, DEPTH)
             _train(network, dataset, self._steps, progress)
         return Network(dataset.joint_names, dataset.joint_types, network)
 
@@ -115,13 +116,9 @@ METHODS: Methods = {'delan': lambda _: Delan()}
 
 def read(joints: Joints, state: State) -> Network:
     """Return the model of a state."""
-    network = DelanNetwork(_prismatic(joints[1]), state['width'], state['depth'])
+    network = DelanNetwork(is_prismatic(joints[1]), state['width'], state['depth'])
     network.load_state_dict({name: torch.from_numpy(x) for name, x in state['weights'].items()})
     return Network(*joints, network)
-
-
-def _prismatic(joint_types: Sequence[str]) -> list[bool]:
-    return [kind == 'prismatic' for kind in joint_types]
 
 
 class DelanNetwork(nn.Module):
@@ -130,14 +127,14 @@ class DelanNetwork(nn.Module):
 
     Parameters
     ----------
-    prismatic : sequence of bool
+    prismatic : bool array, shape (n,)
         Which joints are prismatic; the others enter as cosine and sine.
     width, depth : int
         Of the hidden layers.
 
     """
 
-    def __init__(self, prismatic: Sequence[bool], width: int, depth: int) -> None:
+    def __init__(self, prismatic: BoolArray, width: int, depth: int) -> None:
         super().__init__()
         self.width, self.depth = width, depth
         n = len(prismatic)

@@ -20,12 +20,11 @@ from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.evaluation.tables import (
     error_table,
     notes,
-    POSITION_UNITS,
     show,
     show_lines,
     Table,
-    TORQUE_UNITS,
 )
+from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body.chain import angles_between, distances_between
 

@@ -1,13 +1,11 @@
 """The data set: joint motions and torques in one checked, read-only container."""
 
-from lip_id_ros.dataset.checks import JOINT_TYPES
 from lip_id_ros.dataset.dataset import concatenate, Dataset
 from lip_id_ros.dataset.formats import check_suffix, DATASET_SUFFIX
 from lip_id_ros.dataset.subsets import LeftOutBlock
 
 __all__ = [
     'DATASET_SUFFIX',
-    'JOINT_TYPES',
     'Dataset',
     'LeftOutBlock',
     'check_suffix',

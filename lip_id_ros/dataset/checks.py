@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.errors import DataError, ShapeError
+from lip_id_ros.joint_types import JOINT_TYPES
 
-JOINT_TYPES = ('revolute', 'prismatic')
 PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless')
 PER_SAMPLE = ('t', 'kinetic', 'potential')
 INDICES = ('segment', 'recording')

@@ -18,6 +18,7 @@ from lip_id_ros.dataset import formats
 from lip_id_ros.dataset.checks import checked, floats, INDICES, PER_JOINT, PER_SAMPLE
 from lip_id_ros.dataset.subsets import farthest_points, GUARD, left_out_blocks, LeftOutBlock
 from lip_id_ros.errors import DataError
+from lip_id_ros.joint_types import is_prismatic
 
 _NO_NUMBERS: IntArray = np.empty(0, np.int64)
 
@@ -136,7 +137,7 @@ class Dataset:
     @property
     def prismatic(self) -> BoolArray:
         """Which joints are prismatic, shape (n,); the others are revolute."""
-        return np.array([kind == 'prismatic' for kind in self.joint_types])
+        return is_prismatic(self.joint_types)
 
     def covering(self, count: int) -> IndexArray:
         """

@@ -19,9 +19,10 @@ from scipy.spatial.transform import Rotation
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.robot import Body, moved, RobotDescription, rotation_to, transform
 from lip_id_ros.errors import DataError
+from lip_id_ros.joint_types import is_prismatic, PRISMATIC, REVOLUTE
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS, STANDARD_GRAVITY
 
-KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
+KINDS = {REVOLUTE: REVOLUTE, 'continuous': REVOLUTE, PRISMATIC: PRISMATIC}
 
 
 def load_description(
@@ -154,7 +155,7 @@ class _Reader:
             chain=Chain(
                 np.ascontiguousarray(placements[:, :3, :3]),
                 np.ascontiguousarray(placements[:, :3, 3]),
-                np.array([kind == 'prismatic' for kind in types]),
+                is_prismatic(types),
                 np.array([0.0, 0.0, -STANDARD_GRAVITY]),
             ),
             bodies=tuple(

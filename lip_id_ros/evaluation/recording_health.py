@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from lip_id_ros.evaluation.tables import POSITION_UNITS, Table
+from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.health import Evidence, evidence_of, health
+from lip_id_ros.joint_types import POSITION_UNITS, REVOLUTE
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import RecordingSettings
 
@@ -90,7 +91,7 @@ def _settings_for(
     """Return the settings for all recorded joints, from those for the joints that they name."""
     if recording is None or recording.joints in ((), samples.joint_names):
         return recording
-    defaults = {'joint_types': 'revolute', 'effort_scale': 1.0, 'effort_offset': 0.0}
+    defaults = {'joint_types': REVOLUTE, 'effort_scale': 1.0, 'effort_offset': 0.0}
     per_joint = {
         name: dict(zip(recording.joints, getattr(recording, name), strict=False))
         for name in defaults

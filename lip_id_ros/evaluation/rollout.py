@@ -20,9 +20,10 @@ from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import DataError
-from lip_id_ros.evaluation.tables import POSITION_UNITS, Table
+from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction
 from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.joint_types import POSITION_UNITS
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.numba_jit import jit
 from lip_id_ros.rigid_body import Chain

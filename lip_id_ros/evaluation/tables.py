@@ -13,10 +13,9 @@ from rich.text import Text
 
 from lip_id_ros.escaping import printable
 from lip_id_ros.evaluation.metrics import Evaluation
+from lip_id_ros.joint_types import TORQUE_UNITS
 
 LEAST_PERCENT = 0.0001
-POSITION_UNITS = {'revolute': 'rad', 'prismatic': 'm'}
-TORQUE_UNITS = {'revolute': 'N m', 'prismatic': 'N'}
 WIDE = 1000  # more than any table needs
 
 

@@ -26,6 +26,7 @@ from lip_id_ros.export.text import (
     split_friction,
     xml_text,
 )
+from lip_id_ros.joint_types import PRISMATIC, REVOLUTE
 from lip_id_ros.rigid_body.chain import ROTOR
 
 FRICTION = ('viscous', 'Coulomb')
@@ -121,7 +122,7 @@ def _cylinder(link: ET.Element, end: Array) -> None:
 
 def _joint(arm: ArmDescription, i: int, friction: FrictionSplit) -> ET.Element:
     name, ranges = arm.joint_names[i], arm.ranges
-    kind = 'prismatic' if arm.chain.prismatic[i] else 'revolute'
+    kind = PRISMATIC if arm.chain.prismatic[i] else REVOLUTE
     joint = ET.Element('joint', {'name': name, 'type': kind})
     rpy = roll_pitch_yaw(arm.chain.rotations[i])
     place = {'xyz': numbers(arm.chain.translations[i]), 'rpy': numbers(rpy)}

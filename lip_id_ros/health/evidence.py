@@ -12,13 +12,13 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.health.effort_regression import effort_regression, EffortRegression
 from lip_id_ros.health.motion import Agreement, motion_of, SmoothMotion, velocity_agreement
+from lip_id_ros.joint_types import POSITION_UNITS
 from lip_id_ros.preprocessing.cleaning import quantum, repeated, stale
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.spill import extent, marked, thinned
 
 STILL = 1e-3
 """Joints whose velocity stays below this root mean square [rad/s or m/s] do not move."""
-UNITS = {'revolute': 'rad', 'prismatic': 'm'}
 
 _MOST_VALUES = 2**18
 _TOP_WIDTH = 0.002
@@ -170,7 +170,7 @@ class Joint:
     @property
     def unit(self) -> str:
         """Unit of the position."""
-        return UNITS[self.kind]
+        return POSITION_UNITS[self.kind]
 
     def varies(self, signal: str) -> bool:
         """Whether a signal was recorded and takes more than one value."""

@@ -9,10 +9,11 @@ import numpy as np
 
 from lip_id_ros.health.evidence import Evidence, Joint, STILL
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
+from lip_id_ros.joint_types import PRISMATIC, REVOLUTE
 
-LEAST_RANGE = {'revolute': 0.3, 'prismatic': 0.05}
-LEAST_SPEED = {'revolute': 0.05, 'prismatic': 0.005}
-LEAST_ACCELERATION = {'revolute': 0.5, 'prismatic': 0.05}
+LEAST_RANGE = {REVOLUTE: 0.3, PRISMATIC: 0.05}
+LEAST_SPEED = {REVOLUTE: 0.05, PRISMATIC: 0.005}
+LEAST_ACCELERATION = {REVOLUTE: 0.5, PRISMATIC: 0.05}
 LEAST_RETURN = 0.1
 TOGETHER = 0.97
 LEAST_SAMPLES = 100
@@ -40,7 +41,7 @@ TIP = ('gripper', 'finger')
 )
 def position_unit(joint: Joint) -> Iterator[str]:
     """A revolute joint turns by more than five turns."""
-    if joint.kind == 'revolute' and joint.reach > MOST_RANGE:
+    if joint.kind == REVOLUTE and joint.reach > MOST_RANGE:
         yield f'{joint.name} turns by {joint.reach:.3g} rad'
 
 

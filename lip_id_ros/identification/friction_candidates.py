@@ -24,6 +24,7 @@ from lip_id_ros.friction.terms import (
     Stribeck,
     Viscous,
 )
+from lip_id_ros.joint_types import REVOLUTE
 
 COMMON_GAIN = 0.05
 """
@@ -79,7 +80,7 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
             LoadViscous(),
         ]
         rare: list[FrictionTerm] = [Asymmetric(width), Spring()]
-        if dataset.joint_types[j] == 'revolute':
+        if dataset.joint_types[j] == REVOLUTE:
             rare += [Ripple(k) for k in (1, 2) if turned[j] > 2.0 * np.pi / k]
             rare += [PositionCoulomb(width)] if turned[j] > np.pi else []
         own = Drive.of_joint(j)

@@ -18,9 +18,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ShapeError
+from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.numba_jit import LANES
-
-REVOLUTE, PRISMATIC = 'revolute', 'prismatic'
 
 
 class Samples(NamedTuple):
@@ -75,7 +74,7 @@ class JointBasis:
     @property
     def prismatic(self) -> BoolArray:
         """Which joints are prismatic, shape (n,)."""
-        return np.array([kind == PRISMATIC for kind in self.joint_types])
+        return is_prismatic(self.joint_types)
 
     def features(self, q: Array) -> tuple[Array, Array]:
         """

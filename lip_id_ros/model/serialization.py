@@ -13,6 +13,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import LipIdError, ShapeError
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.joint_types import is_prismatic, JOINT_TYPES
 from lip_id_ros.kernels import (
     EnergyKernel,
     FAMILY,
@@ -24,7 +25,6 @@ from lip_id_ros.kernels import (
     TorquePrior,
     Weights,
 )
-from lip_id_ros.kernels.features import PRISMATIC, REVOLUTE
 from lip_id_ros.kernels.program import unit_weights, with_potential_after
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.checked_file import Arrays, contradiction
@@ -57,7 +57,7 @@ def finite(values: Any, types: Sequence[str]) -> Array:
 def joint_types(values: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
     """Return the types of the joints; ValueError if there is not one for each joint."""
     types = tuple(str(kind) for kind in values)
-    if len(types) != len(names) or not set(types) <= {REVOLUTE, PRISMATIC}:
+    if len(types) != len(names) or not set(types) <= set(JOINT_TYPES):
         raise ValueError(f'{len(types)} joint types for {len(names)} joints')
     return types
 
@@ -136,9 +136,8 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
     )
     root = np.zeros((17 * n + friction.basis.size, arrays['arm_covariance_root'].shape[1]))
     root[coordinates] = arrays['arm_covariance_root']
-    prismatic = np.array([kind == PRISMATIC for kind in types])
     places = arrays['arm_rotations'], arrays['arm_translations']
-    chain = Chain(*places, prismatic, arrays['arm_gravity'])
+    chain = Chain(*places, is_prismatic(types), arrays['arm_gravity'])
     noise = TorqueNoise(*arrays['arm_noise'])
     return ArmPosterior(chain, arrays['arm_links'], friction, noise, root)
 
@@ -162,7 +161,7 @@ def remainder_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str
         If its parts contradict each other.
 
     """
-    n, revolute = len(types), np.array([kind == REVOLUTE for kind in types])
+    n, revolute = len(types), ~is_prismatic(types)
     count, width = len(arrays['remainder_x']), 3 * n + int(revolute.sum())
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
         ('noise', 'variance', 'left_out_std', 'sign_width'), (n,)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from lip_id_ros.joint_types import JOINT_TYPES
 from lip_id_ros.settings.settings import setting, Settings
 
 LARGEST = 1e9
@@ -31,7 +32,7 @@ class RecordingSettings(Settings):
         choices=('auto', 'header', 'receive'),
     )
     joint_types: tuple[str, ...] = setting(
-        (), 'Type of each joint; empty for all revolute.', choices=('revolute', 'prismatic')
+        (), 'Type of each joint; empty for all revolute.', choices=JOINT_TYPES
     )
     effort_scale: tuple[float, ...] = setting(
         (),

@@ -13,6 +13,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, LipIdError
+from lip_id_ros.joint_types import PRISMATIC, REVOLUTE
 from lip_id_ros.simulation.trajectories import MotionLimits
 
 N_JOINTS = 7
@@ -220,9 +221,9 @@ def _import_pinocchio() -> Any:
 def _joint_type(joint: Any) -> str:
     name = joint.shortname()
     if joint.nq == joint.nv == 1 and name.startswith('JointModelR'):
-        return 'revolute'
+        return REVOLUTE
     if joint.nq == joint.nv == 1 and name.startswith('JointModelP'):
-        return 'prismatic'
+        return PRISMATIC
     raise DataError(
         f'joints must be revolute or prismatic, not {name}; '
         'give a continuous joint limits in the URDF.'

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 
 def network() -> DelanNetwork:
     torch.manual_seed(1)
-    return DelanNetwork([False, True, False], width=16, depth=2)
+    return DelanNetwork(np.array([False, True, False]), width=16, depth=2)
 
 
 def motion(n: int) -> list[torch.Tensor]:

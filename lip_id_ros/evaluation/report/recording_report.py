@@ -20,8 +20,9 @@ from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.recording_health import finding_lines, health_table
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.report.page import Drawing, drawn, page, write_folder
-from lip_id_ros.evaluation.tables import POSITION_UNITS, Table, TORQUE_UNITS
+from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.health import Evidence
+from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.progress import Progress, silent
 
 ROW_HEIGHT = 1.5

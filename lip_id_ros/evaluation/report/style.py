@@ -16,7 +16,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import for_plot
-from lip_id_ros.evaluation.tables import TORQUE_UNITS
+from lip_id_ros.joint_types import TORQUE_UNITS
 
 MEASURED = '#9aa5b1'
 TRUE = '#1f2933'
