@@ -24,7 +24,7 @@ from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.effort_calibration import effort_calibrations
-from lip_id_ros.rigid_body.log_cholesky import log_cholesky
+from lip_id_ros.rigid_body.pseudo_inertia import log_cholesky
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 EXISTS = 1e-12

@@ -12,7 +12,7 @@ from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import LOG_PRIOR, SMALLEST
 from lip_id_ros.identification.levenberg_marquardt import minimise
 from lip_id_ros.identification.statistics import triangular
-from lip_id_ros.rigid_body.log_cholesky import (
+from lip_id_ros.rigid_body.pseudo_inertia import (
     LEAST_LEFT,
     link_parameter_jacobian,
     link_parameters,

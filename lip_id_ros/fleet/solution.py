@@ -19,7 +19,7 @@ from lip_id_ros.fleet.sums import (
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.laplace import LeftOut, measure_left_out
 from lip_id_ros.identification.statistics import TorqueStatistics
-from lip_id_ros.rigid_body.log_cholesky import link_parameter_jacobian
+from lip_id_ros.rigid_body.pseudo_inertia import link_parameter_jacobian
 
 ROUNDS = 4
 """Of links, deviations of friction and noise, each with what the others have found."""
