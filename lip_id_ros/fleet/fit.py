@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-import hashlib
-import json
 import time
-from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -17,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.fleet.assembling import model_of
+from lip_id_ros.fleet.passes import Cache, digest, Engine, NoCache, Passes, Source
 from lip_id_ros.fleet.placements import chosen, contradictions, place, PlacedArm
 from lip_id_ros.fleet.recording_statistics import Regression, statistics_of_source
 from lip_id_ros.fleet.results import (
@@ -24,14 +21,13 @@ from lip_id_ros.fleet.results import (
     FAILED,
     FITTED,
     FleetResult,
-    Packable,
     RecordingResult,
     RecordingStatistics,
     Survey,
 )
-from lip_id_ros.fleet.solution import Sizes, Solution, solve
+from lip_id_ros.fleet.solution import fitted_alone, Sizes, Solution, solve
 from lip_id_ros.fleet.sums import FleetStatistics
-from lip_id_ros.fleet.survey import sorted_of_one_arm, survey
+from lip_id_ros.fleet.survey import joint_order, reservoir_data, sorted_of_one_arm, survey
 from lip_id_ros.friction.model import FrictionBasis
 from lip_id_ros.friction.terms import LoadCoulomb, LoadViscous
 from lip_id_ros.identification.arm_fit import ArmFitter, Described
@@ -50,78 +46,6 @@ EXCLUSIONS = 3
 
 LOAD_CHANGE = 0.01
 """Change of the loads, as a share of them, from which statistics are gathered once more."""
-
-Kept = TypeVar('Kept', bound=Packable)
-
-
-class Source(Protocol):
-    """A recording somewhere; picklable."""
-
-    @property
-    def name(self) -> str:
-        """Address, as people know it."""
-
-    @property
-    def group(self) -> str:
-        """Robot."""
-
-    @property
-    def fingerprint(self) -> str:
-        """Text that changes with the content, for the cache; need not be that of the samples."""
-
-    def local(self) -> AbstractContextManager[str]:
-        """Give the path of a local copy while the context lasts."""
-
-
-class Outcome(Protocol):
-    """What came of one item: a value, or the reason why there is none."""
-
-    @property
-    def value(self) -> Any:
-        """Result of the function; None where it failed."""
-
-    @property
-    def reason(self) -> str:
-        """Why it failed; empty where it did not."""
-
-
-class Engine(Protocol):
-    """Runs a function for each of many items."""
-
-    def map(
-        self,
-        function: Callable[[Any], Any],
-        items: Sequence[Any],
-        progress: Progress,
-        keep: Callable[[int, Any], None],
-    ) -> Sequence[Outcome]:
-        """
-        Return the outcomes in the order of the items.
-
-        `keep` is called in this process with the number of an item and its value as soon as it
-        has one.
-
-        """
-
-
-class Cache(Protocol):
-    """Keeps named arrays under a key."""
-
-    def get(self, key: str) -> Mapping[str, Any] | None:
-        """Return the arrays of a key; None where there are none."""
-
-    def put(self, key: str, arrays: Mapping[str, Any]) -> None:
-        """Keep arrays; whole or not at all."""
-
-
-class NoCache:
-    """Keeps nothing."""
-
-    def get(self, key: str) -> Mapping[str, Any] | None:
-        """Return None."""
-
-    def put(self, key: str, arrays: Mapping[str, Any]) -> None:
-        """Keep nothing."""
 
 
 def fit_fleet(
@@ -159,34 +83,18 @@ def fit_fleet(
             'the kernel out, or fit single recordings.'
         )
     with threadpool_limits(1):
-        return _Fit(sources, config, engine, cache or NoCache(), progress).result()
-
-
-@dataclass(frozen=True, eq=False)
-class _Share:
-    """What a recording has of a solution."""
-
-    residual_rms: Array
-    friction: Array
-    friction_std: Array
+        return _Fit(sources, config, Passes(engine, cache or NoCache(), progress)).result()
 
 
 class _Fit:
     """One fit of a fleet, pass by pass."""
 
-    def __init__(
-        self,
-        sources: Sequence[Source],
-        config: Config,
-        engine: Engine,
-        cache: Cache,
-        progress: Progress,
-    ) -> None:
-        self._sources, self._config = sources, config
-        self._engine, self._cache, self._progress = engine, cache, progress
+    def __init__(self, sources: Sequence[Source], config: Config, passes: Passes) -> None:
+        self._sources, self._config, self._passes = sources, config, passes
         self._reasons: dict[int, tuple[str, str]] = {}
-        self._shares: dict[str, _Share] = {}
-        self._settings = _digest(config.recording, config.preprocessing, config.fit.kernel)
+        self._shares: dict[str, dict[str, Array]] = {}
+        self._contradicting: dict[str, str] = {}
+        self._settings = digest(config.recording, config.preprocessing, config.fit.kernel)
 
     def result(self) -> FleetResult:
         """Run both passes, solve and report."""
@@ -194,7 +102,7 @@ class _Fit:
         surveys = self._surveyed()
         placed, described = self._placed(list(surveys.values()))
         sizes = placed.sizes(ArmFitter(placed.dataset, described))
-        self._exclude(surveys, dict(placed.excluded))
+        self._contradicting = dict(placed.excluded)
         regression = placed.regression
         solution, kept = self._solved(surveys, regression, sizes)
         if self._loads_changed(placed, solution):
@@ -214,13 +122,13 @@ class _Fit:
 
     def _surveyed(self) -> dict[int, Survey]:
         """Return the surveys of all recordings that can be used, by number of the source."""
-        numbers = range(len(self._sources))
-        keys = [_digest('survey', self._settings, each.fingerprint) for each in self._sources]
+        keys = [digest('survey', self._settings, each.fingerprint) for each in self._sources]
         function = partial(_survey, config=self._config)
-        found = self._mapped(Survey, function, list(self._sources), keys, numbers, SURVEY)
+        found, failed = self._passes.run(Survey, function, self._sources, keys, SURVEY)
+        self._reasons |= {k: (FAILED, reason) for k, reason in failed.items()}
         named = {
             k: replace(each, name=self._sources[k].name, group=self._sources[k].group)
-            for k, each in found.items()
+            for k, each in sorted(found.items())
         }
         self._every = named
         if not named:
@@ -236,43 +144,52 @@ class _Fit:
         return {number_of[id(each)]: each for each in kept}
 
     def _placed(self, surveys: list[Survey]) -> tuple[PlacedArm, Described | None]:
-        settings, names = self._config.fit, surveys[0].joint_names
+        settings, names = self._config.fit, joint_order(surveys)
         least = LEAST_SAMPLES_PER_JOINT * len(names)
         if (count := sum(each.n_samples for each in surveys)) < least:
             raise DataError(
                 f'a fit of a fleet needs at least {least} samples, but its recordings have '
                 f'{count}; record longer.'
             )
-        described = described_arm(names, surveys[0].joint_types, settings)
+        joint_types = reservoir_data(surveys[0], names).joint_types
+        described = described_arm(names, joint_types, settings)
         content = described[0].fingerprint if described else ''
         some = [(each.key, each.group) for each in chosen(surveys)]
-        key = _digest('placements', self._settings, some, names, settings, content)
-        if (placed := self._restored(PlacedArm, key)) is None:
-            placed = place(surveys, settings, described, self._progress)
-            self._cache.put(key, placed.to_arrays())
+        key = digest('placements', self._settings, some, names, settings, content)
+        if (placed := self._passes.restored(PlacedArm, key)) is None:
+            placed = place(surveys, names, settings, described, self._passes.progress)
+            self._passes.cache.put(key, placed.to_arrays())
         return placed, described
 
     def _solved(
         self, surveys: dict[int, Survey], regression: Regression, sizes: Sizes
     ) -> tuple[Solution, list[Survey]]:
         """Gather statistics, and solve without the recordings that contradict the fleet."""
-        statistics = self._gathered(surveys, regression)
+        gathered = self._gathered(surveys, regression)
+        if not gathered:
+            raise DataError(
+                'at least one recording that can be read twice was expected, but there is none; '
+                f'the first: {next(iter(self._reasons.values()))[1]}'
+            )
+        every = [surveys[k] for k in gathered]
+        groups = [each.group for each in every]
+        statistics = FleetStatistics(regression, list(gathered.values()), groups)
+        kept = np.array([each.key not in self._contradicting for each in every])
         for _ in range(EXCLUSIONS):
-            kept = [surveys[k] for k in statistics if k not in self._reasons]
-            some = [each for k, each in statistics.items() if k not in self._reasons]
-            if not kept:
-                raise DataError(
-                    'at least one recording that agrees with the others was expected, but there '
-                    'is none; fit the recordings of one robot alone.'
-                )
-            groups = [each.group for each in kept]
-            solution = solve(FleetStatistics(regression, some, groups), sizes)
-            self._share(kept, solution)
-            reasons = contradictions(solution.residual_rms, regression.joint_names)
-            if not reasons:
+            solution = solve(statistics.select(kept), sizes)
+            fits = solution.recordings.among(
+                kept, fitted_alone(statistics.select(~kept), solution)
+            )
+            reasons = contradictions(fits.residual_rms, kept, regression.joint_names)
+            before, kept = kept, np.array([k not in reasons for k in range(len(every))])
+            if np.array_equal(kept, before):
                 break
-            self._exclude(surveys, {kept[k].key: reason for k, reason in reasons.items()})
-        return solution, kept
+        self._contradicting = {every[k].key: reason for k, reason in reasons.items()}
+        self._shares = {
+            each.key: {name: values[k] for name, values in vars(fits).items()}
+            for k, each in enumerate(every)
+        }
+        return solution, [each for each, is_kept in zip(every, before, strict=True) if is_kept]
 
     def _gathered(
         self, surveys: dict[int, Survey], regression: Regression
@@ -280,62 +197,12 @@ class _Fit:
         """Return the statistics of recordings in the order of their keys."""
         numbers = list(surveys)
         what = 'statistics', self._settings, regression_digest(regression)
-        keys = [_digest(*what, self._sources[k].fingerprint) for k in numbers]
+        keys = [digest(*what, self._sources[k].fingerprint) for k in numbers]
         items = [(self._sources[k], surveys[k].key) for k in numbers]
         function = partial(_statistics, regression=regression, config=self._config)
-        found = self._mapped(RecordingStatistics, function, items, keys, numbers, STATISTICS)
-        return {k: found[k] for k in numbers if k in found}
-
-    def _mapped(
-        self,
-        kind: type[Kept],
-        function: Callable[[Any], Kept],
-        items: Sequence[Any],
-        keys: Sequence[str],
-        numbers: Sequence[int],
-        stage: str,
-    ) -> dict[int, Kept]:
-        """Return results by number, those that the cache has not from the engine."""
-        found = {
-            number: each
-            for number, key in zip(numbers, keys, strict=True)
-            if (each := self._restored(kind, key)) is not None
-        }
-        rest = [k for k, number in enumerate(numbers) if number not in found]
-
-        def keep(k: int, value: Kept) -> None:
-            self._cache.put(keys[rest[k]], value.to_arrays())
-
-        def progress(_: str, done: int, total: int) -> None:
-            self._progress(stage, done, total)
-
-        outcomes = self._engine.map(function, [items[k] for k in rest], progress, keep)
-        for k, outcome in zip(rest, outcomes, strict=True):
-            if outcome.value is None:
-                self._reasons[numbers[k]] = FAILED, outcome.reason
-            else:
-                found[numbers[k]] = outcome.value
-        return found
-
-    def _restored(self, kind: type[Kept], key: str) -> Kept | None:
-        arrays = self._cache.get(key)
-        try:
-            return None if arrays is None else kind.from_arrays(arrays)
-        except DataError:  # damaged: it is made anew
-            return None
-
-    def _exclude(self, surveys: Mapping[int, Survey], reasons: Mapping[str, str]) -> None:
-        for number, each in surveys.items():
-            if each.key in reasons:
-                self._reasons[number] = EXCLUDED, reasons[each.key]
-
-    def _share(self, kept: Sequence[Survey], solution: Solution) -> None:
-        for k, each in enumerate(kept):
-            self._shares[each.key] = _Share(
-                solution.residual_rms[k],
-                solution.recording_friction[k],
-                solution.recording_friction_std[k],
-            )
+        found, failed = self._passes.run(RecordingStatistics, function, items, keys, STATISTICS)
+        self._reasons |= {numbers[k]: (FAILED, reason) for k, reason in failed.items()}
+        return {number: found[k] for k, number in enumerate(numbers) if k in found}
 
     @staticmethod
     def _loads_changed(placed: PlacedArm, solution: Solution) -> bool:
@@ -352,17 +219,18 @@ class _Fit:
     def _recordings(
         self, surveys: Mapping[int, Survey], n_joints: int, n_friction: int
     ) -> tuple[RecordingResult, ...]:
-        nothing = _Share(*(np.full(size, np.nan) for size in (n_joints, n_friction, n_friction)))
+        sizes = {'residual_rms': n_joints, 'friction': n_friction, 'friction_std': n_friction}
         results = []
         for number, source in enumerate(self._sources):
             each = self._every.get(number)
-            status, reason = self._reasons.get(number, (FITTED, ''))
-            share = (
-                self._shares.get(surveys[number].key, nothing) if number in surveys else nothing
-            )
+            key = each.key if each else ''
+            share = self._shares.get(key) if number in surveys else None
+            contradiction = self._contradicting.get(key)
+            default = (EXCLUDED, contradiction) if contradiction else (FITTED, '')
+            status, reason = self._reasons.get(number, default)
             results.append(
                 RecordingResult(
-                    key=each.key if each else '',
+                    key=key,
                     name=source.name,
                     group=source.group,
                     status=status,
@@ -373,7 +241,7 @@ class _Fit:
                     start_s=each.start_s if each else np.nan,
                     temperature=each.temperature if each else np.nan,
                     health=each.health if each else (),
-                    **vars(share),
+                    **(share or {name: np.full(size, np.nan) for name, size in sizes.items()}),
                 )
             )
         return tuple(results)
@@ -394,7 +262,7 @@ def regression_digest(regression: Regression) -> str:
     """Return a text that changes with what statistics are gathered with."""
     chain, noise = regression.chain, regression.noise
     arrays = *chain, regression.links, noise.std, noise.ratio, noise.velocity
-    return _digest(
+    return digest(
         regression.joint_names,
         regression.friction.to_json(),
         [np.ascontiguousarray(each).tobytes().hex() for each in arrays],
@@ -412,8 +280,3 @@ def _statistics(
     source, key = item
     with source.local() as path:
         return statistics_of_source(path, key, regression, config)
-
-
-def _digest(*values: Any) -> str:
-    text = json.dumps(values, sort_keys=True, default=vars)
-    return hashlib.sha256(text.encode()).hexdigest()

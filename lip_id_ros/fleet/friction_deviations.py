@@ -92,6 +92,14 @@ class NestedEffects:
         step = _Expectation(self, recordings**2, groups**2)
         return Effects(recordings, groups, *step.totals(), step.centre)
 
+    def about_fleet(self, deviations: Array) -> Effects:
+        """Return the effects of recordings alone about the coefficients c, which stay."""
+        covariance = _covariance(self.normal, deviations**2)
+        mean = np.einsum('rij,rj->ri', covariance, self.right)
+        variance = np.diagonal(covariance, axis1=1, axis2=2)
+        zero = np.zeros_like(deviations)
+        return Effects(deviations, zero, mean, np.sqrt(variance), zero)
+
 
 class _Expectation:
     """Posterior of all effects for given variances, zeros included."""

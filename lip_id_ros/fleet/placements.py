@@ -144,6 +144,7 @@ class PlacedArm(Packable):
 
 def place(
     surveys: Sequence[Survey],
+    joint_names: Sequence[str],
     settings: FitSettings,
     described: Described | None = None,
     progress: Progress = silent,
@@ -155,6 +156,8 @@ def place(
     ----------
     surveys : sequence of Survey
         Of one kind of arm.
+    joint_names : sequence of str
+        From base to tip.
     settings : FitSettings
     described : tuple of RobotDescription and DescriptionSettings, optional
         Prior of placements and links.
@@ -166,15 +169,15 @@ def place(
         If the data are not finite in units of the noise.
 
     """
-    names = surveys[0].joint_names
     kept, excluded = chosen(surveys), dict[str, str]()
-    data = merged(kept)
+    data = merged(kept, joint_names)
     for number in range(ROUNDS):
         placed = _identified(data, settings, progress, described, excluded)
         if len(kept) == 1 or number == ROUNDS - 1:
             break
         solution = _solution(kept, placed, described)
-        reasons = contradictions(solution.residual_rms, names)
+        rms = solution.recordings.residual_rms
+        reasons = contradictions(rms, np.ones(len(kept), dtype=bool), joint_names)
         excluded |= {kept[k].key: reason for k, reason in reasons.items()}
         if number > 0 and not reasons:
             break
@@ -195,29 +198,31 @@ def chosen(surveys: Sequence[Survey]) -> list[Survey]:
     return sorted(surveys, key=lambda each: each.key)[:MOST_RECORDINGS]
 
 
-def contradictions(rms: Array, joint_names: Sequence[str]) -> dict[int, str]:
+def contradictions(rms: Array, kept: BoolArray, joint_names: Sequence[str]) -> dict[int, str]:
     """
-    Return which recordings contradict the others, and why.
+    Return which recordings contradict the fleet, and why.
 
     Parameters
     ----------
     rms : array, shape (R, n)
         Residuals of every recording with its own friction [N m or N].
+    kept : bool array, shape (R,)
+        Recordings that the fleet has been fitted to, which the others are compared with.
     joint_names : sequence of str
 
     """
-    if len(rms) < LEAST_RECORDINGS:
+    if kept.sum() < LEAST_RECORDINGS:
         return {}
     logs = np.log(np.maximum(rms, 1e-300))
-    median = np.median(logs, axis=0)
-    spread = NORMAL_MAD * np.median(np.abs(logs - median), axis=0)
+    median = np.median(logs[kept], axis=0)
+    spread = NORMAL_MAD * np.median(np.abs(logs[kept] - median), axis=0)
     excess = logs - median - np.maximum(FARTHEST * spread, np.log(LEAST_RATIO))
     worst = np.argmax(excess, axis=1)
     return {
         int(k): (
             f'contradicts the fleet: its residual at {joint_names[worst[k]]} is '
             f'{np.exp(logs[k, worst[k]] - median[worst[k]]):.1f} times the median of '
-            f'{len(rms)} recordings; it may be of another arm or have another load'
+            f'{kept.sum()} recordings; it may be of another arm or have another load'
         )
         for k in np.flatnonzero(excess.max(axis=1) > 0.0)
     }
@@ -279,11 +284,11 @@ def _centred(
 ) -> Dataset:
     """Join reservoirs, with the torques that they have with the friction of the fleet."""
     regression = placed.regression
-    data = merged(surveys)
+    data = merged(surveys, placed.joint_names)
     parts = []
     for recording, number in zip(np.unique(data.recording), numbers, strict=True):
         part = data.select(data.recording == recording)
-        deviation = solution.recording_friction[number] - solution.friction
+        deviation = solution.recordings.friction[number] - solution.friction
         load = links_torque(regression.chain, solution.links, part)
         features = friction_features(regression.friction.basis, part.q, part.dq, load)
         parts.append(replace(part, tau=part.tau - features @ deviation))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.fleet.friction_deviations import Effects
 from lip_id_ros.fleet.link_problem import LinkProblem, LinkState
 from lip_id_ros.fleet.sums import (
@@ -53,6 +53,33 @@ class Sizes:
 
 
 @dataclass(frozen=True, eq=False)
+class RecordingFits:
+    """
+    What recordings have with the links of a fleet.
+
+    Attributes
+    ----------
+    residual_rms : array, shape (R, n)
+        Of every recording with its own friction [N m or N].
+    friction, friction_std : arrays, shape (R, K)
+        Posterior means and standard deviations of the coefficients of every recording.
+
+    """
+
+    residual_rms: Array
+    friction: Array
+    friction_std: Array
+
+    def among(self, kept: BoolArray, others: RecordingFits) -> RecordingFits:
+        """Return these at the places of a mask, and others at the rest."""
+        values = {}
+        for name, own in vars(self).items():
+            values[name] = np.empty((kept.size, own.shape[1]))
+            values[name][kept], values[name][~kept] = own, getattr(others, name)
+        return RecordingFits(**values)
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     """
     Parameters of a fleet.
@@ -64,10 +91,9 @@ class Solution:
     friction : array, shape (K,)
         Mean coefficients.
     deviations : FrictionDeviations
-    recording_friction, recording_friction_std : arrays, shape (R, K)
-        Posterior means and standard deviations of the coefficients of every recording.
-    residual_rms : array, shape (R, n)
-        Of every recording with its own friction [N m or N].
+    recordings : RecordingFits
+    friction_prior : array, shape (K,)
+        Deviations with which every coefficient makes torques of the measured size.
     noise_std : array, shape (n,)
         Within a recording [N m or N].
     left_out : array, shape (n,)
@@ -82,9 +108,8 @@ class Solution:
     links: Array
     friction: Array
     deviations: FrictionDeviations
-    recording_friction: Array
-    recording_friction_std: Array
-    residual_rms: Array
+    recordings: RecordingFits
+    friction_prior: Array
     noise_std: Array
     left_out: Array
     inflation: float
@@ -99,6 +124,33 @@ def solve(statistics: FleetStatistics, sizes: Sizes) -> Solution:
     return solver.solution()
 
 
+def fitted_alone(statistics: FleetStatistics, solution: Solution) -> RecordingFits:
+    """
+    Return what recordings have with given links and any friction.
+
+    Parameters
+    ----------
+    statistics : FleetStatistics
+        Of recordings that are not in the fit.
+    solution : Solution
+
+    """
+    noise = np.sqrt(solution.inflation) * solution.noise_std
+    effects = statistics.effects(noise, solution.links, solution.friction)
+    found = effects.about_fleet(solution.friction_prior)
+    return _fits(statistics, solution.links, solution.friction, found)
+
+
+def _fits(
+    statistics: FleetStatistics, links: Array, friction: Array, effects: Effects
+) -> RecordingFits:
+    own = np.maximum(
+        friction + effects.centre + effects.mean, statistics.regression.friction.basis.lower
+    )
+    squares = statistics.residual_squares(links, own)
+    return RecordingFits(np.sqrt(squares / statistics.recording_weights), own, effects.std)
+
+
 class _Solver:
     """Rounds of links, deviations of friction and noise."""
 
@@ -106,8 +158,7 @@ class _Solver:
         regression = statistics.regression
         self._statistics, self._sizes = statistics, sizes
         self._links, self._friction = regression.links, regression.friction.coefficients
-        self._lower = regression.friction.basis.lower
-        self._friction_std = sizes.torque_std.max() / _feature_sizes(statistics, sizes)
+        self._friction_std = _friction_std(statistics, sizes.torque_std)
         self._least_noise = LEAST_NOISE * sizes.torque_std
         self._noise = np.maximum(regression.noise.std, self._least_noise)
         self._start = INITIAL * self._friction_std
@@ -128,27 +179,23 @@ class _Solver:
         self._links, self._friction = problem.links(state), problem.friction(state)
         effects = self._estimated(noise)
         self._deviations = FrictionDeviations(effects.recordings, effects.groups)
-        own = self._friction + effects.centre + effects.mean
-        self._own, self._own_std = np.maximum(own, self._lower), effects.std
-        self._squares = statistics.residual_squares(self._links, self._own)
-        variance = self._squares.sum(axis=0) / statistics.weights
+        self._fits = _fits(statistics, self._links, self._friction, effects)
+        weights = statistics.recording_weights
+        variance = np.sum(weights * self._fits.residual_rms**2, axis=0) / statistics.weights
         self._noise = np.maximum(np.sqrt(variance), self._least_noise)
         self._left_out = self._measured(state)
         self._inflation = self._left_out.inflation
 
     def solution(self) -> Solution:
         """Return what the last round has found."""
-        statistics, n = self._statistics, self._links.size
-        weights = np.array([each.weights for each in statistics.recordings])
         root = self._problem.covariance_root(self._state)
-        order = np.roll(np.arange(len(root)), n)  # links first
+        order = np.roll(np.arange(len(root)), self._links.size)  # links first
         return Solution(
             links=self._links,
             friction=self._friction,
             deviations=self._deviations,
-            recording_friction=self._own,
-            recording_friction_std=self._own_std,
-            residual_rms=np.sqrt(self._squares / weights),
+            recordings=self._fits,
+            friction_prior=self._friction_std,
             noise_std=np.maximum(self._left_out.noise_std, self._least_noise),
             left_out=self._left_out.mean_squares,
             inflation=self._inflation,
@@ -191,12 +238,10 @@ def _about(statistics: TorqueStatistics, links: Array, slopes: Array) -> TorqueS
     return TorqueStatistics(columns, tuple(factors), statistics.weights)
 
 
-def _feature_sizes(statistics: FleetStatistics, sizes: Sizes) -> Array:
-    """Return sizes of features in units in which all joints have the largest torque, (K,)."""
-    unit = sizes.torque_std / sizes.torque_std.max()
-    squares = np.zeros((len(unit), statistics.n_friction))
-    for r in range(len(statistics.recordings)):
-        squares += statistics.feature_squares(r)
-    size = np.sqrt(squares / statistics.weights[:, None]) / unit[:, None]
-    largest = size.max(axis=0)  # of a drive that is coupled to several joints
-    return np.where(largest > 0.0, largest, sizes.torque_std.max())
+def _friction_std(statistics: FleetStatistics, torque_std: Array) -> Array:
+    """Return deviations of coefficients that make torques of the measured size, (K,)."""
+    squares = sum(statistics.feature_squares(r) for r in range(len(statistics.recordings)))
+    size = np.sqrt(squares / statistics.weights[:, None])
+    ratio = torque_std[:, None] / np.where(size > 0.0, size, np.nan)
+    # of a drive that is coupled to several joints, the smallest
+    return np.nan_to_num(np.fmin.reduce(ratio, axis=0), nan=1.0)

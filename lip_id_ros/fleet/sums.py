@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.sparse.csgraph import connected_components
 
-from lip_id_ros.arrays import Array, IndexArray, IntArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.fleet.friction_deviations import Effects, NestedEffects
 from lip_id_ros.fleet.recording_statistics import Regression, unpacked
 from lip_id_ros.fleet.results import RecordingStatistics
@@ -71,15 +71,25 @@ class FleetStatistics:
         groups: Sequence[str],
     ) -> None:
         self.regression, self.recordings = regression, list(recordings)
-        self.group: IntArray = np.unique(groups, return_inverse=True)[1].astype(np.int64)
+        self._groups = list(groups)
+        self.group: IntArray = np.unique(self._groups, return_inverse=True)[1].astype(np.int64)
         self.n_links, self.n_friction = regression.links.size, regression.n_friction
-        self._tops = []
-        self._rests = []
-        for each in recordings:
-            tops, rests = unpacked(each, regression)
-            self._tops.append(tops)
-            self._rests.append(rests)
-        self.weights = np.sum([each.weights for each in recordings], axis=0)
+        factors = [unpacked(each, regression) for each in recordings]
+        self._tops = [tops for tops, _ in factors]
+        self._rests = [rests for _, rests in factors]
+        weights = [each.weights for each in recordings]
+        self.recording_weights = np.reshape(weights, (-1, regression.n_joints))
+
+    @property
+    def weights(self) -> Array:
+        """Sums of the weights of all samples, shape (n,)."""
+        return np.asarray(self.recording_weights.sum(axis=0))
+
+    def select(self, some: BoolArray) -> FleetStatistics:
+        """Return the statistics of some of the recordings."""
+        rows = np.flatnonzero(some).tolist()
+        recordings, groups = [self.recordings[r] for r in rows], [self._groups[r] for r in rows]
+        return FleetStatistics(self.regression, recordings, groups)
 
     @cached_property
     def parts(self) -> list[TorqueStatistics]:
@@ -163,14 +173,16 @@ class FleetStatistics:
 
     def effects(self, noise_std: Array, links: Array, friction: Array) -> NestedEffects:
         """Return the normal equations of every recording's friction, with links given."""
-        normal, right = [], []
+        size = self.n_friction
+        normal = np.zeros((len(self.recordings), size, size))
+        right = np.zeros((len(self.recordings), size))
         for r in range(len(self.recordings)):
             rows = self.friction_rows(r, noise_std)
             features = rows[:, : self.n_friction]
             residual = rows[:, -1] - rows[:, self.n_friction : -1] @ links.ravel()
-            normal.append(features.T @ features)
-            right.append(features.T @ (residual - features @ friction))
-        return NestedEffects(np.array(normal), np.array(right), self.group)
+            normal[r] = features.T @ features
+            right[r] = features.T @ (residual - features @ friction)
+        return NestedEffects(normal, right, self.group)
 
     def residual_squares(self, links: Array, friction: Array) -> Array:
         """

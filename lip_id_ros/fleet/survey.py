@@ -97,7 +97,7 @@ def reservoir(dataset: Dataset) -> IndexArray:
     return np.union1d(half, evenly(dataset.n_samples, count - count // 2))
 
 
-def merged(surveys: Sequence[Survey]) -> Dataset:
+def merged(surveys: Sequence[Survey], joint_names: Sequence[str]) -> Dataset:
     """
     Join the reservoirs of recordings of one arm, `MOST_MERGED` samples at most.
 
@@ -105,10 +105,11 @@ def merged(surveys: Sequence[Survey]) -> Dataset:
     ----------
     surveys : sequence of Survey
         In the order of their keys, so that the order of the sources plays no role.
+    joint_names : sequence of str
 
     """
     most = max(MOST_MERGED // len(surveys), 1)
-    return concatenate([reservoir_data(each, surveys[0].joint_names, most) for each in surveys])
+    return concatenate([reservoir_data(each, joint_names, most) for each in surveys])
 
 
 def reservoir_data(
@@ -130,6 +131,12 @@ def reservoir_data(
     return data.with_joints(joint_names).select(evenly(len(survey.t), most))
 
 
+def joint_order(surveys: Sequence[Survey]) -> tuple[str, ...]:
+    """Return the joints in the order that most recordings have them in."""
+    orders = Counter(each.joint_names for each in surveys)
+    return max(sorted(orders), key=lambda names: orders[names])
+
+
 def sorted_of_one_arm(surveys: Sequence[Survey]) -> tuple[list[Survey], dict[int, str]]:
     """
     Sort surveys by key, and leave out copies and those that have other joints than most.
@@ -142,7 +149,8 @@ def sorted_of_one_arm(surveys: Sequence[Survey]) -> tuple[list[Survey], dict[int
 
     """
     order = sorted(range(len(surveys)), key=lambda k: (surveys[k].key, surveys[k].name))
-    most = max(sorted(Counter(map(_kind, surveys)).items()), key=lambda each: each[1])[0]
+    kinds = Counter(map(_kind, surveys))
+    most = max(sorted(kinds), key=lambda kind: kinds[kind])
     kept: dict[str, Survey] = {}
     left_out = {}
     for k in order:
