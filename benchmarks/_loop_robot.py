@@ -20,7 +20,7 @@ from benchmarks._cells import running
 from benchmarks._loop_figures import Timeline
 from benchmarks._serve_client import cpu_seconds, LIMITS, serving, spun
 from lip_id_ros.arrays import Array
-from lip_id_ros.control.plan_controller import ControlSettings, PlanController
+from lip_id_ros.control.computed_torque import ControlSettings, PlanController
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.simulation import Measurement, placed, SinusoidTrajectory

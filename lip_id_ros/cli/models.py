@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from lip_id_ros.baselines import Baseline, learn, OURS
-from lip_id_ros.baselines.serialization import load as load_baseline
-from lip_id_ros.baselines.serialization import save as save_baseline
+from lip_id_ros.baselines.registry import load as load_baseline
+from lip_id_ros.baselines.registry import save as save_baseline
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import fit_cautions, matched, with_checks
 from lip_id_ros.identification import fit

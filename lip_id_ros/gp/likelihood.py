@@ -12,7 +12,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import Hyperparameters, JointStates, TorqueKernel, TorquePrior
 from lip_id_ros.kernels.gram import contracted_gradient
-from lip_id_ros.kernels.prior import friction_gradient
+from lip_id_ros.kernels.torque_process import friction_gradient
 from lip_id_ros.linear_algebra import CholeskyFactor
 
 

@@ -10,8 +10,14 @@ import math
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
-from lip_id_ros.health.effort_regression import effort_regression, EffortRegression
-from lip_id_ros.health.motion import Agreement, motion_of, SmoothMotion, velocity_agreement
+from lip_id_ros.health.motion import (
+    Agreement,
+    effort_regression,
+    EffortRegression,
+    motion_of,
+    SmoothMotion,
+    velocity_agreement,
+)
 from lip_id_ros.joint_types import POSITION_UNITS
 from lip_id_ros.preprocessing.cleaning import quantum, repeated, stale
 from lip_id_ros.recording import JointSamples
@@ -129,7 +135,7 @@ class Joint:
     velocity_scale, velocity_correlation, velocity_lag_s : float
         See `motion.Agreement`.
     effort_explained, friction_cosine, friction_weight : float
-        See `effort_regression.EffortRegression`.
+        See `motion.EffortRegression`.
 
     """
 

@@ -2,9 +2,14 @@
 
 from lip_id_ros.kernels.features import JointBasis
 from lip_id_ros.kernels.hyperparameters import Hyperparameters
-from lip_id_ros.kernels.posterior import TorquePosterior
-from lip_id_ros.kernels.prior import FrictionKernel, JointStates, TorqueKernel, TorquePrior
 from lip_id_ros.kernels.program import EnergyKernel, FAMILY, Weights
+from lip_id_ros.kernels.torque_process import (
+    FrictionKernel,
+    JointStates,
+    TorqueKernel,
+    TorquePosterior,
+    TorquePrior,
+)
 
 __all__ = [
     'FAMILY',

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.kernels.posterior import TorquePosterior
-from lip_id_ros.kernels.prior import friction_coefficients
 from lip_id_ros.kernels.program import kernel_arrays, KernelArrays
+from lip_id_ros.kernels.torque_process import friction_coefficients, TorquePosterior
 from lip_id_ros.model.contraction import (
     kinetic_energy,
     new_scratch,

@@ -7,7 +7,7 @@ import sys
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from lip_id_ros.control.plan_controller import ControlSettings, PlanController
+from lip_id_ros.control.computed_torque import ControlSettings, PlanController
 from lip_id_ros.nodes import messages, qos, running
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.recording.joint_messages import from_joint_state

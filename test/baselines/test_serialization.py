@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.baselines import Baseline, learn, LITERATURE, needs_urdf
-from lip_id_ros.baselines.serialization import flattened, load, rebuilt, save
+from lip_id_ros.baselines.registry import flattened, load, rebuilt, save
 from lip_id_ros.errors import ConfigError, ModelError
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import InverseDynamicsModel

@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from lip_id_ros.control.plan_controller import ControlSettings, PlanController
+from lip_id_ros.control.computed_torque import ControlSettings, PlanController
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import RefusedError

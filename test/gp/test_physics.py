@@ -13,7 +13,7 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification import fit
 from lip_id_ros.kernels import TorquePosterior, TorquePrior
-from lip_id_ros.kernels.prior import friction_coefficients
+from lip_id_ros.kernels.torque_process import friction_coefficients
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
 

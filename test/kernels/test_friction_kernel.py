@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.kernels import FrictionKernel
-from lip_id_ros.kernels.prior import friction_covariance, friction_gradient
+from lip_id_ros.kernels.torque_process import friction_covariance, friction_gradient
 
 
 def test_friction_by_definition() -> None:

@@ -17,7 +17,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.terms import LoadCoulomb
 from lip_id_ros.kernels import JointStates, TorquePrior, Weights
-from lip_id_ros.kernels.posterior import BLOCK
+from lip_id_ros.kernels.torque_process import BLOCK
 from lip_id_ros.model import InverseDynamicsModel, StandardDeviation
 from lip_id_ros.model.arm_deviation import FEW
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
