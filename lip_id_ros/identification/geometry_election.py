@@ -1,27 +1,65 @@
-"""Which twists are quarter turns and which axes meet, elected by prediction of left-out blocks."""
+"""
+Which twists are quarter turns and which axes meet.
+
+All that lie near simple geometry are imposed together; then those go, one by one, against which
+both the likelihood and the prediction of left-out blocks speak (backward elimination). Each is
+judged beside the others, so that what one gains does not pay for another.
+
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from lip_id_ros.arrays import Array
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES
 from lip_id_ros.identification.laplace import left_out_of, LeftOut, posterior
 from lip_id_ros.identification.simple_geometry import candidates, Geometry, together
 
-MOST_LOSS = 0.01
-"""Increase of the logarithm of left-out errors per joint that simple geometry may cost."""
+TWIST_DEVIATIONS, LENGTH_DEVIATIONS = 3.0, 2.0
+"""
+Standard deviations from simple geometry beyond which the likelihood speaks against a twist and
+against a length: few arms have axes that are askew, and many have axes that do not meet.
+"""
 
-MOST_TRIALS, ELECTION_SAMPLES = 8, 5000
+LEAST_ERRORS = 2.0
+"""Increase of left-out errors, in its standard errors, for which geometry is released anyway."""
+
+MOST_TRIALS, ELECTION_SAMPLES = 12, 5000
 ROUNDS = (20,)
 """Evaluations of the descent of a trial."""
 
 
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """
+    A fit with simple geometry.
+
+    Attributes
+    ----------
+    fit : ArmFit
+    imposed : tuple of Geometry
+        One twist or length each.
+    left_out : LeftOut
+
+    """
+
+    fit: ArmFit
+    imposed: tuple[Geometry, ...]
+    left_out: LeftOut
+
+    def without(self, k: int) -> tuple[Geometry, ...]:
+        """Return what is imposed but for one."""
+        return self.imposed[:k] + self.imposed[k + 1 :]
+
+
 def elect_geometry(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
     """
-    Set twists to quarter turns and lengths to zero, as many as prediction bears.
-
-    All that lie within a few standard deviations of simple geometry are tried together; where that
-    predicts worse, the nearer half of them, and then the other half beside it, and so on.
+    Set twists to quarter turns and lengths to zero, as many as the data bear.
 
     Parameters
     ----------
@@ -32,33 +70,104 @@ def elect_geometry(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
     """
     thinned = fitter.thinned(ELECTION_SAMPLES)
     _, arm, left_out = posterior(thinned, fit)
-    offers = [geometry for _, geometry in candidates(arm.chain, arm.covariance_root)]
-    election = _Election(thinned, _score(left_out) + MOST_LOSS * fitter.dataset.n_joints)
+    offers = tuple(geometry for _, geometry in candidates(arm.chain, arm.covariance_root))
+    election = GeometryElection(thinned, Trial(fit, (), left_out))
     # the left-out errors of a trial are those of its minimum, which its descent has not reached
-    return fitter.converged(fitter.some(MOST_SAMPLES), election.elected(fit, offers))
+    return fitter.converged(fitter.some(MOST_SAMPLES), election.elected(offers))
 
 
-class _Election:
-    """Trials of geometries, at most `MOST_TRIALS`."""
+class GeometryElection:
+    """
+    Backward elimination, with at most `MOST_TRIALS` fits.
 
-    def __init__(self, fitter: ArmFitter, most: float) -> None:
-        self._fitter, self._most, self._left = fitter, most, MOST_TRIALS
+    Parameters
+    ----------
+    fitter : ArmFitter
+    free : Trial
+        With nothing imposed.
 
-    def elected(self, fit: ArmFit, offers: list[Geometry]) -> ArmFit:
-        """Return the fit with as many of the offers as prediction bears."""
-        if not offers or self._left == 0:
-            return fit
+    """
+
+    def __init__(self, fitter: ArmFitter, free: Trial) -> None:
+        self._fitter, self._free, self._left = fitter, free, MOST_TRIALS
+
+    def elected(self, offers: tuple[Geometry, ...]) -> ArmFit:
+        """Return the fit with all of the offers but those that were released."""
+        trial: Trial | None = self._tried(self._free.fit, offers)
+        while trial is not None:
+            last, trial = trial, self._released(trial)
+        return last.fit
+
+    def deviations(self, trial: Trial) -> Array:
+        """
+        Return how far each twist or length would be from where it is imposed beside the others.
+
+        By the increase of the likelihood along one Gauss-Newton step (Rao's score test), with the
+        inflation of the free fit, in standard deviations.
+
+        """
+        gains = _Gains(self._fitter, trial.fit)
+        now = gains.within(trial.fit.geometry)
+        n = self._fitter.dataset.n_joints
+        rest = [together(list(trial.without(k)), n) for k in range(len(trial.imposed))]
+        more = np.array([gains.within(geometry) - now for geometry in rest])
+        return np.asarray(np.sqrt(2.0 * np.maximum(more, 0.0) / self._free.left_out.inflation))
+
+    def _tried(self, fit: ArmFit, imposed: tuple[Geometry, ...]) -> Trial:
         self._left -= 1
         fitter = self._fitter
-        geometry = together([fit.geometry, *offers], fitter.dataset.n_joints)
+        geometry = together(list(imposed), fitter.dataset.n_joints)
         some = fitter.some(MOST_SAMPLES)
         tried = fitter.refined(some, fitter.with_geometry(fit, geometry), ROUNDS)
-        if _score(left_out_of(fitter, tried)) <= self._most:
-            return tried
-        half = (len(offers) + 1) // 2
-        if half == len(offers):
-            return fit
-        return self.elected(self.elected(fit, offers[:half]), offers[half:])
+        return Trial(tried, imposed, left_out_of(fitter, tried))
+
+    def _released(self, trial: Trial) -> Trial | None:
+        """Return the trial without what the data speak against, None where there is no such."""
+        vetoed = _worse(trial.left_out, self._free.left_out)
+        for k, doubtful in self._by_doubt(trial):
+            if self._left == 0 or not (doubtful or vetoed):
+                break
+            without = self._tried(trial.fit, trial.without(k))
+            if vetoed or _score(without.left_out) < _score(trial.left_out):
+                return without
+        return None
+
+    def _by_doubt(self, trial: Trial) -> Iterator[tuple[int, bool]]:
+        """Yield what is imposed, the most doubtful first, and whether likelihood doubts it."""
+        shares = self.deviations(trial) / [_most_deviations(each) for each in trial.imposed]
+        for k in np.argsort(-shares):
+            yield int(k), bool(shares[k] > 1.0)
+
+
+class _Gains:
+    """Log likelihood that one Gauss-Newton step from a fit gains within a geometry."""
+
+    def __init__(self, fitter: ArmFitter, fit: ArmFit) -> None:
+        n = fitter.dataset.n_joints
+        problem = fitter.problem(fitter.dataset, replace(fit, geometry=Geometry.free(n)))
+        self._chain = fit.chain
+        self._hessian, self._slope = problem.normal_equations(problem.evaluated(fit.state))
+
+    def within(self, geometry: Geometry) -> float:
+        """Return the gain of a step that keeps a geometry."""
+        placements = geometry.projector(self._chain)
+        allowed = np.eye(self._slope.size)
+        allowed[: len(placements), : len(placements)] = placements
+        slope = allowed @ self._slope
+        hessian = allowed @ self._hessian @ allowed + np.eye(slope.size) - allowed
+        return float(0.5 * slope @ cho_solve(cho_factor(hessian), slope))
+
+
+def _most_deviations(imposed: Geometry) -> float:
+    return LENGTH_DEVIATIONS if imposed.meets.any() else TWIST_DEVIATIONS
+
+
+def _worse(left_out: LeftOut, free: LeftOut) -> bool:
+    """Return whether left-out blocks are predicted worse than without geometry for sure."""
+    changes = (left_out.block_squares - free.block_squares) / free.mean_squares
+    each = changes.sum(axis=1)
+    error = float(each.std(ddof=1) / np.sqrt(each.size)) if each.size > 1 else 0.0
+    return 2.0 * (_score(left_out) - _score(free)) > LEAST_ERRORS * error
 
 
 def _score(left_out: LeftOut) -> float:

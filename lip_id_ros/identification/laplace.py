@@ -56,8 +56,9 @@ class LeftOut:
 
     Attributes
     ----------
-    mean_squares : array, shape (n,)
-        Of residuals of blocks that were left out, weighted [(N m)^2 or N^2].
+    block_squares : array, shape (K, n)
+        Of residuals of each block that was left out, weighted, as shares of all samples times the
+        number of blocks [(N m)^2 or N^2].
     inflation : float
         Factor of the covariance of the parameters with which these are explained; at least 1.
     noise_std : array, shape (n,)
@@ -67,10 +68,15 @@ class LeftOut:
 
     """
 
-    mean_squares: Array
+    block_squares: Array
     inflation: float
     noise_std: Array
     unbiased_std: Array
+
+    @property
+    def mean_squares(self) -> Array:
+        """Mean squared residuals of blocks that were left out, (n,) [(N m)^2 or N^2]."""
+        return np.asarray(self.block_squares.mean(axis=0))
 
 
 def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, LeftOut]:
@@ -155,17 +161,18 @@ def measure_left_out(
     count = np.sum([block.weights for block in blocks], axis=0)
     _, covariance = _solved(grams.sum(axis=0), prior, noise_std)
     noise_std = _unbiased(noise_std, _spread(grams.sum(axis=0), covariance) / count)
-    squares, expected = np.zeros((2, noise_std.size))
+    squares, expected = np.zeros((len(blocks), noise_std.size)), np.zeros(noise_std.size)
     for k, block in enumerate(blocks):
         step, covariance = _solved(grams.sum(axis=0) - grams[k], prior, noise_std)
-        squares += block.squared_residuals(step)
+        squares[k] = block.squared_residuals(step)
         expected += _spread(grams[k], covariance)
     variance = noise_std**2
-    excess = np.sum(squares / variance - count)
+    total = squares.sum(axis=0)
+    excess = np.sum(total / variance - count)
     inflation = float(np.clip(excess / np.sum(expected / variance), 1.0, MOST_INFLATION))
-    unexplained = (squares - inflation * expected) / count
+    unexplained = (total - inflation * expected) / count
     left_std = np.sqrt(np.maximum(unexplained, variance))
-    return LeftOut(squares / count, inflation, left_std, noise_std)
+    return LeftOut(len(blocks) * squares / count, inflation, left_std, noise_std)
 
 
 def _solved(grams: Array, prior: Array, noise_std: Array) -> tuple[Array, Array]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from benchmarks._panda import run_pair
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.rigid_body import Chain
@@ -46,3 +50,21 @@ def test_the_elected_fit_has_converged(elected: tuple[ArmFitter, ArmFit]) -> Non
     """Trials stop early, the fit that is returned does not."""
     fitter, fit = elected
     assert fit.score - fitter.refined(fitter.dataset, fit).score < 1e-3
+
+
+def noisy(seed: int) -> Dataset:
+    """Return 25 s of torques with slow errors of a tenth of each."""
+    dataset, rng = run_pair(7, seed)[0], np.random.default_rng(seed)
+    errors = gaussian_filter1d(rng.normal(size=dataset.tau.shape), 2.0, axis=0)
+    tau = dataset.tau + 0.1 * dataset.tau.std(axis=0) / errors.std(axis=0) * errors
+    return replace(dataset, tau=tau).select(np.arange(250))
+
+
+@pytest.mark.parametrize('seed', [2, 4])
+def test_what_right_geometry_gains_does_not_pay_for_wrong_geometry(seed: int) -> None:
+    """Right angles predict better by more than axes lose that are wrongly taken to meet."""
+    fitter, chain = ArmFitter(noisy(seed)), true_chain()
+    fit = fitter.best_start([chain], fitter.elected(chain))
+    geometry = elect_geometry(fitter, fitter.refined(fitter.dataset, fit)).geometry
+    np.testing.assert_array_equal(geometry.twists[1:6], QUARTER)
+    np.testing.assert_array_equal(geometry.meets[1:5], [True, True, False, False])
