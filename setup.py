@@ -26,6 +26,7 @@ setup(
     ],
     install_requires=[
         'backports.zstd>=1.0; python_version < "3.14"',
+        'fsspec>=2024.2',
         'lz4>=4.0',
         'matplotlib>=3.6',
         'numba>=0.57',
@@ -38,9 +39,12 @@ setup(
     ],
     extras_require={
         'export': ['mujoco>=3.2'],
+        'ray': ['ray>=2.30'],
         'sim': ['pin>=3.0', 'example-robot-data>=4.1'],
         'torch': ['torch>=2.1'],
         'test': [
+            'gcp-storage-emulator>=2024.8',
+            'gcsfs>=2024.2',
             'hypothesis>=6.98',
             'mcap>=1.1',
             'mcap-ros2-support>=0.5',

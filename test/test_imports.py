@@ -100,13 +100,14 @@ FOREIGN = {
     'scipy': ('',),
     'numba': ('numba_jit', 'kernels'),  # prange in loops over all threads
     'threadpoolctl': ('gp/placement_search', 'identification', 'fleet'),
+    'fsspec': ('fleet/sources',),
     'torch': ('gp/reference', 'baselines'),  # imported where asked for
     'rosbags': ('recording',),
     'lz4': ('recording/storage/contents',),
     # zstd: the standard library has it from 3.14 as compression
     'backports': ('recording/storage/contents',),
     'compression': ('recording/storage/contents',),
-    'yaml': ('settings', 'recording/storage/opening'),
+    'yaml': ('settings', 'recording/storage/opening', 'fleet/sources'),
     'pinocchio': ('simulation', 'export/check'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),

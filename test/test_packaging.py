@@ -39,6 +39,7 @@ ROSDEP = {
 }
 WITHOUT_KEY = {
     'example_robot_data': 'example-robot-data',
+    'fsspec': 'fsspec',
     'mujoco': 'mujoco',
     'pinocchio': 'pin',
     'threadpoolctl': 'threadpoolctl',

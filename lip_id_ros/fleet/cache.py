@@ -1,0 +1,144 @@
+"""What earlier fits of fleets found, by content, settings and code."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+import functools
+import hashlib
+import logging
+import os
+from pathlib import Path
+import time
+from typing import Any
+
+from lip_id_ros.errors import SourceError
+from lip_id_ros.files import read_npz, write_npz
+
+SUFFIX = '.npz'
+MADE_BY = (
+    *('arrays.py', 'csv_table.py', 'files.py', 'joint_types.py', 'linear_algebra.py', 'dataset'),
+    *('description', 'evaluation', 'fleet', 'friction', 'gp', 'health', 'identification'),
+    *('kernels', 'model', 'preprocessing', 'recording', 'rigid_body', 'settings'),
+)
+"""Modules and rooms that results depend on: another text of one of them makes another version."""
+
+_LOG = logging.getLogger(__name__)
+
+
+class FolderCache:
+    """
+    Named arrays in files of a folder; any number of fits may use it at once.
+
+    An entry is written whole or not at all; a damaged one is removed and counts as absent. Where
+    the folder cannot be written, a warning is logged and the fit goes on.
+
+    Parameters
+    ----------
+    folder : path
+        Made where it does not exist; entries lie in a folder of the code's version.
+
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self._folder = Path(folder) / code_version()
+        self._has_failed = False
+
+    def get(self, key: str) -> Mapping[str, Any] | None:
+        """Return the arrays of a key (hexadecimal digits); None where there are none."""
+        path = self._path(key)
+        try:
+            arrays, _ = read_npz(path)
+            os.utime(path)  # when it was last of use
+        except FileNotFoundError:
+            return None
+        except (ValueError, OSError, SourceError):
+            with suppress(OSError):
+                path.unlink()
+            return None
+        return arrays
+
+    def put(self, key: str, arrays: Mapping[str, Any]) -> None:
+        """Keep arrays under a key."""
+        path = self._path(key)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_npz(path, arrays, {})
+        except OSError as error:
+            if not self._has_failed:
+                _LOG.warning('results are not kept, since %s cannot be written: %s', path, error)
+            self._has_failed = True
+
+    def _path(self, key: str) -> Path:
+        return self._folder / key[:2] / f'{key}{SUFFIX}'
+
+
+@dataclass(frozen=True)
+class Entry:
+    """
+    One file of a cache.
+
+    Attributes
+    ----------
+    path : Path
+    size : int
+        [bytes]
+    used : float
+        When it was last written or read [s since 1970].
+    is_current : bool
+        Whether this version of the code made it and reads it.
+
+    """
+
+    path: Path
+    size: int
+    used: float
+    is_current: bool
+
+
+def entries(folder: str | os.PathLike[str]) -> Iterator[Entry]:
+    """Yield the entries of a cache; those that others remove meanwhile are left out."""
+    version = code_version()
+    for path in sorted(Path(folder).glob(f'*/??/*{SUFFIX}')):
+        with suppress(FileNotFoundError):
+            status = path.stat()
+            is_current = path.parts[-3] == version
+            yield Entry(path, status.st_size, status.st_mtime, is_current)
+
+
+def prune(some: Sequence[Entry]) -> int:
+    """Remove entries, and old versions' empty folders; return the bytes that were freed."""
+    freed = 0
+    for entry in some:
+        with suppress(FileNotFoundError):
+            entry.path.unlink()
+            freed += entry.size
+        for folder in () if entry.is_current else entry.path.parents[:2]:
+            with suppress(OSError):  # not empty
+                folder.rmdir()
+    return freed
+
+
+def unused_for(some: Sequence[Entry], days: float) -> list[Entry]:
+    """Return the entries that were not used for so many days."""
+    return [each for each in some if each.used < time.time() - 86400 * days]
+
+
+def default_folder() -> Path:
+    """Return where results are kept unless a folder is named."""
+    base = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
+    return Path(base) / 'lip_id_ros' / 'fleet'
+
+
+@functools.cache
+def code_version() -> str:
+    """Return a text that changes with the sources that results depend on."""
+    root = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256()
+    for name in MADE_BY:
+        place = root / name
+        for path in sorted(place.rglob('*.py')) if place.is_dir() else [place]:
+            digest.update(path.relative_to(root).as_posix().encode() + b'\0')
+            digest.update(path.read_bytes() + b'\0')
+    return digest.hexdigest()[:16]

@@ -1,0 +1,296 @@
+"""Engines: run a function for each of many recordings, in one process, several, or on Ray."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from importlib import import_module
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+import os
+import signal
+from typing import Any, Protocol
+
+from threadpoolctl import threadpool_limits
+
+from lip_id_ros.errors import ConfigError, LipIdError
+from lip_id_ros.progress import Progress
+
+ATTEMPTS = 3
+"""How often an item is tried whose process dies."""
+
+TASK_BYTES = 512 * 2**20
+"""Memory that Ray reserves for a task; docs/fleet.md has what tasks were measured to need."""
+
+TASKS_PER_CPU = 2
+"""Most tasks in Ray's hands, so that neither it nor the driver holds a whole fleet."""
+
+STORE_BYTES = 128 * 2**20
+"""Shared memory of a local Ray cluster, which only holds results of a few tasks."""
+
+DIED = f'its process ended {ATTEMPTS} times before it was done, perhaps for want of memory'
+
+Function = Callable[[Any], Any]
+Keep = Callable[[int, Any], None]
+Finish = Callable[[int, 'Outcome'], None]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """
+    What came of one item.
+
+    Attributes
+    ----------
+    value : object
+        Result of the function; None where it failed.
+    reason : str
+        Why it failed; empty where it did not.
+
+    """
+
+    value: Any
+    reason: str = ''
+
+
+class Engine(AbstractContextManager['Engine'], Protocol):
+    """
+    Runs a function for each of many items; to be used in a `with` statement.
+
+    A function that raises an error, or ends its process, fails for its item alone. Ctrl-C ends
+    all processes; what `keep` was called with by then is kept.
+
+    """
+
+    def map(
+        self, function: Function, items: Sequence[Any], progress: Progress, keep: Keep
+    ) -> list[Outcome]:
+        """
+        Return the outcomes in the order of the items.
+
+        Parameters
+        ----------
+        function : callable
+            Of a module, so that other processes can import it.
+        items : sequence
+        progress : callable
+        keep : callable
+            Called in this process with the number of an item and its value as soon as it has one.
+
+        """
+
+
+class LocalEngine(Engine):
+    """
+    Runs in this process, or in several on this machine, each with one thread.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of processes; with 1 it is this one, which has no other to die in its place.
+
+    """
+
+    def __init__(self, jobs: int = 1) -> None:
+        self._jobs = jobs
+        self._idle: list[_Worker] = []
+
+    def __exit__(self, *error: object) -> None:
+        """End the processes."""
+        for worker in self._idle:
+            worker.end()
+        self._idle.clear()
+
+    def map(
+        self, function: Function, items: Sequence[Any], progress: Progress, keep: Keep
+    ) -> list[Outcome]:
+        """Return the outcomes in the order of the items; see `Engine.map`."""
+        results = _Results(len(items), progress, keep)
+        if self._jobs == 1:
+            for number, item in enumerate(items):
+                results.finish(number, attempt(function, item))
+        else:
+            self._run(function, items, results.finish)
+        return results.outcomes
+
+    def _run(self, function: Function, items: Sequence[Any], finish: Finish) -> None:
+        waiting = deque(range(len(items)))
+        running: dict[Connection, tuple[_Worker, int]] = {}
+        deaths: Counter[int] = Counter()
+        try:
+            while waiting or running:
+                while waiting and len(running) < self._jobs:
+                    worker = self._idle.pop() if self._idle else _Worker()
+                    number = waiting.popleft()
+                    running[worker.connection] = worker, number
+                    worker.start(function, items[number])
+                ready = wait(list(running))
+                for connection in [each for each in running if each in ready]:
+                    worker, number = running.pop(connection)
+                    outcome = worker.outcome()
+                    if outcome is not None:
+                        self._idle.append(worker)
+                    else:
+                        worker.end()
+                        deaths[number] += 1
+                        if deaths[number] < ATTEMPTS:
+                            waiting.append(number)
+                            continue
+                        outcome = Outcome(None, DIED)
+                    finish(number, outcome)
+        finally:
+            for worker, _ in running.values():  # after Ctrl-C
+                worker.end()
+
+
+class _Worker:
+    """A process that runs one item at a time: if it dies, it is known of which."""
+
+    def __init__(self) -> None:
+        context = get_context('spawn')  # a fork would share the locks of threads
+        self.connection, theirs = context.Pipe()
+        self._process = context.Process(target=_work, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def start(self, function: Function, item: Any) -> None:
+        try:
+            self.connection.send((function, item))
+        except ConnectionError:  # it died while idle: `outcome` finds out
+            return
+
+    def outcome(self) -> Outcome | None:
+        """Return what it sent; None where it died."""
+        try:
+            outcome: Outcome = self.connection.recv()
+        except (EOFError, OSError):
+            return None
+        return outcome
+
+    def end(self) -> None:
+        self._process.kill()
+        self._process.join()
+        self.connection.close()
+
+
+def _work(connection: Connection) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent gets it too, and ends this process
+    with threadpool_limits(1):
+        while True:
+            try:
+                function, item = connection.recv()
+            except EOFError:  # the parent is gone
+                return
+            connection.send(attempt(function, item))
+
+
+class RayEngine(Engine):
+    """
+    Runs as tasks of a Ray cluster; Ray repeats a task whose worker or machine dies.
+
+    Parameters
+    ----------
+    address : str, optional
+        Of a running cluster, as `ray.init` takes it; by default one is started on this machine.
+    jobs : int, optional
+        Number of workers of that; by default one for each processor.
+
+    Raises
+    ------
+    ConfigError
+        If Ray is not installed, or no cluster answers at the address.
+
+    """
+
+    def __init__(self, address: str | None = None, jobs: int | None = None) -> None:
+        os.environ.setdefault('RAY_USAGE_STATS_ENABLED', '0')
+        try:
+            ray: Any = import_module('ray')
+        except ImportError as error:
+            raise ConfigError(
+                "the engine ray needs Ray, which is not installed; pip install 'lip_id_ros[ray]', "
+                'or choose the engine local.'
+            ) from error
+        self._ray = ray
+        own = {'num_cpus': jobs, 'include_dashboard': False, 'object_store_memory': STORE_BYTES}
+        try:
+            ray.init(address=address or 'local', logging_level='ERROR', **({} if address else own))
+        except (ConnectionError, ValueError, RuntimeError) as error:
+            raise ConfigError(
+                f'a Ray cluster was expected at {address or "this machine"}, but none can be '
+                f'used ({error}); start one with `ray start`, or name another address.'
+            ) from error
+        self._task = ray.remote(
+            num_cpus=1,
+            memory=TASK_BYTES,
+            max_retries=ATTEMPTS - 1,
+            runtime_env={'env_vars': dict.fromkeys(_THREADS, '1')},
+        )(attempt)
+
+    def __exit__(self, *error: object) -> None:
+        """Leave the cluster, or end the one that was started."""
+        self._ray.shutdown()
+
+    def map(
+        self, function: Function, items: Sequence[Any], progress: Progress, keep: Keep
+    ) -> list[Outcome]:
+        """Return the outcomes in the order of the items; see `Engine.map`."""
+        results = _Results(len(items), progress, keep)
+        shared = self._ray.put(function)  # once, not with every task
+        waiting = deque(range(len(items)))
+        running: dict[Any, int] = {}
+        try:
+            while waiting or running:
+                while waiting and len(running) < self._most():
+                    number = waiting.popleft()
+                    running[self._task.remote(shared, items[number])] = number
+                (done, *_), _ = self._ray.wait(list(running), num_returns=1)
+                results.finish(running.pop(done), self._outcome(done))
+        finally:
+            for task in running:  # after Ctrl-C
+                self._ray.cancel(task, force=True)
+        return results.outcomes
+
+    def _most(self) -> int:
+        cpus = self._ray.cluster_resources().get('CPU', 1)
+        return max(1, int(TASKS_PER_CPU * cpus))
+
+    def _outcome(self, task: Any) -> Outcome:
+        try:
+            outcome: Outcome = self._ray.get(task)
+        except self._ray.exceptions.RayError as error:
+            first = (str(error).strip() or type(error).__name__).splitlines()[0]
+            return Outcome(None, f'{DIED} ({first})')
+        return outcome
+
+
+_THREADS = 'OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'NUMBA_NUM_THREADS'
+
+
+def attempt(function: Function, item: Any) -> Outcome:
+    """Call a function; an error becomes the reason of a failure."""
+    try:
+        return Outcome(function(item))
+    except (LipIdError, OSError) as error:
+        return Outcome(None, ' '.join(str(error).split()))
+    except Exception as error:  # whatever a poisoned recording makes a library raise
+        return Outcome(None, ' '.join(f'{type(error).__name__}: {error}'.split()))
+
+
+class _Results:
+    """Outcomes by number, and who wants to know of them."""
+
+    def __init__(self, count: int, progress: Progress, keep: Keep) -> None:
+        self.outcomes = [Outcome(None)] * count
+        self._done = 0
+        self._progress, self._keep = progress, keep
+        progress('', 0, count)
+
+    def finish(self, number: int, outcome: Outcome) -> None:
+        self.outcomes[number] = outcome
+        self._done += 1
+        if not outcome.reason:
+            self._keep(number, outcome.value)
+        self._progress('', self._done, len(self.outcomes))

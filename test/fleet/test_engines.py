@@ -1,0 +1,197 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from typing import Any
+
+from fleet.tasks import square, troubled
+import psutil
+import pytest
+from waiting import wait_until
+
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.fleet.cache import FolderCache
+from lip_id_ros.fleet.engines import ATTEMPTS, DIED, Engine, LocalEngine, Outcome, RayEngine
+from lip_id_ros.progress import silent
+
+HERE = Path(__file__).resolve().parent
+
+
+def ignore(number: int, value: Any) -> None:
+    """Keep nothing."""
+
+
+def has_ended(process: psutil.Process) -> bool:
+    return bool(process.status() == psutil.STATUS_ZOMBIE)
+
+
+def import_paths() -> str:
+    return os.pathsep.join([str(HERE.parent), str(HERE.parents[1]), *filter(None, sys.path)])
+
+
+@pytest.fixture(scope='module', params=['one process', 'two processes', 'ray'])
+def engine(request: pytest.FixtureRequest) -> Iterator[Engine]:
+    if request.param != 'ray':
+        with LocalEngine(1 if request.param == 'one process' else 2) as local:
+            yield local
+        return
+    pytest.importorskip('ray', reason='Ray is not installed')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('PYTHONPATH', import_paths())  # so that workers find the tasks
+        with RayEngine(jobs=2) as ray:
+            yield ray
+
+
+@pytest.fixture
+def processes(engine: Engine) -> Engine:
+    if getattr(engine, '_jobs', 0) == 1:
+        pytest.skip('one process cannot outlive itself')
+    return engine
+
+
+@pytest.mark.slow
+def test_outcomes_have_the_order_of_the_items(engine: Engine) -> None:
+    kept: dict[int, int] = {}
+    seen: list[tuple[int, int]] = []
+    outcomes = engine.map(
+        square,
+        range(20),
+        lambda stage, done, total: seen.append((done, total)),
+        lambda number, value: kept.update({number: value[0]}),
+    )
+    assert [each.value[0] for each in outcomes] == [k**2 for k in range(20)]
+    assert kept == {k: k**2 for k in range(20)}
+    assert seen == [(k, 20) for k in range(21)]
+
+
+@pytest.mark.slow
+def test_work_is_shared_by_processes(processes: Engine) -> None:
+    pids = {each.value[1] for each in processes.map(square, range(50), silent, ignore)}
+    assert pids
+    assert os.getpid() not in pids
+
+
+@pytest.mark.slow
+def test_nothing_to_do_gives_nothing(engine: Engine) -> None:
+    assert engine.map(square, [], silent, ignore) == []
+
+
+@pytest.mark.slow
+def test_an_error_fails_for_its_item_alone(engine: Engine) -> None:
+    outcomes = engine.map(troubled, ['fine', 'error', 'defect', 'fine'], silent, ignore)
+    assert outcomes == [
+        Outcome('fine'),
+        Outcome(None, 'the bag is empty.'),
+        Outcome(None, 'ZeroDivisionError: of a library'),
+        Outcome('fine'),
+    ]
+
+
+@pytest.mark.slow
+def test_an_item_whose_process_dies_is_repeated(processes: Engine, tmp_path: Path) -> None:
+    items = ['fine', f'once {tmp_path / "died"}', *['fine'] * 6]
+    outcomes = processes.map(troubled, items, silent, ignore)
+    assert (tmp_path / 'died').exists()
+    assert [each.value for each in outcomes] == ['fine', 'once', *['fine'] * 6]
+
+
+@pytest.mark.slow
+def test_an_item_that_always_ends_its_process_fails_alone(processes: Engine) -> None:
+    kept: list[int] = []
+    items = ['fine', 'dies', *['fine'] * 6]
+    outcomes = processes.map(troubled, items, silent, lambda k, _: kept.append(k))
+    assert outcomes[1].value is None
+    assert outcomes[1].reason.startswith(DIED)
+    assert str(ATTEMPTS) in DIED
+    assert [each.value for each in outcomes if not each.reason] == ['fine'] * 7
+    assert sorted(kept) == [0, 2, 3, 4, 5, 6, 7]
+
+
+@pytest.mark.slow
+def test_a_process_that_dies_between_maps_is_replaced() -> None:
+    with LocalEngine(2) as engine:
+        pids = {each.value[1] for each in engine.map(square, range(4), silent, ignore)}
+        for pid in pids:
+            process = psutil.Process(pid)
+            process.kill()
+            wait_until(partial(has_ended, process), 'the end of a worker')
+        outcomes = engine.map(square, range(4), silent, ignore)
+    assert [each.value[0] for each in outcomes] == [0, 1, 4, 9]
+
+
+INTERRUPTED = """
+import sys
+from fleet.tasks import waits
+from lip_id_ros.fleet.cache import FolderCache
+from lip_id_ros.fleet.engines import LocalEngine, RayEngine
+from lip_id_ros.progress import silent
+
+def main():
+    kind, folder, started = sys.argv[1:]
+    cache = FolderCache(folder)
+    items = [('done', ''), ('done', ''), ('wait', started), ('wait', started)]
+    keep = lambda number, value: cache.put(f'{number:064x}', {})
+    with (LocalEngine(2) if kind == 'local' else RayEngine(jobs=2)) as engine:
+        try:
+            engine.map(waits, items, silent, keep)
+        except KeyboardInterrupt:
+            print('interrupted')
+
+if __name__ == '__main__':
+    main()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', ['local', 'ray'])
+def test_ctrl_c_ends_all_processes_and_leaves_what_was_kept(kind: str, tmp_path: Path) -> None:
+    if kind == 'ray':
+        pytest.importorskip('ray', reason='Ray is not installed')
+    script, started = tmp_path / 'fit.py', tmp_path / 'started'
+    script.write_text(INTERRUPTED)
+    running = subprocess.Popen(
+        [sys.executable, str(script), kind, str(tmp_path / 'cache'), str(started)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {'PYTHONPATH': import_paths()},
+        start_new_session=True,
+    )
+    kept = FolderCache(tmp_path / 'cache')
+    first = [f'{k:064x}' for k in (0, 1)]
+    wait_until(
+        lambda: started.exists() and all(kept.get(key) is not None for key in first),
+        'the work before Ctrl-C',
+    )
+    children = psutil.Process(running.pid).children(recursive=True)
+    os.killpg(running.pid, signal.SIGINT)
+    output, errors = running.communicate()
+    assert running.returncode == 0, errors
+    assert output == 'interrupted\n'
+    assert 'Traceback' not in errors
+    psutil.wait_procs(children, timeout=60)
+    assert not [each for each in children if each.is_running()]
+    assert all(kept.get(key) is not None for key in first)
+
+
+def test_an_address_without_a_cluster_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Ray:
+        @staticmethod
+        def init(**options: object) -> None:
+            raise ConnectionError('nobody answers')
+
+    monkeypatch.setattr('lip_id_ros.fleet.engines.import_module', lambda name: Ray)
+    message = r'a Ray cluster was expected at 10\.0\.0\.1:1, .*nobody answers.*name another'
+    with pytest.raises(ConfigError, match=message):
+        RayEngine('10.0.0.1:1')
+
+
+def test_an_engine_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'ray', None)
+    with pytest.raises(ConfigError, match=r'needs Ray, which is not installed; .*engine local\.'):
+        RayEngine()
