@@ -17,13 +17,13 @@ Capture = pytest.CaptureFixture[str]
 NAMES = ('arm[/red]left', 'a$\\frac{$', '\x1b[31m<b>wrist')
 
 
-@pytest.mark.slow
 @pytest.fixture
 def bag(here: Path) -> str:
     write_bag(here / 'bag', replace(swing(1, rate=50.0), joint_names=NAMES))
     return 'bag'
 
 
+@pytest.mark.slow
 def test_names_are_data_everywhere(
     workshop: Workshop, bag: str, here: Path, capsys: Capture
 ) -> None:
