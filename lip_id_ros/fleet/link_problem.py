@@ -74,10 +74,13 @@ class LinkProblem:
 
     def solved(self, links: Array, friction: Array) -> LinkState:
         """Descend from parameters that are near."""
+        return minimise(self, self.start(links, friction), EVALUATIONS, TOLERANCE)
+
+    def start(self, links: Array, friction: Array) -> LinkState:
+        """Return the state of links and friction that can exist."""
         smallest = SMALLEST * self._friction_std
         numbers = np.where(self._positive, np.log(np.maximum(friction, smallest)), friction)
-        start = LinkState(numbers, log_cholesky(links, self._scale, 1e-9))
-        return minimise(self, self._evaluated(start), EVALUATIONS, TOLERANCE)
+        return self._evaluated(LinkState(numbers, log_cholesky(links, self._scale, 1e-9)))
 
     def links(self, state: LinkState) -> Array:
         """Return the parameters of the links, shape (n, 11)."""

@@ -180,8 +180,8 @@ class _Solver:
         effects = self._estimated(noise)
         self._deviations = FrictionDeviations(effects.recordings, effects.groups)
         self._fits = _fits(statistics, self._links, self._friction, effects)
-        weights = statistics.recording_weights
-        variance = np.sum(weights * self._fits.residual_rms**2, axis=0) / statistics.weights
+        squares = statistics.links.squared_residuals(self._links.ravel())
+        variance = squares / np.maximum(statistics.links.weights, 1.0)
         self._noise = np.maximum(np.sqrt(variance), self._least_noise)
         self._left_out = self._measured(state)
         self._inflation = self._left_out.inflation

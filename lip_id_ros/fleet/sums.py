@@ -104,9 +104,12 @@ class FleetStatistics:
         return tree_sum(self.parts)
 
     def _links(self, recording: int) -> TorqueStatistics:
-        columns = tuple(links for _, links in self.regression.columns())
-        factors = tuple(self._rests[recording])
-        return TorqueStatistics(columns, factors, self.recordings[recording].weights)
+        """Return the triangles of links, with the degrees of freedom that friction leaves."""
+        columns = self.regression.columns()
+        taken = np.array([own.size for own, _ in columns])
+        weights = np.maximum(self.recordings[recording].weights - taken, 0.0)
+        links = tuple(links for _, links in columns)
+        return TorqueStatistics(links, tuple(self._rests[recording]), weights)
 
     def friction_rows(self, recording: int, noise_std: Array) -> Array:
         """

@@ -15,10 +15,14 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
+from lip_id_ros.fleet.recording_statistics import Regression
+from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.progress import Progress
 
 TYPES = ('revolute', 'revolute')
-NAMES = ('shoulder', 'elbow')
+NAMES = ('viscous', 'Coulomb', 'offset')
+
 WIDTH = 0.05
 """Of the smooth sign of Coulomb friction [rad/s]."""
 
@@ -130,3 +134,17 @@ def friction_torque(friction: Array, dq: Array) -> Array:
 def save(data: Dataset, path: Path, group: str) -> FileSource:
     data.save(path)
     return FileSource(str(path), group)
+
+
+def regression_of(arm: ChainArm, data: Dataset) -> Regression:
+    """Return the true arm with its plain friction, as what statistics are gathered with."""
+    n = len(arm.joint_types)
+    basis = plain_friction(n, np.full(n, WIDTH))
+    coefficients = np.tile([0.3, 0.8, 0.2], n)
+    return Regression(
+        data.joint_names,
+        arm.chain,
+        arm.parameters,
+        FrictionModel(basis, coefficients),
+        TorqueNoise.constant(np.full(n, 0.02)),
+    )

@@ -1,0 +1,167 @@
+"""A fit to a small fleet: the same whatever runs it, and robust against what does not belong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from fleet.fleets import (
+    arm_of,
+    FileSource,
+    friction_of,
+    MemoryCache,
+    NAMES,
+    PlainEngine,
+    recording,
+    save,
+)
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.errors import ConfigError, DataError
+from lip_id_ros.fleet.fit import fit_fleet
+from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult
+from lip_id_ros.identification.fitting import fit
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.settings import Config, FitSettings
+
+ARM, OTHER = arm_of(), arm_of(seed=8)
+ROBOTS, PER_ROBOT = 5, 2
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('fleet')]
+
+
+class Fleet:
+    """Sources of a fleet, and its fit with a cache."""
+
+    def __init__(self, folder: Path) -> None:
+        rng = np.random.default_rng(0)
+        self.folder, self.sources, self.data = folder, list[FileSource](), list[Dataset]()
+        for robot in range(ROBOTS):
+            friction = friction_of(ARM, rng, 0.3)
+            for number in range(PER_ROBOT):
+                own = friction * (1.0 + 0.03 * rng.standard_normal(friction.shape))
+                data = recording(ARM, own, seed=10 * robot + number)
+                self.data.append(data)
+                turned = data.with_joints(data.joint_names[::-1])
+                stored = turned if len(self.data) == 4 else data  # in another order
+                self.add(stored, f'{robot}_{number}', f'robot {robot}')
+        self.good = len(self.sources)
+        for number in range(2):
+            strange = recording(OTHER, friction_of(OTHER, rng, 0.3), seed=900 + number)
+            self.add(strange, f'other_{number}', 'robot 0')
+        (folder / 'poison.npz').write_bytes(b'nothing')
+        self.sources.append(FileSource(str(folder / 'poison.npz'), 'robot 1'))
+        self.add(self.data[0], 'copy', 'robot 4')
+        self.cache, self.engine = MemoryCache(), PlainEngine()
+        self.result = fit_fleet(self.sources, Config(), self.engine, self.cache)
+
+    def add(self, data: Dataset, name: str, group: str) -> None:
+        self.sources.append(save(data, self.folder / f'{name}.npz', group))
+
+
+@pytest.fixture(scope='module')
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    return Fleet(tmp_path_factory.mktemp('fleet'))
+
+
+def parameters(result: FleetResult) -> Array:
+    arm = result.model.arm
+    assert arm is not None
+    parts = arm.chain.rotations, arm.chain.translations, arm.links, arm.friction.coefficients
+    return np.concatenate([each.ravel() for each in parts])
+
+
+def test_what_does_not_belong_is_named_with_the_reason(fleet: Fleet) -> None:
+    status = [each.status for each in fleet.result.recordings]
+    assert status[: fleet.good] == [FITTED] * fleet.good
+    assert status[fleet.good :] == [EXCLUDED, EXCLUDED, FAILED, EXCLUDED]
+    *strange, poison, copy = (each.reason for each in fleet.result.recordings[fleet.good :])
+    for reason in strange:
+        assert reason.startswith('contradicts the fleet: its residual at joint_')
+        assert 'times the median of 10 recordings' in reason
+    assert 'poison.npz is not a data set' in poison
+    assert copy == f'is a copy of {fleet.sources[0].name}'
+
+
+def test_order_and_repetition_do_not_matter(fleet: Fleet) -> None:
+    other = fit_fleet(fleet.sources[::-1], Config(), PlainEngine(backwards=True))
+    assert_allclose(parameters(other), parameters(fleet.result), rtol=1e-9, atol=1e-9)
+    names = [each.name for each in other.recordings]
+    assert names == [each.name for each in fleet.result.recordings][::-1]
+
+
+def test_one_more_recording_is_read_alone(fleet: Fleet) -> None:
+    engine = PlainEngine()
+    again = fit_fleet(fleet.sources, Config(), engine, fleet.cache)
+    assert engine.counts == [1, 0]  # the poison is tried again
+    assert_allclose(parameters(again), parameters(fleet.result), rtol=0.0, atol=0.0)
+    for name, values in vars(again.recordings[3]).items():
+        np.testing.assert_array_equal(values, getattr(fleet.result.recordings[3], name))
+
+
+def test_friction_of_robots_is_recovered(fleet: Fleet) -> None:
+    result = fleet.result
+    assert result.model.joint_names == fleet.data[0].joint_names
+    assert [name.split(': ')[1] for name in result.friction_names[:3]] == list(NAMES)
+    between = result.deviation_of_groups.reshape(-1, 3)
+    expected = 0.3 * np.tile([0.3, 0.8, 0.2], (2, 1))
+    # Coulomb friction, of five robots; viscous friction and offsets are known less well
+    assert_allclose(between[:, 1], expected[:, 1], rtol=0.8)
+    assert np.all(result.deviation_of_recordings < 0.3 * np.maximum(between, 0.05).ravel() + 0.05)
+    for each in result.recordings[: fleet.good]:
+        assert_allclose(each.residual_rms, 0.02, rtol=0.3)
+        assert np.all(each.friction_std > 0.0)
+
+
+def test_a_fleet_predicts_links_better_than_a_fit_to_all_recordings(fleet: Fleet) -> None:
+    joined = fit(concatenate(fleet.data))
+    unseen = recording(ARM, np.zeros((2, 3)), seed=12345)
+    assert link_error(fleet.result.model, unseen) < 0.5 * link_error(joined, unseen)
+    assert link_error(fleet.result.model, unseen) < 0.01 * unseen.tau.std()
+
+
+def link_error(model: InverseDynamicsModel, data: Dataset) -> float:
+    """Root mean square error of torques of the links, but for an offset."""
+    assert data.tau_noiseless is not None
+    found = model.predict(data.q, data.dq, data.ddq)
+    error = found.tau - found.friction - data.tau_noiseless
+    return float(np.sqrt(np.mean((error - error.mean(axis=0)) ** 2)))
+
+
+def test_deviations_cover_a_robot_that_was_not_seen(fleet: Fleet) -> None:
+    rng = np.random.default_rng(77)
+    data = concatenate(
+        [recording(ARM, friction_of(ARM, rng, 0.3), seed=5000 + k, count=60) for k in range(30)]
+    )
+    assert data.tau_noiseless is not None
+    found = fleet.result.model.predict(data.q, data.dq, data.ddq, return_std=True)
+    assert found.std is not None
+    ratio = (found.tau - data.tau_noiseless) / found.std.tau
+    assert 0.3 < np.sqrt(np.mean(ratio**2)) < 1.7
+
+
+def test_the_model_is_saved_and_read(fleet: Fleet, tmp_path: Path) -> None:
+    model = fleet.result.model
+    model.save(tmp_path / 'fleet.npz')
+    back = InverseDynamicsModel.load(tmp_path / 'fleet.npz')
+    data = fleet.data[0]
+    motion = data.q, data.dq, data.ddq
+    assert_allclose(back.predict(*motion).tau, model.predict(*motion).tau, atol=1e-12)
+    assert back.summary['recordings'] == fleet.good
+    assert len(back.provenance['sources']) == fleet.good
+
+
+def test_nothing_to_read_is_refused(fleet: Fleet) -> None:
+    poison = fleet.sources[fleet.good + 2]
+    with pytest.raises(DataError, match='at least one recording that can be read is needed'):
+        fit_fleet([poison], Config(), PlainEngine())
+
+
+def test_other_kernels_are_refused(fleet: Fleet) -> None:
+    config = Config(fit=FitSettings(kernel='lip'))
+    with pytest.raises(ConfigError, match='a fleet is fitted with fit.kernel'):
+        fit_fleet(fleet.sources, config, PlainEngine())
