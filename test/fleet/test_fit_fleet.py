@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from fleet.fleets import (
@@ -64,7 +63,7 @@ class Fleet:
 
 
 @pytest.fixture(scope='module')
-def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Fleet:
     return Fleet(tmp_path_factory.mktemp('fleet'))
 
 
@@ -163,5 +162,5 @@ def test_nothing_to_read_is_refused(fleet: Fleet) -> None:
 
 def test_other_kernels_are_refused(fleet: Fleet) -> None:
     config = Config(fit=FitSettings(kernel='lip'))
-    with pytest.raises(ConfigError, match='a fleet is fitted with fit.kernel'):
+    with pytest.raises(ConfigError, match=r'a fleet is fitted with fit\.kernel'):
         fit_fleet(fleet.sources, config, PlainEngine())

@@ -63,13 +63,14 @@ def dense_model(
     """Design of all effects u_g + v_r, residuals, and the covariance of the effects."""
     within, between = (np.diag(each**2) for each in deviations)
     same = (group[:, None] == group).astype(float)
-    covariance = np.kron(np.eye(len(group)), within) + np.kron(same, between)
-    design = np.zeros((sum(map(len, features)), K * len(group)))
+    covariance = np.asarray(np.kron(np.eye(len(group)), within) + np.kron(same, between), float)
+    design: Array = np.zeros((sum(map(len, features)), K * len(group)))
     row = 0
     for k, each in enumerate(features):
         design[row : row + len(each), K * k : K * (k + 1)] = each
         row += len(each)
-    return design, np.concatenate(residuals), covariance
+    torque: Array = np.concatenate(residuals)
+    return design, torque, covariance
 
 
 def test_the_restricted_likelihood_is_stationary() -> None:

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 import pytest
 from scipy.linalg import block_diag
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.fleet.link_problem import LinkProblem
 from lip_id_ros.fleet.recording_statistics import Regression, statistics_of
@@ -115,7 +115,7 @@ def test_links_friction_and_noise_are_found() -> None:
     assert np.sqrt(np.mean(error**2)) < 0.005 * test.tau_noiseless.std()
 
 
-def link_rows(data: Dataset) -> list[tuple[Array, Array]]:
+def link_rows(data: Dataset) -> list[tuple[Array, IndexArray]]:
     features, _ = REGRESSION.rows(data)
     return [
         (rows[:, own.size :], column)
