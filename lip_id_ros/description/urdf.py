@@ -19,8 +19,17 @@ from scipy.spatial.transform import Rotation
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.robot import Body, moved, RobotDescription, rotation_to, transform
 from lip_id_ros.errors import DataError
+from lip_id_ros.files import require_regular_file
 from lip_id_ros.joint_types import is_prismatic, PRISMATIC, REVOLUTE
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS, STANDARD_GRAVITY
+
+MOST_BYTES = 2**26
+
+LARGEST = 1e6
+"""No length, mass, inertia or coefficient of an arm is larger, in SI units."""
+
+LEAST_AXIS = 1e-6
+"""A shorter vector has no direction."""
 
 KINDS = {REVOLUTE: REVOLUTE, 'continuous': REVOLUTE, PRISMATIC: PRISMATIC}
 
@@ -42,18 +51,28 @@ def load_description(
     ------
     OSError
         If it cannot be opened.
+    SourceError
+        If it is not a regular file.
     DataError
         If it is no URDF, or not of this arm.
 
     """
     text = os.fspath(source)
-    if text.lstrip().startswith('<'):
+    if is_text(text):
         return parse_description(text, 'robot_description', joint_names, joint_types)
+    require_regular_file(source)
+    if os.path.getsize(source) > MOST_BYTES:
+        raise DataError(f'{text} is not a URDF: it has more than {MOST_BYTES} bytes.')
     try:
         content = Path(source).read_bytes().decode()  # keeps the ends of lines
     except UnicodeDecodeError as error:
         raise DataError(f'{text} is not a URDF in UTF-8 ({error}); give another file.') from error
     return parse_description(content, text, joint_names, joint_types)
+
+
+def is_text(source: str) -> bool:
+    """Whether a source is the text of a URDF, and not the name of a file."""
+    return source.lstrip().startswith('<')
 
 
 def parse_description(
@@ -221,6 +240,9 @@ class _Reader:
             return np.zeros(LINK_PARAMETERS - 1)
         what = f'the inertial of link {link!r}'
         mass = self._number(inertial.find('mass'), 'value', what)
+        if mass < 0.0:
+            raise DataError(f'value of {what} in {self._place} was expected to be a mass of zero '
+                            f'or more, not {mass:g}.')  # fmt: skip
         entries = inertial.find('inertia')
         names = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
         inertia = [self._number(entries, name, what) for name in names]
@@ -235,7 +257,7 @@ class _Reader:
         axis = joint.find('axis')
         found = self._three(axis, 'xyz', np.array([1.0, 0.0, 0.0]), joint)
         size = np.linalg.norm(found)
-        if size == 0.0:
+        if size < LEAST_AXIS:
             name = joint.get('name')
             raise DataError(f'the axis of joint {name!r} in {self._place} has no direction.')
         return np.asarray(found / size)
@@ -267,8 +289,11 @@ class _Reader:
             value = float(word)
         except ValueError:
             value = np.nan
-        if not np.isfinite(value):
-            raise DataError(f'{what} in {self._place} was expected to be a number, not {word!r}.')
+        if not abs(value) <= LARGEST:
+            raise DataError(
+                f'{what} in {self._place} was expected to be a number of at most {LARGEST:g}, not '
+                f'{word!r}.'
+            )
         return value
 
     def _end(self, joint: ET.Element, which: str) -> str:

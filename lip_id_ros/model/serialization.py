@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.errors import LipIdError, ShapeError
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
@@ -31,10 +31,18 @@ from lip_id_ros.model.checked_file import Arrays, contradiction
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.chain import ROTOR
+from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 
 REMAINDER = ('x', 'lengths', 'noise', 'variance', 'left_out_std', 'alpha', 'friction')
 CONTRADICTIONS = (AttributeError, IndexError, KeyError, TypeError, ValueError, LipIdError)
 INPUTS = ('centre', 'scale', 'sign_width')
+
+LARGEST = 1e9
+"""No number of an arm is larger, in SI units."""
+
+ROUNDING = 1e-6
+"""Of rotations, and of pseudo-inertias relative to their largest eigenvalue."""
 
 
 @contextmanager
@@ -63,16 +71,34 @@ def joint_types(values: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
 
 
 def training_range(arrays: Arrays, types: Sequence[str]) -> tuple[Array, Array]:
-    """Return the range of the training samples; ShapeError if it is of another arm."""
+    """Return the range of the training samples; ValueError if it is of no arm or another."""
     expect(arrays, {name: (3, len(types)) for name in ('training_low', 'training_high')})
-    return arrays['training_low'], arrays['training_high']
+    low, high = arrays['training_low'], arrays['training_high']
+    require(bool((low <= high).all()), 'training_low, which lies above training_high')
+    return low, high
 
 
 def expect(arrays: Arrays, shapes: Mapping[str, tuple[int, ...]]) -> None:
-    """Raise ShapeError where an array has another shape."""
+    """Raise an error where an array has another shape, or holds no real numbers."""
     for name, shape in shapes.items():
+        dtype = arrays[name].dtype
         if arrays[name].shape != shape:
             raise ShapeError(f'{name} of shape {arrays[name].shape} where {shape} was expected')
+        if dtype.kind not in 'fu' or not dtype.isnative:
+            raise TypeError(f'{name}, which holds {dtype} where real numbers were expected')
+
+
+def require(holds: bool, what: str) -> None:
+    """Raise ValueError with what is wrong with the contents of a file unless a condition holds."""
+    if not holds:
+        raise ValueError(what)
+
+
+def require_positive(arrays: Arrays, *names: str, zero: bool = False) -> None:
+    """Raise ValueError where an array has a number below zero, or one that is `zero`."""
+    for name in names:
+        lowest = np.min(arrays[name], initial=np.inf)
+        require(lowest >= 0.0 if zero else lowest > 0.0, f'{name}, with {lowest:g} in it')
 
 
 def calibrations_to_json(calibrations: Sequence[EffortCalibration]) -> list[dict[str, Any]]:
@@ -134,12 +160,32 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
             'arm_covariance_root': (coordinates.size, arrays['arm_covariance_root'].shape[1]),
         },
     )
+    _require_possible(arrays, coordinates)
     root = np.zeros((17 * n + friction.basis.size, arrays['arm_covariance_root'].shape[1]))
     root[coordinates] = arrays['arm_covariance_root']
     places = arrays['arm_rotations'], arrays['arm_translations']
     chain = Chain(*places, is_prismatic(types), arrays['arm_gravity'])
     noise = TorqueNoise(*arrays['arm_noise'])
     return ArmPosterior(chain, arrays['arm_links'], friction, noise, root)
+
+
+def _require_possible(arrays: Arrays, coordinates: IndexArray) -> None:
+    """Raise ValueError where numbers are those of no arm."""
+    turn, links = arrays['arm_rotations'], arrays['arm_links']
+    for name in (name for name in arrays if name.startswith('arm_')):
+        largest = np.max(np.abs(arrays[name]), initial=0.0)
+        require(bool(largest <= LARGEST), f'{name}, with {largest:g} in it')
+    error = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max()
+    require(error < ROUNDING and bool((np.linalg.det(turn) > 0.0).all()),
+            'arm_rotations, which are not all rotations')  # fmt: skip
+    moments = np.linalg.eigvalsh(pseudo_inertia(links[:, :ROTOR]))
+    require(
+        bool((moments[:, 0] >= -ROUNDING * moments[:, -1]).all() and (links[:, ROTOR] >= 0).all()),
+        'arm_links, of which some cannot exist',
+    )
+    require_positive(arrays, 'arm_noise', zero=True)
+    require(bool((arrays['arm_noise'][2] > 0.0).all()), 'arm_noise, with a velocity of zero')
+    require(len(np.unique(coordinates)) == coordinates.size, 'arm_coordinates, which come twice')
 
 
 def put_remainder(remainder: Remainder, arrays: Arrays) -> dict[str, Any]:
@@ -169,6 +215,12 @@ def remainder_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str
     shapes |= {'x': (count, width), 'lengths': (n, width), 'alpha': (count, n), 'friction': (n, 3)}
     shapes |= {'centre': (width,), 'scale': (width,)}
     expect(arrays, {f'remainder_{name}': shape for name, shape in shapes.items()})
+    require_positive(arrays, 'remainder_scale', 'remainder_sign_width')
+    lengths = arrays['remainder_lengths']  # zero where a joint has no process
+    given = (lengths > 0.0).all(axis=1) | (lengths == 0.0).all(axis=1)
+    require(bool(given.all()), 'remainder_lengths, of which some are not positive')
+    deviations = ('remainder_noise', 'remainder_variance', 'remainder_left_out_std')
+    require_positive(arrays, *deviations, zero=True)
     replaces = np.array(entry['replaces'], dtype=np.bool_)
     if replaces.shape != (n,):
         raise ShapeError(f'replaces of shape {replaces.shape} for {n} joints')
@@ -216,7 +268,11 @@ def process_from(
     """
     energy = _energy_kernel(entry, len(types))
     has_friction = bool(entry['friction'])
-    expect(arrays, _process_shapes(energy, has_friction))
+    shapes = _process_shapes(energy, has_friction)
+    expect(arrays, shapes)
+    scales = ('noise_variance', 'basis_half_range', 'friction_sign_width')
+    require_positive(arrays, *(name for name in scales if name in shapes))
+    require_positive(arrays, *(name for name in shapes if name.startswith('weights_')), zero=True)
     basis = JointBasis(tuple(types), arrays['basis_centre'], arrays['basis_half_range'])
     friction = FrictionKernel(arrays['friction_sign_width']) if has_friction else None
     kernel = TorqueKernel(energy, basis, friction)
@@ -273,7 +329,7 @@ def parts_from(arrays: Arrays, header: Mapping[str, Any], types: Sequence[str]) 
 
     """
     readers = {'arm': arm_from, 'remainder': remainder_from, 'process': process_from}
-    names = {name for name in readers if header[name] is not None}
-    if names not in ({'arm'}, {'arm', 'remainder'}, {'process'}):
-        raise ValueError(f'parts {sorted(names)}, neither an arm nor a process')
+    names = [name for name in readers if header[name] is not None]
+    if names not in (['arm'], ['arm', 'remainder'], ['process']):
+        raise ValueError(f'parts {names}, neither an arm nor a process')
     return {name: readers[name](arrays, header[name], types) for name in names}

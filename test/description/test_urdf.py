@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from lip_id_ros.description.robot import rotation_to
 from lip_id_ros.description.urdf import load_description, parse_description
-from lip_id_ros.errors import DataError
+from lip_id_ros.errors import DataError, SourceError
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
 TIAGO = ('torso_lift_joint', *(f'arm_{i}_joint' for i in range(1, 8)))
@@ -91,8 +92,12 @@ def test_a_text_is_a_description() -> None:
         (('<robot name', '<!DOCTYPE robot><robot name'), 'document type'),
         (('</robot>', ''), 'is not a URDF'),
         (('robot', 'sdf'), '<robot> was expected, but <sdf> came'),
-        (('"2"', '"heavy"'), "was expected to be a number, not 'heavy'"),
-        (('"2"', '"nan"'), "was expected to be a number, not 'nan'"),
+        (('"2"', '"heavy"'), "was expected to be a number of at most .*, not 'heavy'"),
+        (('"2"', '"nan"'), "was expected to be a number of at most .*, not 'nan'"),
+        (('"2"', '"1e308"'), "a number of at most 1e\\+06, not '1e308'"),
+        (('"2"', '"-2"'), 'was expected to be a mass of zero or more, not -2'),
+        (('"0 0 1"', '"0 1e308 1e308"'), "xyz of 'a' in .* at most 1e\\+06, not '1e308'"),
+        (('"0 0 1"', '"0 0 5e-324"'), 'has no direction'),
         (('"0 0 1"', '"0 1"'), 'needs three numbers, but has 2'),
         (('"0 0 1"', '"0 0 0"'), 'has no direction'),
         (('name="b"', 'name="c"'), "joint 'b' of the data is not among .* which are a, c"),
@@ -117,4 +122,21 @@ def test_what_is_no_description_is_refused(change: tuple[str, str], sentence: st
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / 'arm.urdf').write_bytes(b'\xff\xfe<robot/>')
     with pytest.raises(DataError, match='is not a URDF in UTF-8'):
+        load_description(tmp_path / 'arm.urdf', ('a',), ('revolute',))
+
+
+def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
+    """A pipe would block for ever, a device would never end."""
+    os.mkfifo(tmp_path / 'pipe')
+    for source in (tmp_path / 'pipe', '/dev/zero', tmp_path):
+        with pytest.raises(SourceError, match='must be a regular file'):
+            load_description(source, ('a',), ('revolute',))
+    with pytest.raises(SourceError, match='a path must not contain NUL'):
+        load_description('a\0b', ('a',), ('revolute',))
+
+
+def test_a_file_too_large_for_a_description_is_refused(tmp_path: Path) -> None:
+    with open(tmp_path / 'arm.urdf', 'wb') as file:
+        file.truncate(10**9)
+    with pytest.raises(DataError, match=r'is not a URDF: it has more than \d+ bytes'):
         load_description(tmp_path / 'arm.urdf', ('a',), ('revolute',))

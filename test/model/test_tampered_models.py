@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from model.models import random_model
 import numpy as np
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_npz
 from lip_id_ros.model import InverseDynamicsModel
@@ -68,3 +70,40 @@ def test_a_missing_or_misshapen_array_is_refused(path: Path) -> None:
                 continue
             zero = np.zeros((1, model.n_joints))
             assert model.predict(zero, zero, zero).tau.shape == zero.shape, name
+
+
+IMPOSSIBLE: dict[str, tuple[Callable[[Array], Array], str]] = {
+    'arm_rotations': (lambda x: 1.01 * x, 'which are not all rotations'),
+    'arm_links': (lambda x: -x, 'of which some cannot exist'),
+    'arm_translations': (lambda x: 1e10 + x, "with 1e\\+10 in it"),
+    'arm_noise': (lambda x: -x, 'arm_noise, with -'),
+    'arm_covariance_root': (lambda x: x.astype(np.complex64), 'which holds complex64'),
+    'arm_coordinates': (lambda x: np.zeros_like(x), 'arm_coordinates, which come twice'),
+    'training_low': (lambda x: x + 1e6, 'training_low, which lies above training_high'),
+    'training_high': (lambda x: x.astype('>f8'), 'training_high, which holds >f8'),
+    'remainder_lengths': (lambda x: -x, 'remainder_lengths, of which some'),
+    'remainder_variance': (lambda x: -x, 'remainder_variance, with -'),
+    'remainder_scale': (lambda x: x.astype('U8'), 'remainder_scale, which holds <U8'),
+    'noise_variance': (lambda x: -x, 'noise_variance, with -'),
+    'basis_half_range': (lambda x: 0 * x, 'basis_half_range, with 0 in it'),
+    'weights_kinetic_scales': (lambda x: -x, 'weights_kinetic_scales, with -'),
+}  # fmt: skip
+
+
+def test_numbers_of_no_arm_are_refused(path: Path) -> None:
+    arrays, header = read_npz(path)
+    known = [name for name in IMPOSSIBLE if name in arrays]
+    assert len(known) > 4
+    for name in known:
+        change, sentence = IMPOSSIBLE[name]
+        tamper(path, {**arrays, name: change(arrays[name])}, header)
+        with pytest.raises(ModelError, match=sentence):
+            InverseDynamicsModel.load(path)
+
+
+def test_rotations_that_mirror_are_refused(path: Path) -> None:
+    arrays, header = read_npz(path)
+    if 'arm_rotations' in arrays:
+        tamper(path, {**arrays, 'arm_rotations': -arrays['arm_rotations']}, header)
+        with pytest.raises(ModelError, match='arm_rotations, which are not all rotations'):
+            InverseDynamicsModel.load(path)
