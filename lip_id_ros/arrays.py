@@ -1,4 +1,4 @@
-"""The types of numpy arrays in signatures; shapes and units stand in docstrings."""
+"""Types of numpy arrays for signatures; shapes and units stand in docstrings."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,5 +1,5 @@
 r"""
-Names as text: what a recording calls its joints and topics is data, wherever it is shown.
+Escape names of joints and topics, which are data, for terminals, plots and web pages.
 
 `$` begins mathematics in a plot, `[` markup in a terminal, `<` a tag on a page, and control
 characters move a cursor.

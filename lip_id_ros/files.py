@@ -1,4 +1,4 @@
-"""Files that are either whole or absent, and the one container format: npz with a JSON header."""
+"""Atomic writes of files, and npz files with a JSON header."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """
-The page on the nodes' parameters, written from the tables that declare them.
+Write docs/parameters.md from the tables that declare the nodes' parameters.
 
 ``python -m lip_id_ros.parameter_page > docs/parameters.md`` writes it; a test holds it.
 

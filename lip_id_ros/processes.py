@@ -1,4 +1,4 @@
-"""Processes that a node starts beside itself."""
+"""End a process that was started beside a node."""
 
 from __future__ import annotations
 

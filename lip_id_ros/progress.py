@@ -1,4 +1,4 @@
-"""How long work reports where it stands: a callback; nothing below the command line prints."""
+"""Reports of progress: a callback; nothing below the command line prints."""
 
 from collections.abc import Callable
 

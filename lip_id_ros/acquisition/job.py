@@ -1,4 +1,4 @@
-"""Fits and data sets, each in a process of its own, one at a time, beside everything else."""
+"""Jobs of the node `train` (fit, data set, payload): one at a time, in a process of its own."""
 
 from __future__ import annotations
 

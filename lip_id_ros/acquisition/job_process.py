@@ -1,5 +1,5 @@
 """
-The process beside the node `train` that turns recordings into a data set and a model.
+The process of a job: reads recordings and writes a model, a data set or a payload.
 
 Started by `Job`; its one argument is a JSON request, what it prints are JSON lines.
 

@@ -1,4 +1,4 @@
-"""What the node `train` keeps of joint_states, in sections, and whether it has been saved."""
+"""The recorder of the node `train`: keeps joint states in sections, saved ones and others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples in memory, passed on to another process or kept for later."""
+"""Files of recorded samples: for the process of a job, or kept when the node ends."""
 
 from __future__ import annotations
 

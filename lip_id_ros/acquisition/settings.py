@@ -1,4 +1,4 @@
-"""Parameters of the node `train`: its own, those of a fit, and what they must satisfy together."""
+"""Parameters of the node `train` and of its fits, and checks across them."""
 
 from __future__ import annotations
 

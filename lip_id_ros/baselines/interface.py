@@ -1,4 +1,4 @@
-"""The common face of the models that ours are compared with, and of the methods that fit them."""
+"""Interfaces of baselines (`Baseline`) and of the methods that fit them (`Method`)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """
-Covariances of one joint's torque: the sums that single-output estimators are made of.
+Covariance terms of one joint's torque; single-output Gaussian processes are sums of them.
 
 A term turns motions into features once, in NumPy, and its covariance is a function of those and of
 log-hyperparameters that torch differentiates.

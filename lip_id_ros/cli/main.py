@@ -1,4 +1,4 @@
-"""`lip_id`: arguments in, exit status out; errors become one line of text here."""
+"""The program `lip_id`: parse arguments, run a verb, print an error as one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where results and progress go: checks before the work, tables, JSON, bars."""
+"""Outputs of a verb: checks before the work, tables, JSON files and progress."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find what is attached to the last link of an arm whose model is known."""
+"""Identify the payload at the last link of an arm whose model is known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A case, and one method on it: its errors, its cost and the version of the code."""
+"""One cell of a comparison: the errors and the cost of one method on one case."""
 
 from __future__ import annotations
 

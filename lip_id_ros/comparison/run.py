@@ -1,4 +1,4 @@
-"""Every method on every case; finished cells are kept in a folder and not computed again."""
+"""Run a comparison: every method on every case; finished cells are kept in a folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every data set must satisfy, each with its own sentence."""
+"""Checks of a data set; each raises an error with a sentence of its own."""
 
 from __future__ import annotations
 

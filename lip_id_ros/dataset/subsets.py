@@ -1,4 +1,4 @@
-"""Row numbers of parts of a data set: those that cover the rest, and blocks to leave out."""
+"""Row numbers of subsets of a data set: samples that cover the motion, and left-out blocks."""
 
 from __future__ import annotations
 

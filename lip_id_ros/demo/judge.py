@@ -1,4 +1,4 @@
-"""The end of a demonstration, with and without ROS: its figures, verdicts and exit status."""
+"""Verdicts on the errors of the demo, its tables and its exit status."""
 
 from __future__ import annotations
 

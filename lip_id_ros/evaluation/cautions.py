@@ -1,4 +1,4 @@
-"""What a user should know before relying on a model."""
+"""Warnings about a fitted model and about the data that it is evaluated on."""
 
 from __future__ import annotations
 

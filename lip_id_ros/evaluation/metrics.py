@@ -1,4 +1,4 @@
-"""Predictions beside the samples that they are for, and their errors."""
+"""Predictions along a data set, and their errors."""
 
 from __future__ import annotations
 

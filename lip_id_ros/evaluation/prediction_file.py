@@ -1,4 +1,4 @@
-"""Predictions as files: npz for programs, MCAP for plotting tools."""
+"""Files of predictions: npz for programs, MCAP for plotting tools."""
 
 from __future__ import annotations
 

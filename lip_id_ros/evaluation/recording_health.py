@@ -1,4 +1,4 @@
-"""The health of recordings: gathered while they are read, and shown as tables and lines."""
+"""Health of recordings: examined while they are read, shown as tables and lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long a model takes to answer on this machine."""
+"""Measure the time that a model takes per prediction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One arm and its output: from a reference to the model's torque, and to one that may leave."""
+"""From a reference to the model's torque, and to the torque that is output, for one arm."""
 
 from __future__ import annotations
 

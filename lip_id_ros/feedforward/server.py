@@ -1,4 +1,4 @@
-"""The server of torques: each message is answered safely, or refused and counted."""
+"""The torque server: answers each message with a safe torque, or refuses and counts it."""
 
 from __future__ import annotations
 

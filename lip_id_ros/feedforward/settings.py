@@ -1,4 +1,4 @@
-"""Parameters of the node `serve`, and the rules for torques that they make for a model."""
+"""Parameters of the node `serve`, and the limits on torques that follow for a model."""
 
 from __future__ import annotations
 

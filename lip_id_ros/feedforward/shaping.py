@@ -1,4 +1,4 @@
-"""The last steps before a torque leaves: doubts, scale, limits, ramp, rate, limits (ADR 8)."""
+"""Shaping of the torques that `serve` outputs: doubts, scale, limits, ramp, rate (ADR 8)."""
 
 from __future__ import annotations
 

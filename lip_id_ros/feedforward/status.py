@@ -1,5 +1,5 @@
 """
-What `serve` counts, and whether its references have stopped.
+Counters and status of `serve`, and the watch for stale references.
 
 A new counter is a field here, and is counted where it happens; ~/status has every value.
 

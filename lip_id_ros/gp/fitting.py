@@ -1,4 +1,4 @@
-"""From a data set to a Gaussian process posterior: choose samples, optimise, condition."""
+"""Fit a Gaussian process to a data set: choose samples, optimise hyperparameters, condition."""
 
 from __future__ import annotations
 

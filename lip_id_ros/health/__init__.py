@@ -1,4 +1,4 @@
-"""Is a recording sound: findings, each with what was found and what to do."""
+"""Findings about a recording: defects, with evidence and remedy."""
 
 from lip_id_ros.health.evidence import Evidence
 from lip_id_ros.health.examination import CHECKS, evidence_of, examine, health, serious

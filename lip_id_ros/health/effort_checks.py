@@ -1,4 +1,4 @@
-"""Efforts against the motion, and what they may be instead of torques."""
+"""Checks of recorded efforts: missing, clipped, of wrong sign, delay or unit."""
 
 from __future__ import annotations
 

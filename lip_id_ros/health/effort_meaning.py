@@ -1,5 +1,5 @@
 """
-What the efforts of a recording are, judged by how well links explain them.
+Find the meaning of recorded efforts by how well the links of an arm explain them.
 
 Efforts are explained by links in places that are searched for: as recorded, without gravity, with
 other scales and signs, and with the joints in other orders. What explains them clearly better is

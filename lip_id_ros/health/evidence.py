@@ -1,4 +1,4 @@
-"""What checks look at: a recording and what is computed from it once."""
+"""Quantities of a recording that the checks need, each computed once."""
 
 from __future__ import annotations
 

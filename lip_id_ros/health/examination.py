@@ -1,4 +1,4 @@
-"""All findings of a recording, and the numbers behind them, as JSON knows them."""
+"""Examine a recording: findings of all checks, and the figures behind them, as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether joints moved enough, each in its own way, and are named in the order of the arm."""
+"""Checks of the excitation: range and speed of each joint, and the order of the joints."""
 
 from __future__ import annotations
 

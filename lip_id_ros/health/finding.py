@@ -1,4 +1,4 @@
-"""What is found in a recording, and the checks that find it."""
+"""Findings, and the checks that search for them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The smooth motion behind a raw recording, how its signals lag, and how efforts follow it."""
+"""The smooth motion behind a recording, lags of its signals, and efforts regressed on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stamps, raw signals, and recorded velocities against the positions."""
+"""Checks of stamps, of signals, and of recorded velocities against positions."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 r"""
-Jets: y(x, x') with all that the Euler-Lagrange operators need of it, for `LANES` pairs at once.
+Jets: y(x, x') and its derivatives for the Euler-Lagrange operators, for `LANES` pairs at once.
 
 The left operators are 1, D = d/dt along (dq, ddq), the momenta \partial/\partial dq_i and the
 Euler-Lagrange operators G_i = D \partial/\partial dq_i - \partial/\partial q_i; the right ones are

@@ -1,5 +1,5 @@
 """
-The steps of `lip_id_ros.kernels.jets`, run backwards.
+Adjoints of the steps of `lip_id_ros.kernels.jets` (reverse-mode differentiation).
 
 Each function here is the transpose of its namesake: it takes the adjoint of a jet after the step
 to the adjoint before it and adds to the adjoint of the step's own numbers (factor, velocity

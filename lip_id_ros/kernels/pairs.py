@@ -1,4 +1,4 @@
-"""One sample against `LANES` others: a program run forwards, and backwards on tapes."""
+"""Evaluate a kernel program for one sample and `LANES` others, forwards and in reverse mode."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 r"""
-Contacts among the errors of a model: sudden, and larger than free motion ever showed.
+Detect contacts in residual torques: sudden, and larger than in free motion.
 
 A model's error changes with the state of the arm, over the time of a movement; a contact sets in
 within milliseconds. So the estimated external torque goes through a high-pass before it is judged:
@@ -9,6 +9,7 @@ within milliseconds. So the estimated external torque goes through a high-pass b
 Thresholds lie between the largest y of a free motion and the y of the smallest contact that is to
 be detected: two thirds of the way, in logarithms, since one motion does not show the largest of
 the next.
+
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The monitor of energy and contacts: each joint state is used, or refused and counted."""
+"""The monitor: estimates contacts and energies from each joint state, or refuses and counts it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 r"""
-External torques and the balance of energy, observed from joint states with a learned model.
+Observers of external torques (momentum observer) and of the balance of energy.
 
 With the momentum :math:`p = M \dot q`, the equations of motion read
 :math:`\dot p = \tau + \tau_{ext} - g - f + C^T \dot q`, and :math:`C^T \dot q = \partial T /
@@ -13,6 +13,7 @@ No accelerations are needed (De Luca et al., IROS 2006).
 
 The total energy follows :math:`\frac{d}{dt}(T + V) = \dot q^T (\tau - f) + P_{ext}`, by the same
 observer.
+
 """
 
 from __future__ import annotations

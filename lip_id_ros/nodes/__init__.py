@@ -1,1 +1,1 @@
-"""ROS 2 nodes: convert, call, convert, publish; what they do is in rooms that need no ROS."""
+"""ROS 2 nodes: they convert messages and publish; rooms without ROS do the work."""

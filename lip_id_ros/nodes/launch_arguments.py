@@ -1,4 +1,4 @@
-"""Arguments that all launch files of the package share, and nodes that obey them."""
+"""Arguments that all launch files of the package share, and actions that start its nodes."""
 
 from __future__ import annotations
 

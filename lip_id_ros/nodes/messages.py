@@ -1,4 +1,4 @@
-"""From arrays to messages and back; nothing else in the package knows the fields of messages."""
+"""Conversions between arrays and ROS messages."""
 
 from __future__ import annotations
 

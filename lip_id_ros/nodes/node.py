@@ -1,4 +1,4 @@
-"""What all nodes share: parameters from a table, a status, and a guard around every callback."""
+"""The base of all nodes: parameters from a table, a status, a guard around every callback."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """
-Long plans, answered beside the stream.
+A process that answers long plans beside the stream.
 
 To deserialise, compute and serialise a plan of ten thousand points takes hundreds of milliseconds
 with the interpreter held: the stream and the watch over it would stand still. So a long plan is

@@ -1,5 +1,5 @@
 """
-Program `replay`: publish what a bag holds of joint states and trajectories.
+Program `replay`: publish the joint states and trajectories of a bag.
 
 ``ros2 run lip_id_ros replay BAG [--speed FACTOR] [--ros-args -r /old/topic:=/new/topic]``; for
 bags of every kind that `lip_id` reads, those of ROS 1 too, and for systems without ``ros2 bag``.

@@ -1,4 +1,4 @@
-"""Parts of a recording into samples of all joints: one clock, one order, one set of joints."""
+"""Assemble joint samples from the parts of a recording: clock, order of time, joints."""
 
 from __future__ import annotations
 

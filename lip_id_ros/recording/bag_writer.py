@@ -1,4 +1,4 @@
-"""Bags in the MCAP format, for PlotJuggler, Foxglove and rosbag2: of arrays or of messages."""
+"""Write bags in the MCAP format, of arrays or of serialised messages."""
 
 from __future__ import annotations
 

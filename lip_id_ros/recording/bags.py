@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2 behind one face: which files, topics and message definitions."""
+"""Read bags of ROS 1 and ROS 2 through one interface: files, topics, message definitions."""
 
 from __future__ import annotations
 

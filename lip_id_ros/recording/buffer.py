@@ -1,4 +1,4 @@
-"""Joint messages as they come, one by one: what a live node collects."""
+"""A buffer of joint messages, as a live node receives them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """
-Serialized messages to objects, and joint messages to arrays, many at a time.
+Deserialise messages, and decode joint messages to arrays, many at a time.
 
 Messages of one publisher differ in nothing but stamp and numbers. So the first of a block is
 decoded by the library, and those that agree with it in every other byte are cut into arrays at

@@ -1,5 +1,5 @@
 """
-Which messages carry joint samples, and where in them.
+Message types that carry joint samples, and the fields that hold them.
 
 One function per message type; a new type is one more line in the table.
 

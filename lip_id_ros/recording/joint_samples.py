@@ -1,4 +1,4 @@
-"""Raw joint samples, as they were recorded, and why messages are dropped."""
+"""Raw joint samples as recorded, and the reasons for which messages are dropped."""
 
 from __future__ import annotations
 

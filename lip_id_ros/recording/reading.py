@@ -1,4 +1,4 @@
-"""Joint samples from bags and CSV logs: which topic, which clock, which joints."""
+"""Read joint samples from bags and CSV logs: choose topics, clock and joints."""
 
 from __future__ import annotations
 

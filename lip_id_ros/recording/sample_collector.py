@@ -1,4 +1,4 @@
-"""The usable messages of a topic, by the set of joints that come together."""
+"""Collect the usable messages of a topic, by the set of joints that come together."""
 
 from __future__ import annotations
 

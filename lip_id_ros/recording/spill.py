@@ -1,5 +1,5 @@
 """
-Arrays of any length in little memory: what is large lies in temporary files.
+Arrays that may exceed the memory: large ones lie in temporary files.
 
 A mapped file counts as memory of the process as long as its pages are mapped. So large arrays are
 read and written in blocks of rows, and the pages of each block are released.

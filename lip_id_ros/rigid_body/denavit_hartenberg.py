@@ -1,5 +1,5 @@
 """
-Link frames by the convention of Denavit and Hartenberg, and what they say of an arm.
+Link frames and parameters by the convention of Denavit and Hartenberg.
 
 Torques do not depend on where a link's frame lies along its axis nor on how it is turned about it,
 so that a fit leaves both to chance. The convention (in the modified form of Craig, Introduction to

@@ -1,4 +1,4 @@
-"""Simulated arms, exciting motions and the recordings that they would give."""
+"""Simulated arms, exciting motions, and recordings of them."""
 
 from lip_id_ros.simulation.arm import Dynamics, panda, SimulatedArm
 from lip_id_ros.simulation.closed_loop import (

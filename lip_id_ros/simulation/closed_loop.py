@@ -1,4 +1,4 @@
-"""A controller and a simulated arm, step by step, and feedforward from a rigid-body model."""
+"""Simulate a controller and an arm step by step; feedforward from a rigid-body model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joint friction, and an arm that takes torques every millisecond and answers measurements."""
+"""A simulated arm under torque control, with friction and measured states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The style of every plot: one colour per quantity, units on every axis, legible when small."""
+"""Style of all plots: colours of quantities, sizes, one panel per joint."""
 
 from __future__ import annotations
 

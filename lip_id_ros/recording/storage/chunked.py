@@ -1,5 +1,5 @@
 """
-Files of records and chunks of records, read from front to back: what MCAP and ROS 1 share.
+Read files of records and chunks from front to back, as MCAP files and ROS 1 bags are.
 
 The index at the end of such a file is not needed, and only asked where to go on after damage: a
 file without one, or cut short, is read like any other. Only the chunks that hold a wanted topic

@@ -1,4 +1,4 @@
-"""What storage files of bags share: channels, damage, and decompression that is bounded."""
+"""Channels, damage and bounded decompression, common to all storage files of bags."""
 
 from __future__ import annotations
 

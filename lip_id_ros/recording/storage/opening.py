@@ -1,4 +1,4 @@
-"""Which files are the storage files of a bag, and opening them, compressed or not."""
+"""Find and open the storage files of a bag, compressed or not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""sqlite3 files of rosbag2, with what a killed recorder left beside them or did not finish."""
+"""Read sqlite3 files of rosbag2, also those of a recorder that was killed."""
 
 from __future__ import annotations
 
