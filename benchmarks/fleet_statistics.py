@@ -1,0 +1,127 @@
+"""
+Statistics of very many samples: CPU time per million and peak memory, and what they are worth.
+
+Samples of an arm put together at random are generated block by block, so that no more than one
+block is in memory. Only the statistics are timed, not the generation.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import time
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.fleet.recording_statistics import (
+    CHUNK,
+    empty_statistics,
+    packed,
+    Regression,
+    updated,
+)
+from lip_id_ros.fleet.solution import Sizes, solve
+from lip_id_ros.fleet.sums import FleetStatistics
+from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS, STANDARD_GRAVITY
+
+MILLION = 1_000_000
+NOISE = 0.1
+"""Standard deviation of the noise [N m]."""
+
+FRICTION = (0.4, 1.0, 0.1)
+"""Viscous and Coulomb coefficients and offset of every joint."""
+
+
+def main(arguments: list[str]) -> int:
+    """Gather statistics of so many samples, and print a line for every part of them."""
+    parser = argparse.ArgumentParser(prog='fleet_statistics', description=__doc__)
+    parser.add_argument('--samples', type=int, default=5 * MILLION)
+    parser.add_argument('--parts', type=int, default=5)
+    parser.add_argument('--joints', type=int, default=7)
+    args = parser.parse_args(arguments)
+    with threadpool_limits(1):
+        _run(args.samples, args.parts, args.joints)
+    return 0
+
+
+def _run(samples: int, parts: int, joints: int) -> None:
+    regression, rng = _arm(joints), np.random.default_rng(1)
+    statistics = updated(empty_statistics(regression), _samples(regression, rng), regression)
+    print('samples, CPU s per million of this part, peak memory MB')
+    for part in range(parts):
+        seconds, count = 0.0, 0
+        while count < samples // parts:
+            data = _samples(regression, rng)
+            begun = time.process_time()
+            statistics = updated(statistics, data, regression)
+            seconds += time.process_time() - begun
+            count += data.n_samples
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        print(f'{(part + 1) * count}, {seconds / count * MILLION:.1f}, {peak:.0f}', flush=True)
+    data = _samples(regression, rng)
+    fitter = ArmFitter(data)
+    kept = packed(statistics, 'key', regression, outliers=0)
+    sizes = Sizes(fitter.torque_std, fitter.prior, 1.0)
+    found = solve(FleetStatistics(regression, [kept], ['robot']), sizes)
+    rows, _ = regression.rows(data)
+    columns = zip(rows, regression.columns(), strict=True)
+    error = [
+        each[:, own.size :] @ (found.links - regression.links).ravel()[links]
+        for each, (own, links) in columns
+    ]
+    offsets = np.mean(error, axis=1, keepdims=True)
+    share = np.std(np.array(error) - offsets) / data.tau.std()
+    print(f'error of the torques of the links: {100.0 * share:.2g} % of the torques')
+
+
+def _arm(joints: int) -> Regression:
+    """Return an arm put together at random, with plain friction."""
+    rng = np.random.default_rng(0)
+    chain = Chain(
+        Rotation.random(joints, random_state=rng).as_matrix(),
+        0.3 * rng.standard_normal((joints, 3)),
+        np.zeros(joints, dtype=bool),
+        np.array([0.0, 0.0, -STANDARD_GRAVITY]),
+    )
+    return Regression(
+        tuple(f'joint_{k}' for k in range(joints)),
+        chain,
+        np.array([_link(rng) for _ in range(joints)]).reshape(-1, LINK_PARAMETERS),
+        FrictionModel(plain_friction(joints, np.full(joints, 0.05)), np.tile(FRICTION, joints)),
+        TorqueNoise.constant(np.full(joints, NOISE)),
+    )
+
+
+def _link(rng: np.random.Generator) -> Array:
+    """Return the parameters of a link of 2 kg made of points about 5 cm around a centre."""
+    centre, spread = 0.1 * rng.standard_normal(3), 0.05 * rng.standard_normal((10, 3))
+    points, mass = centre + spread, 0.2
+    squares = mass * points.T @ points
+    inertia = np.trace(squares) * np.eye(3) - squares
+    moments = mass * points.sum(axis=0)
+    return np.concatenate([[2.0], moments, inertia[np.triu_indices(3)], [0.1]])
+
+
+def _samples(regression: Regression, rng: np.random.Generator) -> Dataset:
+    """Return one block of samples at random states."""
+    n = regression.n_joints
+    q = rng.uniform(-np.pi, np.pi, (CHUNK, n))
+    dq, ddq = rng.standard_normal((CHUNK, n)), 4.0 * rng.standard_normal((CHUNK, n))
+    still = Dataset.from_arrays(q, dq, ddq, np.zeros_like(q), regression.joint_names)
+    _, residual = regression.rows(still)
+    tau = -residual + NOISE * rng.standard_normal(q.shape)
+    return Dataset.from_arrays(q, dq, ddq, tau, regression.joint_names)
+
+
+if __name__ == '__main__':
+    import sys
+
+    sys.exit(main(sys.argv[1:]))
