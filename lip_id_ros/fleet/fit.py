@@ -13,7 +13,8 @@ from threadpoolctl import threadpool_limits
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.fleet.assembling import model_of
-from lip_id_ros.fleet.passes import Cache, digest, Engine, NoCache, Passes, Source
+from lip_id_ros.fleet.engines import Engine
+from lip_id_ros.fleet.passes import Cache, digest, NoCache, Passes, Source
 from lip_id_ros.fleet.placements import chosen, contradictions, place, PlacedArm
 from lip_id_ros.fleet.recording_statistics import Regression, statistics_of_source
 from lip_id_ros.fleet.results import (

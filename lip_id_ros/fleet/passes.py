@@ -1,4 +1,4 @@
-"""One pass over a fleet: what an engine and a cache are, and how a pass uses both."""
+"""A pass over a fleet: results that a cache has are taken from there, others from an engine."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import json
 from typing import Any, Protocol, TypeVar
 
 from lip_id_ros.errors import DataError
+from lip_id_ros.fleet.engines import Engine
 from lip_id_ros.fleet.results import Packable
 from lip_id_ros.progress import Progress
 
@@ -33,37 +34,6 @@ class Source(Protocol):
 
     def local(self) -> AbstractContextManager[str]:
         """Give the path of a local copy while the context lasts."""
-
-
-class Outcome(Protocol):
-    """What came of one item: a value, or the reason why there is none."""
-
-    @property
-    def value(self) -> Any:
-        """Result of the function; None where it failed."""
-
-    @property
-    def reason(self) -> str:
-        """Why it failed; empty where it did not."""
-
-
-class Engine(Protocol):
-    """Runs a function for each of many items."""
-
-    def map(
-        self,
-        function: Callable[[Any], Any],
-        items: Sequence[Any],
-        progress: Progress,
-        keep: Callable[[int, Any], None],
-    ) -> Sequence[Outcome]:
-        """
-        Return the outcomes in the order of the items.
-
-        `keep` is called in this process with the number of an item and its value as soon as it
-        has one.
-
-        """
 
 
 class Cache(Protocol):

@@ -14,7 +14,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.errors import LipIdError
+from lip_id_ros.fleet.engines import attempt, Engine, Outcome
 from lip_id_ros.fleet.recording_statistics import Regression
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
@@ -43,18 +43,15 @@ class FileSource:
         yield self.name
 
 
-@dataclass(frozen=True)
-class Done:
-    value: Any
-    reason: str = ''
-
-
 @dataclass
-class PlainEngine:
+class PlainEngine(Engine):
     """Runs items one after another in this process, in a given order."""
 
     backwards: bool = False
     counts: list[int] = field(default_factory=list)
+
+    def __exit__(self, *error: object) -> None:
+        """Do nothing."""
 
     def map(
         self,
@@ -62,16 +59,14 @@ class PlainEngine:
         items: Sequence[Any],
         progress: Progress,
         keep: Callable[[int, Any], None],
-    ) -> list[Done]:
+    ) -> list[Outcome]:
         self.counts.append(len(items))
-        outcomes: list[Done] = [Done(None)] * len(items)
+        outcomes: list[Outcome] = [Outcome(None)] * len(items)
         order = range(len(items))
         for number, k in enumerate(reversed(order) if self.backwards else order):
-            try:
-                outcomes[k] = Done(function(items[k]))
+            outcomes[k] = attempt(function, items[k])
+            if not outcomes[k].reason:
                 keep(k, outcomes[k].value)
-            except (LipIdError, OSError) as error:
-                outcomes[k] = Done(None, str(error))
             progress('', number + 1, len(items))
         return outcomes
 
