@@ -100,7 +100,7 @@ def _fit(
 
 
 def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
-    """Find what is attached to an arm whose model is known, and save it."""
+    """Identify the payload of an arm whose model is known, and save it."""
     model = InverseDynamicsModel.load(request['model'])
     arm, data = links_of(model, request['model']), matched(data, model)
     found = identify_payload(arm, data)

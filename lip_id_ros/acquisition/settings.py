@@ -39,7 +39,7 @@ class TrainSettings(Settings):
     )
     payload_path: str = setting(
         'payload.yaml',
-        'Where the service payload saves mass, centre of mass and inertia of what is attached to '
+        'Where the service payload saves mass, centre of mass and inertia of the payload at '
         'the arm of model_path.',
         applies=NEXT_JOB,
     )

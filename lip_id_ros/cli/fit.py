@@ -12,7 +12,7 @@ examples:
   lip_id fit my_bag -o arm.npz
   lip_id fit run1.mcap run2.mcap -o arm.npz --config arm.yaml
   lip_id fit my_bag -o arm.npz --urdf arm.urdf  placements and links near those of the URDF, and
-                                               a word where the data contradict it
+                                               a warning where the data contradict it
   lip_id fit my_bag -o arm.npz --holdout 0.3   fit without the last 30 % of the samples, and
                                                evaluate the model on them
 """

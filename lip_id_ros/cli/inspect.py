@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 HELP = 'describe a recording, a data set or a model'
 EPILOG = """\
 examples:
-  lip_id inspect my_bag                  what was recorded, and what is wrong with it
+  lip_id inspect my_bag                  contents and findings
   lip_id inspect my_bag --report out     plots, and out/index.html with all of them
   lip_id inspect my_bag --efforts        are the efforts torques? (a minute or more)
   lip_id inspect arm.npz --json -

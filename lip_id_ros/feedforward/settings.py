@@ -75,7 +75,7 @@ class ServeSettings(Settings):
     )
     ramp_s: float = setting(
         0.5,
-        'Time in which a stream takes over from what was sent before: after activation, enable, '
+        'Time in which a stream takes over from the torques before: after activation, enable, '
         'reload, stale references, and a change of gravity, output_scale or a policy. A ramp that '
         'is under way continues from where it is when this changes.',
         unit='s',
@@ -118,7 +118,8 @@ class ServeSettings(Settings):
     )
     range_margin: tuple[float, ...] = setting(
         (0.2,),
-        f'What a joint may go beyond its training range, as a share of half of it. {PER_JOINT}',
+        'Distance that a joint may go beyond its training range, as a share of half of it. '
+        f'{PER_JOINT}',
         minimum=0.0,
     )
     std_policy: str = setting(
