@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 import json
 import subprocess
 import sys
 import tempfile
-from typing import Any
+from typing import Any, cast, TextIO
 
 from lip_id_ros.acquisition.recording_file import pass_on
 from lip_id_ros.errors import LipIdError
@@ -209,16 +210,18 @@ class Jobs:
     def _follow(self, task: Task, folder: str) -> JobState:
         """Run `job_process`; return the last state once the process has ended."""
         state = self.state
-        request = json.dumps({**asdict(task), 'recording': folder})
         with subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.acquisition.job_process', request],
-            stdin=subprocess.DEVNULL,
+            [sys.executable, '-m', 'lip_id_ros.acquisition.job_process'],
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
             start_new_session=True,
         ) as self._process:
             if self._cancelled:
                 end(self._process)
+            # not an argument, which has 128 kB at most: a robot description may be longer
+            with suppress(BrokenPipeError), cast('TextIO', self._process.stdin) as requests:
+                json.dump({**asdict(task), 'recording': folder}, requests)
             for line in self._process.stdout or ():
                 state = advanced(state, line)
                 if state.state == 'running':

@@ -1,7 +1,7 @@
 """
 The process of a job: reads recordings and writes a model, a data set or a payload.
 
-Started by `Job`; its one argument is a JSON request, what it prints are JSON lines.
+Started by `Jobs`; its standard input is a JSON request, what it prints are JSON lines.
 
 """
 
@@ -35,14 +35,14 @@ SHOWN = ('source', 'samples', 'dropped')
 """What of a source's provenance is worth a look in ~/status."""
 
 
-def main(arguments: list[str], output: TextIO) -> int:
+def main(requests: TextIO, output: TextIO) -> int:
     """
     Do what the request asks.
 
     Parameters
     ----------
-    arguments : list of str
-        The request of `lip_id_ros.acquisition.job.Job` as one JSON text.
+    requests : text stream
+        The request of `lip_id_ros.acquisition.job.Jobs` as one JSON text.
     output : text stream
         Gets one JSON object per line: `progress` (stage, done, total), then `result` or `error`.
 
@@ -52,7 +52,7 @@ def main(arguments: list[str], output: TextIO) -> int:
         Exit status.
 
     """
-    request = json.loads(arguments[0])
+    request = json.load(requests)
     os.nice(request['niceness'])
     try:
         result = _work(request, _reporter(output))
@@ -106,8 +106,9 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
     found = identify_payload(arm, data)
     shown = payload_in_flange(arm.chain, found, 0.0, 0.0)
     text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], (0.0, 0.0))
+    rescued = []
     if request['payload_model']:
-        attached(model, found).save(request['payload_model'])
+        rescued = _save(attached(model, found).save, request['payload_model'])['rescue']
     figures = {
         'mass': shown.mass,
         'mass_std': shown.mass_std,
@@ -116,7 +117,7 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
         'inertia_about_centre_of_mass': inertias(shown),
     }
     saved = _save(lambda place: write_whole(place, text.encode()), request['path'])
-    return {**saved, 'payload': figures}
+    return {**saved, 'rescue': [*saved['rescue'], *rescued], 'payload': figures}
 
 
 def _save(save: Callable[[str | os.PathLike[str]], None], path: str) -> dict[str, Any]:
@@ -234,4 +235,4 @@ def _with_joints(config: Config, live: Sequence[Dataset]) -> Config:
 
 
 if __name__ == '__main__':
-    sys.exit(main(sys.argv[1:], sys.stdout))
+    sys.exit(main(sys.stdin, sys.stdout))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 import os
 from pathlib import Path
 from typing import Any
 
+from lip_id_ros.dataset.formats import is_data_set
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.model.checked_file import is_model
 from lip_id_ros.settings import (
     Config,
     executor_setting,
@@ -20,6 +22,21 @@ from lip_id_ros.settings import (
 )
 from lip_id_ros.settings.settings import AT_ONCE, AT_START, NEXT_JOB, WHILE_EMPTY
 from lip_id_ros.signals.joints import require_unique
+
+
+def _is_payload(path: Path) -> bool:
+    from lip_id_ros.export.payload import is_payload  # brings what only a job needs
+
+    return is_payload(path)
+
+
+OUTPUTS: Mapping[str, tuple[Callable[[Path], bool], str]] = {
+    'model_path': (is_model, 'a model'),
+    'payload_model_path': (is_model, 'a model'),
+    'dataset_path': (is_data_set, 'a data set'),
+    'payload_path': (_is_payload, 'a payload'),
+}
+"""Parameters that name files to write: whether a file is of their kind, and that kind."""
 
 LISTS = ('recording.joint_types', 'recording.effort_scale', 'recording.effort_offset')
 
@@ -119,7 +136,8 @@ def check_together(values: Mapping[str, Any]) -> None:
     Raises
     ------
     ConfigError
-        If a joint is named twice, a list has not one value for each joint, or a bag is absent.
+        If a joint is named twice, a list has not one value for each joint, a bag is absent, or
+        an output is another one or a bag.
 
     """
     joints = values['recording.joints']
@@ -137,11 +155,20 @@ def check_together(values: Mapping[str, Any]) -> None:
                 f'bags must be recordings or data sets, but {path} does not exist; correct the '
                 'path, which is relative to the folder in which the node was started.'
             )
+    places = {os.path.realpath(path): 'one of the bags' for path in values['bags']}
+    for name in OUTPUTS:
+        place = os.path.realpath(values[name])
+        if values[name] and place in places:
+            raise ConfigError(
+                f'{name} must name a file of its own, but {values[name]} is {places[place]}; '
+                'change one of them.'
+            )
+        places[place] = name
 
 
 def require_writable(name: str, path: str) -> None:
     """
-    Refuse a path at which no file can be written, before work is done for it.
+    Refuse a path at which no file can be written, or another one lies, before the work.
 
     Parameters
     ----------
@@ -169,3 +196,6 @@ def require_writable(name: str, path: str) -> None:
         target.exists() and not os.access(target, os.W_OK)
     ):
         raise ConfigError(f'{name} must be writable, but {target} is not; change {name}.')
+    is_own, kind = OUTPUTS[name]
+    if target.exists() and target.stat().st_size and not is_own(target):
+        raise ConfigError(f'{name}: {path} exists and is not {kind}; name another file.')

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from lip_id_ros.cli import arguments
 
@@ -36,11 +35,12 @@ def run(args: argparse.Namespace) -> None:
     """Preprocess and save."""
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.dataset import check_suffix
+    from lip_id_ros.dataset.formats import is_data_set
     from lip_id_ros.evaluation.cautions import copy_cautions
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.preprocessing import load_dataset
 
-    output.check_file(args.output, args.sources, _is_data_set, 'a data set', args.force)
+    output.check_file(args.output, args.sources, is_data_set, 'a data set', args.force)
     place = output.destination(args.output)
     check_suffix(output.with_suffix(place))
     config = models.chosen_config(args.config, {'recording.joints': args.joints})
@@ -50,16 +50,3 @@ def run(args: argparse.Namespace) -> None:
     console = output.console(args.output)
     show.prepared(dataset, console)
     show_lines([*copy_cautions(dataset.provenance), f'Written: {args.output}'], console)
-
-
-def _is_data_set(path: Path) -> bool:
-    from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
-    from lip_id_ros.dataset.formats import FORMAT
-    from lip_id_ros.files import read_header
-
-    if path.suffix == CSV_SUFFIX:
-        return has_accelerations(path)
-    try:
-        return read_header(path).get('format') == FORMAT
-    except ValueError:
-        return False

@@ -40,7 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'motion',
     )
     parser.add_argument(
-        '--urdf', metavar='FILE', help='with --rollout: simulate the arm of this URDF as well'
+        '--urdf',
+        type=arguments.source,
+        metavar='FILE',
+        help='with --rollout: simulate the arm of this URDF as well',
     )
     parser.add_argument('--report', metavar='DIR', help='write plots and a web page there')
     arguments.add_force(parser)

@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--urdf', metavar='FILE', help='write a URDF')
     parser.add_argument(
         '--template',
+        type=arguments.source,
         metavar='FILE',
         help='URDF that the model was fitted with: its text with fitted inertials, damping and '
         'friction is written to --urdf',
@@ -70,19 +71,21 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.model import InverseDynamicsModel
 
     targets = _targets(args, FORMATS)
+    output.check_distinct(*targets.values())
+    inputs = [args.model, *filter(None, [args.template])]
     for format_name, target in targets.items():
         kind = f'an arm exported as {format_name}'
-        output.check_file(target, [args.model], _is_exported, kind, args.force)
+        output.check_file(target, inputs, _is_exported, kind, args.force)
     model = InverseDynamicsModel.load(args.model)
     name = identifier(Path(args.model).stem if args.name is None else args.name)
     exported = describe(model, name)
-    console = output.console()
+    console = output.console(*targets.values())
     remainder = exported.remainder
     left_out = [] if remainder is None else [f'Left out: {remainder}.']
     of_what = 'the model' if remainder is None else 'the links and friction in the file'
     for format_name, target in targets.items():
         template = _template(args, model) if format_name == 'urdf' else None
-        written = write(format_name, target, exported, template)
+        written = write(format_name, output.destination(target), exported, template)
         lines = [f'Written: {target}', *left_out]
         if template is not None:
             lines += template_remarks(written.exported.arm, template.description, args.origins)

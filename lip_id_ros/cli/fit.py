@@ -44,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--urdf',
+        type=arguments.source,
         metavar='FILE',
         help='robot description: the prior of the default model, the kinematics of models of the '
         'literature',
@@ -76,9 +77,11 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation.recording_health import RecordingHealth
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
+    from lip_id_ros.model.checked_file import is_model
     from lip_id_ros.preprocessing import for_training, load_dataset
 
-    output.check_file(args.output, args.sources, models.is_model, 'a model', args.force)
+    inputs = [*args.sources, *filter(None, [args.urdf, args.config])]
+    output.check_file(args.output, inputs, is_model, 'a model', args.force)
     config = models.fit_config(args)
     evaluation = None
     health = RecordingHealth(config.recording)

@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Mapping
 from dataclasses import replace
 import os
-from pathlib import Path
 from typing import Any
 
 from lip_id_ros.baselines import Baseline, learn, OURS
@@ -16,7 +15,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import fit_cautions, matched, with_checks
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
+from lip_id_ros.model.checked_file import COMPARED, schema_of
 from lip_id_ros.preprocessing import load_dataset
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config, FitSettings, override, read_config
@@ -66,11 +65,6 @@ def save(path: str | os.PathLike[str], model: Model) -> None:
         save_baseline(path, model)
     else:
         model.save(path)
-
-
-def is_model(path: Path) -> bool:
-    """Whether a file is a model of either kind."""
-    return schema_of(path) in (MODEL, COMPARED)
 
 
 def provenance(model: Model) -> Mapping[str, Any]:

@@ -66,11 +66,13 @@ def check_file(
     OSError
         If its folder does not exist or is not writable, or the path is a folder.
     ConfigError
-        If it is an input, or an existing file of another kind, and `force` is not given.
+        If it is an input, or an existing file of another kind, and `force` is not given; if it
+        has no name.
 
     """
     if path is None:
         return
+    _require_name(path)
     place = destination(path)
     if place == STANDARD_OUTPUT or is_stream(place):
         return
@@ -88,6 +90,30 @@ def check_file(
         )
 
 
+def check_distinct(*paths: str | None) -> None:
+    """
+    Refuse two outputs at one place, of which the second would replace the first.
+
+    Raises
+    ------
+    ConfigError
+        If there are.
+
+    """
+    places: dict[str, str] = {}
+    for path in paths:
+        if path is None:
+            continue
+        _require_name(path)
+        place = os.path.realpath(destination(path))
+        if place in places:
+            raise ConfigError(
+                f'every output needs a file of its own, but {places[place]} and {path} are one; '
+                'name another.'
+            )
+        places[place] = path
+
+
 def check_folder(folder: str | None, force: bool) -> None:
     """
     Refuse a folder for a report that cannot be created, or that holds something else.
@@ -102,6 +128,7 @@ def check_folder(folder: str | None, force: bool) -> None:
     """
     if folder is None:
         return
+    _require_name(folder)
     path = Path(folder)
     if not path.exists():
         return
@@ -211,6 +238,11 @@ class _Stages:
         if stage not in self._tasks:
             self._tasks[stage] = self._bars.add_task(stage, total=None)
         self._bars.update(self._tasks[stage], completed=done, total=total or None)
+
+
+def _require_name(path: str) -> None:
+    if not path or '\0' in path:
+        raise ConfigError(f'an output must have a name without NUL, but {path!r} came; name it.')
 
 
 def _check_writable(target: Path, path: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+import math
 from typing import TYPE_CHECKING
 
 from lip_id_ros.cli import arguments
@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from lip_id_ros.identification.payload import Payload
+
+LONGEST_SHIFT = 10.0
 
 HELP = 'find mass, centre of mass and inertia of a payload'
 EPILOG = """\
@@ -56,43 +58,50 @@ def flange(text: str) -> tuple[float, float]:
     """
     try:
         shift, turn = (float(part) for part in text.split(','))
-    except ValueError as error:
+    except ValueError:
+        shift = turn = math.nan
+    if not (abs(shift) <= LONGEST_SHIFT and abs(turn) <= 360.0):
         raise argparse.ArgumentTypeError(
-            f'two numbers with a comma between them were expected, but {text!r} came'
-        ) from error
+            f'a shift of at most {LONGEST_SHIFT:g} m and a turn of at most 360 degrees with a '
+            f'comma between them were expected, but {text!r} came'
+        )
     return shift, turn
-
-
-def _is_payload(path: Path) -> bool:
-    with open(path, 'rb') as file:
-        return file.read(200).startswith(b'# payload')
 
 
 def run(args: argparse.Namespace) -> None:
     """Find the payload, show it, and write what is asked for."""
     from lip_id_ros.cli import models, output
     from lip_id_ros.evaluation.tables import show_lines
-    from lip_id_ros.export.payload import attached, links_of, payload_in_flange, to_yaml
+    from lip_id_ros.export.payload import (
+        attached,
+        is_payload,
+        links_of,
+        payload_in_flange,
+        to_yaml,
+    )
     from lip_id_ros.files import write_whole
     from lip_id_ros.identification.payload import identify_payload
     from lip_id_ros.model import InverseDynamicsModel
+    from lip_id_ros.model.checked_file import is_model
 
     inputs = [args.model, *args.sources]
-    output.check_file(args.yaml, inputs, _is_payload, 'a payload', args.force)
-    output.check_file(args.output, inputs, models.is_model, 'a model', args.force)
+    output.check_distinct(args.yaml, args.output)
+    output.check_file(args.yaml, inputs, is_payload, 'a payload', args.force)
+    output.check_file(args.output, inputs, is_model, 'a model', args.force)
     model = InverseDynamicsModel.load(args.model)
     arm = links_of(model, args.model)
     with output.progress_display() as progress:
         dataset = models.load_for(model, args.sources, args.config, progress)
     found = identify_payload(arm, dataset)
     shown = payload_in_flange(arm.chain, found, *args.flange)
-    console = output.console()
+    console = output.console(args.yaml, args.output)
     _show(shown, console)
     if args.yaml is not None:
-        write_whole(args.yaml, to_yaml(shown, args.sources, args.flange).encode())
+        text = to_yaml(shown, args.sources, args.flange)
+        write_whole(output.destination(args.yaml), text.encode())
         show_lines([f'Written: {args.yaml}'], console)
     if args.output is not None:
-        attached(model, found).save(args.output)
+        attached(model, found).save(output.destination(args.output))
         show_lines([f'Written: {args.output}'], console)
 
 

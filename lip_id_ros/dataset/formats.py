@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros import files
-from lip_id_ros.csv_table import check_columns, CSV_SUFFIX, joints_of, quoted, read_table
+from lip_id_ros.csv_table import (
+    check_columns,
+    CSV_SUFFIX,
+    has_accelerations,
+    joints_of,
+    quoted,
+    read_table,
+)
 from lip_id_ros.dataset.checks import INDICES, PER_JOINT, PER_SAMPLE
 from lip_id_ros.errors import ConfigError, DataError
 
@@ -199,3 +206,13 @@ def _provenance(path: PathLike, header: Mapping[str, Any], defaults: list[str]) 
     if provenance is not None:
         return provenance
     return {'sources': [{'source': os.fspath(path), 'defaults': defaults}]}
+
+
+def is_data_set(path: PathLike) -> bool:
+    """Whether a file is a data set as `Dataset.save` writes it."""
+    if Path(path).suffix == CSV_SUFFIX:
+        return has_accelerations(path)
+    try:
+        return bool(files.read_header(path).get('format') == FORMAT)
+    except ValueError:
+        return False

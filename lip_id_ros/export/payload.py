@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 import json
+import os
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,6 +18,8 @@ from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.pseudo_inertia import in_other_frames
+
+HEAD = '# payload found by lip_id_ros'
 
 PLACEMENT = 6
 """Coordinates of a joint's placement in the covariance of an arm."""
@@ -125,8 +128,14 @@ def to_yaml(payload: Payload, sources: Sequence[str], flange: tuple[float, float
         },
     }
     lines = [f'{name}: {json.dumps(value)}' for name, value in entries.items()]
-    head = '# payload found by lip_id_ros: kg, m, kg m^2, in the frame of the flange'
+    head = f'{HEAD}: kg, m, kg m^2, in the frame of the flange'
     return '\n'.join([head, *lines]) + '\n'
+
+
+def is_payload(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a payload as YAML."""
+    with open(path, 'rb') as file:
+        return file.read(len(HEAD)) == HEAD.encode()
 
 
 def inertias(payload: Payload) -> dict[str, float]:

@@ -84,6 +84,11 @@ def schema_of(path: str | os.PathLike[str]) -> str | None:
         return None
 
 
+def is_model(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a model of this package or of the literature."""
+    return schema_of(path) in (MODEL, COMPARED)
+
+
 def contradiction(path: str | os.PathLike[str], error: Exception) -> ModelError:
     """Return what to raise where a file has its hash, but no model can be made of it."""
     return ModelError(

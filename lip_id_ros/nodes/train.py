@@ -23,6 +23,7 @@ from lip_id_ros.acquisition.settings import (
     train_parameters,
     TrainSettings,
 )
+from lip_id_ros.description.urdf import is_text
 from lip_id_ros.errors import ConfigError, DataError, LipIdError
 from lip_id_ros.nodes import qos, running
 from lip_id_ros.nodes.node import NodeBase
@@ -222,6 +223,11 @@ class TrainNode(NodeBase):
             raise DataError(
                 f'a URDF was expected on {topic} (use_robot_description), but none has come; '
                 'start robot_state_publisher, or switch that off.'
+            )
+        if not is_text(self._description):  # else it would be taken for the name of a file
+            raise DataError(
+                f'a URDF was expected on {self._descriptions.topic_name} (use_robot_description), '
+                f'but {self._description[:40]!r} came; correct its publisher.'
             )
         return {**found, 'fit.description': self._description}
 

@@ -179,7 +179,7 @@ def run_job(kind: str, folder: Path, path: Path, **values: object) -> dict[str, 
     settings = flatten(Config()) | cheap
     request = {**asdict(Task(kind, settings, str(path))), 'recording': str(folder), **values}
     output = io.StringIO()
-    assert job_process.main([json.dumps(request)], output) == 0, output.getvalue()
+    assert job_process.main(io.StringIO(json.dumps(request)), output) == 0, output.getvalue()
     result: dict[str, Any] = json.loads(output.getvalue().splitlines()[-1])['result']
     return result
 
@@ -201,6 +201,16 @@ def test_a_result_whose_disk_fails_is_kept_elsewhere(
     assert rescue.startswith(f'{tmp_path / "gone" / "data.npz"} cannot be written (No such file')
     assert Path(result['path']).parent.parent == tmp_path / 'spare'
     assert Dataset.load(result['path']).n_samples == result['n_samples']
+
+
+@pytest.mark.slow
+def test_a_request_may_be_longer_than_an_argument(jobs: Jobs, tmp_path: Path) -> None:
+    """As with a robot description of a whole robot: an argument has 128 kB at most."""
+    settings = flatten(Config()) | {'fit.description': f'<robot><!--{"x" * 300_000}--></robot>'}
+    work = jobs.start(Task('fit', settings, str(tmp_path / 'model.npz')), [samples(500)])
+    with pytest.raises(LipIdError, match=r"^joint 'a' of the data is not among the joints that"):
+        work.result()
+    jobs.stop()
 
 
 def test_sources_are_named_in_words() -> None:

@@ -7,7 +7,12 @@ from typing import Any
 
 import pytest
 
-from lip_id_ros.acquisition.settings import check_together, require_writable, train_parameters
+from lip_id_ros.acquisition.settings import (
+    check_together,
+    OUTPUTS,
+    require_writable,
+    train_parameters,
+)
 from lip_id_ros.errors import ConfigError
 
 DEFAULTS = {name: row.default for name, row in train_parameters().items()}
@@ -34,6 +39,21 @@ DEFAULTS = {name: row.default for name, row in train_parameters().items()}
             {'bags': ('/absent/bag',)},
             'bags must be recordings or data sets, but /absent/bag does not exist; correct the '
             'path, which is relative to the folder in which the node was started.',
+        ),
+        (
+            {'payload_path': './model.npz'},
+            'payload_path must name a file of its own, but ./model.npz is model_path; change one '
+            'of them.',
+        ),
+        (
+            {'payload_model_path': 'model.npz'},
+            'payload_model_path must name a file of its own, but model.npz is model_path; change '
+            'one of them.',
+        ),
+        (
+            {'bags': ('/dev/null',), 'dataset_path': '/dev/null'},
+            'dataset_path must name a file of its own, but /dev/null is one of the bags; change '
+            'one of them.',
         ),
     ],
 )
@@ -70,3 +90,11 @@ def test_a_folder_that_must_not_be_written_is_refused(
     monkeypatch.setattr('os.access', lambda place, mode: False)  # root may write everywhere
     with pytest.raises(ConfigError, match=r'must be writable, but .* is not; change'):
         require_writable('model_path', str(tmp_path / 'model.npz'))
+
+
+@pytest.mark.parametrize('name', OUTPUTS)
+def test_a_file_of_another_kind_is_not_replaced(name: str, tmp_path: Path) -> None:
+    for other in ('letter.txt', 'recording.csv', 'model.npz'):
+        (tmp_path / other).write_text('precious')
+        with pytest.raises(ConfigError, match=rf'^{name}: .*{other} exists and is not a'):
+            require_writable(name, str(tmp_path / other))

@@ -96,8 +96,24 @@ def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['payload', str(tmp_path / 'loaded.npz'), str(tmp_path / 'run.npz')]) == 0
 
 
-@pytest.mark.parametrize('text', ['1', '1,2,3', 'a,b'])
+def test_outputs_of_the_verb(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    motion().save('run.npz')
+    model_of(arm()).save('arm.npz')
+    before = sorted(tmp_path.iterdir())
+    assert main(['payload', 'arm.npz', 'run.npz', '--yaml', 'both', '-o', './both']) == 1
+    assert 'both and ./both are one; name another' in capfd.readouterr().err
+    assert main(['payload', 'arm.npz', 'run.npz', '--yaml', '-']) == 0
+    output = capfd.readouterr()
+    assert yaml.safe_load(output.out)['mass'] == pytest.approx(1.0, rel=0.01)
+    assert 'mass' in output.err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize('text', ['1', '1,2,3', 'a,b', 'nan,0', '0,inf', '11,0', '0,1e300'])
 def test_a_flange_is_two_numbers(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(['payload', 'arm.npz', 'bag', '--flange', text])
-    assert 'two numbers with a comma between them were expected' in capsys.readouterr().err
+    assert 'with a comma between them were expected' in capsys.readouterr().err

@@ -74,6 +74,9 @@ def test_the_example_controls_the_arm(model: Path, tmp_path: Path) -> None:
     [
         ([], '--urdf, --mjcf or --c with a file was expected, but none came.'),
         (['--urdf', 'no/such/arm.urdf'], 'no/such: No such file or directory'),
+        (['--urdf', 'arm.x', '--mjcf', './arm.x'], 'but arm.x and ./arm.x are one; name another'),
+        (['--urdf', 'a\0b'], "must have a name without NUL, but 'a\\x00b' came"),
+        (['--c', ''], "must have a name without NUL, but '' came"),
     ],
 )
 def test_what_is_refused(
@@ -87,6 +90,29 @@ def test_what_is_refused(
     monkeypatch.chdir(tmp_path)
     assert main(['export', str(model), *arguments]) == 1
     assert sentence in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_template_is_never_replaced(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An arm exported before may be the template of a fit."""
+    urdf = str(tmp_path / 'arm.urdf')
+    assert main(['export', str(model), '--urdf', urdf]) == 0
+    before = (tmp_path / 'arm.urdf').read_bytes()
+    assert main(['export', str(model), '--urdf', urdf, '--template', urdf]) == 1
+    assert 'arm.urdf is an input and would be replaced' in capsys.readouterr().err
+    assert (tmp_path / 'arm.urdf').read_bytes() == before
+
+
+def test_an_arm_goes_to_standard_output(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(['export', str(model), '--urdf', '-']) == 0
+    output = capfd.readouterr()
+    assert output.out.startswith('<')
+    assert 'Written: -' in output.err
     assert list(tmp_path.iterdir()) == []
 
 

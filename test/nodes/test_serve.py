@@ -15,6 +15,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 from lifecycle_msgs.msg import Transition
 from nodes import toy
 import numpy as np
+from pal_statistics_msgs.msg import Statistics
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -55,9 +56,13 @@ def test_a_sample_is_answered_with_torque_and_energies(serving: tuple[Graph, Cli
     torques = client.listen(JointState, TORQUE)
     kinetic = client.listen(Float64, '/serve/kinetic_energy')
     potential = client.listen(Float64, '/serve/potential_energy')
+    stamped = client.listen(Statistics, '/serve/energies')
     publisher = client.speak(JointTrajectory, REFERENCE)
     publisher.publish(GOOD)
-    client.wait_until(lambda: torques and kinetic and potential, 'answer')
+    client.wait_until(lambda: torques and kinetic and potential and stamped, 'answer')
+    assert stamped[0].header.stamp == GOOD.header.stamp
+    values = {each.name: each.value for each in stamped[0].statistics}
+    assert values == {'kinetic_energy': kinetic[0].data, 'potential_energy': potential[0].data}
     assert torques[0].header.stamp == GOOD.header.stamp
     assert torques[0].name == list(toy.JOINTS)
     np.testing.assert_allclose(torques[0].effort, EXPECTED, atol=0.1)
@@ -146,6 +151,7 @@ def test_lifecycle_without_autostart(
     publisher.publish(GOOD)
     client.status('serve', lambda status: status['refused'] == {'inactive': 1})
     assert client.transition(Transition.TRANSITION_ACTIVATE)
+    assert 'torque_limits is empty: torques are not limited, and neither are their' in serve.log
     publisher.publish(GOOD)
     client.wait_until(lambda: torques, 'answer')
     assert client.transition(Transition.TRANSITION_DEACTIVATE)
@@ -218,6 +224,7 @@ def test_disabled_means_silent_after_one_zero(serving: tuple[Graph, Client]) -> 
     publisher.publish(GOOD)
     status = client.status('serve', lambda status: status['refused'])
     assert status['refused'] == {'disabled': 1}
+    client.wait_until(lambda: torques, 'zero torque')
     assert [list(each.effort) for each in torques] == [[0.0, 0.0]]
     assert client.switch('/serve/enable', True).success
     publisher.publish(GOOD)

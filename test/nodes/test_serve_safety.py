@@ -56,6 +56,8 @@ def test_a_silent_stream_gets_zeros_until_it_comes_back_by_a_ramp(
     assert efforts(torques[1:]) == [[0.0, 0.0]] * (len(torques) - 1)
     status = client.status('serve', lambda status: status['stale'] == 1)
     assert status['summary'].startswith('no reference for ')
+    # from here on a machine that stands still for a second must not begin a ramp anew
+    assert client.set_parameter('serve', 'stale_timeout_s', 100.0).successful
 
     seen: list[float] = []
 

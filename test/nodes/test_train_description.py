@@ -45,9 +45,13 @@ def test_the_topic_is_the_prior_and_payloads_are_found(
     answer = client.trigger('/train/fit')
     assert not answer.success
     assert answer.message.startswith('a URDF was expected on /robot_description')
-    client.speak(String, '/robot_description', qos.LATCHED).publish(
-        String(data=panda_urdf().read_text())
+    publisher = client.speak(String, '/robot_description', qos.LATCHED)
+    publisher.publish(String(data='/dev/zero'))  # must not be taken for the name of a file
+    sentence = "(use_robot_description), but '/dev/zero' came; correct its publisher."
+    client.wait_until(
+        lambda: client.trigger('/train/fit').message.endswith(sentence), 'a refusal of the text'
     )
+    publisher.publish(String(data=panda_urdf().read_text()))
     client.wait_until(lambda: client.trigger('/train/fit').success, 'a fit with the URDF')
     status = client.status('train', lambda status: status['job']['state'] in ('done', 'failed'))
     assert status['job']['state'] == 'done', train.log
