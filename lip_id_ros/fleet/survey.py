@@ -23,7 +23,7 @@ RESERVOIR_BYTES = 140_000
 MOST_RESERVOIR = 600
 """Samples of one recording that are kept, as far as `RESERVOIR_BYTES` allow."""
 
-MOST_MERGED = 10_000
+MOST_MERGED = 20_000
 """Samples of all recordings together that placements are identified with."""
 
 MOST_TEXT = 20_000

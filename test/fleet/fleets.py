@@ -45,9 +45,8 @@ class FileSource:
 
 @dataclass
 class PlainEngine(Engine):
-    """Runs items one after another in this process, in a given order."""
+    """Runs items one after another in this process, and counts them."""
 
-    backwards: bool = False
     counts: list[int] = field(default_factory=list)
 
     def __exit__(self, *error: object) -> None:
@@ -61,12 +60,11 @@ class PlainEngine(Engine):
         keep: Callable[[int, Any], None],
     ) -> list[Outcome]:
         self.counts.append(len(items))
-        outcomes: list[Outcome] = [Outcome(None)] * len(items)
-        order = range(len(items))
-        for number, k in enumerate(reversed(order) if self.backwards else order):
-            outcomes[k] = attempt(function, items[k])
-            if not outcomes[k].reason:
-                keep(k, outcomes[k].value)
+        outcomes: list[Outcome] = []
+        for number, item in enumerate(items):
+            outcomes.append(attempt(function, item))
+            if not outcomes[number].reason:
+                keep(number, outcomes[number].value)
             progress('', number + 1, len(items))
         return outcomes
 

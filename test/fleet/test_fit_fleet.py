@@ -21,6 +21,7 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import ConfigError, DataError
+from lip_id_ros.fleet.engines import LocalEngine
 from lip_id_ros.fleet.fit import fit_fleet
 from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult
 from lip_id_ros.identification.fitting import fit
@@ -86,8 +87,9 @@ def test_what_does_not_belong_is_named_with_the_reason(fleet: Fleet) -> None:
     assert copy == f'is a copy of {fleet.sources[0].name}'
 
 
-def test_order_and_repetition_do_not_matter(fleet: Fleet) -> None:
-    other = fit_fleet(fleet.sources[::-1], Config(), PlainEngine(backwards=True))
+def test_order_and_processes_do_not_matter(fleet: Fleet) -> None:
+    with LocalEngine(2) as engine:
+        other = fit_fleet(fleet.sources[::-1], Config(), engine)
     assert_allclose(parameters(other), parameters(fleet.result), rtol=1e-9, atol=1e-9)
     names = [each.name for each in other.recordings]
     assert names == [each.name for each in fleet.result.recordings][::-1]
