@@ -103,8 +103,8 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
     """Identify the payload of an arm whose model is known, and save it."""
     model = InverseDynamicsModel.load(request['model'])
     arm, data = links_of(model, request['model']), matched(data, model)
-    found = identify_payload(arm, data)
-    shown = payload_in_flange(arm.chain, found, 0.0, 0.0)
+    found = identify_payload(arm, model.training_range, data)
+    shown = payload_in_flange(found, 0.0, 0.0)
     text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], (0.0, 0.0))
     rescued = []
     if request['payload_model']:

@@ -92,8 +92,8 @@ def run(args: argparse.Namespace) -> None:
     arm = links_of(model, args.model)
     with output.progress_display() as progress:
         dataset = models.load_for(model, args.sources, args.config, progress)
-    found = identify_payload(arm, dataset)
-    shown = payload_in_flange(arm.chain, found, *args.flange)
+    found = identify_payload(arm, model.training_range, dataset)
+    shown = payload_in_flange(found, *args.flange)
     console = output.console(args.yaml, args.output)
     _show(shown, console)
     if args.yaml is not None:

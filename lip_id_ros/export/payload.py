@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 import json
 import os
@@ -12,17 +12,16 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
-from lip_id_ros.identification.payload import BODY, Payload, with_body
+from lip_id_ros.identification.payload import LoadedArm, Payload
+from lip_id_ros.identification.payload_problem import BODY, with_body
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
+from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
+from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.denavit_hartenberg import displaced, STEP, with_standard_frames
 from lip_id_ros.rigid_body.pseudo_inertia import in_other_frames
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 HEAD = '# payload found by lip_id_ros'
-
-PLACEMENT = 6
-"""Coordinates of a joint's placement in the covariance of an arm."""
 
 
 def links_of(model: InverseDynamicsModel, place: str) -> ArmPosterior:
@@ -49,61 +48,59 @@ def links_of(model: InverseDynamicsModel, place: str) -> ArmPosterior:
     return model.arm
 
 
-def payload_in_flange(chain: Chain, payload: Payload, shift: float, turn: float) -> Payload:
+def payload_in_flange(loaded: LoadedArm, shift: float, turn: float) -> Payload:
     """
     Express a payload in a frame that is fixed to the last link.
 
+    Its covariance includes that of where the frame is in the arm.
+
     Parameters
     ----------
-    chain : Chain
-    payload : Payload
-        In the frame of the chain's last link.
+    loaded : LoadedArm
     shift, turn : float
         Of the frame along [m] and about [degrees] the z axis of the last link's frame by the
         convention of Denavit and Hartenberg, as `lip_id export` writes it.
 
     """
     rotation = Rotation.from_euler('z', turn, degrees=True).as_matrix()[None]
+    translation = np.array([[0.0, 0.0, shift]])
 
-    def moved(body: Array) -> Array:
+    def moved(body: Array, placements: Array) -> Array:
+        chain = displaced(loaded.arm.chain, placements)
         links = np.zeros((len(chain.prismatic), LINK_PARAMETERS))
         links[-1, :BODY] = body
         standard = with_standard_frames(chain, links)[1][-1:]
-        return in_other_frames(standard, rotation, np.array([[0.0, 0.0, shift]]))[0, :BODY]
+        return in_other_frames(standard, rotation, translation)[0, :BODY]
 
-    return _transformed(payload, moved)
+    still = np.zeros(DIRECTIONS * len(loaded.arm.links))
+    by_body = np.stack([moved(unit, still) for unit in np.eye(BODY)], axis=1)
+    by_placement = [
+        (moved(loaded.body, step) - moved(loaded.body, -step)) / (2.0 * STEP)
+        for step in STEP * np.eye(len(still))
+    ]
+    placements_root = loaded.arm.covariance_root[: len(still)]
+    root = by_body @ loaded.body_root + np.stack(by_placement, axis=1) @ placements_root
+    return Payload(moved(loaded.body, still), root @ root.T)
 
 
-def _transformed(payload: Payload, moved: Callable[[Array], Array]) -> Payload:
-    matrix = np.stack([moved(unit) for unit in np.eye(BODY)], axis=1)
-    return Payload(matrix @ payload.parameters, matrix @ payload.covariance @ matrix.T)
-
-
-def attached(model: InverseDynamicsModel, payload: Payload) -> InverseDynamicsModel:
+def attached(model: InverseDynamicsModel, loaded: LoadedArm) -> InverseDynamicsModel:
     """
     Return a model of the arm with a payload.
 
     Parameters
     ----------
     model : InverseDynamicsModel
-        Of an arm.
-    payload : Payload
-        In the frame of the last link of the model's chain.
+        Of the arm without it.
+    loaded : LoadedArm
 
     """
-    arm = links_of(model, 'this model')
-    n = model.n_joints
-    first = PLACEMENT * n + LINK_PARAMETERS * (n - 1)
-    own = np.zeros((len(arm.covariance_root), BODY))
-    values, vectors = np.linalg.eigh(payload.covariance)
-    own[first : first + BODY] = vectors * np.sqrt(np.maximum(values, 0.0))
-    root = np.concatenate([arm.covariance_root, own], axis=1)
-    noted = {**model.provenance, 'payload_mass': payload.mass}
-    return replace(
-        model,
-        arm=replace(with_body(arm, payload.parameters), covariance_root=root),
-        provenance=noted,
-    )
+    n, arm = model.n_joints, with_body(loaded.arm, loaded.body)
+    first = DIRECTIONS * n + LINK_PARAMETERS * (n - 1)
+    root = arm.covariance_root.copy()
+    root[first : first + BODY] += loaded.body_root
+    arm = compacted(replace(arm, covariance_root=root), model.training_range)
+    noted = {**model.provenance, 'payload_mass': float(loaded.body[0])}
+    return replace(model, arm=arm, provenance=noted)
 
 
 def to_yaml(payload: Payload, sources: Sequence[str], flange: tuple[float, float]) -> str:

@@ -2,8 +2,8 @@
 What is attached to the last link: its mass, centre of mass and inertia, the arm being known.
 
 A body fixed to the last link adds its parameters to those of the link. So torques are linear in
-ten numbers, which some seconds of motion determine. The arm stays as it is, but for what its own
-covariance allows.
+ten numbers, which some seconds of motion determine. The arm changes only as far as its own torques
+allow.
 
 """
 
@@ -17,21 +17,26 @@ from scipy.linalg import solve_triangular
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
+from lip_id_ros.identification.levenberg_marquardt import minimise
+from lip_id_ros.identification.payload_problem import (
+    BODY,
+    LoadedState,
+    PayloadProblem,
+    WeightedTorques,
+)
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
-from lip_id_ros.rigid_body.regressor import torque_regressor
 
-BODY = LINK_PARAMETERS - 1
-"""Number of parameters of a body: those of a link without its rotor."""
-MASS, LENGTH = 10.0, 0.3
-"""Prior standard deviations of a payload's mass [kg] and of where it is [m]."""
-PRIOR_STD = MASS * np.repeat([1.0, LENGTH, LENGTH**2], [1, 3, 6])
-ROUNDS, BLOCKS = 4, 20
+ROUNDS, EVALUATIONS, TOLERANCE = 3, 100, 1e-6
+BLOCKS = 50
+STATES, SEED = 400, 0
+"""Random states at which torques of the model stand for what it was learned from."""
+LEAST_STD = 1e-6
+"""Least standard deviation of a torque, in that of the recorded ones."""
 ROUNDING = 1e-14
 BARRIERS, ITERATIONS, CONVERGED, SHORTEST = (1.0, 0.1, 0.01), 50, 1e-8, 1e-10
-LEAST_SAMPLES, MOST_SAMPLES = 50, 2000
+LEAST_SAMPLES, MOST_SAMPLES = 50, 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,25 +87,50 @@ class Payload:
         return about_origin - self.mass * (c @ c * np.eye(3) - np.outer(c, c))
 
 
-def identify_payload(arm: ArmPosterior, dataset: Dataset) -> Payload:
+@dataclass(frozen=True, eq=False)
+class LoadedArm:
+    """
+    An arm, and the body that is attached to it.
+
+    Attributes
+    ----------
+    arm : ArmPosterior
+        Without the body, corrected by what the torques with it show of the arm.
+    body : array, shape (10,)
+        In the frame of the last link of this arm's chain, as in `Payload`.
+    body_root : array, shape (10, r)
+        Rows of a square root of the covariance, beside those of `arm.covariance_root`.
+
+    """
+
+    arm: ArmPosterior
+    body: Array
+    body_root: Array
+
+
+def identify_payload(
+    arm: ArmPosterior, ranges: tuple[Array, Array], dataset: Dataset
+) -> LoadedArm:
     """
     Find what is attached to an arm.
 
-    A learned arm is uncertain too: its parameters may differ by what their covariance allows, or
-    an error of a length would count as mass.
+    A learned arm is uncertain too, above all in where its light last links turn. So it is fitted
+    along: its torques at random states, with their standard deviations, stand for the recordings
+    that it was learned from.
 
     Parameters
     ----------
     arm : ArmPosterior
         Without the payload.
+    ranges : two arrays, shape (3, n)
+        Lowest and highest q, dq, ddq that the arm was learned from.
     dataset : Dataset
         Of the arm with its payload, in the order of time; at most `MOST_SAMPLES` are used.
 
     Returns
     -------
-    Payload
-        A body that can exist. Its covariance is the sandwich estimate over contiguous blocks of
-        the residuals, which are correlated in time (Liang and Zeger 1986).
+    LoadedArm
+        With a body that can exist.
 
     Raises
     ------
@@ -115,50 +145,94 @@ def identify_payload(arm: ArmPosterior, dataset: Dataset) -> Payload:
         )
     rows = np.linspace(0, dataset.n_samples - 1, min(MOST_SAMPLES, dataset.n_samples))
     dataset = dataset.select(rows.astype(np.intp))
-    state = [np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq)]
-    features = torque_regressor(arm.chain, *state)[:, :, -LINK_PARAMETERS:-1]
-    body, std = np.zeros(BODY), np.std(dataset.tau, axis=0)
+    q, dq, ddq = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
+    least = LEAST_STD * np.maximum(dataset.tau.std(axis=0), np.finfo(float).tiny)
+    bare = _bare(arm, ranges, least)
+    std = np.maximum(arm.noise.std, least) / np.sqrt(arm.noise.weights(dataset.dq))
+    problem = PayloadProblem(arm, bare, WeightedTorques(q, dq, ddq, dataset.tau, std))
+    at = problem.start()
     for _ in range(ROUNDS):
-        loaded = with_body(arm, body)
-        own = loaded.jacobian(*state) @ arm.covariance_root
-        target = dataset.tau - loaded.torque(*state) + features @ body
-        std = np.where(std > 0.0, std, 1.0)
-        columns = np.concatenate([own, features], axis=2)
-        triangle = _triangle(columns / std[:, None], target / std)
-        known = own.shape[2]
-        root, right = triangle[known:-1, known:-1], triangle[known:-1, -1]
-        body = _existing(root, right)
-        corrections = solve_triangular(
-            triangle[:known, :known], triangle[:known, -1] - triangle[:known, known:-1] @ body
-        )
-        residual = target - columns @ np.concatenate([corrections, body])
-        std = np.sqrt(np.mean(residual**2, axis=0))
-    std = np.where(std > 0.0, std, 1.0)
-    scores = np.einsum('tik,ti->tk', columns / std[:, None] ** 2, residual)
-    return Payload(body, _sandwich(triangle[:-1, :-1], scores)[known:, known:])
+        at = minimise(problem, problem.evaluated(at), EVALUATIONS, TOLERANCE)
+        problem = _reweighted(problem, at, least)
+    at = _existing(problem, at)
+    triangle = _triangle(problem, at)
+    spread = np.asarray(solve_triangular(triangle, np.eye(len(triangle))))
+    root = problem.parameter_map(at) @ spread
+    return LoadedArm(replace(at.arm, covariance_root=root[:-BODY]), at.body, root[-BODY:])
 
 
-def with_body(arm: ArmPosterior, body: Array) -> ArmPosterior:
-    """Return the arm with a body fixed to its last link."""
-    links = arm.links.copy()
-    links[-1, :BODY] += body
-    return replace(arm, links=links)
+def _bare(arm: ArmPosterior, ranges: tuple[Array, Array], least: Array) -> WeightedTorques:
+    """
+    Return torques that say of the arm what its posterior says, shape (STATES, n).
+
+    A fit of p parameters to m torques of standard deviation s has a mean variance of s^2 p / m.
+
+    """
+    low, high = ranges
+    rng = np.random.default_rng(SEED)
+    shape = len(low), STATES, low.shape[1]
+    q, dq, ddq = rng.uniform(low[:, None], high[:, None], shape)
+    free = int(arm.covariance_root.any(axis=1).sum())
+    spread = np.sqrt(np.mean(arm.torque_std(q, dq, ddq) ** 2, axis=0))
+    std = np.maximum(spread * np.sqrt(q.size / max(free, 1)), least)
+    return WeightedTorques(q, dq, ddq, arm.torque(q, dq, ddq), np.broadcast_to(std, q.shape))
 
 
-def _prior_precision(size: int) -> Array:
-    """Return precisions of corrections of the arm, in units of its covariance, and of the body."""
-    return np.concatenate([np.ones(size - BODY), 1.0 / PRIOR_STD])
+def _existing(problem: PayloadProblem, at: LoadedState) -> LoadedState:
+    """Return the state with the body that can exist and explains most."""
+    if np.linalg.eigvalsh(pseudo_inertia(at.body))[0] > 0.0:
+        return at
+    triangle = _triangle(problem, at)
+    others, shared, own = (
+        triangle[:-BODY, :-BODY],
+        triangle[:-BODY, -BODY:],
+        triangle[-BODY:, -BODY:],
+    )
+    change = _existing_body(own, own @ at.body) - at.body
+    step = np.concatenate([solve_triangular(others, -shared @ change), change])
+    return problem.stepped(at, step)
 
 
-def _triangle(columns: Array, target: Array) -> Array:
-    """Return the triangular factor of columns and target, the prior included."""
-    size = columns.shape[2]
-    rows = np.concatenate([columns.reshape(-1, size), np.diag(_prior_precision(size))])
-    values = np.concatenate([target.ravel(), np.zeros(size)])
-    return np.asarray(np.linalg.qr(np.column_stack([rows, values]), mode='r'))
+def _triangle(problem: PayloadProblem, at: LoadedState) -> Array:
+    """Return the triangular factor of all rows, those of the prior included."""
+    rows = [problem.rows(at), np.diag(problem.precision)]
+    return np.asarray(np.linalg.qr(np.concatenate(rows), mode='r'))
 
 
-def _existing(root: Array, right: Array) -> Array:
+def _reweighted(problem: PayloadProblem, at: LoadedState, least: Array) -> PayloadProblem:
+    """
+    Return the problem with the deviations that the residuals show.
+
+    Residuals that are correlated in time count for less than their number. Where the torques with
+    the body contradict the model, its deviations are larger than it says (Birge 1932).
+
+    """
+    triangle, rows = _triangle(problem, at), problem.rows(at)
+    count, shape = problem.bare.tau.size, problem.loaded.tau.shape
+    leverage = np.sum(solve_triangular(triangle, rows[count:].T, trans='T') ** 2, axis=0)
+    determined = leverage.reshape(shape).sum(axis=0)
+    residual = at.residual[count:].reshape(shape)
+    squares = np.sum(residual**2, axis=0) / np.maximum(shape[0] - determined, 1.0)
+    ratio = np.sqrt(squares * _correlation(residual))
+    moved = np.sum(at.residual[:count] ** 2) / max(determined.sum() - BODY, 1.0)
+    bare, loaded = problem.bare, problem.loaded
+    return PayloadProblem(
+        problem.arm,
+        bare._replace(std=bare.std * np.sqrt(max(moved, 1.0))),
+        loaded._replace(std=np.maximum(loaded.std * ratio, least)),
+    )
+
+
+def _correlation(residual: Array) -> Array:
+    """Return the variances of means of blocks, in those of independent samples, (n,)."""
+    block = contiguous_blocks(len(residual), min(BLOCKS, len(residual)))
+    sums = np.zeros((int(block.max()) + 1, residual.shape[1]))
+    np.add.at(sums, block, residual)
+    squares = np.maximum(np.sum(residual**2, axis=0), np.finfo(float).tiny)
+    return np.maximum(np.sum(sums**2, axis=0) / squares, 1.0)
+
+
+def _existing_body(root: Array, right: Array) -> Array:
     """
     Return the body that can exist and explains most.
 
@@ -167,8 +241,6 @@ def _existing(root: Array, right: Array) -> Array:
 
     """
     free = np.asarray(solve_triangular(root, right))
-    if np.linalg.eigvalsh(pseudo_inertia(free))[0] > 0.0:
-        return free
     problem = _BarrierProblem(root, right)
     mass = max(float(free[0]), 0.1)
     at = mass * np.array([1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.01, 0.0, 0.01])
@@ -215,17 +287,6 @@ class _BarrierProblem:
             return np.inf
         misfit = self._root @ at - self._right
         return float(0.5 * misfit @ misfit - 2.0 * barrier * np.log(np.diagonal(factor)).sum())
-
-
-def _sandwich(root: Array, scores: Array) -> Array:
-    inverse = solve_triangular(root, np.eye(len(root)))
-    hessian_inverse = inverse @ inverse.T
-    block = contiguous_blocks(len(scores), min(BLOCKS, len(scores)))
-    sums = np.zeros((int(block.max()) + 1, len(root)))
-    np.add.at(sums, block, scores)
-    # The prior is what is known of directions that the motion does not show.
-    spread = sums.T @ sums + np.diag(_prior_precision(len(root)) ** 2)
-    return np.asarray(hessian_inverse @ spread @ hessian_inverse)
 
 
 def _newton_step(hessian: Array, gradient: Array) -> Array:

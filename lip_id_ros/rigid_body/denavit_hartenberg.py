@@ -166,7 +166,7 @@ def table_std(chain: Chain, root: Array) -> DenavitHartenberg:
     n = len(chain.prismatic)
     jacobian = np.empty((len(DenavitHartenberg._fields), n, 6 * n))
     for k, step in enumerate(STEP * np.eye(6 * n)):
-        ahead, behind = (_standard_table(_displaced(chain, by)) for by in (step, -step))
+        ahead, behind = (_standard_table(displaced(chain, by)) for by in (step, -step))
         change = np.array(ahead) - np.array(behind)
         change[_ANGLES] = np.angle(np.exp(1j * change[_ANGLES]))
         jacobian[:, :, k] = change / (2.0 * STEP)
@@ -177,7 +177,8 @@ def _standard_table(chain: Chain) -> DenavitHartenberg:
     return table(with_standard_frames(chain, np.zeros((len(chain.prismatic), LINK_PARAMETERS)))[0])
 
 
-def _displaced(chain: Chain, by: Array) -> Chain:
+def displaced(chain: Chain, by: Array) -> Chain:
+    """Return a chain with steps of its placements, (6 n,), in the coordinates of `table_std`."""
     turns, shifts = by.reshape(-1, 2, 3).transpose(1, 0, 2)
     return chain._replace(
         rotations=chain.rotations @ Rotation.from_rotvec(turns).as_matrix(),

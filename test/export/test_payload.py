@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 import yaml
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.cli import main
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.payload import attached, payload_in_flange
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.identification.payload import Payload
+from lip_id_ros.identification.payload import LoadedArm
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.regressor import torque_regressor
@@ -35,15 +36,19 @@ def motion() -> Dataset:
     return recorded(arm(), body(), 0, NOISE)
 
 
-def known() -> Payload:
+def known(point: Array | None = None) -> LoadedArm:
+    """Return an arm with a body, both uncertain."""
+    described = model_of(arm())
+    assert described.arm is not None
     rng = np.random.default_rng(0)
-    factor = 1e-3 * rng.standard_normal((10, 10))
-    return Payload(body(), factor @ factor.T)
+    root = np.zeros((len(described.arm.covariance_root), 10))
+    own = replace(described.arm, covariance_root=root)
+    return LoadedArm(own, body() if point is None else point, 1e-3 * rng.standard_normal((10, 10)))
 
 
 def test_the_model_has_the_payload() -> None:
-    before, payload = model_of(arm()), known()
-    after = attached(before, payload)
+    before, loaded = model_of(arm()), known()
+    after = attached(before, loaded)
     q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 10, N))
     assert before.arm is not None
     columns = torque_regressor(before.arm.chain, q, dq, ddq)[:, :, -11:-1]
@@ -54,14 +59,13 @@ def test_the_model_has_the_payload() -> None:
     np.testing.assert_allclose(np.einsum('tij,tj->ti', added, ddq), expected, atol=1e-10)
     std = after.predict(q, dq, ddq, return_std=True).std
     assert std is not None
-    spread = np.einsum('tik,kl,til->ti', columns, payload.covariance, columns)
-    load = np.sqrt(spread)  # the load-dependent friction adds to it
-    assert (std.tau > 0.99 * load).all()
+    load = np.linalg.norm(columns @ loaded.body_root, axis=2)
+    assert (std.tau > 0.99 * load).all()  # the load-dependent friction adds to it
 
 
 def test_the_frame_of_the_flange() -> None:
     """A point mass 0.1 m beyond the flange's origin, turned with it."""
-    chain = random_arm(KINDS, seed=5).chain
+    chain = known().arm.chain
     point = np.array([2.0, *(2.0 * np.array([0.0, 0.1, 0.3])), *np.zeros(6)])
     c = point[1:4] / 2.0
     inertia = 2.0 * (c @ c * np.eye(3) - np.outer(c, c))
@@ -69,13 +73,35 @@ def test_the_frame_of_the_flange() -> None:
     links = np.zeros((N, 11))
     links[-1, :10] = point
     standard = with_standard_frames(chain, links)[1][-1]
-    found = payload_in_flange(chain, Payload(point, np.eye(10)), 0.0, 0.0)
+    found = payload_in_flange(known(point), 0.0, 0.0)
     np.testing.assert_allclose(found.parameters, standard[:10], atol=1e-12)
     x, y, z = found.centre
-    turned = payload_in_flange(chain, Payload(point, np.eye(10)), 0.2, 90.0)
+    turned = payload_in_flange(known(point), 0.2, 90.0)
     np.testing.assert_allclose(turned.centre, [y, -x, z - 0.2], atol=1e-12)
     np.testing.assert_allclose(turned.inertia, 0.0, atol=1e-12)
     assert turned.mass == pytest.approx(2.0)
+
+
+def test_where_the_last_frame_is_counts_in_the_deviations() -> None:
+    """A last axis that may be shifted along the axis before it: so may the centre."""
+    loaded, shift = known(), 0.01
+    root = np.zeros_like(loaded.arm.covariance_root)
+    root[6 * (N - 1) + 3 : 6 * N, 0] = shift * np.array([1.0, 0.0, 0.0])
+    uncertain = replace(loaded, arm=replace(loaded.arm, covariance_root=root))
+    certain = replace(loaded, body_root=0.0 * loaded.body_root)
+    both = replace(uncertain, body_root=certain.body_root)
+    assert payload_in_flange(certain, 0.0, 0.0).centre_std.max() == 0.0
+    moved = replace(
+        both.arm,
+        chain=both.arm.chain._replace(
+            translations=both.arm.chain.translations + root[: 6 * N, 0].reshape(N, 6)[:, 3:]
+        ),
+    )
+    change = payload_in_flange(replace(both, arm=moved), 0.0, 0.0).centre
+    change -= payload_in_flange(both, 0.0, 0.0).centre
+    np.testing.assert_allclose(
+        payload_in_flange(both, 0.0, 0.0).centre_std, np.abs(change), atol=0.05 * shift
+    )
 
 
 def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

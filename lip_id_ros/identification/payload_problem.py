@@ -1,0 +1,212 @@
+"""
+An arm and what is attached to it, fitted together to torques with and without it.
+
+A light last link hardly shows where its joint is, and a payload makes that matter. So the whole
+arm is free: the torques that its model has at random states, with their standard deviations, stand
+for the recordings that it was learned from, and recorded torques add what they show of the arm.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.identification.arm_prior import ArmPrior
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.pseudo_inertia import (
+    link_parameter_jacobian,
+    link_parameters,
+    log_cholesky,
+    moved,
+    scale_of,
+)
+from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
+
+BODY = LINK_PARAMETERS - 1
+"""Number of parameters of a body: those of a link without its rotor."""
+
+MASS, LENGTH = 10.0, 0.3
+"""Prior standard deviations of a payload's mass [kg] and of where it is [m]."""
+
+BODY_PRECISION = 1.0 / (MASS * np.repeat([1.0, LENGTH, LENGTH**2], [1, 3, 6]))
+LEAST_SCALED = 1e-12
+"""Least eigenvalue of the scaled pseudo-inertias of the links that a fit starts from."""
+
+FRICTION_PRECISION = 1.0
+"""Of the prior on logarithms of friction coefficients, or on other coefficients [N m or N]."""
+
+
+class WeightedTorques(NamedTuple):
+    """
+    Torques at joint states, with their standard deviations; all of shape (N, n).
+
+    Attributes
+    ----------
+    q, dq, ddq, tau, std : arrays
+
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    std: Array
+
+    @property
+    def state(self) -> tuple[Array, Array, Array]:
+        """Positions, velocities, accelerations."""
+        return self.q, self.dq, self.ddq
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedState:
+    """
+    An arm, and the body that is attached to it.
+
+    Attributes
+    ----------
+    arm : ArmPosterior
+        Without the body.
+    numbers : array, shape (n, 11)
+        Log-Cholesky numbers of its links.
+    body : array, shape (10,)
+    cost : float
+    residual : array, shape (m,)
+        Of both sets of torques, in standard deviations.
+
+    """
+
+    arm: ArmPosterior
+    numbers: Array
+    body: Array
+    cost: float
+    residual: Array
+
+
+class PayloadProblem:
+    """
+    Least squares over placements, log-Cholesky numbers, friction and body, in this order.
+
+    Parameters
+    ----------
+    arm : ArmPosterior
+        As it is known.
+    bare, loaded : WeightedTorques
+        Without and with the body.
+
+    """
+
+    def __init__(self, arm: ArmPosterior, bare: WeightedTorques, loaded: WeightedTorques) -> None:
+        self.arm, self.bare, self.loaded = arm, bare, loaded
+        self._scale = scale_of(float(arm.links[:, 0].mean()), LENGTH)
+        vague = ArmPrior.vague(len(arm.links), self._scale)
+        self._prior = replace(vague, chain=arm.chain)
+        friction = np.full(arm.friction.basis.size, FRICTION_PRECISION)
+        self.precision = np.concatenate([self._prior.precision, friction, BODY_PRECISION])
+
+    @property
+    def size(self) -> int:
+        """Number of entries of a step, m."""
+        return len(self.precision)
+
+    def start(self) -> LoadedState:
+        """Return the arm as it is known, with nothing attached."""
+        numbers = log_cholesky(self.arm.links, self._scale, LEAST_SCALED)
+        return self._evaluated(self.arm, numbers, np.zeros(BODY))
+
+    def evaluated(self, at: LoadedState) -> LoadedState:
+        """Return a state with its cost and residual in this problem."""
+        return self._evaluated(at.arm, at.numbers, at.body)
+
+    def stepped(self, at: LoadedState, step: Array) -> LoadedState:
+        """Return the state that a step leads to."""
+        arm, n = at.arm, len(at.numbers)
+        placements, links, friction, body = np.split(step, np.cumsum(self._sizes()))
+        turn, shift = placements.reshape(n, 2, 3).transpose(1, 0, 2)
+        chain = arm.chain._replace(
+            rotations=arm.chain.rotations @ Rotation.from_rotvec(turn).as_matrix(),
+            translations=arm.chain.translations + shift,
+        )
+        numbers = moved(at.numbers, links.reshape(n, LINK_PARAMETERS))
+        coefficients, positive = arm.friction.coefficients, arm.friction.basis.is_positive
+        grown = coefficients * np.exp(np.where(positive, np.clip(friction, -1.0, 1.0), 0.0))
+        coefficients = np.where(positive, grown, coefficients + friction)
+        moved_arm = replace(
+            arm,
+            chain=chain,
+            links=link_parameters(numbers, self._scale),
+            friction=FrictionModel(arm.friction.basis, coefficients),
+        )
+        return self._evaluated(moved_arm, numbers, at.body + body)
+
+    def normal_equations(self, at: LoadedState) -> tuple[Array, Array]:
+        """Return J^T J and J^T r of steps at a state."""
+        rows = self.rows(at)
+        hessian = rows.T @ rows
+        hessian.flat[:: self.size + 1] += self.precision**2
+        return hessian, self.precision * self._deviation(at) - rows.T @ at.residual
+
+    def rows(self, at: LoadedState) -> Array:
+        """Differentiate all torques by a step, in standard deviations, without and with body."""
+        to_parameters = self.parameter_map(at)
+        own = len(to_parameters) - BODY
+        bare = at.arm.jacobian(*self.bare.state) / self.bare.std[..., None]
+        body = torque_regressor(at.arm.chain, *self.loaded.state)[:, :, -LINK_PARAMETERS:-1]
+        loaded = with_body(at.arm, at.body).jacobian(*self.loaded.state)
+        loaded = np.concatenate([loaded, body], axis=2) / self.loaded.std[..., None]
+        return np.concatenate(
+            [
+                bare.reshape(-1, own) @ to_parameters[:own],
+                loaded.reshape(-1, own + BODY) @ to_parameters,
+            ]
+        )
+
+    def parameter_map(self, at: LoadedState) -> Array:
+        """Differentiate the coordinates of `ArmPosterior`, and the body, by a step, (m, m)."""
+        out = np.eye(self.size)
+        first = DIRECTIONS * len(at.numbers)
+        for k, block in enumerate(link_parameter_jacobian(at.numbers, self._scale)):
+            place = slice(first + LINK_PARAMETERS * k, first + LINK_PARAMETERS * (k + 1))
+            out[place, place] = block
+        friction = at.arm.friction
+        slopes = np.where(friction.basis.is_positive, friction.coefficients, 1.0)
+        place = slice(first + at.numbers.size, self.size - BODY)
+        out[place, place] = np.diag(slopes)
+        return out
+
+    def _sizes(self) -> tuple[int, int, int]:
+        n = len(self.arm.links)
+        return DIRECTIONS * n, LINK_PARAMETERS * n, self.arm.friction.basis.size
+
+    def _deviation(self, at: LoadedState) -> Array:
+        """Return how far a state is from the prior's centre, (m,)."""
+        known, now = self.arm.friction, at.arm.friction.coefficients
+        positive = known.basis.is_positive & (known.coefficients > 0.0)
+        logarithm = np.log(np.where(positive, now / np.where(positive, known.coefficients, 1), 1))
+        friction = np.where(known.basis.is_positive, logarithm, now - known.coefficients)
+        arm = self._prior.deviation(at.arm.chain, at.numbers)
+        return np.concatenate([arm, friction, at.body])
+
+    def _evaluated(self, arm: ArmPosterior, numbers: Array, body: Array) -> LoadedState:
+        arms = (arm, self.bare), (with_body(arm, body), self.loaded)
+        with np.errstate(over='ignore', invalid='ignore'):
+            parts = [(x.tau - each.torque(*x.state)) / x.std for each, x in arms]
+        at = LoadedState(arm, numbers, body, np.inf, np.concatenate([x.ravel() for x in parts]))
+        prior = self.precision * self._deviation(at)
+        cost = 0.5 * float(at.residual @ at.residual + prior @ prior)
+        return replace(at, cost=cost if np.isfinite(cost) else np.inf)
+
+
+def with_body(arm: ArmPosterior, body: Array) -> ArmPosterior:
+    """Return the arm with a body fixed to its last link."""
+    links = arm.links.copy()
+    links[-1, :BODY] += body
+    return replace(arm, links=links)
