@@ -176,7 +176,7 @@ class Identification:
     def __init__(self, urdf: Urdf) -> None:
         self._urdf = urdf
 
-    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> RigidBody:
+    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Baseline:
         """Identify from all samples."""
         features = chosen_features(known_chain(self._urdf, dataset), dataset)
         phi = features.torque(dataset.q, dataset.dq, dataset.ddq)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State, Urdf
+from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State
 from lip_id_ros.baselines.rigid_body import (
     chain_state,
     contiguous,
+    Identification,
     known_chain,
     restored_chain,
 )
@@ -78,22 +79,14 @@ class RigidBodyFriction(Baseline):
         }
 
 
-class Identification:
+class FrictionIdentification(Identification):
     """
     Least squares on rigid links and the friction terms that the default fit has on offer.
 
     The rival that has everything of the default fit and the true kinematics: what is elected, and
     how, is the same (`lip_id_ros.identification.friction_election`).
 
-    Parameters
-    ----------
-    urdf : path
-        Source of the kinematics.
-
     """
-
-    def __init__(self, urdf: Urdf) -> None:
-        self._urdf = urdf
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Baseline:
         """Elect friction and identify from all samples."""
@@ -104,7 +97,7 @@ class Identification:
         return RigidBodyFriction(*names, chain, elected.link_parameters, elected.friction)
 
 
-METHODS: Methods = {'rigid_body_friction': Identification}
+METHODS: Methods = {'rigid_body_friction': FrictionIdentification}
 
 
 def read(joints: Joints, state: State) -> RigidBodyFriction:

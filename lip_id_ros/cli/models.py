@@ -67,11 +67,6 @@ def save(path: str | os.PathLike[str], model: Model) -> None:
         model.save(path)
 
 
-def provenance(model: Model) -> Mapping[str, Any]:
-    """Return the origin of a model's training data."""
-    return model.provenance
-
-
 def facts(model: Model) -> tuple[tuple[str, str], ...]:
     """Return names and values for a report."""
     if isinstance(model, Baseline):
@@ -135,7 +130,7 @@ def _config_of(model: Model, path: str | None) -> Config:
 
 
 def _of_fit(model: Model) -> Config:
-    sources = provenance(model).get('sources', [])
+    sources = model.provenance.get('sources', [])
     recordings = [source for source in sources if all(name in source for name in SECTIONS)]
     values = {
         f'{section}.{name}': value

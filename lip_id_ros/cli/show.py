@@ -11,7 +11,7 @@ from rich.text import Text
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.baselines import Baseline
-from lip_id_ros.cli.models import Model, provenance
+from lip_id_ros.cli.models import Model
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import printable
 from lip_id_ros.evaluation import Evaluation, no_better_than_mean
@@ -126,7 +126,7 @@ def described_model(model: Model) -> dict[str, Any]:
         'joints': list(model.joint_names),
         'joint_types': list(model.joint_types),
         'has_potential_energy': model.has_potential,
-        'provenance': dict(provenance(model)),
+        'provenance': dict(model.provenance),
     }
     if isinstance(model, Baseline):
         record = model.record

@@ -11,8 +11,11 @@ import sys
 
 from lip_id_ros.cli.output import console
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.evaluation import Evaluation
+from lip_id_ros.evaluation import Evaluation, Outcome, score
+from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.evaluation.tables import error_table, notes, percent, show, Table
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.progress import Progress
 
 TITLE = 'A simulated Panda on an unseen motion'
 REPORT = 'report'
@@ -136,6 +139,25 @@ def run_demo(
     except KeyboardInterrupt:
         return INTERRUPTED
     return conclude(evaluation, output)
+
+
+def report(
+    folder: Path,
+    model: InverseDynamicsModel,
+    outcome: Outcome,
+    facts: Sequence[tuple[str, str]],
+    progress: Progress,
+) -> Evaluation:
+    """Evaluate the predictions of a model and write plots and page; `facts` come first there."""
+    evaluation = score(outcome)
+    uncertainty = band(model, outcome, progress)
+    known = (
+        ('arm', 'Franka Emika Panda, rigid bodies simulated with pinocchio'),
+        *facts,
+        ('model', f'{model.kernel} kernel, {model.n_samples} samples'),
+    )
+    write_report(folder, outcome, evaluation, uncertainty, Labels(TITLE, (), known), progress)
+    return evaluation
 
 
 def conclude(evaluation: Evaluation, output: Path) -> int:

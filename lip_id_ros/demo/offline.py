@@ -18,13 +18,10 @@ import numpy as np
 
 from lip_id_ros.cli.output import progress_display
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.demo.judge import REPORT, run_demo, TITLE, TORQUE_NOISE
-from lip_id_ros.evaluation import Evaluation, run, score, with_checks
-from lip_id_ros.evaluation.report import band, Labels, write_report
+from lip_id_ros.demo.judge import REPORT, report, run_demo, TORQUE_NOISE
+from lip_id_ros.evaluation import Evaluation, run, with_checks
 from lip_id_ros.identification import fit
-from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training, load_dataset
-from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config, FitSettings
 from lip_id_ros.simulation import (
     make_dataset,
@@ -106,7 +103,11 @@ def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
         model = with_checks(fit(chosen, config.fit, progress), chosen)
         model.save(output / MODEL)
         unseen = test.with_truth(load_dataset([test.bag], config, progress))
-        return report(output / REPORT, model, unseen, progress)
+        facts = (
+            ('motion', 'sums of 50 sinusoids up to 1 Hz; training and test drawn independently'),
+            ('noise on measured torques', f'{TORQUE_NOISE} N m'),
+        )
+        return report(output / REPORT, model, run(model, unseen, progress), facts, progress)
 
 
 def record(bag: Path, seed: int, size: Size) -> Simulation:
@@ -122,26 +123,7 @@ def record(bag: Path, seed: int, size: Size) -> Simulation:
     return Simulation(arm, trajectory, bag)
 
 
-def report(
-    folder: Path, model: InverseDynamicsModel, dataset: Dataset, progress: Progress
-) -> Evaluation:
-    """Evaluate a model and write plots and page."""
-    outcome = run(model, dataset, progress)
-    evaluation = score(outcome)
-    uncertainty = band(model, outcome, progress)
-    facts = (
-        ('arm', 'Franka Emika Panda, rigid bodies simulated with pinocchio'),
-        ('motion', 'sums of 50 sinusoids up to 1 Hz; training and test drawn independently'),
-        ('noise on measured torques', f'{TORQUE_NOISE} N m'),
-        ('model', f'{model.kernel} kernel, {model.n_samples} samples'),
-    )
-    write_report(folder, outcome, evaluation, uncertainty, Labels(TITLE, (), facts), progress)
-    return evaluation
-
-
-DEMO_CONFIG = Config(
-    fit=FitSettings(max_samples=500),
-)
+DEMO_CONFIG = Config(fit=FitSettings(max_samples=500))
 
 if __name__ == '__main__':
     sys.exit(main())

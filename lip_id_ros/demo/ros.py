@@ -15,7 +15,7 @@ import sys
 
 from lip_id_ros.cli.output import progress_display
 from lip_id_ros.demo.graph import Graph, launched, spinning
-from lip_id_ros.demo.judge import REPORT, run_demo, TITLE
+from lip_id_ros.demo.judge import REPORT, report, run_demo
 from lip_id_ros.demo.offline import TEST_SEED
 from lip_id_ros.demo.served import (
     BagRecorder,
@@ -27,13 +27,11 @@ from lip_id_ros.demo.served import (
     read_served,
     REFERENCE,
     require_efforts,
-    Served,
     TOPICS,
     TORQUE,
 )
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.evaluation import Evaluation, score
-from lip_id_ros.evaluation.report import band, Labels, write_report
+from lip_id_ros.evaluation import Evaluation
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording.bag_writer import RawBag
@@ -81,7 +79,7 @@ def demonstrate(output: Path) -> Evaluation:
             learn(graph, progress)
             with RawBag(output / BAG, TOPICS) as bag:
                 serve(graph, BagRecorder(node, bag), progress)
-        return report(output, progress)
+        return judged(output, progress)
 
 
 def learn(graph: Graph, progress: Progress) -> None:
@@ -140,28 +138,17 @@ def serve(graph: Graph, recorder: BagRecorder, progress: Progress) -> None:
     recorder.stop()
 
 
-def report(output: Path, progress: Progress) -> Evaluation:
+def judged(output: Path, progress: Progress) -> Evaluation:
     """Compare the bag with the truth and write plots and page."""
     arm = panda()
     model = InverseDynamicsModel.load(output / MODEL)
     served = read_served(output / BAG, arm.joint_names)
     require_efforts(output / BAG)
-    outcome = outcome_of(served, arm, model)
-    evaluation = score(outcome)
-    uncertainty = band(model, outcome, progress)
-    labels = Labels(TITLE, (), facts(model, served))
-    write_report(output / REPORT, outcome, evaluation, uncertainty, labels, progress)
-    return evaluation
-
-
-def facts(model: InverseDynamicsModel, served: Served) -> tuple[tuple[str, str], ...]:
-    """Say where model and data come from."""
-    return (
-        ('arm', 'Franka Emika Panda, rigid bodies simulated with pinocchio'),
+    facts = (
         ('graph', 'simulated_panda, train and serve, each in its own process'),
         ('answers', f'{len(served.stamps)} references, every one answered by serve'),
-        ('model', f'{model.kernel} kernel, {model.n_samples} samples'),
     )
+    return report(output / REPORT, model, outcome_of(served, arm, model), facts, progress)
 
 
 if __name__ == '__main__':

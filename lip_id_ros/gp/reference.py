@@ -42,14 +42,7 @@ PAIR_NUMBERS = 60
 
 
 class State(NamedTuple):
-    """
-    Joint states; each tensor of shape (n,) or (N, n).
-
-    Attributes
-    ----------
-    q, dq, ddq : tensors
-
-    """
+    """Joint states; each tensor of shape (n,) or (N, n)."""
 
     q: Tensor
     dq: Tensor
@@ -136,16 +129,7 @@ def euler_lagrange(lagrangian: Callable[[Tensor, Tensor], Tensor], x: State) -> 
 
 
 class _Inputs(NamedTuple):
-    """
-    Joint states as every kernel needs them.
-
-    Attributes
-    ----------
-    state : State
-    friction : tensor, shape (n, N, 3), or None
-        Features of the friction kernel.
-
-    """
+    """Joint states, and the features of the friction kernel (n, N, 3) or None."""
 
     state: State
     friction: Tensor
@@ -203,21 +187,7 @@ class TorchMarginalLikelihood:
         object.__setattr__(self, '_y', tensor(self.tau.ravel()))
 
     def value_and_gradient(self, vector: Array) -> tuple[float, Array]:
-        """
-        Evaluate at one vector of log-hyperparameters, shape (p,).
-
-        Returns
-        -------
-        value : float
-            Negative log marginal likelihood, constant included.
-        gradient : array, shape (p,)
-
-        Raises
-        ------
-        FitError
-            If the Gram matrix cannot be factorised.
-
-        """
+        """Evaluate at log-hyperparameters (p,), as `MarginalLikelihood.value_and_gradient`."""
         theta = torch.tensor(vector, device=self.device, requires_grad=True)
         noise: Tensor = self._at(theta).noise_variance.repeat(len(self.states))
         noisy = self._gram(theta)

@@ -235,21 +235,7 @@ def _standard_poses(chain: Chain, old: Pose) -> tuple[Pose, Pose]:
 def _frame(
     through: Array, z: Array, before: Array | None, next_line: tuple[Array | None, Array] | None
 ) -> tuple[Array, Array]:
-    """
-    Return origin and x axis of a link's frame.
-
-    Parameters
-    ----------
-    through : array, shape (3,)
-        Point of the axis that leaves no offset.
-    z : array, shape (3,)
-        The axis.
-    before : array, shape (3,), or None
-        The x axis of the frame before.
-    next_line : tuple or None
-        A point (none where only the direction matters) and the direction of the next axis.
-
-    """
+    """Return origin and x axis of a link's frame; an origin at `through` leaves no offset."""
     fallback = _any_perpendicular(z) if before is None else _perpendicular(before, z)
     if next_line is None:
         return through, fallback
