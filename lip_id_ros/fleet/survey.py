@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 import json
 import os
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lip_id_ros.arrays import IndexArray
-from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.csv_table import CSV_SUFFIX
+from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.identification.sample_selection import covering, evenly
 from lip_id_ros.preprocessing import for_training, load_dataset
 from lip_id_ros.preprocessing.cleaning import content_digest
+from lip_id_ros.recording.bags import Bag
 from lip_id_ros.settings import Config
 
 RESERVOIR_BYTES = 140_000
@@ -25,6 +29,8 @@ MOST_RESERVOIR = 600
 
 MOST_MERGED = 20_000
 """Samples of all recordings together that placements are identified with."""
+
+TEMPERATURE = 'sensor_msgs/msg/Temperature'
 
 MOST_TEXT = 20_000
 """Characters of a provenance that is kept."""
@@ -49,7 +55,27 @@ def survey(path: str | os.PathLike[str], name: str, group: str, config: Config) 
     data = for_training(
         load_dataset(path, config, watch=health), config.preprocessing, config.fit.kernel
     )
-    return survey_of(data, name, group, tuple(health.lines))
+    found = survey_of(data, name, group, tuple(health.lines))
+    return replace(found, temperature=mean_temperature(path))
+
+
+def mean_temperature(path: str | os.PathLike[str]) -> float:
+    """
+    Return the mean of all sensor_msgs/Temperature messages of a bag [degrees Celsius].
+
+    Not a number where there are none, and for sources that are no bags.
+
+    """
+    if Path(path).suffix in (DATASET_SUFFIX, CSV_SUFFIX):
+        return np.nan
+    total, count = 0.0, 0
+    with Bag(path) as bag:
+        for topic in bag.topics:
+            if topic.type == TEMPERATURE:
+                for _, message in bag.messages(topic.name):
+                    if message is not None and np.isfinite(message.temperature):
+                        total, count = total + message.temperature, count + 1
+    return total / count if count else np.nan
 
 
 def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] = ()) -> Survey:

@@ -1,0 +1,96 @@
+"""The survey of a recording, and which recordings are of one arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from fleet.fleets import arm_of, friction_of, recording
+import numpy as np
+from numpy.testing import assert_allclose
+from recording.bag_files import PLUGINS, ROS2
+from rosbags import rosbag2
+
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.fleet.survey import (
+    joint_order,
+    mean_temperature,
+    merged,
+    MOST_RESERVOIR,
+    reservoir,
+    sorted_of_one_arm,
+    survey,
+    survey_of,
+    TEMPERATURE,
+)
+from lip_id_ros.settings import Config, RecordingSettings
+from lip_id_ros.simulation.datasets import write_bag
+
+ARM = arm_of()
+FRICTION = friction_of(ARM, np.random.default_rng(0), 0.1)
+
+
+def data(seed: int = 1, count: int = 400) -> Dataset:
+    return recording(ARM, FRICTION, seed, count)
+
+
+def write_temperatures(folder: Path, values: list[float]) -> None:
+    with rosbag2.Writer(folder, version=9, storage_plugin=PLUGINS['.mcap']) as writer:
+        connection = writer.add_connection('/motor', TEMPERATURE, typestore=ROS2)
+        kinds = ROS2.types
+        header = kinds['std_msgs/msg/Header'](kinds['builtin_interfaces/msg/Time'](0, 0), '')
+        for k, value in enumerate(values):
+            message = kinds[TEMPERATURE](header, value, 0.0)
+            writer.write(connection, k, ROS2.serialize_cdr(message, TEMPERATURE))
+
+
+def test_a_bag_is_surveyed_with_rate_start_and_health(tmp_path: Path) -> None:
+    motion = data()
+    write_bag(tmp_path / 'bag', motion, start=1000.0)
+    names = Config(recording=RecordingSettings(joints=motion.joint_names))
+    found = survey(tmp_path / 'bag', 'cell 3', 'robot 7', names)
+    assert (found.name, found.group, found.joint_names) == (
+        'cell 3',
+        'robot 7',
+        motion.joint_names,
+    )
+    assert_allclose(found.rate_hz, 50.0, rtol=1e-3)
+    assert found.start_s == 1000.0
+    assert 6.5 < found.seconds < 8.0
+    assert any('short' in line for line in found.health)
+    assert np.isnan(found.temperature)
+    assert_allclose(found.high[0], found.q.max(axis=0), atol=0.2)
+
+
+def test_temperatures_of_a_bag_are_averaged(tmp_path: Path) -> None:
+    write_temperatures(tmp_path / 'bag', [30.0, 34.0, np.nan])
+    assert mean_temperature(tmp_path / 'bag') == 32.0
+
+
+def test_a_reservoir_covers_the_motion_and_is_even_in_time() -> None:
+    motion = data(count=5000)
+    rows = reservoir(motion)
+    assert MOST_RESERVOIR // 2 <= rows.size <= MOST_RESERVOIR
+    assert np.diff(rows).max() <= 2 * motion.n_samples // MOST_RESERVOIR + 1
+    some = motion.select(rows)
+    for name in ('q', 'dq', 'ddq'):
+        assert_allclose(
+            getattr(some, name).max(axis=0), getattr(motion, name).max(axis=0), rtol=0.05
+        )
+
+
+def test_the_order_of_surveys_plays_no_role() -> None:
+    surveys = [survey_of(data(seed), f'{seed}', 'robot') for seed in range(5)]
+    names = joint_order(surveys)
+    both = [merged(sorted_of_one_arm(some)[0], names) for some in (surveys, surveys[::-1])]
+    np.testing.assert_array_equal(both[0].tau, both[1].tau)
+    assert len(np.unique(both[0].recording)) == 5
+
+
+def test_other_joints_and_copies_are_left_out() -> None:
+    surveys = [survey_of(data(seed), f'{seed}', 'robot') for seed in range(3)]
+    other = survey_of(replace(data(7), joint_names=('left', 'right')), 'other', 'robot')
+    kept, left_out = sorted_of_one_arm([*surveys, other, replace(surveys[0], name='zopy')])
+    assert sorted(each.name for each in kept) == ['0', '1', '2']
+    assert left_out[3].startswith('has joints left, right of types revolute, revolute and not')
+    assert left_out[4] == 'is a copy of 0'
