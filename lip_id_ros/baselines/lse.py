@@ -12,7 +12,6 @@ from lip_id_ros.baselines.interface import Baseline, Joints, Methods, State
 from lip_id_ros.baselines.lse_kernel import energy_gram, Lengths, States, torque_gram
 from lip_id_ros.baselines.marginal_likelihood import maximise
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.gp.fitting import covering
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model import TorquePrediction
@@ -43,8 +42,8 @@ class Lse:
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> LagrangianModel:
         """Fit all joints together."""
         basis = JointBasis.of(dataset.joint_types, dataset.q)
-        few = covering(dataset, basis, settings.subset)
-        many = covering(dataset, basis, settings.max_samples)
+        few = dataset.select(dataset.covering(settings.subset))
+        many = dataset.select(dataset.covering(settings.max_samples))
         start = Hyperparameters.start(basis, dataset, with_friction=settings.friction)
         x, tau = _states(basis, few), few.tau.ravel()
 
@@ -131,7 +130,7 @@ class Hyperparameters:
 
     def _scaled_to(self, basis: JointBasis, dataset: Dataset) -> Hyperparameters:
         # The Lagrangian varies so much that its torques vary as those of the data.
-        some = covering(dataset, basis, BLOCK)
+        some = dataset.select(dataset.covering(BLOCK))
         x = _states(basis, some)
         blocks = torque_gram(x, x, self.lengths)
         diagonal = torch.einsum('ijij->ij', blocks).mean(0)

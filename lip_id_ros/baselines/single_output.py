@@ -14,7 +14,6 @@ from lip_id_ros.baselines.marginal_likelihood import maximise
 from lip_id_ros.baselines.rigid_body import chosen_features, known_chain, RigidBodyFeatures
 from lip_id_ros.baselines.terms import Linear, Motion, Term, TERMS
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.gp.fitting import covering
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.linear_algebra import CholeskyFactor
 from lip_id_ros.model import TorquePrediction
@@ -56,8 +55,8 @@ class SingleOutput:
         names = (*self.terms, 'friction') if settings.friction and self.friction else self.terms
         basis = JointBasis.of(dataset.joint_types, dataset.q)
         terms = _Terms(names, basis, self._rigid_body(dataset))
-        few = covering(dataset, basis, settings.subset)
-        many = covering(dataset, basis, settings.max_samples)
+        few = dataset.select(dataset.covering(settings.subset))
+        many = dataset.select(dataset.covering(settings.max_samples))
         joints = []
         for joint, name in enumerate(dataset.joint_names):
             covariance = terms.covariance(joint)

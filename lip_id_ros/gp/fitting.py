@@ -10,7 +10,6 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.gp.initialisation import (
     initial_guesses,
     InitialGuess,
@@ -82,7 +81,7 @@ def fit_process(
     torques, optimum = _optimise(torques, dataset, settings, backend, progress)
     seconds = round(time.monotonic() - started, 3)
     progress(CONDITIONING, 0, 1)
-    some = covering(dataset, torques.basis, settings.max_samples)
+    some = dataset.select(dataset.covering(settings.max_samples))
     states = torques.states(some.q, some.dq, some.ddq)
     prior = TorquePrior(torques, optimum.hyperparameters)
     posterior = TorquePosterior.condition(prior, states, some.tau)
@@ -101,19 +100,6 @@ def make_kernel(dataset: Dataset, settings: FitSettings, name: str) -> TorqueKer
     return TorqueKernel(energy, basis, make_friction(dataset.dq) if settings.friction else None)
 
 
-def covering(dataset: Dataset, basis: JointBasis, count: int) -> Dataset:
-    """
-    Return the samples that cover the motion best, all where there are not more than `count`.
-
-    They are chosen by farthest-point selection in joint features, velocities and accelerations, in
-    the order of time, with no randomness.
-
-    """
-    f, _ = basis.features(dataset.q)
-    points = np.concatenate([f[0].T, f[1].T, dataset.dq, dataset.ddq], axis=1)
-    return dataset.select(farthest_points(points, count))
-
-
 def _optimise(
     kernel: TorqueKernel,
     dataset: Dataset,
@@ -126,14 +112,14 @@ def _optimise(
         likelihood = backend.likelihood(kernel, states, some.tau, centre)
         return Objective(likelihood, centre, settings.prior_precision)
 
-    few = covering(dataset, kernel.basis, max(LEAST_SAMPLES, settings.subset // 3))
+    few = dataset.select(dataset.covering(max(LEAST_SAMPLES, settings.subset // 3)))
     # Tried on fewer samples, so that all of them together cost less than the optimisation itself.
     tried = [
         _tried(guess, objective(guess.centre, few), settings, progress, number)
         for number, guess in enumerate(initial_guesses(kernel, dataset), start=1)
     ]
     guess, trial = min(tried, key=lambda pair: pair[1].value)
-    some = covering(dataset, kernel.basis, settings.subset)
+    some = dataset.select(dataset.covering(settings.subset))
     kernel = with_likely_sign_widths(kernel, trial.hyperparameters, some)
     followed = objective(guess.centre, some)
     return kernel, maximise(followed, trial.hyperparameters, settings.iterations, progress)
