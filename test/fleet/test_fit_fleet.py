@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from fleet.fleets import (
@@ -13,6 +14,7 @@ from fleet.fleets import (
     PlainEngine,
     recording,
     save,
+    WIDTH,
 )
 import numpy as np
 from numpy.testing import assert_allclose
@@ -154,6 +156,25 @@ def test_the_model_is_saved_and_read(fleet: Fleet, tmp_path: Path) -> None:
     assert_allclose(back.predict(*motion).tau, model.predict(*motion).tau, atol=1e-12)
     assert back.summary['recordings'] == fleet.good
     assert len(back.provenance['sources']) == fleet.good
+
+
+def test_loads_of_the_solution_are_used_in_one_more_pass(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('lip_id_ros.fleet.fit.LOAD_CHANGE', 0.0)
+    sources = []
+    for number in range(5):
+        data = recording(ARM, np.tile([0.3, 0.8, 0.2], (2, 1)), seed=number)
+        load = ARM.torque(data.q, data.dq, data.ddq)
+        gear = 0.3 * np.abs(load) * np.tanh(data.dq / WIDTH)
+        loaded = replace(data, tau=data.tau + gear, tau_noiseless=None)
+        sources.append(save(loaded, tmp_path / f'{number}.npz', 'robot'))
+    engine = PlainEngine()
+    result = fit_fleet(sources, Config(), engine)
+    assert any('load-dependent' in name for name in result.friction_names)
+    assert engine.counts == [5, 5, 5]
+    for each in result.recordings:
+        assert np.all(each.residual_rms < 0.04)
 
 
 def test_nothing_to_read_is_refused(fleet: Fleet) -> None:
