@@ -52,7 +52,11 @@ setup(
             'pytest>=7.4,<9',
         ],
     },
-    package_data={PACKAGE: ['py.typed'], f'{PACKAGE}.export': ['*.in']},
+    package_data={
+        PACKAGE: ['py.typed'],
+        f'{PACKAGE}.export': ['*.in'],
+        f'{PACKAGE}.fleet': ['*.html'],
+    },
     zip_safe=True,
     entry_points={
         'console_scripts': [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from lip_id_ros.cli import arguments
+from lip_id_ros.cli import arguments, fleet
 
 HELP = 'learn a model from recordings'
 EPILOG = """\
@@ -15,6 +15,8 @@ examples:
                                                a warning where the data contradict it
   lip_id fit my_bag -o arm.npz --holdout 0.3   fit without the last 30 % of the samples, and
                                                evaluate the model on them
+  lip_id fit 'bags/**/*.mcap' s3://bucket/arm7/ -o arm.npz --engine ray --group-by '(robot\\d+)'
+                                               a fleet: a map over recordings and a sum
 """
 
 
@@ -66,10 +68,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='leave the last share of the samples out of the fit and evaluate the model on them',
     )
     arguments.add_force(parser)
+    fleet.add_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
+    if fleet.is_asked(args):
+        fleet.run(args)
+        return
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.errors import LipIdError
     from lip_id_ros.evaluation import evaluate

@@ -9,6 +9,7 @@ import sys
 
 from lip_id_ros.cli import (
     bench,
+    cache,
     compare,
     dataset,
     evaluate,
@@ -22,7 +23,7 @@ from lip_id_ros.cli import (
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.escaping import printable
 
-VERBS = (fit, evaluate, dataset, inspect, predict, export, payload, bench, compare, track)
+VERBS = (fit, evaluate, dataset, inspect, predict, export, payload, bench, cache, compare, track)
 FAILED = 1
 INTERRUPTED = 130  # as shells report a program ended by Ctrl-C
 EPILOG = """\

@@ -14,8 +14,18 @@ import time
 from typing import Any, TextIO
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.progress import Progress as Bars
+from rich.text import Text
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.files import is_stream, write_whole
@@ -193,7 +203,8 @@ def progress_display() -> Iterator[Progress]:
         yield Lines(sys.stderr)
         return
     columns = (TextColumn('{task.description:<24}'), BarColumn(), MofNCompleteColumn())
-    with Bars(*columns, TimeElapsedColumn(), console=console, transient=True) as bars:
+    times = _Rate(), TimeElapsedColumn(), TimeRemainingColumn()
+    with Bars(*columns, *times, console=console, transient=True) as bars:
         yield _Stages(bars)
 
 
@@ -214,6 +225,7 @@ class Lines:
         self._clock = clock
         self._last = clock()
         self._lines: set[str] = set()
+        self._begun: dict[str, tuple[float, int]] = {}
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Take a report."""
@@ -224,7 +236,18 @@ class Lines:
             return
         self._lines |= {stage, line}
         self._last = now
+        begun, first = self._begun.setdefault(stage, (now, done))
+        if total and done > first:
+            rate = (done - first) / (now - begun)
+            line += f', {rate:.3g} per s, {(total - done) / rate:.0f} s left'
         print(stage if is_new_stage else line, file=self._stream, flush=True)
+
+
+class _Rate(ProgressColumn):
+    """Items per second."""
+
+    def render(self, task: Task) -> Text:
+        return Text('' if task.speed is None else f'{task.speed:.3g}/s')
 
 
 class _Stages:

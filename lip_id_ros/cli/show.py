@@ -53,7 +53,7 @@ def fitted(model: Model, training: Dataset, console: Console) -> None:
         return
     show(_noise_table(model, training), console)
     if model.arm is not None:
-        _show_links(model, console)
+        show_links(model, console)
 
 
 def _noise_table(model: InverseDynamicsModel, training: Dataset) -> Table:
@@ -68,7 +68,8 @@ def _noise_table(model: InverseDynamicsModel, training: Dataset) -> Table:
     return Table(title, ('', 'type', 'noise', 'std of torque'), rows)
 
 
-def _show_links(model: InverseDynamicsModel, console: Console) -> None:
+def show_links(model: InverseDynamicsModel, console: Console) -> None:
+    """Show the placements that a fit found, and whether anything else explains torques."""
     rows = [(axis.joint, f'{axis.angle_deg:.1f} deg', axis.distance) for axis in axes(model)]
     if rows:
         header = ('', 'angle', 'distance')

@@ -52,6 +52,7 @@ def named(text: str) -> set[str]:
         'export',
         'payload',
         'bench',
+        'cache',
         'compare',
         'track',
     ],

@@ -49,7 +49,7 @@ def test_every_stage_has_a_line_and_slow_ones_a_line_now_and_then() -> None:
     lines('reading', 0, 0)
     lines('fit', 3, 10)
 
-    assert stream.getvalue() == 'fit\nfit: 3 of 10\nreading\n'
+    assert stream.getvalue() == 'fit\nfit: 3 of 10, 0.19 per s, 37 s left\nreading\n'
 
 
 def test_bars_are_shown_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,250 @@
+"""
+A fleet of 200 bags: 20 simulated robots of one type, 3 damaged bags, 2 bags of another arm.
+
+``python -m benchmarks fleet --folder FOLDER`` writes the bags, and fits them in one process, on
+local Ray clusters of one and two workers, with a worker killed, and again with one more bag.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+import pickle
+import re
+import tempfile
+import time
+from typing import Any
+
+import numpy as np
+import psutil
+
+from benchmarks._panda import half_ranges
+from lip_id_ros.arrays import Array
+from lip_id_ros.fleet.cache import FolderCache
+from lip_id_ros.fleet.engines import Engine, Keep, LocalEngine, Outcome, RayEngine
+from lip_id_ros.fleet.fit import fit_fleet, STATISTICS, SURVEY
+from lip_id_ros.fleet.report import write_fleet_report
+from lip_id_ros.fleet.results import FITTED, FleetResult
+from lip_id_ros.fleet.sources import find, StoredRecording
+from lip_id_ros.progress import Progress
+from lip_id_ros.settings import Config
+from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory, write_bag
+from lip_id_ros.simulation.torque_controlled import FrictionalArm, SmoothFrictionTorque
+
+ROBOTS = 20
+RATE_HZ, SECONDS = 100.0, 15.0
+NOISE_STD = 0.05  # [N m]
+FUNDAMENTAL_HZ, SINUSOIDS = 0.1, 8
+SPREAD = 0.2  # of friction between robots, as a share
+DAY_S = 86400.0
+START_S = 1.7e9
+DAMAGED, FOREIGN = 3, 2
+GROUP = r'(robot\d+)'
+
+
+def write_fleet(folder: Path, n_joints: int, count: int) -> list[str]:
+    """Write the bags that do not exist yet; return the names of those that must be left out."""
+    rng = np.random.default_rng(0)
+    arm = panda(n_joints)
+    other = arm.with_wrong_masses(0.5, 0.05, rng)
+    friction = [_friction(n_joints, rng) for _ in range(ROBOTS)]
+    odd = []
+    for number in range(count):
+        robot = number % ROBOTS
+        bag = folder / f'robot{robot:02d}' / f'run{number // ROBOTS:02d}'
+        is_foreign = 7 <= number < 7 + FOREIGN
+        is_damaged = 50 <= number < 50 + DAMAGED
+        if is_foreign or is_damaged:
+            odd.append(str(bag))
+        if bag.exists():
+            continue
+        write_run(bag, other if is_foreign else arm, friction[robot], number)
+        if is_damaged:
+            _damage(next(bag.glob('*.mcap')), number - 50)
+    return odd
+
+
+def write_run(bag: Path, arm: Any, friction: SmoothFrictionTorque, number: int) -> None:
+    """Write one bag."""
+    rng = np.random.default_rng(1000 + number)
+    limits = half_ranges(arm.n_joints)
+    motion = SinusoidTrajectory.random(limits, rng, SINUSOIDS, FUNDAMENTAL_HZ)
+    t = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
+    data = make_dataset(FrictionalArm(arm, friction), motion, t, NOISE_STD, rng)
+    bag.parent.mkdir(parents=True, exist_ok=True)
+    write_bag(bag, data, START_S + number * DAY_S)
+
+
+def _friction(n_joints: int, rng: np.random.Generator) -> SmoothFrictionTorque:
+    viscous, coulomb = np.full((2, n_joints), [[0.8], [1.2]]) * (
+        1.0 + SPREAD * rng.standard_normal((2, n_joints))
+    )
+    return SmoothFrictionTorque(viscous, coulomb, 0.05)
+
+
+def _damage(storage: Path, kind: int) -> None:
+    """Empty a file, keep a few bytes of it, or overwrite it with noise."""
+    content = storage.read_bytes()
+    noise = np.random.default_rng(kind).bytes(len(content))
+    storage.write_bytes((b'', content[:100], noise)[kind])
+
+
+class Measured(Engine):
+    """An engine whose results are weighed, and whose progress is told."""
+
+    def __init__(self, engine: Engine, during: Callable[[int], None] = lambda done: None) -> None:
+        self._engine, self._during = engine, during
+        self.largest, self.total, self.items = 0, 0, 0
+
+    def __exit__(self, *error: object) -> None:
+        """End the engine."""
+        self._engine.__exit__(None, None, None)
+
+    def map(
+        self, function: Callable[[Any], Any], items: Sequence[Any], progress: Progress, keep: Keep
+    ) -> list[Outcome]:
+        """Return the outcomes of the engine."""
+
+        def weigh(number: int, value: Any) -> None:
+            size = len(pickle.dumps(value, protocol=5))
+            self.largest, self.total = max(self.largest, size), self.total + size
+            keep(number, value)
+
+        def report(stage: str, done: int, total: int) -> None:
+            self._during(done)
+            progress(stage, done, total)
+
+        self.items += len(items)
+        return list(self._engine.map(function, items, report, weigh))
+
+
+@dataclass
+class Run:
+    """A fit, how long it took [s], and what it moved [bytes]."""
+
+    result: FleetResult
+    seconds: float
+    stages: dict[str, float]
+    engine: Measured
+
+
+def timed(
+    engine: Measured, sources: Sequence[StoredRecording], cache: FolderCache | None = None
+) -> Run:
+    """Fit, and measure each pass from its first report to its last."""
+    reports: dict[str, list[float]] = {}
+    with engine:
+        begun = time.perf_counter()
+        result = fit_fleet(
+            sources,
+            Config(),
+            engine,
+            cache,
+            lambda stage, done, total: reports.setdefault(stage, []).append(time.perf_counter()),
+        )
+        seconds = time.perf_counter() - begun
+    return Run(result, seconds, {name: ts[-1] - ts[0] for name, ts in reports.items()}, engine)
+
+
+def difference(a: FleetResult, b: FleetResult) -> float:
+    """Return the largest difference of parameters, over the largest of its kind or 1."""
+    return max(
+        float(np.max(np.abs(x - y)) / max(np.max(np.abs(x)), 1.0))
+        for x, y in zip(_parameters(a), _parameters(b), strict=True)
+    )
+
+
+def _parameters(result: FleetResult) -> list[Array]:
+    arm = result.model.arm
+    assert arm is not None
+    fitted = [each for each in result.recordings if each.status == FITTED]
+    own = np.array([each.friction for each in sorted(fitted, key=lambda each: each.name)])
+    return [
+        *(np.asarray(each, dtype=float) for each in arm.chain),
+        arm.links,
+        arm.friction.coefficients,
+        own,
+    ]
+
+
+def worker_killer() -> Callable[[int], None]:
+    """Return a function that kills one worker of Ray, when ten items of a pass are done."""
+    killed: list[int] = []
+
+    def kill(done: int) -> None:
+        if done < 10 or killed:
+            return
+        for process in psutil.Process().children(recursive=True):
+            if re.match('ray::attempt', ' '.join(process.cmdline())):
+                process.kill()
+                killed.append(process.pid)
+                print(f'killed worker {process.pid} after {done} recordings')
+                return
+
+    return kill
+
+
+def main(arguments: list[str]) -> int:
+    """Run the benchmark; return 1 where a promise is not kept."""
+    parser = argparse.ArgumentParser(prog='fleet', description=__doc__)
+    parser.add_argument('--folder', type=Path, help='where bags are, or are written')
+    parser.add_argument('--joints', type=int, default=7)
+    parser.add_argument('--bags', type=int, default=200)
+    parser.add_argument('--report', type=Path, help='write the page of the fleet')
+    args = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as scratch:
+        return _compare(args, args.folder or Path(scratch) / 'bags', Path(scratch))
+
+
+def _compare(args: argparse.Namespace, folder: Path, scratch: Path) -> int:
+    odd = write_fleet(folder, args.joints, args.bags)
+    sources = find([str(folder)], GROUP)
+    cache = FolderCache(scratch / 'cache')
+    one = timed(Measured(LocalEngine(1)), sources, cache)
+    _describe('one process', one, len(sources))
+    left_out = {each.name: each for each in one.result.recordings if each.status != FITTED}
+    for each in left_out.values():
+        print(f'{Path(each.name).relative_to(folder)} {each.status}: {each.reason[:120]}')
+    if args.report:
+        write_fleet_report(args.report, one.result)
+    runs = {
+        'Ray, one worker': Measured(RayEngine(jobs=1)),
+        'Ray, two workers': None,
+        'Ray, two workers, one killed': worker_killer(),
+    }
+    worst = 0.0
+    for name, how in runs.items():
+        if not isinstance(how, Measured):
+            how = Measured(RayEngine(jobs=2), *([how] if how else []))
+        run = timed(how, sources)
+        _describe(name, run, len(sources))
+        worst = max(worst, difference(one.result, run.result))
+    print(f'largest relative difference of parameters between engines {worst:.1e}')
+    more = folder.parent / 'more' / 'robot00' / 'run99'
+    if not more.exists():
+        rng = np.random.default_rng(0)
+        arm = panda(args.joints)
+        arm.with_wrong_masses(0.5, 0.05, rng)  # the same draws as above
+        write_run(more, arm, _friction(args.joints, rng), 999)
+    again = timed(Measured(LocalEngine(1)), find([str(folder), str(more)], GROUP), cache)
+    _describe('one more bag', again, len(sources) + 1)
+    share = again.seconds / one.seconds
+    print(f'one more bag takes {share:.3f} of the time; {again.engine.items} tasks')
+    print(f'named {sorted(left_out) == sorted(odd)}: {len(left_out)} of {len(odd)}')
+    kept = sorted(left_out) == sorted(odd) and worst <= 1e-9 and share < 0.1
+    return 0 if kept else 1
+
+
+def _describe(name: str, run: Run, count: int) -> None:
+    stages = ', '.join(f'{stage} {seconds:.1f} s' for stage, seconds in run.stages.items())
+    fitted = sum(each.status == FITTED for each in run.result.recordings)
+    passes = [run.stages.get(stage, 0.0) for stage in (SURVEY, STATISTICS)]
+    print(
+        f'{name}: {run.seconds:.1f} s, {fitted} of {count} fitted ({stages}); '
+        f'{1e3 * sum(passes) / count:.0f} ms per recording; results {run.engine.largest} bytes at '
+        f'most, {run.engine.total / max(count, 1):.0f} per recording',
+        flush=True,
+    )

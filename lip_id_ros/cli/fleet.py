@@ -1,0 +1,158 @@
+"""`lip_id fit` for a fleet: many recordings, from disk or a store, by processes or Ray."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lip_id_ros.cli import arguments
+from lip_id_ros.errors import ConfigError, LipIdError
+
+if TYPE_CHECKING:
+    from lip_id_ros.evaluation.tables import Table
+    from lip_id_ros.fleet.engines import Engine
+    from lip_id_ros.fleet.results import FleetResult
+
+LOCAL, RAY = 'local', 'ray'
+OPTIONS = ('engine', 'address', 'jobs', 'group_by', 'cache', 'report')
+MOST_LISTED = 20
+"""Recordings that are listed with their reasons; the report has all."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of a fit to a fleet."""
+    fleet = parser.add_argument_group(
+        'fleet of recordings',
+        'Any of these fits recording by recording, each with friction of its own. SOURCE may '
+        "then be a pattern ('bags/**/*.mcap'), a folder of recordings or a URL that fsspec knows "
+        '(s3://bucket/arm7/); docs/fleet.md',
+    )
+    fleet.add_argument(
+        '--engine',
+        choices=(LOCAL, RAY),
+        help='processes on this machine, or tasks of a Ray cluster (default: local)',
+    )
+    fleet.add_argument(
+        '--address', help='Ray cluster (default: one is started on this machine for the fit)'
+    )
+    fleet.add_argument(
+        '--jobs',
+        type=arguments.count,
+        metavar='N',
+        help='processes of the engine on this machine (default: 1, with ray one per processor)',
+    )
+    fleet.add_argument(
+        '--group-by',
+        metavar='G',
+        help='which robot a recording is of: a regular expression with one group, searched for in '
+        'its address, or metadata:KEY of custom_data in metadata.yaml',
+    )
+    fleet.add_argument(
+        '--cache',
+        metavar='DIR',
+        help='where results of recordings are kept for later fits (default: that of lip_id cache)',
+    )
+    fleet.add_argument('--report', metavar='PAGE.html', help='write a page about the fleet')
+
+
+def is_asked(args: argparse.Namespace) -> bool:
+    """Whether any argument of a fleet is given."""
+    return any(getattr(args, name) is not None for name in OPTIONS)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Fit, save and show."""
+    from lip_id_ros.cli import models, output, show
+    from lip_id_ros.evaluation.tables import show_lines
+    from lip_id_ros.files import write_or_rescue
+    from lip_id_ros.fleet.cache import default_folder, FolderCache
+    from lip_id_ros.fleet.fit import fit_fleet
+    from lip_id_ros.fleet.report import is_report, write_fleet_report
+    from lip_id_ros.fleet.sources import find
+
+    _check(args)
+    output.check_file(args.output, args.sources, models.is_model, 'a model', args.force)
+    output.check_file(args.report, args.sources, is_report, 'a report', args.force)
+    config = models.fit_config(args)
+    sources = find(args.sources, args.group_by)
+    cache = FolderCache(args.cache or default_folder())
+    with _engine(args) as engine, output.progress_display() as progress:
+        result = fit_fleet(sources, config, engine, cache, progress)
+    rescue = write_or_rescue(output.destination(args.output), result.model.save)
+    console = output.console(args.output, args.report)
+    _show(result, console)
+    show_lines(models.cautions(result.model), console)
+    if args.report is not None:
+        write_fleet_report(output.destination(args.report), result, Path(args.output).name)
+        show_lines([f'Report: {args.report}'], console)
+    show_lines([show.UNSEEN], console)
+    if rescue is not None:
+        raise LipIdError(rescue)
+    show_lines([f'Written: {args.output}'], console)
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what belongs to other fits or to the other engine."""
+    for name in ('model', 'holdout'):
+        if getattr(args, name) is not None:
+            raise ConfigError(
+                f'--{name} belongs to a fit without options of a fleet, but --{name} and one of '
+                f'these were given; leave out --{name}, and evaluate other recordings.'
+            )
+    if args.address is not None and args.engine != RAY:
+        raise ConfigError(
+            '--address names a Ray cluster, but the engine is local; give --engine ray.'
+        )
+    if args.address is not None and args.jobs is not None:
+        raise ConfigError(
+            '--jobs is for engines on this machine, but --address names a cluster, which has its '
+            'own number of workers; leave out one of them.'
+        )
+
+
+def _engine(args: argparse.Namespace) -> Engine:
+    from lip_id_ros.fleet.engines import LocalEngine, RayEngine
+
+    if args.engine == RAY:
+        return RayEngine(args.address, args.jobs)
+    return LocalEngine(args.jobs or 1)
+
+
+def _show(result: FleetResult, console: object) -> None:
+    from rich.console import Console
+
+    from lip_id_ros.cli import show
+    from lip_id_ros.evaluation.tables import show as show_table
+    from lip_id_ros.evaluation.tables import show_lines
+    from lip_id_ros.fleet.results import FITTED
+
+    assert isinstance(console, Console)
+    show_table(_noise_table(result), console)
+    show.show_links(result.model, console)
+    left_out = [each for each in result.recordings if each.status != FITTED]
+    lines = [f'{each.name} {each.status}: {each.reason}' for each in left_out[:MOST_LISTED]]
+    if len(left_out) > MOST_LISTED:
+        lines.append(f'{len(left_out) - MOST_LISTED} more are in the report (--report).')
+    show_lines(lines, console)
+
+
+def _noise_table(result: FleetResult) -> Table:
+    from lip_id_ros.evaluation.tables import Table
+    from lip_id_ros.fleet.results import FITTED
+    from lip_id_ros.joint_types import TORQUE_UNITS
+
+    model = result.model
+    fitted = [each for each in result.recordings if each.status == FITTED]
+    samples = sum(each.n_samples for each in fitted)
+    title = (
+        f'{len(fitted)} of {len(result.recordings)} recordings, {samples} samples, fitted in '
+        f'{model.summary["seconds_total"]:.3g} s'
+    )
+    rows = [
+        (name, kind, f'{noise:.3g} {TORQUE_UNITS[kind]}')
+        for name, kind, noise in zip(
+            model.joint_names, model.joint_types, model.noise_std, strict=True
+        )
+    ]
+    return Table(title, ('', 'type', 'noise'), rows)

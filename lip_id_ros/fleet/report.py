@@ -1,0 +1,118 @@
+"""One self-contained page about a fleet: map of recordings, friction over time, tables."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable
+from importlib.resources import files
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lip_id_ros.escaping import for_page, printable
+from lip_id_ros.evaluation.report.page import MAKER, STYLE
+from lip_id_ros.files import write_whole
+from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult
+
+MORE_STYLE = """
+.plot { width: 100%; height: 340px; background: white; border: 1px solid #e4e7eb; box-sizing: border-box; display: block; }
+.controls { display: flex; flex-wrap: wrap; gap: 8px 20px; margin: 8px 0; align-items: center; }
+.controls select { max-width: 340px; }
+.rows { background: white; border: 1px solid #e4e7eb; font-size: 13px; }
+.rows .view { height: 540px; overflow-y: scroll; }
+.rows.short .view { height: 210px; }
+.rows .body { position: relative; }
+.rows .row { display: grid; grid-template-columns: var(--grid); height: 30px; line-height: 30px; width: 100%; }
+.rows .body .row { position: absolute; border-bottom: 1px solid #e4e7eb; box-sizing: border-box; }
+.rows .head { overflow-y: scroll; scrollbar-color: transparent transparent; border-bottom: 2px solid #cbd2d9; }
+.rows span { overflow: hidden; text-overflow: ellipsis; white-space: nowrap; padding: 0 8px; }
+.rows button { font: inherit; font-weight: 600; text-align: left; border: 0; background: none; padding: 0 8px; cursor: pointer;
+  overflow: hidden; white-space: nowrap; }
+.rows button[aria-sort=ascending]::after { content: ' \\25b4'; }
+.rows button[aria-sort=descending]::after { content: ' \\25be'; }
+#tip { position: absolute; max-width: 360px; background: #1f2933; color: white; font-size: 13px; padding: 4px 8px;
+  pointer-events: none; overflow-wrap: anywhere; }
+"""  # noqa: E501
+
+
+def write_fleet_report(
+    path: str | os.PathLike[str], result: FleetResult, name: str = 'fleet'
+) -> None:
+    """
+    Write the page, which needs no network.
+
+    Parameters
+    ----------
+    path : path
+        File to be written or replaced.
+    result : FleetResult
+    name : str
+        Of the model, for the title.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+
+    """
+    write_whole(path, _page(result, f'{name}: fleet of recordings').encode())
+
+
+def is_report(path: Path) -> bool:
+    """Whether a file is a page of this package."""
+    with open(path, 'rb') as file:
+        return MAKER.encode() in file.read(1000)
+
+
+def _page(result: FleetResult, title: str) -> str:
+    # nothing in a text may end the script
+    data = json.dumps(_data(result)).replace('<', '\\u003c')
+    body = (files(__package__) / 'report.html').read_text(encoding='utf-8')
+    body = body.replace('TITLE', for_page(title), 1).replace('DATA', data, 1)
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'{MAKER}\n<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<title>{for_page(title)}</title>\n<style>{STYLE}{MORE_STYLE}</style>\n</head>\n'
+        f'<body>\n<main>\n{body}</main>\n</body>\n</html>\n'
+    )
+
+
+def _data(result: FleetResult) -> dict[str, Any]:
+    """Return what the page shows, by columns, since that is short."""
+    recordings = result.recordings
+    groups = sorted({each.group for each in recordings})
+    number_of = {group: number for number, group in enumerate(groups)}
+    return {
+        'joints': _texts(result.model.joint_names),
+        'noise': result.model.noise_std.tolist(),
+        'terms': _texts(result.friction_names),
+        'betweenRecordings': np.nan_to_num(result.deviation_of_recordings).tolist(),
+        'betweenRobots': np.nan_to_num(result.deviation_of_groups).tolist(),
+        'groups': _texts(groups),
+        'statuses': [FITTED, EXCLUDED, FAILED],
+        'names': _texts(each.name for each in recordings),
+        'group': [number_of[each.group] for each in recordings],
+        'status': [each.status for each in recordings],
+        'reasons': _texts(each.reason for each in recordings),
+        'health': [_texts(each.health) for each in recordings],
+        'samples': _packed([each.n_samples for each in recordings]),
+        'rate': _packed([each.rate_hz or np.nan for each in recordings]),
+        'seconds': _packed([each.seconds for each in recordings]),
+        'start': _packed([each.start_s for each in recordings]),
+        'temperature': _packed([each.temperature for each in recordings]),
+        'residual': _packed([each.residual_rms for each in recordings]),
+        'friction': _packed([each.friction for each in recordings]),
+        'std': _packed([each.friction_std for each in recordings]),
+    }
+
+
+def _texts(texts: Iterable[str]) -> list[str]:
+    return [printable(text) for text in texts]
+
+
+def _packed(values: Any) -> str:
+    """Return numbers as text that a page reads at once, nan too."""
+    return base64.b64encode(np.asarray(values, dtype='<f8').tobytes()).decode('ascii')
