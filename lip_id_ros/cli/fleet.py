@@ -70,10 +70,12 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.fleet.fit import fit_fleet
     from lip_id_ros.fleet.report import is_report, write_fleet_report
     from lip_id_ros.fleet.sources import find
+    from lip_id_ros.model.checked_file import is_model
 
     _check(args)
-    output.check_file(args.output, args.sources, models.is_model, 'a model', args.force)
-    output.check_file(args.report, args.sources, is_report, 'a report', args.force)
+    inputs = [*args.sources, *filter(None, (args.config, args.urdf))]
+    output.check_file(args.output, inputs, is_model, 'a model', args.force)
+    output.check_file(args.report, inputs, is_report, 'a report', args.force)
     config = models.fit_config(args)
     sources = find(args.sources, args.group_by)
     cache = FolderCache(args.cache or default_folder())
