@@ -1,7 +1,8 @@
-"""Simulate a controller and an arm step by step; feedforward from a rigid-body model."""
+"""A simulated arm under torque control, with friction and sensors, and its control loop."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,8 +12,204 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.control import ComputedTorque
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.simulation.arm import Dynamics, SimulatedArm
-from lip_id_ros.simulation.torque_controlled import Drives, Measurement, TorqueControlledArm
 from lip_id_ros.simulation.trajectories import Trajectory
+
+
+@dataclass(frozen=True)
+class JointFriction:
+    """
+    Viscous and Coulomb friction.
+
+    Attributes
+    ----------
+    viscous : ndarray, shape (n,)
+        Torque per velocity [N m s/rad or N s/m].
+    coulomb : ndarray, shape (n,)
+        Torque against the direction of motion [N m or N]; none at rest.
+    sign_width : float
+        Velocity over which that direction changes [rad/s or m/s], as equations of motion need it;
+        0 for a jump.
+
+    """
+
+    viscous: Array
+    coulomb: Array
+    sign_width: float = 0.0
+
+    def torque(self, dq: Array) -> Array:
+        """Torque [N m or N], shape (N, n) or (n,), that a motion of velocity `dq` needs."""
+        sign = np.tanh(dq / self.sign_width) if self.sign_width > 0.0 else np.sign(dq)
+        return np.asarray(self.viscous * dq + self.coulomb * sign)
+
+
+class FrictionalArm:
+    """
+    An arm and the friction in its joints.
+
+    Parameters
+    ----------
+    arm : Dynamics
+        The frictionless arm; its energies stay what they are.
+    friction : JointFriction
+
+    """
+
+    def __init__(self, arm: Dynamics, friction: JointFriction) -> None:
+        self.arm = arm
+        self.friction = friction
+        self.joint_names = arm.joint_names
+        self.joint_types = arm.joint_types
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torques [N m or N], shape (N, n), with friction."""
+        return self.arm.inverse_dynamics(q, dq, ddq) + self.friction.torque(dq)
+
+    def kinetic(self, q: Array, dq: Array) -> Array:
+        """Kinetic energy [J], shape (N,)."""
+        return self.arm.kinetic(q, dq)
+
+    def potential(self, q: Array) -> Array:
+        """Potential energy [J], shape (N,)."""
+        return self.arm.potential(q)
+
+
+@dataclass(frozen=True)
+class Drives:
+    """
+    What the joints add to the rigid bodies, and how well they measure.
+
+    Attributes
+    ----------
+    rotor_inertia : ndarray, shape (n,)
+        Seen at the joint [kg m^2 or kg].
+    friction : JointFriction
+        In the joints.
+    ripple : float
+        Standard deviation of the white noise on the torque that acts [N m or N].
+    position_noise, velocity_noise, torque_noise : float
+        Standard deviations of the sensors [rad or m, rad/s or m/s, N m or N].
+    delay : int
+        Steps between a command and its torque.
+    step : float
+        Between two commands [s].
+
+    """
+
+    rotor_inertia: Array
+    friction: JointFriction
+    ripple: float = 0.0
+    position_noise: float = 0.0
+    velocity_noise: float = 0.0
+    torque_noise: float = 0.0
+    delay: int = 0
+    step: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """
+    What the sensors say at one time.
+
+    Attributes
+    ----------
+    t : float
+        [s].
+    q, dq, tau : ndarray, shape (n,)
+        Positions, velocities, and the torques of the step that has just ended.
+
+    """
+
+    t: float
+    q: Array
+    dq: Array
+    tau: Array
+
+
+class TorqueControlledArm:
+    """
+    Rigid bodies driven by torques; one step is one fourth-order Runge-Kutta step.
+
+    Parameters
+    ----------
+    arm : SimulatedArm
+        The rigid bodies.
+    drives : Drives
+    q, dq : ndarray, shape (n,)
+        Where it starts.
+    rng : numpy.random.Generator
+        The only source of chance.
+
+    Attributes
+    ----------
+    bodies : SimulatedArm
+        The rigid bodies with their rotors: the truth for energies and torques.
+    t, q, dq
+        The exact state: time [s], positions, velocities.
+
+    """
+
+    def __init__(
+        self, arm: SimulatedArm, drives: Drives, q: Array, dq: Array, rng: np.random.Generator
+    ) -> None:
+        self.bodies = arm.with_rotor_inertia(drives.rotor_inertia)
+        self.drives = drives
+        self.t = 0.0
+        self.q = np.array(q, dtype=np.float64)
+        self.dq = np.array(dq, dtype=np.float64)
+        self._n_steps = 0
+        self._rng = rng
+        self._acting = np.zeros_like(self.q)
+        self._underway = deque([np.zeros_like(self.q)] * drives.delay)
+
+    def hold(self, tau: Array) -> None:
+        """Fill the commands under way, as if `tau` had been commanded for long."""
+        self._acting = np.array(tau, dtype=np.float64)
+        self._underway = deque([self._acting] * self.drives.delay)
+
+    def measure(self) -> Measurement:
+        """Read the sensors."""
+        drives = self.drives
+        return Measurement(
+            self.t,
+            self._noisy(self.q, drives.position_noise),
+            self._noisy(self.dq, drives.velocity_noise),
+            self._noisy(self._acting, drives.torque_noise),
+        )
+
+    def step(self, command: Array, external: Array | float = 0.0) -> None:
+        """
+        Advance by one step.
+
+        Parameters
+        ----------
+        command : ndarray, shape (n,)
+            Torques [N m or N], which act `delay` steps later and are held for a step.
+        external : ndarray, shape (n,), or float
+            Torques of a contact, which act at once and are not measured.
+
+        """
+        self._underway.append(np.array(command, dtype=np.float64))
+        self._acting = self._noisy(self._underway.popleft(), self.drives.ripple)
+        self.q, self.dq = self._moved(self._acting + external)
+        self._n_steps += 1
+        self.t = self._n_steps * self.drives.step
+
+    def _moved(self, tau: Array) -> tuple[Array, Array]:
+        h, q, dq = self.drives.step, self.q, self.dq
+        a1 = self._acceleration(q, dq, tau)
+        v2 = dq + 0.5 * h * a1
+        a2 = self._acceleration(q + 0.5 * h * dq, v2, tau)
+        v3 = dq + 0.5 * h * a2
+        a3 = self._acceleration(q + 0.5 * h * v2, v3, tau)
+        v4 = dq + h * a3
+        a4 = self._acceleration(q + h * v3, v4, tau)
+        return q + h / 6 * (dq + 2 * v2 + 2 * v3 + v4), dq + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+    def _acceleration(self, q: Array, dq: Array, tau: Array) -> Array:
+        return self.bodies.forward_dynamics(q, dq, tau - self.drives.friction.torque(dq))
+
+    def _noisy(self, values: Array, std: float) -> Array:
+        return values + std * self._rng.standard_normal(values.shape)
 
 
 class NominalFeedforward:

@@ -25,11 +25,11 @@ from lip_id_ros.simulation import (
     Drives,
     FrictionalArm,
     GrowingCosine,
+    JointFriction,
     NominalFeedforward,
     panda,
     placed,
     SimulatedArm,
-    SmoothFrictionTorque,
     track,
     Tracking,
 )
@@ -41,7 +41,7 @@ STIFFNESS = (600.0, 600.0, 400.0, 300.0, 200.0, 120.0, 70.0)
 DAMPING = (40.0, 40.0, 25.0, 20.0, 10.0, 8.0, 5.0)
 VISCOUS = (0.5, 0.5, 0.5, 0.5, 0.25, 0.25, 0.25)
 COULOMB = (0.6, 0.9, 0.6, 1.2, 0.8, 0.3, 0.5)
-TURNING = 0.01
+SIGN_WIDTH = 0.01
 ROTOR_INERTIA = 0.1
 
 
@@ -84,7 +84,7 @@ def panda_setup(n_joints: int = 7) -> Setup:
     )
     drives = Drives(
         rotor_inertia=np.full(n_joints, ROTOR_INERTIA),
-        friction=SmoothFrictionTorque(viscous, coulomb, TURNING),
+        friction=JointFriction(viscous, coulomb, SIGN_WIDTH),
         ripple=0.02,
         position_noise=2e-5,
         velocity_noise=1e-3,

@@ -12,7 +12,7 @@ from lip_id_ros.simulation import (
     SinusoidTrajectory,
 )
 from lip_id_ros.simulation.arm import MOTION
-from lip_id_ros.simulation.torque_controlled import JointFriction
+from lip_id_ros.simulation.closed_loop import JointFriction
 
 
 def runs(

@@ -11,7 +11,7 @@ from lip_id_ros.evaluation import metrics
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation import FrictionTorque, panda
+from lip_id_ros.simulation import JointFriction, panda
 
 torch = pytest.importorskip('torch')
 pytest.importorskip('pinocchio')
@@ -26,7 +26,7 @@ from lip_id_ros.baselines.terms import (  # noqa: E402
     Term,
 )
 
-FRICTION = FrictionTorque(np.array([2.0, 1.0]), np.array([3.0, 2.0]))
+FRICTION = JointFriction(np.array([2.0, 1.0]), np.array([3.0, 2.0]))
 
 
 def gram(term: Term, motion: Motion) -> np.ndarray:

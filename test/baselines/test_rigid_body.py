@@ -15,13 +15,13 @@ from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation import FrictionTorque
+from lip_id_ros.simulation import JointFriction
 from lip_id_ros.simulation.arm import panda_urdf
 
 pytest.importorskip('pinocchio')
 
 SETTINGS = FitSettings()
-FRICTION = FrictionTorque(np.array([2.0, 1.0, 0.5]), np.array([3.0, 2.0, 1.0]))
+FRICTION = JointFriction(np.array([2.0, 1.0, 0.5]), np.array([3.0, 2.0, 1.0]))
 
 
 def test_it_finds_torques_and_energies_exactly() -> None:

@@ -15,7 +15,7 @@ import pytest
 
 from lip_id_ros.cli import main
 from lip_id_ros.identification import fit
-from lip_id_ros.simulation import SmoothFrictionTorque
+from lip_id_ros.simulation import JointFriction
 
 pytest.importorskip('pinocchio')
 pytest.importorskip('mujoco')
@@ -26,7 +26,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / 'docs' / 'examples' / 'computed_
 @pytest.fixture(scope='module')
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Fit a Panda of three joints, with friction and some noise."""
-    friction = SmoothFrictionTorque(np.full(3, 0.5), np.full(3, 0.3), 0.05)
+    friction = JointFriction(np.full(3, 0.5), np.full(3, 0.3), 0.05)
     training, _ = runs(3, 200, friction, noise=0.01)
     path = tmp_path_factory.mktemp('export') / 'panda3.npz'
     fit(training).save(path)

@@ -23,11 +23,11 @@ VISCOUS = np.array([2.0, 2.0, 1.5, 1.5, 0.5, 0.5, 0.5])
 def sound(seed: int = 0, friction: float = 1.0, seconds: float = 40.0) -> JointSamples:
     """Return a recording with the noise of a good driver, and nothing else wrong."""
     pytest.importorskip('pinocchio', reason='needs pinocchio')
-    from lip_id_ros.simulation import FrictionalArm, FrictionTorque, panda, SinusoidTrajectory
+    from lip_id_ros.simulation import FrictionalArm, JointFriction, panda, SinusoidTrajectory
     from lip_id_ros.simulation.arm import MOTION
 
     rng = np.random.default_rng(seed)
-    arm = FrictionalArm(panda(7), FrictionTorque(friction * VISCOUS, friction * COULOMB))
+    arm = FrictionalArm(panda(7), JointFriction(friction * VISCOUS, friction * COULOMB))
     t = np.arange(round(seconds * RATE)) / RATE
     q, dq, ddq = SinusoidTrajectory.random(MOTION, rng).sample(t)
     return JointSamples(

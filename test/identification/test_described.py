@@ -33,10 +33,10 @@ from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import (
     FrictionalArm,
+    JointFriction,
     make_dataset,
     panda,
     SinusoidTrajectory,
-    SmoothFrictionTorque,
 )
 from lip_id_ros.simulation.arm import MOTION, panda_urdf
 
@@ -79,7 +79,7 @@ def perturbed(seed: int, degrees: float = 1.0, metres: float = 0.005, share: flo
 @cache
 def motion(seed: int, seconds: int, rate: int) -> Dataset:
     rng = np.random.default_rng(seed)
-    friction = SmoothFrictionTorque(np.full(N, 0.5), np.full(N, 0.4), 0.05)
+    friction = JointFriction(np.full(N, 0.5), np.full(N, 0.4), 0.05)
     trajectory = SinusoidTrajectory.random(MOTION, rng, 20)
     t = np.arange(0.0, seconds, 1.0 / rate)
     data = make_dataset(FrictionalArm(panda(), friction), trajectory, t, 0.0, rng)

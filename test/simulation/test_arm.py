@@ -13,7 +13,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, LipIdError
 from lip_id_ros.simulation import (
     FrictionalArm,
-    FrictionTorque,
+    JointFriction,
     panda,
     SimulatedArm,
     SinusoidTrajectory,
@@ -139,7 +139,7 @@ def test_locked_joints_keep_their_mass() -> None:
 
 @needs_pinocchio
 def test_friction_acts_against_the_motion_and_leaves_the_energies(pendulum: SimulatedArm) -> None:
-    arm = FrictionalArm(pendulum, FrictionTorque(np.array([0.5]), np.array([0.2])))
+    arm = FrictionalArm(pendulum, JointFriction(np.array([0.5]), np.array([0.2])))
     q, dq, ddq = np.zeros((3, 3, 1))
     dq = np.array([[2.0], [-2.0], [0.0]])
 

@@ -11,11 +11,11 @@ from lip_id_ros.simulation import (
     Drives,
     FrictionalArm,
     GrowingCosine,
+    JointFriction,
     NominalFeedforward,
     panda,
     placed,
     SimulatedArm,
-    SmoothFrictionTorque,
     track,
     Tracking,
 )
@@ -26,7 +26,7 @@ REFERENCE = GrowingCosine(np.array([0.0, -0.8, 0.0]), 0.5, 2.0)
 GAINS = Gains(np.full(3, 400.0), np.full(3, 40.0))
 DRIVES = Drives(
     np.full(3, 0.1),
-    SmoothFrictionTorque(np.full(3, 0.5), np.full(3, 0.6), 0.01),
+    JointFriction(np.full(3, 0.5), np.full(3, 0.6), 0.01),
     velocity_noise=1e-3,
 )
 

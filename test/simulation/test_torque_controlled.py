@@ -10,10 +10,10 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.simulation import (
     Drives,
+    JointFriction,
     NominalFeedforward,
     panda,
     SimulatedArm,
-    SmoothFrictionTorque,
     TorqueControlledArm,
 )
 
@@ -21,8 +21,8 @@ pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
 
 POSTURE = np.array([0.1, -0.8, 0.2, -2.3, 0.3, 1.5, 0.7])
 ROTORS = np.linspace(0.05, 0.2, 7)
-FREE = SmoothFrictionTorque(np.zeros(7), np.zeros(7), 0.01)
-STICKY = SmoothFrictionTorque(np.full(7, 0.4), np.full(7, 0.5), 0.01)
+FREE = JointFriction(np.zeros(7), np.zeros(7), 0.01)
+STICKY = JointFriction(np.full(7, 0.4), np.full(7, 0.5), 0.01)
 
 
 @pytest.fixture(scope='module')
