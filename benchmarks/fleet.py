@@ -32,7 +32,7 @@ from lip_id_ros.fleet.sources import find, StoredRecording
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config
 from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory, write_bag
-from lip_id_ros.simulation.torque_controlled import FrictionalArm, SmoothFrictionTorque
+from lip_id_ros.simulation.closed_loop import FrictionalArm, JointFriction
 
 ROBOTS = 20
 RATE_HZ, SECONDS = 100.0, 15.0
@@ -67,7 +67,7 @@ def write_fleet(folder: Path, n_joints: int, count: int) -> list[str]:
     return odd
 
 
-def write_run(bag: Path, arm: Any, friction: SmoothFrictionTorque, number: int) -> None:
+def write_run(bag: Path, arm: Any, friction: JointFriction, number: int) -> None:
     """Write one bag."""
     rng = np.random.default_rng(1000 + number)
     limits = half_ranges(arm.n_joints)
@@ -78,11 +78,11 @@ def write_run(bag: Path, arm: Any, friction: SmoothFrictionTorque, number: int) 
     write_bag(bag, data, START_S + number * DAY_S)
 
 
-def _friction(n_joints: int, rng: np.random.Generator) -> SmoothFrictionTorque:
+def _friction(n_joints: int, rng: np.random.Generator) -> JointFriction:
     viscous, coulomb = np.full((2, n_joints), [[0.8], [1.2]]) * (
         1.0 + SPREAD * rng.standard_normal((2, n_joints))
     )
-    return SmoothFrictionTorque(viscous, coulomb, 0.05)
+    return JointFriction(viscous, coulomb, 0.05)
 
 
 def _damage(storage: Path, kind: int) -> None:
