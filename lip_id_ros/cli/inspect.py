@@ -55,6 +55,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation.recording_health import RecordingHealth
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
+    from lip_id_ros.model.serialization import contradictions
     from lip_id_ros.preprocessing import describe
 
     output.check_file(args.json, [args.file], output.is_json, 'a JSON object', args.force)
@@ -66,7 +67,9 @@ def run(args: argparse.Namespace) -> None:
         if Path(args.file).suffix == DATASET_SUFFIX and schema_of(args.file) in (MODEL, COMPARED):
             model = models.load(args.file)
             cautions = models.cautions(model)
-            description = {'file': args.file, 'kind': 'model', **show.described_model(model)}
+            with contradictions(args.file):
+                described = show.described_model(model)
+            description = {'file': args.file, 'kind': 'model', **described}
         else:
             description = describe(args.file, progress, health)
         if args.efforts:

@@ -16,6 +16,7 @@ from lip_id_ros.evaluation import fit_cautions, matched, with_checks
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.checked_file import COMPARED, schema_of
+from lip_id_ros.model.serialization import contradictions
 from lip_id_ros.preprocessing import load_dataset
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config, FitSettings, override, read_config
@@ -48,7 +49,11 @@ def load(path: str) -> Model:
     """
     if schema_of(path) == COMPARED:
         return load_baseline(path)
-    return InverseDynamicsModel.load(path)
+    model = InverseDynamicsModel.load(path)
+    with contradictions(path):  # a hash can be computed anew for any summary and provenance
+        _config_of(model, None)
+        cautions(model)
+    return model
 
 
 def save(path: str | os.PathLike[str], model: Model) -> None:

@@ -87,7 +87,7 @@ def fit_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list
             'samples: accelerations were too small to identify it, or a light joint is hidden in '
             'the noise. Torques are not affected; do not invert M(q).'
         )
-    return texts
+    return [str(text) for text in texts]
 
 
 def copy_cautions(provenance: Mapping[str, Any]) -> list[str]:

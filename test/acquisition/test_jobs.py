@@ -172,9 +172,11 @@ def test_samples_that_cannot_be_passed_on_stay_and_a_sentence_says_why(
     jobs.stop()
 
 
-def run_job(kind: str, folder: Path, path: Path, **values: object) -> dict[str, Any]:
+def run_job(
+    kind: str, folder: Path, path: Path, recorded: JointSamples | None = None, **values: object
+) -> dict[str, Any]:
     """Run a job in this process and return what it reports."""
-    pass_on(folder, [samples(1000)])
+    pass_on(folder, [recorded or samples(1000)])
     cheap = {'fit.subset': 30, 'fit.max_samples': 60, 'fit.iterations': 3, 'fit.kernel': 'lip'}
     settings = flatten(Config()) | cheap
     request = {**asdict(Task(kind, settings, str(path))), 'recording': str(folder), **values}
@@ -188,6 +190,13 @@ def test_the_last_share_is_held_out(tmp_path: Path) -> None:
     (tmp_path / 'samples').mkdir()
     result = run_job('fit', tmp_path / 'samples', tmp_path / 'model.npz', holdout=0.2)
     assert result['holdout']['n_samples'] == pytest.approx(0.2 * result['n_samples'], abs=1)
+
+
+def test_a_model_that_explains_nothing_is_warned_of(tmp_path: Path) -> None:
+    (tmp_path / 'samples').mkdir()
+    random = replace(samples(1000), effort=np.random.default_rng(0).normal(size=(1000, 2)))
+    result = run_job('fit', tmp_path / 'samples', tmp_path / 'model.npz', random)
+    assert any('no better than the mean' in sentence for sentence in result['cautions'])
 
 
 def test_a_result_whose_disk_fails_is_kept_elsewhere(

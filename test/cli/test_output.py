@@ -6,12 +6,16 @@ from dataclasses import replace
 import io
 import json
 from pathlib import Path
+from typing import Any
 
-from cli.conftest import Workshop
+from cli.conftest import lip_id, Workshop
+from model.models import random_model
+import numpy as np
 import pytest
 from rich.console import Console
+from simulation.pendulums import swing
 
-from lip_id_ros.cli import output, show
+from lip_id_ros.cli import main, output, show
 from lip_id_ros.cli.main import one_line
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import fit_cautions
@@ -158,3 +162,45 @@ def test_an_indefinite_inertia_is_a_caution(workshop: Workshop) -> None:
     assert not any('inertia' in text for text in fit_cautions(model.joint_names, good.summary))
     (found,) = (text for text in fit_cautions(model.joint_names, bad.summary) if 'inertia' in text)
     assert 'is not positive definite at 12.5 % of the training samples' in found
+
+
+@pytest.mark.slow
+def test_every_verb_warns_of_a_model_that_explains_nothing(
+    workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    data = swing(1)
+    noise = np.random.default_rng(0).normal(size=data.tau.shape)
+    measured = replace(data, tau=noise, tau_noiseless=None, kinetic=None, potential=None)
+    measured.save(here / 'noise.npz')
+    fit = ('fit', 'noise.npz', '-o', 'm.npz', '--config', workshop.settings)
+    for arguments in (fit, ('inspect', 'm.npz'), ('evaluate', 'm.npz', 'noise.npz')):
+        capsys.readouterr()
+        lip_id(*arguments)
+        text = ' '.join(capsys.readouterr().out.split())
+        assert 'predicts no better than the mean of the torque at ' in text, arguments
+        assert 'Do not serve it' in text, arguments
+
+
+def test_distances_that_are_not_identified_are_marked(here: Path, capsys: Capture) -> None:
+    model = random_model('articulated')
+    summary = {**model.summary, 'identified_distances': [True, False]}
+    replace(model, summary=summary).save(here / 'm.npz')
+    lip_id('inspect', 'm.npz')
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    assert lines.count('identified: yes') == 1
+    assert lines.count('identified: no') == 1
+
+
+@pytest.mark.parametrize('value', [5, 'text', None, [1], {'a': 1}])
+def test_what_a_model_says_of_its_fit_is_shown_or_refused(
+    workshop: Workshop, here: Path, capsys: Capture, value: object
+) -> None:
+    """With a hash that was computed anew."""
+    model = InverseDynamicsModel.load(workshop.model)
+    for name in ('summary', 'provenance'):
+        for key, old in getattr(model, name).items():
+            changed: dict[str, Any] = {name: {**getattr(model, name), key: value}}
+            replace(model, **changed).save(here / 'm.npz')
+            if main(['inspect', 'm.npz']) == 1:
+                error = capsys.readouterr().err
+                assert 'm.npz says it is a model but lacks or contradicts' in error, (key, old)
