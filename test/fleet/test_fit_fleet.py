@@ -23,6 +23,8 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import ConfigError, DataError
+from lip_id_ros.export.from_model import describe
+from lip_id_ros.export.urdf import to_urdf
 from lip_id_ros.fleet.engines import LocalEngine
 from lip_id_ros.fleet.fit import fit_fleet
 from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult
@@ -156,6 +158,18 @@ def test_the_model_is_saved_and_read(fleet: Fleet, tmp_path: Path) -> None:
     assert_allclose(back.predict(*motion).tau, model.predict(*motion).tau, atol=1e-12)
     assert back.summary['recordings'] == fleet.good
     assert len(back.provenance['sources']) == fleet.good
+
+
+def test_a_robot_description_is_the_prior(fleet: Fleet) -> None:
+    urdf = to_urdf(describe(fleet.result.model, 'arm').arm)
+    config = Config(fit=FitSettings(description=urdf, description_distance_m=0.01))
+    result = fit_fleet(fleet.sources[: fleet.good], config, PlainEngine())
+    assert not result.model.summary['description']['corrections']
+    arm, described = result.model.arm, describe(fleet.result.model, 'arm').arm
+    assert arm is not None
+    assert_allclose(arm.chain.rotations, described.chain.rotations, atol=0.02)
+    error = link_error(result.model, recording(ARM, np.zeros((2, 3)), seed=12345))
+    assert error < 0.01 * fleet.data[0].tau.std()
 
 
 def test_loads_of_the_solution_are_used_in_one_more_pass(
