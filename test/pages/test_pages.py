@@ -12,6 +12,7 @@ from typing import Any
 
 from comparison.methods import Scaled
 from evaluation.stubs import Knowing
+from fleet.results import made_up
 from health.recordings import sound
 from matplotlib.image import imread
 import pytest
@@ -23,6 +24,7 @@ from lip_id_ros.comparison.report import write_comparison
 from lip_id_ros.evaluation import run, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.evaluation.report.recording_report import write_recording_report
+from lip_id_ros.fleet.report import write_fleet_report
 from lip_id_ros.health import evidence_of, health
 from lip_id_ros.settings import FitSettings
 
@@ -107,6 +109,22 @@ def test_every_figure_is_shown_without_a_network(
         assert image['embedded']
         assert image['shown']
         assert image['colours'] > 10
+    assert found['refused'] == []
+    assert found['console'] == []
+    assert found['overflow'] <= 0
+
+
+@pytest.mark.parametrize(('count', 'most_rows'), [(20, 40), (10_000, 60)])
+def test_the_page_of_a_fleet_draws_all_and_holds_the_rows_in_sight(
+    tmp_path: Path, count: int, most_rows: int
+) -> None:
+    page = tmp_path / 'fleet.html'
+    write_fleet_report(page, made_up(count))
+    found = seen(page)
+    assert found is not None
+    assert len(found['canvases']) == 2
+    assert min(found['canvases']) > 10
+    assert 20 < found['rows'] <= most_rows
     assert found['refused'] == []
     assert found['console'] == []
     assert found['overflow'] <= 0

@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+import re
+
+from fleet.results import made_up
+import numpy as np
+import pytest
+
+from lip_id_ros.fleet.report import is_report, write_fleet_report
+from lip_id_ros.fleet.results import FleetResult
+
+
+def data_of(page: str) -> dict[str, list[str] | str]:
+    (text,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)
+    data: dict[str, list[str] | str] = json.loads(text)
+    return data
+
+
+def test_the_page_holds_what_came_of_each_recording(tmp_path: Path) -> None:
+    result = made_up(40)
+    write_fleet_report(tmp_path / 'fleet.html', result, 'arm <7>')
+    page = (tmp_path / 'fleet.html').read_text()
+    assert '<title>arm &lt;7&gt;: fleet of recordings</title>' in page
+    assert 'http' not in page.replace('http-equiv', '')
+    data = data_of(page)
+    assert data['names'] == [each.name for each in result.recordings]
+    assert data['reasons'] == [each.reason for each in result.recordings]
+    friction = np.frombuffer(base64.b64decode(str(data['friction']))).reshape(40, -1)
+    np.testing.assert_array_equal(friction, [each.friction for each in result.recordings])
+
+
+def test_a_page_is_known_by_its_maker(tmp_path: Path) -> None:
+    write_fleet_report(tmp_path / 'fleet.html', made_up(3))
+    (tmp_path / 'other.html').write_text('<html></html>')
+    assert is_report(tmp_path / 'fleet.html')
+    assert not is_report(tmp_path / 'other.html')
+
+
+def test_a_large_fleet_has_a_page_of_some_megabytes(tmp_path: Path) -> None:
+    write_fleet_report(tmp_path / 'fleet.html', made_up(10_000))
+    assert (tmp_path / 'fleet.html').stat().st_size < 10e6
+
+
+@pytest.mark.parametrize('count', [1, 2])
+def test_a_small_fleet_has_a_page(tmp_path: Path, count: int) -> None:
+    result: FleetResult = made_up(count)
+    write_fleet_report(tmp_path / 'fleet.html', result)
+    assert len(data_of((tmp_path / 'fleet.html').read_text())['names']) == count
