@@ -219,10 +219,11 @@ class ServeNode(NodeBase, LifecycleNode):
     # services
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self.set_parameters([Parameter('enabled', value=request.data)])
+        (result,) = self.set_parameters([Parameter('enabled', value=request.data)])
         self.publish_status()
-        response.success = True
-        response.message = 'enabled' if request.data else 'disabled'
+        response.success = result.successful
+        done = 'enabled' if request.data else 'disabled'
+        response.message = done if result.successful else result.reason
         return response
 
     def _enable(self, enabled: bool) -> None:

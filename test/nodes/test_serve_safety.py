@@ -177,6 +177,18 @@ def test_parameters_are_refused_when_they_are_set(
     client.status('serve', lambda status: status['enabled'])
 
 
+def test_enable_answers_by_its_effect(ros: tuple[Graph, Client], model_path: str) -> None:
+    """Settings that contradict each other refuse every change, that of the service too."""
+    graph, client = ros
+    start_serve(graph, model_path=model_path, joints=['shoulder', 'shoulder'])
+    client.status('serve', lambda status: status['state'] == 'unconfigured')
+    answer = client.switch('/serve/enable', False)
+    assert not answer.success
+    assert answer.message.startswith("joints must name each joint once, but 'shoulder' comes tw")
+    assert client.set_parameter('serve', 'joints', []).successful
+    assert client.switch('/serve/enable', False).message == 'disabled'
+
+
 def test_a_configuration_that_fails_is_an_error_in_the_diagnostics(
     ros: tuple[Graph, Client], foreign_model_path: str
 ) -> None:
