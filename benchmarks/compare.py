@@ -12,8 +12,7 @@ from lip_id_ros.baselines import Method, method
 from lip_id_ros.cli.output import progress_display
 from lip_id_ros.comparison import Case, compare, Store
 from lip_id_ros.comparison.report import write_comparison
-from lip_id_ros.comparison.run import Make
-from lip_id_ros.comparison.summary import remarks, tables
+from lip_id_ros.comparison.run import Make, remarks, tables
 from lip_id_ros.evaluation.tables import show, show_lines
 
 

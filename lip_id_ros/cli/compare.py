@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli import models, output
     from lip_id_ros.comparison import compare, Store
     from lip_id_ros.comparison.report import write_comparison
-    from lip_id_ros.comparison.summary import remarks, tables
+    from lip_id_ros.comparison.run import remarks, tables
     from lip_id_ros.evaluation.tables import show, show_lines
 
     output.check_folder(args.output, args.force)

@@ -16,13 +16,15 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.comparison.cell import Case, Cell, code_version
-from lip_id_ros.comparison.run import ENERGIES, Results, Store
-from lip_id_ros.comparison.summary import (
+from lip_id_ros.comparison.run import (
+    ENERGIES,
     groups,
     joint_errors,
     mean_errors,
     meanings,
     remarks,
+    Results,
+    Store,
     tables,
     to_json,
 )

@@ -1,19 +1,25 @@
-"""Run a comparison: every method on every case; finished cells are kept in a folder."""
+"""Run a comparison: every method on every case; medians of the errors as tables and JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 import hashlib
 from itertools import product
 import json
+import math
 import os
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.baselines import Method, method
-from lip_id_ros.comparison.cell import Case, Cell, measure
+from lip_id_ros.baselines.registry import MEANINGS
+from lip_id_ros.comparison.cell import Case, Cell, code_version, measure
 from lip_id_ros.errors import DataError, FitError
+from lip_id_ros.evaluation.tables import percent, Table
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress, silent
@@ -22,6 +28,7 @@ from lip_id_ros.settings import FitSettings
 CELLS, THIS_FIT = 'models', 'this fit'
 VERSION = 1  # of a cell's file
 ENERGIES = ('kinetic', 'potential')
+COST = ('model', 'fit [s]', 'one query [us]', 'numbers kept')
 
 Make = Callable[[str, Case], Method]
 
@@ -147,7 +154,7 @@ def compare(
         If a cell cannot be written.
 
     """
-    make = make or _by_name
+    make = make or (lambda name, case: method(name, case.urdf))
     for case, model in product(cases, models):
         make(model, case)  # fails before the work where something is missing
     cells, paths, failures = [], [], []
@@ -171,9 +178,114 @@ def compare(
     return Results(tuple(cells), tuple(paths), tuple(failures))
 
 
-def _by_name(name: str, case: Case) -> Method:
-    return method(name, case.urdf)
-
-
 def _inner(progress: Progress) -> Progress:
     return lambda _, done, total: progress(THIS_FIT, done, total)
+
+
+def groups(cells: Sequence[Cell]) -> dict[str, dict[str, list[Cell]]]:
+    """Return the cells by group, then by model, in their order."""
+    found: dict[str, dict[str, list[Cell]]] = {}
+    for cell in cells:
+        found.setdefault(cell.group, {}).setdefault(cell.model, []).append(cell)
+    return found
+
+
+def joint_errors(cells: Sequence[Cell]) -> Array:
+    """Return the nMSE [%] of every unseen motion and joint, shape (motions, n)."""
+    return np.array([score.nmse_percent for cell in cells for score in cell.scores])
+
+
+def mean_errors(cells: Sequence[Cell]) -> Array:
+    """Return the nMSE [%] of every unseen motion, mean over the joints, shape (motions,)."""
+    return np.array([score.mean for cell in cells for score in cell.scores])
+
+
+def tables(results: Results) -> Iterator[Table]:
+    """Yield the tables of every group: errors, then the cost of the models."""
+    for group, by_model in groups(results.cells).items():
+        yield _errors(group, by_model)
+        yield Table(f'{group}: cost, medians', COST, [_cost(*item) for item in by_model.items()])
+
+
+def meanings(cells: Sequence[Cell]) -> dict[str, str]:
+    """Return the description of each model, by its name, where there is one."""
+    return {cell.model: MEANINGS[cell.model] for cell in cells if cell.model in MEANINGS}
+
+
+def remarks(results: Results) -> list[str]:
+    """Return the failures, and a warning where other code made some of the results."""
+    codes = (cell.code for cell in results.cells)
+    return [*results.failures, *_made_by_others(codes, code_version())]
+
+
+def to_json(results: Results) -> dict[str, Any]:
+    """Return all cells and their medians; keys as in docs/interfaces.md."""
+    return {
+        'groups': {
+            group: {model: _medians(cells) for model, cells in by_model.items()}
+            for group, by_model in groups(results.cells).items()
+        },
+        'cells': [cell.to_json() for cell in results.cells],
+        'failures': list(results.failures),
+    }
+
+
+def _made_by_others(codes: Iterable[str], here: str) -> list[str]:
+    """Return a warning where results were made by other code than that of the version `here`."""
+    all_codes = list(codes)
+    others = sorted({code for code in all_codes if code != here})
+    if not others:
+        return []
+    count = sum(code != here for code in all_codes)
+    return [
+        f'{count} of {len(all_codes)} results were kept from other code ({", ".join(others)}; '
+        f'this is {here}); for results of this code compare into a new folder.'
+    ]
+
+
+def _errors(group: str, by_model: dict[str, list[Cell]]) -> Table:
+    joints = next(iter(by_model.values()))[0].joint_names
+    medians = {model: _medians(cells) for model, cells in by_model.items()}
+    energies = [
+        name
+        for name in ('kinetic', 'potential')
+        if any(found[f'{name}_nmse_percent'] is not None for found in medians.values())
+    ]
+    header = ('model', *joints, 'mean', *energies)
+    rows = []
+    for model, found in medians.items():
+        figures = [*found['nmse_percent'], found['nmse_percent_mean']]
+        figures += [found[f'{name}_nmse_percent'] for name in energies]
+        rows.append((model, *(percent(x) for x in figures)))
+    count = max(len(joint_errors(cells)) for cells in by_model.values())
+    motions = 'one unseen motion' if count == 1 else f'median of {count} unseen motions'
+    return Table(f'{group}: nMSE [%], {motions}', header, rows)
+
+
+def _cost(model: str, cells: Sequence[Cell]) -> tuple[str, ...]:
+    found = _medians(cells)
+    seconds, query = found['fit_seconds'], found['query_us']
+    return model, f'{seconds:.3g}', f'{query:.0f}', f'{found["size"]:.0f}'
+
+
+def _medians(cells: Sequence[Cell]) -> dict[str, Any]:
+    scores = [score for cell in cells for score in cell.scores]
+    return {
+        'motions': len(scores),
+        'nmse_percent': [_number(x) for x in np.median(joint_errors(cells), axis=0)],
+        'nmse_percent_mean': _median([score.mean for score in scores]),
+        'global_mse': _median([sum(x**2 for x in score.rmse) for score in scores]),
+        'kinetic_nmse_percent': _median([score.kinetic_nmse_percent for score in scores]),
+        'potential_nmse_percent': _median([score.potential_nmse_percent for score in scores]),
+        'fit_seconds': _median([cell.fit_seconds for cell in cells]),
+        'query_us': _median([cell.query_us for cell in cells]),
+        'size': _median([float(cell.size) for cell in cells]),
+    }
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return _number(np.median(values))
+
+
+def _number(value: Any) -> float | None:
+    return None if math.isnan(value) else float(value)

@@ -35,7 +35,6 @@ FEEDBACK = 2.0
 Natural frequency of the feedback, critically damped [rad/s]: it takes half a second to bring the
 arm back, so that 0.1 s are as good as free and an arm that would topple stays near for 1 s.
 """
-
 STEP_S = 1e-3
 MOST_WINDOWS = 50
 SLOPE = 1e-4

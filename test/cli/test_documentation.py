@@ -13,8 +13,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.cli import main
 from lip_id_ros.comparison import Cell, Score
-from lip_id_ros.comparison.run import Results
-from lip_id_ros.comparison.summary import to_json
+from lip_id_ros.comparison.run import Results, to_json
 from lip_id_ros.evaluation import evaluate, run
 from lip_id_ros.evaluation.prediction_file import predicted_values, write_prediction_npz
 from lip_id_ros.evaluation.speed import CallTimes, Speed

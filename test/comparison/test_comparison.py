@@ -14,10 +14,10 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.baselines import Method
-from lip_id_ros.comparison import Case, Cell, compare, report, Results, Store, summary, thinned
+from lip_id_ros.comparison import Case, Cell, compare, report, Results, Store, thinned
 from lip_id_ros.comparison.cell import code_version, source_digest
 from lip_id_ros.comparison.report import write_comparison
-from lip_id_ros.comparison.summary import remarks, tables
+from lip_id_ros.comparison.run import groups, meanings, remarks, tables
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import FitSettings
@@ -153,7 +153,7 @@ def test_results_of_other_code_are_kept_and_named(
     (cell,) = first.cells
     assert cell.code == code_version()
 
-    monkeypatch.setattr(summary, 'code_version', lambda: '9-new')
+    monkeypatch.setattr('lip_id_ros.comparison.run.code_version', lambda: '9-new')
     again = run(tmp_path / 'cells', {'half': method}, [case()])
     assert method.fits == 1
     (sentence,) = remarks(again)
@@ -187,7 +187,7 @@ def test_one_unseen_motion_is_drawn_as_points_and_several_as_boxes(tmp_path: Pat
     drawn = []
     for each in (one, case()):
         cells = run(tmp_path, methods, [each]).cells
-        panel = report.boxes(summary.groups(cells)['pendulums']).axes[0]
+        panel = report.boxes(groups(cells)['pendulums']).axes[0]
         drawn.append((len(panel.patches), len(panel.get_lines())))
         assert [tick.get_text() for tick in panel.get_xticklabels()] == ['half', 'good']
     (no_boxes, points), (boxes, lines) = drawn
@@ -204,4 +204,4 @@ def test_models_are_explained_and_unknown_energies_have_no_columns(tmp_path: Pat
     for cell, header in ((with_truth, ('mean', 'kinetic')), (without, ('mean',))):
         errors, _ = tables(Results((cell,), (), ()))
         assert tuple(errors.header) == ('model', *cell.joint_names, *header)
-    assert 'composed from base to tip' in summary.meanings([with_truth])['recursive']
+    assert 'composed from base to tip' in meanings([with_truth])['recursive']

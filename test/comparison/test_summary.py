@@ -7,7 +7,7 @@ import math
 import pytest
 
 from lip_id_ros.comparison import Cell, Results, Score
-from lip_id_ros.comparison.summary import tables, to_json
+from lip_id_ros.comparison.run import tables, to_json
 
 
 def cell(model: str, factor: float, **cost: float) -> Cell:

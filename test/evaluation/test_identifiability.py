@@ -8,7 +8,7 @@ from gp.arms import dataset_of, noise_of, random_motion, TwoLinks
 import pytest
 
 from lip_id_ros.evaluation import with_checks
-from lip_id_ros.evaluation.identifiability import identified_distances
+from lip_id_ros.evaluation.cautions import identified_distances
 from lip_id_ros.identification import fit
 from lip_id_ros.settings import FitSettings
 
