@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.coupling_terms import LoadTorque
 from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import (
     Asymmetric,
@@ -117,7 +118,7 @@ def recording(seed: int, extra: Terms) -> tuple[RandomArm, Dataset]:
     ]
     scaled = []
     for part, values in [*plain, *extra]:
-        loaded = part.term.name.startswith('load')
+        loaded = part.term.name.startswith('load') or part.term.name == 'torque'
         scaled.append(np.array(values) * (1.0 if loaded else size[part.drive.joints[0]]))
     basis = FrictionBasis(N_JOINTS, tuple(part for part, _ in [*plain, *extra]))
     clean = links + FrictionModel(basis, np.concatenate(scaled)).torque(q, dq, links)
@@ -143,6 +144,12 @@ def present(name: str) -> Terms:
 def coupled() -> Terms:
     """Return friction of a motor that turns with the last two joints."""
     return [(DriveTerm(COUPLED, term), [0.1]) for term in (Viscous(), Coulomb(WIDTH))]
+
+
+def coupled_efforts() -> Terms:
+    """Return what the second effort has of the third joint's torque: motors are coupled."""
+    drive = Drive.transmitted(2, to=JOINT)
+    return [(DriveTerm(drive, LoadTorque()), [0.7])]
 
 
 def without_gravity(arm: RandomArm, dataset: Dataset, rng: np.random.Generator) -> Dataset:

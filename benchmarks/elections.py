@@ -17,6 +17,7 @@ from rich.table import Table
 
 from benchmarks._drives import (
     coupled,
+    coupled_efforts,
     FAULTS,
     faulty,
     JOINT,
@@ -67,6 +68,7 @@ def _friction(n_seeds: int) -> Table:
         cases[name] = present(name), [{name} if j == JOINT else set() for j in range(N_JOINTS)]
     pair = [{f'{term} coupled with joint {k}' for term in ('viscous', 'Coulomb')} for k in (3, 2)]
     cases['coupled motor'] = coupled(), [set(), *pair]
+    cases['coupled efforts'] = coupled_efforts(), [set(), {'torque coupled with joint 3'}, set()]
     for name, (extra, expected) in cases.items():
         started = time.process_time()
         found = [elected(seed, extra) for seed in range(n_seeds)]

@@ -23,6 +23,7 @@ from lip_id_ros.friction.primitives import (
     ANYWHERE,
     Column,
     COSINE,
+    LOAD,
     ONE,
     POSITION,
     Primitive,
@@ -118,20 +119,20 @@ def _drive(
     signs = {width: f's{k}' for k, width in enumerate(widths)}
     names = _safe([' with '.join(joint_names[i] for i in drive.joints)])[0]
     lines = [f'  {{ /* {names} */']
-    if any(p.shape != ONE or p.side for p in used):
+    if any(p.shape not in (ONE, LOAD) or p.side for p in used):
         lines.append(f'    const double v = {_combination("dq", drive)};')
     if any(p.position != ANYWHERE for p in used):
         lines.append(f'    const double p = {_combination("q", drive)};')
-    if any(p.loaded for p in used):
-        lines.append(f'    const double l = fabs(load[{drive.joints[0]}]);')
+    if any(p.loaded or p.shape == LOAD for p in used):
+        lines.append(f'    const double l = load[{drive.joints[0]}];')
     for width, name in signs.items():
         lines.append(f'    const double {name} = tanh(v / {_number(width)});')
     lines.append('    double f = 0.0;')
     for name, factor, column in features:
         lines.append(f'    f += {_number(factor)} * {_column(column, signs)}; /* {name} */')
-    for joint, ratio in zip(drive.joints, drive.ratios, strict=True):
-        share = 'f' if ratio == 1.0 else f'{_number(ratio)} * f'
-        lines.append(f'    friction[{joint}] += {share};')
+    for joint, share in drive.efforts:
+        torque = 'f' if share == 1.0 else f'{_number(share)} * f'
+        lines.append(f'    friction[{joint}] += {torque};')
     return [*lines, '  }']
 
 
@@ -140,6 +141,7 @@ def _combination(name: str, drive: Drive) -> str:
     return ' + '.join(
         f'{name}[{joint}]' if ratio == 1.0 else f'{_number(ratio)} * {name}[{joint}]'
         for joint, ratio in pairs
+        if ratio != 0.0
     )
 
 
@@ -152,7 +154,7 @@ def _column(column: Column, signs: Mapping[float, str]) -> str:
 
 
 def _primitive(primitive: Primitive, signs: Mapping[float, str]) -> str:
-    shapes = {ONE: '1.0', VELOCITY: 'v', SQUARE: 'v * fabs(v)'}
+    shapes = {ONE: '1.0', VELOCITY: 'v', SQUARE: 'v * fabs(v)', LOAD: 'l'}
     text = signs[primitive.width] if primitive.shape == SIGN else shapes[primitive.shape]
     if primitive.side:
         text = f'(v {">" if primitive.side > 0 else "<"} 0.0 ? {text} : 0.0)'
@@ -161,7 +163,7 @@ def _primitive(primitive: Primitive, signs: Mapping[float, str]) -> str:
     elif primitive.position != ANYWHERE:
         function = 'cos' if primitive.position == COSINE else 'sin'
         text += f' * {function}({_number(primitive.harmonic)} * p)'
-    return f'l * {text}' if primitive.loaded else text
+    return f'fabs(l) * {text}' if primitive.loaded else text
 
 
 def _list(values: Iterable[float]) -> str:

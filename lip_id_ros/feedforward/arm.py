@@ -126,7 +126,7 @@ class ServedArm:
         columns = self._order.columns(names)
         state = stack(points, len(names))[:, 0].take(columns, axis=1)
         query = self._model.query(*state)
-        tau = query.tau if self.shaper.rules.gravity else query.tau - query.gravity
+        tau = self._with_gravity(query)
         factor = self._range_factors(state) * self._std_factor(state, now, tag)
         return ServedTorque(self.shaper.sample(factor * tau, now), query, state)
 
@@ -153,7 +153,7 @@ class ServedArm:
         states = stack(points, len(names))[:, :, columns]
         t = increasing_times(points)
         predicted = self._model.predict(*states)
-        tau = predicted.tau if self.shaper.rules.gravity else predicted.tau - predicted.gravity
+        tau = self._with_gravity(predicted)
         ordered = np.empty_like(tau)
         ordered[:, columns] = self.shaper.plan(self._range_factors(states)[:, np.newaxis] * tau, t)
         return ordered
@@ -214,11 +214,17 @@ class ServedArm:
             residual = tau - self._model.query(q, dq, ddq).tau
         return residual if np.isfinite(residual).all() else None
 
+    def _with_gravity(self, predicted: Query | Prediction) -> Array:
+        """Return torques, without gravity where the robot adds its own."""
+        if self.shaper.rules.gravity:
+            return predicted.tau
+        return predicted.tau - self._model.efforts(predicted.gravity)
+
     def _safe_target(self, position: Array | None) -> Array:
         rules, zero = self.shaper.rules, np.zeros(len(self.joint_names))
         if rules.safe_value is SafeValue.ZERO or not rules.gravity or position is None:
             return zero
-        gravity = self._model.query(position, zero, zero).gravity
+        gravity = self._model.efforts(self._model.query(position, zero, zero).gravity)
         return gravity if np.isfinite(gravity).all() else zero
 
     def _range_factors(self, states: Array) -> Array:

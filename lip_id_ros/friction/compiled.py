@@ -13,6 +13,7 @@ from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.friction.model import Drive, FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
+    LOAD,
     ONE,
     POSITION,
     Primitive,
@@ -31,6 +32,8 @@ class CompiledFriction(NamedTuple):
     ----------
     ratios : array, shape (m, n)
         Of each drive's speed to the joints' velocities.
+    shares : array, shape (m, n)
+        Of each drive's torque in the joints' efforts.
     bearing : int array, shape (m,)
         Joint whose load the drive bears.
     ends : int array, shape (m,)
@@ -44,6 +47,7 @@ class CompiledFriction(NamedTuple):
     """
 
     ratios: Array
+    shares: Array
     bearing: IntArray
     ends: IntArray
     shape: IntArray
@@ -75,14 +79,17 @@ def _laid_out(
     drives: Sequence[tuple[Drive, Sequence[tuple[Primitive, float]]]], n_joints: int
 ) -> CompiledFriction:
     """Lay the primitives of drives out in arrays, with the factor of each."""
-    ratios = np.zeros((len(drives), n_joints))
-    for row, (drive, _) in zip(ratios, drives, strict=True):
-        row[list(drive.joints)] = drive.ratios
+    ratios, shares = np.zeros((2, len(drives), n_joints))
+    for k, (drive, _) in enumerate(drives):
+        ratios[k, list(drive.joints)] = drive.ratios
+        for joint, share in drive.efforts:
+            shares[k, joint] = share
     sizes = [len(parts) for _, parts in drives]
     every = [part for _, parts in drives for part in parts]
     primitives = [primitive for primitive, _ in every]
     return CompiledFriction(
         ratios,
+        shares,
         np.array([drive.joints[0] for drive, _ in drives], dtype=np.int64),
         np.cumsum(sizes, dtype=np.int64),
         np.array([each.shape for each in primitives], dtype=np.int64),
@@ -128,7 +135,7 @@ def add_friction(friction: CompiledFriction, q: Array, dq: Array, load: Array, o
         torque = _torque_of_drive(friction, m, first, q, dq, load)
         first = friction.ends[m]
         for j in range(len(q)):
-            out[j] += friction.ratios[m, j] * torque
+            out[j] += friction.shares[m, j] * torque
 
 
 @jit
@@ -149,7 +156,7 @@ def set_features(features: CompiledFriction, q: Array, dq: Array, load: Array, o
         feature = _torque_of_drive(features, k, first, q, dq, load)
         first = features.ends[k]
         for j in range(len(q)):
-            out[j, k] = features.ratios[k, j] * feature
+            out[j, k] = features.shares[k, j] * feature
 
 
 @jit
@@ -186,7 +193,7 @@ def _torque_of_drive(
     for j in range(len(q)):
         position += friction.ratios[m, j] * q[j]
         speed += friction.ratios[m, j] * dq[j]
-    own = abs(load[friction.bearing[m]])
+    own = load[friction.bearing[m]]
     return drive_friction(friction, first, friction.ends[m], position, speed, own)
 
 
@@ -208,12 +215,14 @@ def drive_friction(
                 width = friction.width[p]
                 sign = _smooth_sign(dq / width)
             value = sign
+        elif shape == LOAD:
+            value = load
         else:
             value = dq * abs(dq)
         if friction.side[p] * value < 0.0:
             value = 0.0
         if friction.loaded[p]:
-            value *= load
+            value *= abs(load)
         if friction.position[p] != ANYWHERE:
             value *= _harmonic(friction.position[p], friction.harmonic[p] * q, q)
         torque += friction.factor[p] * value

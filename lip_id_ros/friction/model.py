@@ -13,7 +13,14 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError, ShapeError
 from lip_id_ros.friction import terms
-from lip_id_ros.friction.terms import Coulomb, DriveState, FrictionTerm, Offset, Viscous
+from lip_id_ros.friction.coupling_terms import LoadTorque, SharedFriction
+from lip_id_ros.friction.terms import (
+    Coulomb,
+    DriveState,
+    FrictionTerm,
+    Offset,
+    Viscous,
+)
 
 _TERMS: dict[str, type[FrictionTerm]] = {
     each.__name__: each
@@ -30,6 +37,8 @@ _TERMS: dict[str, type[FrictionTerm]] = {
         terms.PositionCoulomb,
         terms.Ripple,
         terms.Spring,
+        LoadTorque,
+        SharedFriction,
     )
 }
 """All terms by the name of their class, as model files have it."""
@@ -41,23 +50,38 @@ class Drive:
     A motor that turns with one joint, or with several that are coupled.
 
     Its speed is the sum of `ratios` times the joints' velocities; by virtual work its torque acts
-    on each joint times that joint's ratio.
+    on each joint times that joint's ratio. Efforts of coupled motors that are not those of the
+    joints have other shares in it.
 
     Attributes
     ----------
     joints : tuple of int
         From 0; the first is the joint whose load the drive bears.
     ratios : tuple of float
+    shares : tuple of float
+        Of the drive's torque in the effort of each joint; empty for `ratios`.
 
     """
 
     joints: tuple[int, ...]
     ratios: tuple[float, ...]
+    shares: tuple[float, ...] = ()
 
     @classmethod
     def of_joint(cls, joint: int) -> Drive:
         """Return the drive of one joint alone."""
         return cls((joint,), (1.0,))
+
+    @classmethod
+    def transmitted(cls, joint: int, to: int) -> Drive:
+        """Return the drive of one joint, as far as the effort of another one contains it."""
+        return cls((joint, to), (1.0, 0.0), (0.0, 1.0))
+
+    @property
+    def efforts(self) -> tuple[tuple[int, float], ...]:
+        """The joints whose efforts contain its torque, each with its share."""
+        shares = zip(self.joints, self.shares or self.ratios, strict=True)
+        return tuple((joint, share) for joint, share in shares if share != 0.0)
 
     def state(self, q: Array, dq: Array, load: Array) -> DriveState:
         """Return the state of the drive at joint states and loads of shape (N, n)."""
@@ -126,7 +150,7 @@ class FrictionBasis:
         """Return, for every joint, the coefficients that its torque depends on."""
         own: list[list[int]] = [[] for _ in range(self.n_joints)]
         for part, place in zip(self.terms, self.slices, strict=True):
-            for joint in part.drive.joints:
+            for joint, _ in part.drive.efforts:
                 own[joint].extend(range(place.start, place.stop))
         return tuple(np.array(each, dtype=np.intp) for each in own)
 
@@ -148,8 +172,8 @@ class FrictionBasis:
         own: list[list[Array]] = [[np.zeros((len(q), 0))] for _ in range(self.n_joints)]
         for part in self.terms:
             features = part.term.features(part.drive.state(q, dq, load))
-            for joint, ratio in zip(part.drive.joints, part.drive.ratios, strict=True):
-                own[joint].append(ratio * features)
+            for joint, share in part.drive.efforts:
+                own[joint].append(share * features)
         return tuple(np.hstack(each) for each in own)
 
 
@@ -194,6 +218,16 @@ class FrictionModel:
         """Number of joints."""
         return self.basis.n_joints
 
+    def efforts(self, torque: Array) -> Array:
+        """Return the efforts of motors, coupled or not, for torques of joints, shape (..., n)."""
+        out = torque.copy()
+        for part, place in zip(self.basis.terms, self.basis.slices, strict=True):
+            if isinstance(part.term, LoadTorque):
+                coefficient = self.coefficients[place.start]
+                for joint, share in part.drive.efforts:
+                    out[..., joint] += share * coefficient * torque[..., part.drive.joints[0]]
+        return out
+
     def torque(self, q: Array, dq: Array, load: Array) -> Array:
         """
         Friction torques.
@@ -220,7 +254,7 @@ class FrictionModel:
         """Return the names of the terms of every joint, in the words of the literature."""
         own: list[list[str]] = [[] for _ in range(self.n_joints)]
         for part in self.basis.terms:
-            for joint in part.drive.joints:
+            for joint, _ in part.drive.efforts:
                 others = [f'{k + 1}' for k in part.drive.joints if k != joint]
                 coupled = f' coupled with joint {" and ".join(others)}' if others else ''
                 own[joint].append(part.term.name + coupled)
@@ -232,6 +266,7 @@ class FrictionModel:
             {
                 'joints': list(part.drive.joints),
                 'ratios': list(part.drive.ratios),
+                'shares': list(part.drive.shares),
                 **_term_to_json(part.term),
             }
             for part in self.basis.terms
@@ -265,10 +300,14 @@ class FrictionModel:
 def _part(entry: Mapping[str, Any], n_joints: int) -> DriveTerm:
     joints = tuple(int(joint) for joint in entry['joints'])
     ratios = tuple(float(ratio) for ratio in entry['ratios'])
+    shares = tuple(float(share) for share in entry.get('shares', ()))
     if not joints or len(joints) != len(ratios) or not set(joints) <= set(range(n_joints)):
         raise ValueError('joints and ratios of a drive do not fit')
-    rest = {name: value for name, value in entry.items() if name not in ('joints', 'ratios')}
-    return DriveTerm(Drive(joints, ratios), _term_from_json(rest))
+    if shares and len(shares) != len(joints):
+        raise ValueError('joints and shares of a drive do not fit')
+    of_drive = ('joints', 'ratios', 'shares')
+    rest = {name: value for name, value in entry.items() if name not in of_drive}
+    return DriveTerm(Drive(joints, ratios, shares), _term_from_json(rest))
 
 
 def plain_friction(n_joints: int, widths: Array) -> FrictionBasis:

@@ -130,7 +130,8 @@ def sticking_noise(
     width = np.ones(friction.n_joints)
     for part in friction.basis.terms:
         if isinstance(part.term, Coulomb):
-            width[list(part.drive.joints)] = part.term.width
+            for joint, _ in part.drive.efforts:
+                width[joint] = part.term.width
     moving = np.broadcast_to(SATURATED * width, q.shape)
     torques = friction.torque(q, moving, load), friction.torque(q, -moving, load)
     coulomb = 0.5 * np.mean(np.maximum(torques[0] - torques[1], 0.0), axis=0)

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 class Primitive(NamedTuple):
     """
-    Product of a shape in velocity, a harmonic in position, and the load where it is asked for.
+    Product of a shape in velocity or load, a harmonic in position, and the load where asked for.
 
     Attributes
     ----------
     shape : int
-        One of `ONE`, `VELOCITY`, `SIGN`, `SQUARE`.
+        One of `ONE`, `VELOCITY`, `SIGN`, `SQUARE`, `LOAD`.
     width : float
         Of the smooth sign [rad/s or m/s].
     side : int
@@ -34,7 +34,7 @@ class Primitive(NamedTuple):
     harmonic: float = 1.0
 
 
-ONE, VELOCITY, SIGN, SQUARE = range(4)
+ONE, VELOCITY, SIGN, SQUARE, LOAD = range(5)
 ANYWHERE, POSITION, COSINE, SINE = range(4)
 
 Column = tuple[tuple[float, Primitive], ...]

@@ -9,6 +9,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.coupling_terms import LoadTorque, SharedFriction
 from lip_id_ros.friction.model import Drive, DriveTerm, plain_friction
 from lip_id_ros.friction.terms import (
     Asymmetric,
@@ -33,6 +34,12 @@ Least relative decrease of left-out mean squares, summed over joints, for a term
 
 RARE_GAIN = 0.5
 """The same for terms that few drives have, or for which the links' parameters can stand in."""
+
+COUPLING_GAIN = float(np.log(4.0))
+"""
+The same for efforts of coupled motors, which the error of a joint has to halve for: with places
+of the joints that are not exact, the torques of neighbours explain a little everywhere.
+"""
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,7 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
         loaded = LoadCoulomb(width), LoadViscous()
         offers.append(Candidate(tuple(DriveTerm(own, term) for term in loaded)))
         offers += [Candidate((DriveTerm(own, term),), RARE_GAIN) for term in rare]
-    return offers + _coupled(widths)
+    return offers + _coupled(widths) + _transmitted(widths)
 
 
 def _coupled(widths: Array) -> list[Candidate]:
@@ -100,6 +107,19 @@ def _coupled(widths: Array) -> list[Candidate]:
             drive = Drive((j, j - 1), (1.0, ratio))
             terms = (Viscous(), Coulomb(float(np.hypot(widths[j], widths[j - 1]))))
             offers.append(Candidate(tuple(DriveTerm(drive, term) for term in terms), RARE_GAIN))
+    return offers
+
+
+def _transmitted(widths: Array) -> list[Candidate]:
+    """Return torques of neighbouring joints in the effort of a motor, alone and with friction."""
+    offers = []
+    for joint, width in enumerate(float(each) for each in widths):
+        for to in (joint - 1, joint + 1):
+            if not 0 <= to < len(widths):
+                continue
+            drive = Drive.transmitted(joint, to)
+            terms = DriveTerm(drive, LoadTorque()), DriveTerm(drive, SharedFriction(width))
+            offers += [Candidate(terms[:1], COUPLING_GAIN), Candidate(terms, COUPLING_GAIN)]
     return offers
 
 

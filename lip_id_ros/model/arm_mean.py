@@ -97,7 +97,8 @@ def _add_remainder(parts: Parts, remainder: Remainder, states: tuple[Array, Arra
 def pack(arm: ArmPosterior, friction: CompiledFriction) -> tuple[Array, IntArray]:
     """Return the numbers of an arm with compiled friction, and its integers."""
     links = pack_links(arm.chain, arm.links)
-    floats = (links, friction.ratios, friction.width, friction.harmonic, friction.factor)
+    shapes = friction.width, friction.harmonic, friction.factor
+    floats = (links, friction.ratios, friction.shares, *shapes)
     sizes = [len(arm.links), len(links), len(friction.ends), len(friction.shape)]
     integers = (
         sizes,
@@ -121,11 +122,13 @@ def unpack_friction(floats: Array, integers: IntArray) -> CompiledFriction:
     n, first, m, p = integers[0], integers[1], integers[2], integers[3]
     own = floats[first:]
     ratios = own[: m * n].reshape(m, n)
-    own = own[m * n :]
+    shares = own[m * n : 2 * m * n].reshape(m, n)
+    own = own[2 * m * n :]
     drives = integers[4 + n :]
     primitives = drives[2 * m :]
     return CompiledFriction(
         ratios,
+        shares,
         drives[:m],
         drives[m : 2 * m],
         primitives[:p],

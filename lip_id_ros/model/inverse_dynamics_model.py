@@ -204,6 +204,10 @@ class InverseDynamicsModel:
             q = np.broadcast_to(self.potential_reference, velocities.shape)
         return self._unaccelerated(q, dq).friction
 
+    def efforts(self, torque: Array) -> Array:
+        """Return the efforts for torques of joints (..., n), those of motors where coupled."""
+        return torque if self.arm is None else self.arm.friction.efforts(torque)
+
     def kinetic_energy(self, q: ArrayLike, dq: ArrayLike) -> Array:
         """Kinetic energy, shape (N,) [J]."""
         return self._unaccelerated(q, dq).kinetic
@@ -271,8 +275,7 @@ class InverseDynamicsModel:
                 effort_calibrations=serialization.calibrations_from_json(
                     header['effort_calibrations'], types
                 ),
-                summary=header['summary'],
-                provenance=header['provenance'],
+                **{name: header[name] for name in ('summary', 'provenance')},
                 **serialization.parts_from(arrays, header, types),
             )
 
@@ -325,19 +328,7 @@ class InverseDynamicsModel:
         return StandardDeviation(tau, kinetic, potential if self.has_potential else None)
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """
-        Return standard deviations of the noiseless torques, without checks.
-
-        Parameters
-        ----------
-        q, dq, ddq : arrays, shape (N, n)
-
-        Returns
-        -------
-        array, shape (N, n)
-            [N m or N].
-
-        """
+        """Return deviations of noiseless torques, no checks, all of shape (N, n) [N m or N]."""
         if self.process is not None:
             return np.sqrt(self.process.variances(q, dq, ddq, self.potential_reference)[0])
         arm = self._arm_deviation.torque_std(q, dq, ddq)

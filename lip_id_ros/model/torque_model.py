@@ -166,5 +166,8 @@ class DynamicsModel(TorqueModel, Protocol):
     def query(self, q: Array, dq: Array, ddq: Array) -> Query:
         """Torques and energies at one joint state, arrays of shape (n,), without checks."""
 
+    def efforts(self, torque: Array) -> Array:
+        """Efforts for torques of joints of shape (..., n): of coupled motors, where they are."""
+
     def inertia_matrix(self, q: Array) -> Array:
         """Inertia matrices, shape (N, n, n) [kg m^2, kg m or kg]."""

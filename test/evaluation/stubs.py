@@ -58,6 +58,9 @@ class Knowing:
         potential = np.nan if found.potential is None else float(found.potential[0])
         return Query(found.tau[0], float(found.kinetic[0]), potential, found.gravity[0])
 
+    def efforts(self, torque: Array) -> Array:
+        return torque
+
     def inertia_matrix(self, q: Array) -> Array:
         return np.tile(np.diag(self.inertia), (len(q), 1, 1))
 

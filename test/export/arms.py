@@ -7,6 +7,7 @@ from rigid_body.arms import links_of, random_bodies, random_chain
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription, JointRanges
+from lip_id_ros.friction.coupling_terms import LoadTorque, SharedFriction
 from lip_id_ros.friction.model import (
     Drive,
     DriveTerm,
@@ -45,6 +46,8 @@ EXTRA: tuple[FrictionTerm, ...] = (
     PositionCoulomb(0.03),
     Ripple(2),
     Spring(),
+    LoadTorque(),
+    SharedFriction(0.1),
 )
 
 
@@ -52,7 +55,10 @@ def every_friction(n: int, rng: np.random.Generator) -> FrictionModel:
     """Give every joint plain friction, and one joint or another every other term."""
     widths = rng.uniform(0.02, 0.1, n)
     terms = plain_friction(n, widths.tolist()).terms
-    terms += tuple(DriveTerm(Drive.of_joint(k % n), term) for k, term in enumerate(EXTRA))
+    drives = [Drive.of_joint(k % n) for k in range(len(EXTRA))]
+    if n > 1:
+        drives[-2:] = [Drive.transmitted(n - 1, to=n - 2)] * 2
+    terms += tuple(DriveTerm(*each) for each in zip(drives, EXTRA, strict=True))
     if n > 1:
         terms += (DriveTerm(Drive((n - 1, n - 2), (1.0, -0.5)), Coulomb(0.04)),)
     basis = FrictionBasis(n, terms)

@@ -50,6 +50,9 @@ class Sum:
         box = np.full((3, self.n_joints), self.reach)
         return -box, box
 
+    def efforts(self, torque: Array) -> Array:
+        return torque
+
     def inertia_matrix(self, q: Array) -> Array:
         return np.tile(100 * self.factor * np.eye(self.n_joints), (len(q), 1, 1))
 

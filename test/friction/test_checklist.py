@@ -25,9 +25,9 @@ def test_has_a_row_in_the_maths(term: FrictionTerm) -> None:
 
 
 def test_the_election_is_offered_every_term() -> None:
-    q = np.linspace(-4.0, 4.0, 50)[:, None]
+    q = np.linspace(-4.0, 4.0, 50)[:, None] * np.ones(2)
     dataset = Dataset.from_arrays(q, q, q, q)
-    widths = np.array([0.1])
+    widths = np.array([0.1, 0.1])
     offered = [*plain_candidates(widths), *candidates(widths, dataset)]
     names = {part.term.name for each in offered for part in each.terms}
     assert names == {term.name for term in EVERY}

@@ -20,7 +20,8 @@ def everything(seed: int) -> FrictionModel:
     """Every term on one of three joints, or on a motor that turns with two."""
     rng = np.random.default_rng(seed)
     drives = [Drive.of_joint(0), Drive.of_joint(2), Drive((1, 2), (1.0, -0.5))]
-    terms = tuple(DriveTerm(drives[rng.integers(3)], term) for term in EVERY)
+    drives.append(Drive.transmitted(1, to=2))
+    terms = tuple(DriveTerm(drives[rng.integers(4)], term) for term in EVERY)
     basis = FrictionBasis(3, terms)
     return FrictionModel(basis, rng.uniform(0.0, 2.0, basis.size))
 

@@ -9,11 +9,13 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError, ShapeError
-from lip_id_ros.friction import terms
+from lip_id_ros.friction import coupling_terms, terms
+from lip_id_ros.friction.coupling_terms import LoadTorque, SharedFriction
 from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
     COSINE,
+    LOAD,
     POSITION,
     Primitive,
     SIGN,
@@ -52,6 +54,8 @@ EVERY: list[FrictionTerm] = [
     Ripple(1),
     Ripple(2),
     Spring(),
+    LoadTorque(),
+    SharedFriction(0.1),
 ]
 DISSIPATIVE = [term for term in EVERY if FREE not in term.lower]
 finite = st.floats(-20.0, 20.0)
@@ -73,6 +77,7 @@ def primitive_value(primitive: Primitive, state: DriveState) -> Array:
         VELOCITY: state.dq,
         SIGN: np.tanh(state.dq / primitive.width),
         SQUARE: state.dq * np.abs(state.dq),
+        LOAD: state.load,
     }
     shape = shapes.get(primitive.shape, np.ones_like(state.dq))
     if primitive.side:
@@ -90,7 +95,7 @@ def primitive_value(primitive: Primitive, state: DriveState) -> Array:
 def test_every_term_is_tested() -> None:
     assert {type(term).__name__ for term in EVERY} == {
         name
-        for name, kind in vars(terms).items()
+        for name, kind in (*vars(terms).items(), *vars(coupling_terms).items())
         if isinstance(kind, type) and hasattr(kind, 'columns') and name != 'FrictionTerm'
     }
 
@@ -144,6 +149,26 @@ def test_friction_of_coupled_motors() -> None:
     assert np.all(power >= 0.0)
 
 
+def transmitted() -> FrictionModel:
+    """Return what motors of a coupled wrist have: the second effort contains the third torque."""
+    own = DriveTerm(Drive.of_joint(2), Viscous())
+    drive = Drive.transmitted(2, to=1)
+    terms = own, DriveTerm(drive, LoadTorque()), DriveTerm(drive, SharedFriction(0.1))
+    return FrictionModel(FrictionBasis(3, terms), np.array([0.5, -0.7, 0.2, 0.3]))
+
+
+def test_efforts_of_coupled_motors_contain_torques_of_other_joints() -> None:
+    rng = np.random.default_rng(2)
+    q, dq, load = rng.standard_normal((3, 50, 3))
+    got, model = transmitted().torque(q, dq, load), transmitted()
+    shared = 0.2 * dq[:, 2] + 0.3 * np.tanh(dq[:, 2] / 0.1)
+    np.testing.assert_allclose(got[:, 1], shared - 0.7 * load[:, 2])
+    np.testing.assert_allclose(got[:, 2], 0.5 * dq[:, 2])
+    friction = model.torque(q, dq, np.zeros_like(load))
+    np.testing.assert_allclose(model.efforts(load) + friction, load + got)
+    assert model.names()[1] == ('torque coupled with joint 3', 'friction coupled with joint 3')
+
+
 def test_names_in_the_words_of_the_field() -> None:
     assert coupled().names() == (
         ('viscous',),
@@ -154,7 +179,8 @@ def test_names_in_the_words_of_the_field() -> None:
 
 @pytest.mark.parametrize('term', EVERY, ids=name)
 def test_a_file_keeps_the_term(term: FrictionTerm) -> None:
-    basis = FrictionBasis(2, (DriveTerm(Drive((1, 0), (1.0, 0.5)), term),))
+    drives = Drive((1, 0), (1.0, 0.5)), Drive.transmitted(0, to=1)
+    basis = FrictionBasis(2, tuple(DriveTerm(drive, term) for drive in drives))
     model = FrictionModel(basis, np.arange(1.0, basis.size + 1))
     again = FrictionModel.from_json(model.to_json())
     assert again.basis == model.basis

@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks._drives import (
     coupled,
+    coupled_efforts,
     JOINT,
     N_JOINTS,
     NOISE,
@@ -64,6 +65,10 @@ def test_elected_where_it_is(name: str) -> None:
 def test_coupled_motors() -> None:
     pair = [{f'{term} coupled with joint {k}' for term in ('viscous', 'Coulomb')} for k in (3, 2)]
     check(coupled(), [set(), *pair])
+
+
+def test_torques_of_coupled_motors() -> None:
+    check(coupled_efforts(), [set(), {'torque coupled with joint 3'}, set()])
 
 
 def test_nothing_is_elected_where_there_is_nothing() -> None:

@@ -11,6 +11,7 @@ from kernels.cases import MEMBERS, R, random_chain, random_states
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.friction.coupling_terms import LoadTorque
 from lip_id_ros.friction.model import (
     Drive,
     DriveTerm,
@@ -114,7 +115,8 @@ def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior
     plain = plain_friction(n, (0.1 + rng.random(n)).tolist()).terms
     load = DriveTerm(Drive.of_joint(0), LoadCoulomb(0.2))
     coupled = DriveTerm(Drive((n - 1, 0), (1.0, -0.5)), Viscous())
-    basis = FrictionBasis(n, (*plain, load, coupled))
+    effort = DriveTerm(Drive((n - 1, 0), (1.0, 0.0), (0.0, 1.0)), LoadTorque())
+    basis = FrictionBasis(n, (*plain, load, coupled, effort))
     friction = FrictionModel(basis, rng.random(basis.size))
     root = 0.1 * rng.normal(size=(17 * n + basis.size, 5))
     return ArmPosterior(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gp.processes import process_of
 from kernels.cases import ARMS, MEMBERS, random_states
 from model.models import (
@@ -15,6 +17,8 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
+from lip_id_ros.friction.coupling_terms import LoadTorque
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.model.process_mean import evaluate_many, evaluate_one
@@ -126,6 +130,21 @@ def test_inertia_matrix(member: str) -> None:
     np.testing.assert_array_equal(matrix, matrix.transpose(0, 2, 1))
     assert_close(np.einsum('tij,tj->ti', matrix, ddq), got.inertial)
     assert_close(0.5 * np.einsum('ti,tij,tj->t', dq, matrix, dq), got.kinetic)
+
+
+def test_gravity_of_coupled_motors_is_that_of_their_efforts() -> None:
+    """A still arm without friction needs these efforts, whatever turns what."""
+    q, _, _ = queries(3)
+    model = random_model(ARTICULATED, remainder=False)
+    assert model.arm is not None
+    friction = model.arm.friction
+    shares = [
+        isinstance(each.term, LoadTorque) * np.ones(each.size) for each in friction.basis.terms
+    ]
+    free = FrictionModel(friction.basis, np.concatenate(shares) * friction.coefficients)
+    still = replace(model, arm=replace(model.arm, friction=free)).predict(q, 0.0 * q, 0.0 * q)
+    assert_close(model.efforts(still.gravity), still.tau)
+    assert abs(still.tau - still.gravity).max() > 1e-3
 
 
 @pytest.mark.parametrize('member', KERNELS)
