@@ -96,6 +96,12 @@ class LocalEngine(Engine):
     def __init__(self, jobs: int = 1) -> None:
         self._jobs = jobs
         self._idle: list[_Worker] = []
+        self._running: dict[Connection, tuple[_Worker, int]] = {}
+
+    @property
+    def pids(self) -> list[int]:
+        """Processes that are at work now."""
+        return [worker.pid for worker, _ in self._running.values()]
 
     def __exit__(self, *error: object) -> None:
         """End the processes."""
@@ -117,7 +123,7 @@ class LocalEngine(Engine):
 
     def _run(self, function: Function, items: Sequence[Any], finish: Finish) -> None:
         waiting = deque(range(len(items)))
-        running: dict[Connection, tuple[_Worker, int]] = {}
+        running = self._running
         deaths: Counter[int] = Counter()
         try:
             while waiting or running:
@@ -143,6 +149,7 @@ class LocalEngine(Engine):
         finally:
             for worker, _ in running.values():  # after Ctrl-C
                 worker.end()
+            running.clear()
 
 
 class _Worker:
@@ -154,6 +161,10 @@ class _Worker:
         self._process = context.Process(target=_work, args=(theirs,), daemon=True)
         self._process.start()
         theirs.close()
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid or 0
 
     def start(self, function: Function, item: Any) -> None:
         try:

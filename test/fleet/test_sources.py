@@ -8,6 +8,7 @@ from unittest.mock import patch
 import uuid
 
 from fleet.logs import logged
+from fleet.stores import object_store, upload
 import fsspec
 import pytest
 from simulation.pendulums import swing
@@ -122,31 +123,13 @@ def test_fingerprints_follow_the_content(bags: Path) -> None:
     assert renamed.fingerprint == changed[str(path)]
 
 
-def upload(folder: Path, url: str) -> None:
-    system, root = fsspec.core.url_to_fs(url)
-    for path in folder.rglob('*'):
-        if path.is_file():
-            system.pipe_file(f'{root}/{path.relative_to(folder)}', path.read_bytes())
-
-
 @pytest.fixture(params=['memory', 'object store'])
 def store(request: pytest.FixtureRequest) -> Iterator[str]:
-    name = uuid.uuid4().hex
     if request.param == 'memory':
-        yield f'memory:///{name}'
+        yield f'memory:///{uuid.uuid4().hex}'
         return
-    with pytest.MonkeyPatch.context() as patch:
-        # else gcsfs asks over gRPC, when it is imported, what the server does not answer
-        patch.setenv('GCSFS_EXPERIMENTAL_ZB_HNS_SUPPORT', 'false')
-        pytest.importorskip('gcsfs', reason='gcsfs is not installed')
-        server = pytest.importorskip('gcp_storage_emulator.server', reason='no object store')
-        running: Any = server.create_server('localhost', 0, in_memory=True, default_bucket=name)
-        running.start()
-        port = running._api._httpd.server_address[1]
-        patch.setenv('STORAGE_EMULATOR_HOST', f'http://localhost:{port}')
-        patch.setitem(fsspec.config.conf, 'gs', {'token': 'anon'})
-        yield f'gs://{name}'
-    running.stop()
+    with object_store() as url:
+        yield url
 
 
 @pytest.mark.slow

@@ -1,0 +1,90 @@
+"""A fit from an object store, on a Ray cluster, is that from the disk, in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import os
+from pathlib import Path
+import signal
+import sys
+from typing import Any
+
+from fleet.fleets import arm_of, friction_of, MemoryCache, recording, save
+from fleet.stores import object_store, upload
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.fleet.engines import LocalEngine, RayEngine
+from lip_id_ros.fleet.fit import fit_fleet
+from lip_id_ros.fleet.results import FITTED, FleetResult
+from lip_id_ros.fleet.sources import find
+from lip_id_ros.settings import Config
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('fleet')]
+
+GROUP = r'robot_(\d)'
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place, rng, arm = tmp_path_factory.mktemp('recordings'), np.random.default_rng(0), arm_of()
+    for robot in range(6):
+        data = recording(arm, friction_of(arm, rng, 0.3), seed=robot)
+        save(data, place / f'robot_{robot}.npz', str(robot))
+    return place
+
+
+def parameters(result: FleetResult) -> Array:
+    arm = result.model.arm
+    assert arm is not None
+    own = np.array([each.friction for each in result.recordings])
+    return np.concatenate([arm.links.ravel(), arm.friction.coefficients, own.ravel()])
+
+
+def test_a_fit_from_a_store_on_ray_is_that_from_the_disk(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip('ray', reason='Ray is not installed')
+    monkeypatch.setenv('PYTHONPATH', os.pathsep.join(filter(None, sys.path)))
+    cache = MemoryCache()  # only placements have the same key from both: contents are the same
+    with LocalEngine(1) as plain:
+        disk = fit_fleet(find([str(folder)], GROUP), Config(), plain, cache)
+    with object_store() as url:
+        upload(folder, url)
+        with RayEngine(jobs=2) as engine:
+            stored = fit_fleet(find([f'{url}/'], GROUP), Config(), engine, cache)
+    assert [each.status for each in stored.recordings] == [FITTED] * 6
+    assert all(each.name.startswith('gs://') for each in stored.recordings)
+    assert_allclose(parameters(stored), parameters(disk), rtol=1e-9, atol=1e-12)
+
+
+class Killing(LocalEngine):
+    """Kills one of its processes as soon as an item of each pass is done."""
+
+    killed = 0
+
+    def map(
+        self, function: Any, items: Any, progress: Any, keep: Callable[[int, Any], None]
+    ) -> Any:
+        def report(stage: str, done: int, total: int) -> None:
+            if done == 1 and self.pids:
+                os.kill(self.pids[0], signal.SIGKILL)
+                self.killed += 1
+            progress(stage, done, total)
+
+        return super().map(function, items, report, keep)
+
+
+def test_a_process_that_is_killed_changes_nothing(folder: Path) -> None:
+    cache, rest = MemoryCache(), MemoryCache()
+    sources = find([str(folder)], GROUP)
+    with LocalEngine(1) as plain:
+        whole = fit_fleet(sources, Config(), plain, cache)
+    rest.arrays = {key: each for key, each in cache.arrays.items() if 'covariance_root' in each}
+    engine = Killing(2)
+    with engine:
+        again = fit_fleet(sources, Config(), engine, rest)
+    assert engine.killed >= 2
+    assert_allclose(parameters(again), parameters(whole), rtol=1e-12, atol=0.0)
