@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.description.urdf import load_description
@@ -198,13 +198,19 @@ def _check(dataset: Dataset) -> None:
             f'a fit needs at least {LEAST_SAMPLES} samples, but the data set has '
             f'{dataset.n_samples}; record longer or keep more samples in preprocessing.'
         )
-    still = [
-        name
-        for name, extent in zip(dataset.joint_names, np.ptp(dataset.tau, axis=0), strict=True)
-        if extent <= ROUNDING * np.abs(dataset.tau).max()
-    ]
-    if still:
-        raise DataError(
-            f'the torque of joint {still[0]!r} is the same in all {dataset.n_samples} samples, so '
-            'nothing can be learned from it; check the effort signal or leave the joint out.'
-        )
+    changes = np.ptp(dataset.tau, axis=0) > ROUNDING * np.abs(dataset.tau).max()
+    if not changes.all():
+        raise DataError(_still(dataset, changes))
+
+
+def _still(dataset: Dataset, changes: BoolArray) -> str:
+    """Return a sentence on joints whose efforts never change."""
+    named = list(zip(dataset.joint_names, changes, strict=True))
+    still = ', '.join(repr(name) for name, moves in named if not moves)
+    rest = [name for name, moves in named if moves]
+    option = f': --joints {" ".join(rest)}, or recording.joints in a configuration' if rest else ''
+    return (
+        f'efforts that change were expected, but in all {dataset.n_samples} samples those of '
+        f'{still} are the same; check the effort signal, or leave out what is no joint of the arm '
+        f'or did not move{option}.'
+    )
