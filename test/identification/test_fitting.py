@@ -23,5 +23,5 @@ def test_every_joint_whose_effort_never_changes_is_named_with_the_option() -> No
 
 
 def test_where_no_effort_changes_there_is_nothing_to_choose() -> None:
-    with pytest.raises(DataError, match='or did not move[.]'):
+    with pytest.raises(DataError, match=r'or did not move[.]'):
         fit(recorded([0, 1, 2]))
