@@ -31,7 +31,7 @@ LIMITS = [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]  # data sheet [N m]
 START_SECONDS, LAST_SECONDS = 120.0, 2.0
 WARM_UP = -1
 STAMP, STAMP_OFFSET = struct.Struct('<iI'), 4
-"""The first field of a message with a header, after the four bytes that tell the encoding."""
+"""The first field of a message with a header, after the four bytes of the encoding."""
 
 
 def main(request: dict[str, Any]) -> dict[str, Any]:

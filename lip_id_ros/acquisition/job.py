@@ -21,7 +21,7 @@ from lip_id_ros.recording import JointSamples
 @dataclass(frozen=True)
 class Task:
     """
-    What is asked of a job.
+    The request of a job.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class JobState:
     stage, done, total
         The last progress; `total` is 0 while it is not known.
     result : mapping
-        What the process reported when it was done.
+        Result that the process reported.
     error : str
         One sentence when it failed.
 
@@ -142,7 +142,7 @@ class Jobs:
         ----------
         task : Task
         sections : sequence of JointSamples
-            What was recorded; may be none where the task names bags.
+            The recorded samples; may be none where the task names bags.
 
         Returns
         -------

@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 1 after one line on stderr that says what is wrong, or 130 after Ctrl-C.
+        0, or 1 after one line on stderr with the error, or 130 after Ctrl-C.
 
     Raises
     ------

@@ -23,7 +23,7 @@ INTERRUPTED = 130  # what a shell expects after Ctrl-C
 TORQUE_NOISE = 0.05  # of the simulated sensors [N m]
 TORQUE_LIMIT_PERCENT = 5.0
 KINETIC_LIMIT_PERCENT = 2.0
-LEAST_SIGNAL_TO_NOISE = 10.0  # below this, an error says more of the noise than of the model
+LEAST_SIGNAL_TO_NOISE = 10.0  # below this, an error is mostly that of the noise
 
 
 @dataclass(frozen=True)

@@ -111,7 +111,7 @@ def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
 
 
 def record(bag: Path, seed: int, size: Size) -> Simulation:
-    """Move the arm and write what its sensors say into a bag; an older bag is replaced."""
+    """Move the arm and write its measurements into a bag; an older bag is replaced."""
     rng = np.random.default_rng(seed)
     arm = panda(size.n_joints)
     limits: MotionLimits = MOTION.first(size.n_joints)

@@ -40,8 +40,8 @@ def with_checks(model: InverseDynamicsModel, training: Dataset) -> InverseDynami
     `inertia_not_pd_percent` is the share of samples at which M(q) is not positive definite,
     `inertia_min_eigenvalue` its smallest eigenvalue at any of them [kg m^2 or kg], and
     `unexplained_percent` the noise variance of each joint in percent of the variance of its
-    torque (None where that is constant). With rigid links, `identified_distances` says which
-    distances between axes the torques identify.
+    torque (None where that is constant). With rigid links, `identified_distances` marks the
+    distances between axes that the torques identify.
 
     """
     smallest = np.linalg.eigvalsh(
@@ -163,14 +163,13 @@ def training_data_warnings(model: Any, dataset: Dataset) -> list[str]:
     if n_shared:
         return [
             f'These are training data: {n_shared} of the {len(own)} samples of the model '
-            f'are among the {dataset.n_samples} evaluated; the errors say little about other '
-            'motions.'
+            f'are among the {dataset.n_samples} evaluated; errors on other motions may be larger.'
         ]
     known = _recordings(model.provenance)
     if any(recording in known for recording in _recordings(dataset.provenance)):
         return [
             'The model was fitted on samples of the same recording; '
-            'the errors may be smaller than on other motions.'
+            'errors on other motions may be larger.'
         ]
     return []
 

@@ -31,7 +31,7 @@ from lip_id_ros.signals.joints import (
 @dataclass(frozen=True, eq=False)
 class ServedTorque:
     """
-    What one reference sample gets.
+    Answer to one reference sample.
 
     Attributes
     ----------

@@ -73,7 +73,7 @@ def with_standard_frames(chain: Chain, parameters: Array) -> tuple[Chain, Array]
     Re-express an arm in frames by the convention; no torque and no difference of energies changes.
 
     The base is turned so that gravity points down its z axis, and its origin lies in that of the
-    first link, since torques say nothing of the turn of the base about gravity and of its place.
+    first link, since torques do not depend on the turn of the base about gravity and on its place.
     The axis of a prismatic joint is a direction only: it is put through the frame before. Of an
     arm and its mirror image, which have the same torques, the one is taken whose first axis
     points up.

@@ -76,7 +76,7 @@ class FrictionalArm:
 @dataclass(frozen=True)
 class Drives:
     """
-    What the joints add to the rigid bodies, and how well they measure.
+    Rotors, friction and sensors of the joints.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Drives:
 @dataclass(frozen=True)
 class Measurement:
     """
-    What the sensors say at one time.
+    Measurements at one time.
 
     Attributes
     ----------
@@ -230,7 +230,7 @@ REPORT_EVERY = 200
 @dataclass(frozen=True)
 class Tracking:
     """
-    What happened, N steps of n joints.
+    Record of a run, N steps of n joints.
 
     Attributes
     ----------

@@ -48,7 +48,7 @@ ROTOR_INERTIA = 0.1
 @dataclass(frozen=True)
 class Setup:
     """
-    An arm and what controls it.
+    An arm with its drives and controller gains.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ LEARNED, NOMINAL, INFORMED = 'learned', 'nominal', 'nominal with friction'
 @dataclass(frozen=True)
 class Experiment:
     """
-    What is varied and how much is recorded; the defaults are the paper's, where it says.
+    Variations and lengths of the experiment; the defaults are the paper's where it has them.
 
     Attributes
     ----------

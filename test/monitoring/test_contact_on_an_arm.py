@@ -1,4 +1,4 @@
-"""A learned model tells contacts from free motion on a simulated arm."""
+"""A learned model detects contacts of a simulated arm, and none in free motion."""
 
 from __future__ import annotations
 

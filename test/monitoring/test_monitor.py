@@ -1,4 +1,4 @@
-"""What the node `monitor` tells of joint states, and what it refuses."""
+"""Estimates of the monitor from joint states, and its refusals."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ def test_a_contact_is_told_in_time_after_calibration(path: str) -> None:
 
     assert not any(each.contact for each in take(watching, range(701, 1200)))
     pushed = take(watching, range(1200, 1230), contact=1.0)
-    told = [bool(each.contact) for each in pushed]
-    assert told.index(True) < 10  # 100 ms
-    assert told == sorted(told)  # held
+    flagged = [bool(each.contact) for each in pushed]
+    assert flagged.index(True) < 10  # 100 ms
+    assert flagged == sorted(flagged)  # held
     np.testing.assert_allclose(pushed[-1].external.torque, CONTACT, atol=0.3)
     assert watching.values()['contacts'] == 1
-    # let go of: a step too, then told no more
+    # let go of: a step too, then flagged no more
     assert not take(watching, range(1230, 1400))[-1].contact
 
 

@@ -1,4 +1,4 @@
-"""What is said of the topics of `serve`: in layouts that load, and in docs/interfaces.md."""
+"""The topics of `serve` in layouts, which load, and in docs/interfaces.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Node `monitor` in a process of its own: contacts are told, whatever else is heard."""
+"""Node `monitor` in a process of its own: it detects contacts, whatever else it receives."""
 
 from __future__ import annotations
 

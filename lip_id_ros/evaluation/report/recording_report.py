@@ -29,7 +29,7 @@ ROW_HEIGHT = 1.5
 COLUMN_TITLES = ('position', 'velocity', 'effort')
 COVERAGE_COLUMNS = 4
 SIGNALS = (
-    'Position, velocity and effort as they were recorded (effort scaled where settings say so).'
+    'Position, velocity and effort as they were recorded (effort with the scale of the settings).'
 )
 COVERAGE = (
     'Position and velocity of each joint, low-passed. A model is reliable near these lines only.'
