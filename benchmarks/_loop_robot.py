@@ -31,7 +31,7 @@ Motion = tuple[Array, Array, Array]
 
 RATE_HZ = 1000
 PLAN_HZ = 100
-START_SECONDS, LAST_SECONDS = 120.0, 5.0
+START_SECONDS, LAST_SECONDS = 600.0, 15.0
 SETUP = panda_setup()
 NAMES = list(SETUP.arm.joint_names)
 BOUNDS = np.array(LIMITS)

@@ -17,7 +17,13 @@ from typing import Any, TextIO
 from lip_id_ros.acquisition.recording_file import receive
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError, LipIdError
-from lip_id_ros.evaluation import evaluate, fit_cautions, matched, with_checks
+from lip_id_ros.evaluation import (
+    evaluate,
+    fit_cautions,
+    matched,
+    no_better_than_mean,
+    with_checks,
+)
 from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.export.payload import attached, inertias, links_of, payload_in_flange, to_yaml
 from lip_id_ros.files import write_or_rescue, write_whole
@@ -106,9 +112,10 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
     found = identify_payload(arm, model.training_range, data)
     shown = payload_in_flange(found, 0.0, 0.0)
     text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], (0.0, 0.0))
-    rescued = []
+    loaded, rescued = attached(model, found), []
     if request['payload_model']:
-        rescued = _save(attached(model, found).save, request['payload_model'])['rescue']
+        rescued = _save(loaded.save, request['payload_model'])['rescue']
+    errors = evaluate(loaded, data).nmse_percent
     figures = {
         'mass': shown.mass,
         'mass_std': shown.mass_std,
@@ -117,7 +124,12 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
         'inertia_about_centre_of_mass': inertias(shown),
     }
     saved = _save(lambda place: write_whole(place, text.encode()), request['path'])
-    return {**saved, 'rescue': [*saved['rescue'], *rescued], 'payload': figures}
+    return {
+        **saved,
+        'rescue': [*saved['rescue'], *rescued],
+        'cautions': no_better_than_mean(model.joint_names, errors),
+        'payload': figures,
+    }
 
 
 def _save(save: Callable[[str | os.PathLike[str]], None], path: str) -> dict[str, Any]:

@@ -71,6 +71,7 @@ def flange(text: str) -> tuple[float, float]:
 def run(args: argparse.Namespace) -> None:
     """Find the payload, show it, and write what is asked for."""
     from lip_id_ros.cli import models, output
+    from lip_id_ros.evaluation import evaluate, no_better_than_mean
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.export.payload import (
         attached,
@@ -96,12 +97,15 @@ def run(args: argparse.Namespace) -> None:
     shown = payload_in_flange(found, *args.flange)
     console = output.console(args.yaml, args.output)
     _show(shown, console)
+    loaded = attached(model, found)
+    errors = evaluate(loaded, dataset).nmse_percent
+    show_lines(no_better_than_mean(model.joint_names, errors), console)
     if args.yaml is not None:
         text = to_yaml(shown, args.sources, args.flange)
         write_whole(output.destination(args.yaml), text.encode())
         show_lines([f'Written: {args.yaml}'], console)
     if args.output is not None:
-        attached(model, found).save(output.destination(args.output))
+        loaded.save(output.destination(args.output))
         show_lines([f'Written: {args.output}'], console)
 
 

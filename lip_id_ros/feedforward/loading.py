@@ -198,7 +198,7 @@ def load_models(settings: ServeSettings, before: LoadedModel | None) -> dict[str
     else:
         models = {'': load_successor(settings, before)}
     try:
-        for path in settings.payload_models:
+        for path in dict.fromkeys(settings.payload_models):
             models[path] = load_successor(replace(settings, model_path=path), models[''])
     except BaseException:
         stop(models)

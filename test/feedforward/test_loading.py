@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import os
 from pathlib import Path
 
 from gp.processes import process_of
@@ -11,7 +12,13 @@ import numpy as np
 import pytest
 
 from lip_id_ros.errors import ConfigError, ModelError
-from lip_id_ros.feedforward.loading import load_model, load_successor, require_rules
+from lip_id_ros.feedforward.loading import (
+    load_model,
+    load_models,
+    load_successor,
+    require_rules,
+    stop,
+)
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.feedforward.shaping import TrainingRange
 
@@ -70,3 +77,12 @@ def test_a_joint_named_twice_is_refused(settings: ServeSettings) -> None:
         require_rules(twice, None)
     with pytest.raises(ConfigError, match=r"^joints must name each joint once, but 'a' comes twi"):
         require_rules(twice, load_model(settings, ()))
+
+
+def test_a_payload_named_twice_is_loaded_once(settings: ServeSettings) -> None:
+    before = len(os.listdir('/proc/self/fd'))
+    path = settings.model_path
+    models = load_models(replace(settings, payload_models=(path, path)), None)
+    assert list(models) == ['', path]
+    stop(models)
+    assert len(os.listdir('/proc/self/fd')) == before

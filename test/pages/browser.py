@@ -26,7 +26,7 @@ from PySide6.QtWidgets import QApplication
 import shiboken6
 
 WIDTH, HEIGHT = 1200, 900
-PATIENCE_MS = 60_000
+PATIENCE_MS = 600_000
 ANSWER = 'what is shown: '
 # A blank picture has one colour. What is wider than the window would have to be scrolled to.
 LOOK = """
