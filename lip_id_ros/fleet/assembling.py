@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.cautions import with_checks
-from lip_id_ros.fleet.placements import PlacedArm
+from lip_id_ros.fleet.placements import chosen, PlacedArm
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.solution import Solution
+from lip_id_ros.fleet.survey import merged
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import sticking_noise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
@@ -21,6 +23,7 @@ from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import ArmState
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.remainder_election import elect_remainder
+from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.effort_calibration import effort_calibrations
@@ -60,7 +63,8 @@ def model_of(
     fit = _fit(placed, solution, fitter.prior)
     noise = replace(fit.noise, std=solution.noise_std)
     arm = ArmPosterior(fit.chain, fit.links, fit.friction, noise, _root(placed, solution))
-    remainder = elect_remainder(fitter, fit) if placed.has_remainder else None
+    # of a recording that is not known, whose friction deviates: torques are as they were measured
+    remainder = elect_remainder(ArmFitter(_measured(placed, surveys), described), fit)
     if remainder is not None:
         std = np.where(remainder.joints, remainder.left_out_std, noise.std)
         arm = replace(arm, noise=replace(noise, std=std))
@@ -78,6 +82,12 @@ def model_of(
         'recordings': len(surveys),
     }
     return with_checks(_assembled(placed, surveys, arm, remainder, report), placed.dataset)
+
+
+def _measured(placed: PlacedArm, surveys: Sequence[Survey]) -> Dataset:
+    """Return reservoirs of some recordings of the fit."""
+    data = merged(chosen(surveys), placed.joint_names)
+    return data.select(np.flatnonzero(plausible(data)))
 
 
 def _fit(placed: PlacedArm, solution: Solution, prior: ArmPrior) -> ArmFit:

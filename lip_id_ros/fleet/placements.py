@@ -77,8 +77,6 @@ class PlacedArm(Packable):
     covariance_root : array, shape (17 n + K, r)
     inflation : float
         Factor of the covariance for correlated residuals.
-    has_remainder : bool
-        Whether left-out samples asked for Gaussian processes.
     report : str
         JSON: summary of the identification.
     excluded : tuple of pairs of str
@@ -103,7 +101,6 @@ class PlacedArm(Packable):
     rigid: bool
     covariance_root: Array
     inflation: float
-    has_remainder: bool
     report: str
     excluded: tuple[tuple[str, str], ...]
     t: Array
@@ -256,7 +253,6 @@ def _identified(
         rigid=fit.geometry.rigid,
         covariance_root=found.arm.covariance_root,
         inflation=found.inflation,
-        has_remainder=found.remainder is not None,
         report=json.dumps(report),
         excluded=tuple(excluded.items()),
         **{name: getattr(kept, name) for name in SIGNALS},

@@ -16,8 +16,10 @@ from lip_id_ros.fleet.sums import (
     joined,
     part_of,
 )
+from lip_id_ros.friction.model import FrictionBasis
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.laplace import LeftOut, measure_left_out
+from lip_id_ros.identification.recording_effects import VARYING
 from lip_id_ros.identification.statistics import TorqueStatistics
 from lip_id_ros.rigid_body.pseudo_inertia import link_parameter_jacobian
 
@@ -161,7 +163,7 @@ class _Solver:
         self._friction_std = _friction_std(statistics, sizes.torque_std)
         self._least_noise = LEAST_NOISE * sizes.torque_std
         self._noise = np.maximum(regression.noise.std, self._least_noise)
-        self._start = INITIAL * self._friction_std
+        self._start = INITIAL * self._friction_std * _varies(regression.friction.basis)
         several = len(statistics.recordings) > 1
         first = self._start if several else np.zeros_like(self._start)
         self._deviations = FrictionDeviations(first, np.zeros_like(first))
@@ -236,6 +238,17 @@ def _about(statistics: TorqueStatistics, links: Array, slopes: Array) -> TorqueS
         factors.append(np.column_stack([factor[:, :-1] @ every[column], residual]))
     columns = tuple(np.arange(size) for _ in factors)
     return TorqueStatistics(columns, tuple(factors), statistics.weights)
+
+
+def _varies(basis: FrictionBasis) -> BoolArray:
+    """Return which coefficients deviate between recordings: of drives of one joint alone."""
+    return np.array(
+        [
+            isinstance(part.term, VARYING) and len(part.drive.joints) == 1
+            for part in basis.terms
+            for _ in range(part.size)
+        ]
+    )
 
 
 def _friction_std(statistics: FleetStatistics, torque_std: Array) -> Array:
