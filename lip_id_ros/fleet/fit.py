@@ -29,6 +29,7 @@ from lip_id_ros.fleet.results import (
 from lip_id_ros.fleet.solution import fitted_alone, Sizes, Solution, solve
 from lip_id_ros.fleet.sums import FleetStatistics
 from lip_id_ros.fleet.survey import joint_order, reservoir_data, sorted_of_one_arm, survey
+from lip_id_ros.friction.coupling_terms import LoadTorque
 from lip_id_ros.friction.model import FrictionBasis
 from lip_id_ros.friction.terms import LoadCoulomb, LoadViscous
 from lip_id_ros.identification.arm_fit import ArmFitter, Described
@@ -41,6 +42,8 @@ from lip_id_ros.settings import Config
 
 SURVEY, STATISTICS = 'recordings read', 'statistics of recordings'
 """Stages of progress, one per pass."""
+
+LOAD_TERMS = (LoadCoulomb, LoadViscous, LoadTorque)
 
 EXCLUSIONS = 3
 """Most repetitions of the solution while recordings are found to contradict the fleet."""
@@ -209,7 +212,7 @@ class _Fit:
     def _loads_changed(placed: PlacedArm, solution: Solution) -> bool:
         regression, data = placed.regression, placed.dataset
         terms = regression.friction.basis.terms
-        if not any(isinstance(each.term, LoadCoulomb | LoadViscous) for each in terms):
+        if not any(isinstance(each.term, LOAD_TERMS) for each in terms):
             return False
         before = links_torque(regression.chain, regression.links, data)
         after = links_torque(regression.chain, solution.links, data)
@@ -252,10 +255,12 @@ def friction_names(basis: FrictionBasis, joint_names: Sequence[str]) -> tuple[st
     """Return a name for each coefficient: joints, term and, of several, the number."""
     names = []
     for part in basis.terms:
-        joints = ', '.join(joint_names[joint] for joint in part.drive.joints)
+        acted_on = [joint_names[joint] for joint, _ in part.drive.efforts]
+        others = [name for k in part.drive.joints if (name := joint_names[k]) not in acted_on]
+        coupled = f' coupled with {", ".join(others)}' if others else ''
         for number in range(part.size):
             ending = f' {number + 1}' if part.size > 1 else ''
-            names.append(f'{joints}: {part.term.name}{ending}')
+            names.append(f'{", ".join(acted_on)}: {part.term.name}{coupled}{ending}')
     return tuple(names)
 
 
