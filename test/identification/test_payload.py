@@ -25,6 +25,8 @@ from lip_id_ros.rigid_body.regressor import torque_regressor
 MASS, CENTRE, GYRATION = 1.0, np.array([0.01, -0.02, 0.05]), 0.03
 NOISE = 0.05
 
+Learned = list[tuple[ArmPosterior, tuple[Array, Array]]]
+
 
 def body() -> Array:
     """Return one kilogram at 5 cm."""
@@ -107,22 +109,50 @@ def ranges_of(data: Dataset) -> tuple[Array, Array]:
     return states.min(axis=1), states.max(axis=1)
 
 
-@pytest.mark.slow
-def test_deviations_cover_the_truth_on_learned_arms() -> None:
-    """Twenty arms, learned from recordings, with noise correlated over a tenth of a second."""
-    arm, scores, some = arm_of('RRRR'), [], np.arange(0, 1000, 3)
-    arm = replace(
-        arm, friction=FrictionModel(plain_friction(4, np.full(4, 0.05)), np.full(12, 0.2))
-    )
+def plain_arm() -> ArmDescription:
+    """Return an arm with viscous and Coulomb friction and offsets."""
+    friction = FrictionModel(plain_friction(4, np.full(4, 0.05)), np.full(12, 0.2))
+    return replace(arm_of('RRRR'), friction=friction)
+
+
+@pytest.fixture(scope='module')
+def learned_arms() -> Learned:
+    """Return twenty arms, each learned from a recording of its own, and its ranges."""
+    arm, out = plain_arm(), []
     for seed in range(20):
-        bare = recorded(arm, np.zeros(10), 100 + seed, NOISE).select(some)
-        dataset = recorded(arm, body(), seed, NOISE, correlated=5).select(some)
-        loaded = identify_payload(learned(bare, arm.chain), ranges_of(bare), dataset)
-        found = payload_in_flange(loaded, 0.0, 0.0)
+        bare = recorded(arm, np.zeros(10), 100 + seed, NOISE).select(np.arange(0, 1000, 3))
+        out.append((learned(bare, arm.chain), ranges_of(bare)))
+    return out
+
+
+@pytest.mark.slow
+def test_deviations_cover_the_truth_on_learned_arms(learned_arms: Learned) -> None:
+    """With noise that is correlated over a tenth of a second."""
+    scores, some = [], np.arange(0, 1000, 3)
+    for seed, (arm, ranges) in enumerate(learned_arms):
+        dataset = recorded(plain_arm(), body(), seed, NOISE, correlated=5).select(some)
+        found = payload_in_flange(identify_payload(arm, ranges, dataset), 0.0, 0.0)
         scores.append((found.parameters - body()) / np.sqrt(np.diagonal(found.covariance)))
-    inside = np.abs(scores) < 2.0
-    assert inside.mean() > 0.9
+    assert np.mean(np.abs(scores) < 2.0) > 0.9
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
+
+
+@pytest.mark.slow
+def test_deviations_of_energies_cover_the_truth(learned_arms: Learned) -> None:
+    """At states of an unseen motion; the potential energy relative to its reference."""
+    arm, scores = plain_arm(), []
+    true = model_of(arm)
+    unseen = recorded(arm, np.zeros(10), 500, 0.0)
+    expected = true.predict(unseen.q, unseen.dq, unseen.ddq)
+    for posterior_arm, _ in learned_arms:
+        model = replace(true, arm=posterior_arm)
+        found = model.predict(unseen.q, unseen.dq, unseen.ddq, return_std=True)
+        for name in ('kinetic', 'potential'):
+            error = getattr(found, name) - getattr(expected, name)
+            scores.append(error / getattr(found.std, name))
+    inside = np.abs(scores).reshape(len(learned_arms), 2, -1) < 2.0
+    assert 0.9 < inside.mean() <= 0.99
+    assert 0.7 < np.sqrt(np.mean(np.square(scores))) < 1.3
 
 
 def test_what_the_motion_does_not_show_is_uncertain() -> None:
