@@ -85,33 +85,49 @@ def show_links(model: InverseDynamicsModel, console: Console) -> None:
 
 
 class Axis(NamedTuple):
-    """A joint's axis relative to the previous one; the distance is None at prismatic joints."""
+    """
+    A joint's axis relative to the previous one.
+
+    The distance is None at prismatic joints, its deviation where the fit did not report one.
+
+    """
 
     joint: str
     angle_deg: float
     distance_m: float | None
-    identified: bool
+    distance_std_m: float | None
+
+    @property
+    def identified(self) -> bool:
+        """Whether the distance is known to half of itself, or to 5 cm, at three deviations."""
+        if self.distance_m is None or self.distance_std_m is None:
+            return self.distance_m is not None
+        return 3.0 * self.distance_std_m < max(0.5 * self.distance_m, 0.05)
 
     @property
     def distance(self) -> str:
         """The distance as text."""
         if self.distance_m is None:
             return ''
-        return f'{self.distance_m:.3f} m' if self.identified else 'not identified'
+        if not self.identified:
+            return 'not identified'
+        std = '' if self.distance_std_m is None else f' (std {1e3 * self.distance_std_m:.1f} mm)'
+        return f'{self.distance_m:.3f} m{std}'
 
 
 def axes(model: InverseDynamicsModel) -> list[Axis]:
     """Return the axis of each joint but the first, where the model has rigid links."""
     names = model.joint_names[1:]
-    identified = model.summary.get('identified_distances', [True] * len(names))
     if model.arm is None:
         return []
+    kinematics = model.summary.get('denavit_hartenberg', {})
+    stds = kinematics.get('length_std_m', [None] * model.n_joints)[1:]
     chain = model.arm.chain
     angles = np.degrees(angles_between(chain)).tolist()
     distances = [
         None if np.isnan(distance) else float(distance) for distance in distances_between(chain)
     ]
-    return [Axis(*each) for each in zip(names, angles, distances, identified, strict=True)]
+    return [Axis(*each) for each in zip(names, angles, distances, stds, strict=True)]
 
 
 def _remainder_joints(model: InverseDynamicsModel) -> list[str]:

@@ -13,7 +13,7 @@ from lip_id_ros.friction.noise import sticking_noise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
 from lip_id_ros.identification.geometry_election import elect_geometry
-from lip_id_ros.identification.laplace import posterior
+from lip_id_ros.identification.laplace import free_placements_root, posterior
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.recording_effects import recording_deviations, with_recordings
 from lip_id_ros.identification.remainder_election import elect_remainder
@@ -23,7 +23,6 @@ from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table_std
-from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 STAGE = 'links and friction'
 STEPS = 4
@@ -45,7 +44,7 @@ class Identified:
     remainder : Remainder or None
         What is added to the torques of some joints, or takes their place.
     kinematics_std : DenavitHartenberg
-        Standard deviations of twists, lengths, angles and offsets.
+        Standard deviations of twists, lengths, angles and offsets, as if none had been elected.
     geometry : Geometry
         Twists and lengths that were elected to be simple.
     searches_agreed : bool
@@ -137,11 +136,12 @@ def _identified(
     fit = fitter.refined(fitter.some(MOST_SAMPLES), fit)
     progress(STAGE, 3, STEPS)
     fit = fit if described else elect_geometry(fitter, fit)
-    fit, arm, left_out = posterior(fitter, fit)
+    final = fitter
+    fit, arm, left_out = posterior(final, fit)
     if described is not None:
-        tempered = fitter.tempered(left_out.inflation)
-        fit = tempered.refined(fitter.some(MOST_SAMPLES), fit)
-        fit, arm, left_out = posterior(tempered, fit)
+        final = fitter.tempered(left_out.inflation)
+        fit = final.refined(fitter.some(MOST_SAMPLES), fit)
+        fit, arm, left_out = posterior(final, fit)
     deviations = recording_deviations(fitter, fit, left_out.inflation)
     arm = with_recordings(arm, deviations, fitter.some(MOST_SAMPLES).dq)
     remainder = elect_remainder(fitter, fit)
@@ -151,7 +151,7 @@ def _identified(
     some = fitter.some(MOST_SAMPLES)
     load = links_torque(fit.chain, fit.links, some)
     arm = replace(arm, noise=sticking_noise(arm.noise, arm.friction, some.q, load))
-    kinematics_std = table_std(arm.chain, arm.covariance_root[: DIRECTIONS * dataset.n_joints])
+    kinematics_std = table_std(arm.chain, free_placements_root(final, fit, left_out))
     states = np.stack([fitter.dataset.q, fitter.dataset.dq, fitter.dataset.ddq])
     arm = compacted(arm, (states.min(axis=1), states.max(axis=1)))
     progress(STAGE, STEPS, STEPS)

@@ -21,6 +21,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
     TorqueStatistics,
@@ -102,11 +103,31 @@ def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Lef
         fit, blocks = _gauss_newton(fitter, fit, blocks)
     problem = fitter.problem(fitter.some(1), fit)
     left_out = measure_left_out(blocks, _prior_rows(problem, fit.state), fit.noise.std)
-    whole = blocks[0].merge(*blocks[1:])
-    root = _root(whole, _prior_rows(problem, fit.state), left_out.unbiased_std)
-    covariance_root = np.sqrt(left_out.inflation) * _coordinates(problem, fit.state, root)
+    covariance_root = _covariance_root(fitter, fit, blocks, left_out)
     noise = replace(fit.noise, std=left_out.noise_std)
     return fit, ArmPosterior(fit.chain, fit.links, fit.friction, noise, covariance_root), left_out
+
+
+def free_placements_root(fitter: ArmFitter, fit: ArmFit, left_out: LeftOut) -> Array:
+    """
+    Return a square root of the covariance of the placements, (6 n, r), without elections.
+
+    A length that was set to zero because no torque speaks against it is not known to be zero.
+
+    """
+    free = fit
+    if not fit.geometry.rigid:
+        free = replace(fit, geometry=Geometry.free(len(fit.links)))
+    root = _covariance_root(fitter, free, block_statistics(fitter, free), left_out)
+    return root[: DIRECTIONS * len(fit.links)]
+
+
+def _covariance_root(
+    fitter: ArmFitter, fit: ArmFit, blocks: list[TorqueStatistics], left_out: LeftOut
+) -> Array:
+    problem, whole = fitter.problem(fitter.some(1), fit), blocks[0].merge(*blocks[1:])
+    root = _root(whole, _prior_rows(problem, fit.state), left_out.unbiased_std)
+    return np.asarray(np.sqrt(left_out.inflation) * _coordinates(problem, fit.state, root))
 
 
 def left_out_of(fitter: ArmFitter, fit: ArmFit) -> LeftOut:

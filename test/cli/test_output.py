@@ -182,8 +182,9 @@ def test_every_verb_warns_of_a_model_that_explains_nothing(
 
 
 def test_distances_that_are_not_identified_are_marked(here: Path, capsys: Capture) -> None:
-    model = random_model('articulated')
-    summary = {**model.summary, 'identified_distances': [True, False]}
+    model = random_model('articulated', types=('revolute',) * 3)
+    kinematics = {'length_std_m': [0.0, 1e-3, 10.0]}
+    summary = {**model.summary, 'denavit_hartenberg': kinematics}
     replace(model, summary=summary).save(here / 'm.npz')
     lip_id('inspect', 'm.npz')
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]

@@ -1,0 +1,117 @@
+"""Arms learned from real recordings: M(q), the price of links that can exist, their exports."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+import shutil
+
+import numpy as np
+
+from benchmarks._cells import show
+from benchmarks._real import ARMS, SPLITS
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.evaluation.metrics import nmse_percent
+from lip_id_ros.export.formats import FORMATS
+from lip_id_ros.export.from_model import describe
+from lip_id_ros.friction.compiled import friction_features
+from lip_id_ros.identification import fit
+from lip_id_ros.identification.link_torques import link_prior_std, links_torque
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.preprocessing import for_training
+from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.settings import FitSettings, PreprocessingSettings
+
+POSITIONS, STATES = 100_000, 10_000
+FRICTION_STD = 10.0
+"""Of the coefficients of the unconstrained fit a priori, in the torques' standard deviations."""
+COLUMNS = {
+    'arm': 'recording, unseen',
+    'smallest': f'smallest eigenvalue of M at {POSITIONS} q',
+    'condition': 'median condition of M',
+    'ratio': 'error / unconstrained',
+    'worst': 'at the worst joint',
+    **{name: name for name in FORMATS},
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Fit, measure, print a table; exit status 1 where an M(q) is not positive definite."""
+    parser = argparse.ArgumentParser(prog='benchmarks feasible', description=__doc__)
+    parser.add_argument('data', type=Path, help='folder of the recordings')
+    parser.add_argument('--arms', nargs='+', choices=ARMS, default=list(ARMS))
+    parser.add_argument('--splits', nargs='+', choices=SPLITS, default=list(SPLITS[:1]))
+    options = parser.parse_args(arguments)
+    rows, indefinite = [], False
+    for name in options.arms:
+        for split in options.splits:
+            training, unseen = ARMS[name].split(options.data, split)
+            training = for_training(training, PreprocessingSettings(), FitSettings().kernel)
+            model = fit(training)
+            eigenvalues = _eigenvalues(model)
+            indefinite |= bool(eigenvalues[:, 0].min() <= 0.0)
+            errors = _price(model, training, unseen)
+            row = {
+                'arm': f'{name}, {split}',
+                'smallest': f'{eigenvalues[:, 0].min():.2g}',
+                'condition': f'{np.median(eigenvalues[:, -1] / eigenvalues[:, 0]):.2g}',
+                'ratio': f'{np.exp(np.log(errors).mean()):.3f}',
+                'worst': f'{errors.max():.2f}',
+                **_agreements(model),
+            }
+            print(row, flush=True)
+            rows.append(row)
+    show('Arms of real recordings', COLUMNS, rows, 160)
+    return int(indefinite)
+
+
+def _eigenvalues(model: InverseDynamicsModel) -> Array:
+    """Return those of M(q) in ascending order: whole turns, and the range of prismatic joints."""
+    low, high = (each[0].copy() for each in model.training_range)
+    turns = np.array(model.joint_types) == 'revolute'
+    low[turns], high[turns] = -np.pi, np.pi
+    q = np.random.default_rng(0).uniform(low, high, (POSITIONS, len(low)))
+    return np.linalg.eigvalsh(model.inertia_matrix(q))
+
+
+def _price(model: InverseDynamicsModel, training: Dataset, unseen: Dataset) -> Array:
+    """Return errors of links and friction in those of the linear fit at the same placements."""
+    arm = model.arm
+    assert arm is not None, 'the default fit of so many samples is an arm'
+    solution = _unconstrained(arm, training)
+    found = arm.torque(unseen.q, unseen.dq, unseen.ddq), _features(arm, unseen) @ solution
+    errors = [nmse_percent(tau, unseen.tau) for tau in found]
+    return np.asarray(errors[0] / errors[1])
+
+
+def _unconstrained(arm: ArmPosterior, data: Dataset) -> Array:
+    """Return the link and friction parameters of weighted linear least squares, any signs."""
+    features, weights = _features(arm, data), 1.0 / arm.noise.std_at(data.dq)
+    friction = FRICTION_STD * data.tau.std(axis=0).max() * np.ones(arm.friction.basis.size)
+    prior = np.concatenate([link_prior_std(data).ravel(), friction])
+    rows = (features * weights[..., None]).reshape(-1, prior.size) * prior
+    stacked = np.concatenate([rows, np.eye(prior.size)])
+    target = np.concatenate([(data.tau * weights).ravel(), np.zeros(prior.size)])
+    return np.asarray(prior * np.linalg.lstsq(stacked, target, rcond=None)[0])
+
+
+def _features(arm: ArmPosterior, data: Dataset) -> Array:
+    state = [np.ascontiguousarray(x) for x in (data.q, data.dq, data.ddq)]
+    load = links_torque(arm.chain, arm.links, data)
+    friction = friction_features(arm.friction.basis, data.q, data.dq, load)
+    return np.concatenate([torque_regressor(arm.chain, *state), friction], axis=2)
+
+
+def _agreements(model: InverseDynamicsModel) -> dict[str, str]:
+    """Return how far other readers of the exported links and friction differ from the model."""
+    arm = describe(model, 'arm').arm
+    states = arm.ranges.random_states(STATES, np.random.default_rng(0))
+    own = model.arm if model.arm is not None and model.remainder is not None else None
+    tau = model.predict(*states).tau if own is None else own.torque(*states)
+    return {
+        name: f'{form.check(form.text(arm), arm, tau, states).difference.max():.0e}'
+        for name, form in FORMATS.items()
+        if name != 'c' or shutil.which('cc')
+    }
