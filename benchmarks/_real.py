@@ -11,8 +11,10 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.preprocessing import load_dataset
-from lip_id_ros.settings import Config, RecordingSettings
+from lip_id_ros.preprocessing import preprocess
+from lip_id_ros.recording import JointSamples, read_sources
+from lip_id_ros.recording.reading import read_log
+from lip_id_ros.settings import RecordingSettings
 
 UNSEEN = 0.3
 SPLITS = ('last', 'first')
@@ -24,6 +26,14 @@ UR10_JOINTS = (
 )
 MED7_RATE_HZ = 100.0
 TIAGO_SCALE = (1.0, 13.6, 13.6, -8.7, -8.7)
+
+
+@dataclass(frozen=True, eq=False)
+class RawRecordings:
+    """Recordings of one arm before preprocessing, and what their efforts are."""
+
+    samples: list[JointSamples]
+    recording: RecordingSettings
 
 
 @dataclass(frozen=True)
@@ -42,47 +52,66 @@ class RealArm:
 
     """
 
-    load: Callable[[Path], list[Dataset]]
+    load: Callable[[Path], RawRecordings]
     urdf: str
     joints: tuple[str, ...]
 
+    def datasets(self, folder: Path) -> list[Dataset]:
+        """Return the preprocessed recordings."""
+        raw = self.load(folder)
+        return [preprocess(each, recording=raw.recording) for each in raw.samples]
+
     def split(self, folder: Path, unseen: str) -> tuple[Dataset, Dataset]:
         """Return what to learn from and what is unseen, joints named as in the URDF."""
-        recordings = self.load(folder)
-        if len(recordings) == 1:
-            first, last = recordings[0].split(1.0 - UNSEEN if unseen == 'last' else UNSEEN)
+        data = self.datasets(folder)
+        if len(data) == 1:
+            first, last = data[0].split(1.0 - UNSEEN if unseen == 'last' else UNSEEN)
         else:
-            count = round(UNSEEN * len(recordings))
-            cut = len(recordings) - count if unseen == 'last' else count
-            first, last = concatenate(recordings[:cut]), concatenate(recordings[cut:])
+            cut = _recordings_cut(len(data), unseen)
+            first, last = concatenate(data[:cut]), concatenate(data[cut:])
         train, test = (first, last) if unseen == 'last' else (last, first)
         return self._named(train), self._named(test)
+
+    def raw_split(self, folder: Path, unseen: str) -> tuple[RawRecordings, RawRecordings]:
+        """Return recordings to learn from and those unseen, before preprocessing."""
+        raw = self.load(folder)
+        samples = raw.samples
+        if len(samples) == 1:
+            cut = round(samples[0].n_samples * (1.0 - UNSEEN if unseen == 'last' else UNSEEN))
+            samples = [samples[0].rows(slice(0, cut)), samples[0].rows(slice(cut, None))]
+        cut = _recordings_cut(len(samples), unseen) if len(samples) > 2 else 1
+        parts = [RawRecordings(some, raw.recording) for some in (samples[:cut], samples[cut:])]
+        return (parts[0], parts[1]) if unseen == 'last' else (parts[1], parts[0])
 
     def _named(self, dataset: Dataset) -> Dataset:
         return replace(dataset, joint_names=self.joints)
 
 
-def _file(
-    path: str, recording: RecordingSettings | None = None
-) -> Callable[[Path], list[Dataset]]:
-    config = Config(recording=recording or RecordingSettings())
-    return lambda folder: [load_dataset(folder / path, config)]
+def _recordings_cut(count: int, unseen: str) -> int:
+    rest = round(UNSEEN * count)
+    return count - rest if unseen == 'last' else rest
 
 
-def _lwr(folder: Path) -> list[Dataset]:
-    names = [f'kuka_lwr_polydoros/kuka_lwr_{k}.csv' for k in range(1, 11)]
-    return [load_dataset(folder / name) for name in names]
+def _bag(path: str, recording: RecordingSettings | None = None) -> Callable[[Path], RawRecordings]:
+    chosen = recording or RecordingSettings()
+    return lambda folder: RawRecordings(list(read_sources([folder / path], chosen)), chosen)
 
 
-def _log(columns: Mapping[str, Array], recording: RecordingSettings) -> list[Dataset]:
+def _logs(*paths: str) -> Callable[[Path], RawRecordings]:
+    return lambda folder: RawRecordings(
+        [read_log(folder / path) for path in paths], RecordingSettings()
+    )
+
+
+def _log(columns: Mapping[str, Array], recording: RecordingSettings) -> RawRecordings:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'log.csv'
         table = np.column_stack(list(columns.values()))
         np.savetxt(path, table, delimiter=',', header=','.join(columns), comments='')
-        return [load_dataset(path, Config(recording=recording))]
+        return RawRecordings([read_log(path)], recording)
 
 
-def _med7(folder: Path) -> list[Dataset]:
+def _med7(folder: Path) -> RawRecordings:
     table = np.loadtxt(
         folder / 'kuka_lbr_med7/measurements.csv', delimiter=',', skiprows=1, ndmin=2
     )
@@ -92,7 +121,7 @@ def _med7(folder: Path) -> list[Dataset]:
     return _log(columns, RecordingSettings())
 
 
-def _tiago(folder: Path) -> list[Dataset]:
+def _tiago(folder: Path) -> RawRecordings:
     columns: dict[str, Array] = {}
     for signal, name in (('q', 'position'), ('dq', 'velocity'), ('tau', 'effort')):
         path = folder / f'tiago_figaroh/tiago_{name}.csv'
@@ -109,7 +138,7 @@ def _numbered(pattern: str, first: int, count: int) -> tuple[str, ...]:
 
 ARMS: dict[str, RealArm] = {
     'UR10': RealArm(
-        _file(
+        _bag(
             'unisa_ros2_bags/ur10/ur10_exciting_trajectory.db3',
             RecordingSettings(joints=UR10_JOINTS),
         ),
@@ -117,16 +146,20 @@ ARMS: dict[str, RealArm] = {
         UR10_JOINTS,
     ),
     'Panda, 30 Hz': RealArm(
-        _file('unisa_ros2_bags/panda/panda_exciting_trajectory.db3'),
+        _bag('unisa_ros2_bags/panda/panda_exciting_trajectory.db3'),
         'urdf/panda.urdf',
         _numbered('panda_joint{}', 1, 7),
     ),
     'Panda, 1 kHz': RealArm(
-        _file('panda_gaz2019/exciting.csv'), 'urdf/panda.urdf', _numbered('panda_joint{}', 1, 7)
+        _logs('panda_gaz2019/exciting.csv'), 'urdf/panda.urdf', _numbered('panda_joint{}', 1, 7)
     ),
-    'KUKA LWR': RealArm(_lwr, 'urdf/kuka_lwr4_flobaroid.urdf', _numbered('lwr_{}_joint', 0, 7)),
+    'KUKA LWR': RealArm(
+        _logs(*_numbered('kuka_lwr_polydoros/kuka_lwr_{}.csv', 1, 10)),
+        'urdf/kuka_lwr4_flobaroid.urdf',
+        _numbered('lwr_{}_joint', 0, 7),
+    ),
     'Staubli TX40': RealArm(
-        _file('staubli_tx40/exciting.csv'),
+        _logs('staubli_tx40/exciting.csv'),
         'staubli_tx40/tx40_mdh_modified.urdf',
         _numbered('joint_{}', 1, 6),
     ),

@@ -98,7 +98,7 @@ def _alarms(folder: Path) -> Table:
     table = Table('recording', 'findings', 'CPU s')
     for name, arm in ARMS.items():
         started = time.process_time()
-        findings = diagnose_effort(concatenate(arm.load(folder)))
+        findings = diagnose_effort(concatenate(arm.datasets(folder)))
         codes = ', '.join(each.code for each in findings)
         table.add_row(name, codes, f'{time.process_time() - started:.0f}')
     return table

@@ -41,7 +41,8 @@ PARTS = {
     'settings': set(),
     'dataset': set(),
     'recording': {'settings'},
-    'preprocessing': {'settings', 'dataset', 'recording'},
+    # its election of a cut-off predicts torques of links
+    'preprocessing': {'settings', 'dataset', 'recording', 'identification', 'rigid_body'},
     'health': {'settings', 'dataset', 'recording', 'preprocessing', 'identification'},
     'rigid_body': set(),
     'description': {'rigid_body'},

@@ -30,12 +30,17 @@ from lip_id_ros.files import write_or_rescue, write_whole
 from lip_id_ros.identification import fit
 from lip_id_ros.identification.payload import identify_payload
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.preprocessing import for_training, load_dataset, preprocess
-from lip_id_ros.preprocessing.loading import Watch
+from lip_id_ros.preprocessing import (
+    election_lines,
+    for_training,
+    load_dataset,
+    preprocess,
+)
+from lip_id_ros.preprocessing.loading import elected_config, Watch, with_report
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.settings import Config, override
+from lip_id_ros.settings import AUTO, Config, override
 
 SHOWN = ('source', 'samples', 'dropped')
 """What of a source's provenance is worth a look in ~/status."""
@@ -73,13 +78,14 @@ def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     config = override(Config(), request['settings'], 'the parameters')
     sections = receive(request['recording'])
     findings = RecordingHealth(config.recording)
-    prepared = training_set(sections, request['bags'], config, progress, findings)
+    share = 1.0 - request.get('holdout', 0.0)
+    prepared = training_set(sections, request['bags'], config, progress, findings, share)
     result: dict[str, Any] = {
         'n_samples': prepared.dataset.n_samples,
         'sources': _sources(prepared.dataset),
         'left_out': list(prepared.left_out),
         'thinned': prepared.n_thinned,
-        'findings': findings.lines,
+        'findings': [*findings.lines, *election_lines(prepared.dataset.provenance)],
     }
     if request['kind'] == 'dataset':
         return {**result, **_save(prepared.dataset.save, request['path'])}
@@ -188,6 +194,7 @@ def training_set(
     config: Config,
     progress: Progress,
     watch: Watch = lambda samples: None,
+    training_share: float = 1.0,
 ) -> TrainingSet:
     """
     Join a live recording and bags.
@@ -204,6 +211,9 @@ def training_set(
     progress : callable
     watch : callable
         Called with the raw samples of every recording that is used.
+    training_share : float
+        First share that `cutoff_hz: auto` may look at; where there is a live recording, it looks
+        at that alone.
 
     Raises
     ------
@@ -213,13 +223,18 @@ def training_set(
         If a bag does not exist or cannot be opened.
 
     """
+    report: dict[str, Any] = {}
+    if sections and config.preprocessing.cutoff_hz == AUTO:
+        config, report = elected_config(sections, config, training_share, progress)
     live, left_out = _of_sections(sections, config, watch)
+    live = [with_report(data, report) for data in live]
     if not live and not bags:
         raise DataError(left_out[0])
     whole = replace(config, preprocessing=replace(config.preprocessing, max_samples=0))
-    parts = (
-        [*live, load_dataset(bags, _with_joints(whole, live), progress, watch)] if bags else live
-    )
+    parts = live
+    if bags:
+        of_bags = _with_joints(whole, live)
+        parts = [*live, load_dataset(bags, of_bags, progress, watch, training_share)]
     joined = concatenate(parts)
     dataset = at_most(joined, config.preprocessing)
     return TrainingSet(dataset, left_out, joined.n_samples - dataset.n_samples)

@@ -111,7 +111,8 @@ def _cases(args: argparse.Namespace, config: Config, progress: Progress) -> list
     from lip_id_ros.comparison import Case, thinned
     from lip_id_ros.preprocessing import for_training, load_dataset
 
-    data = load_dataset(args.sources, config, progress)
+    share = 1.0 if args.test else args.train_share
+    data = load_dataset(args.sources, config, progress, training_share=share)
     if args.test:
         train, tests = data, _tests(args.test, data, config, progress)
     else:
@@ -130,8 +131,9 @@ def _tests(
     sources: list[str], train: Dataset, config: Config, progress: Progress
 ) -> dict[str, Dataset]:
     from lip_id_ros.evaluation import matched
-    from lip_id_ros.preprocessing import load_dataset
+    from lip_id_ros.preprocessing import load_dataset, with_elected
 
+    config = with_elected(config, train.provenance)
     recording = replace(config.recording, joints=train.joint_names)
     names = [os.path.basename(os.path.normpath(source)) for source in sources]
     labels = names if len(set(names)) == len(names) else sources

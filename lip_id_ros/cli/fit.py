@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
     from lip_id_ros.model.checked_file import is_model
-    from lip_id_ros.preprocessing import for_training, load_dataset
+    from lip_id_ros.preprocessing import election_lines, for_training, load_dataset
 
     inputs = [*args.sources, *filter(None, [args.urdf, args.config])]
     output.check_file(args.output, inputs, is_model, 'a model', args.force)
@@ -92,9 +92,10 @@ def run(args: argparse.Namespace) -> None:
     evaluation = None
     health = RecordingHealth(config.recording)
     with output.progress_display() as progress:
-        training = load_dataset(args.sources, config, progress, health)
+        share = 1.0 - (args.holdout or 0.0)
+        training = load_dataset(args.sources, config, progress, health, share)
         if args.holdout is not None:
-            training, held_out = training.split(1 - args.holdout)
+            training, held_out = training.split(share)
         training = for_training(training, config.preprocessing, config.fit.kernel)
         model = models.learned(args, training, config.fit, progress)
         if args.holdout is not None:
@@ -108,7 +109,8 @@ def run(args: argparse.Namespace) -> None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
         show.evaluated(evaluation, title, console)
     copies = copy_cautions(training.provenance)
-    show_lines([*health.lines, *copies, *models.cautions(model)], console)
+    elected = election_lines(training.provenance)
+    show_lines([*health.lines, *copies, *elected, *models.cautions(model)], console)
     if evaluation is None:
         show_lines([show.UNSEEN], console)
     if rescue is not None:

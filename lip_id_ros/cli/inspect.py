@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
     from lip_id_ros.model.serialization import contradictions
-    from lip_id_ros.preprocessing import describe
+    from lip_id_ros.preprocessing import describe, election_lines
 
     output.check_file(args.json, [args.file], output.is_json, 'a JSON object', args.force)
     output.check_folder(args.report, args.force)
@@ -69,11 +69,13 @@ def run(args: argparse.Namespace) -> None:
             cautions = models.cautions(model)
             with contradictions(args.file):
                 described = show.described_model(model)
+                cautions += election_lines(model.provenance)
             description = {'file': args.file, 'kind': 'model', **described}
         else:
             description = describe(args.file, progress, health)
         if args.efforts:
-            efforts = _effort_findings(args, progress)
+            efforts, elected = _effort_findings(args, progress)
+            cautions += elected
             cautions += [finding.text for finding in efforts] or [UNDISPUTED]
         if args.report:
             from lip_id_ros.evaluation.report.recording_report import write_recording_report
@@ -87,10 +89,13 @@ def run(args: argparse.Namespace) -> None:
     output.write_json(args.json, description)
 
 
-def _effort_findings(args: argparse.Namespace, progress: Progress) -> tuple[Finding, ...]:
+def _effort_findings(
+    args: argparse.Namespace, progress: Progress
+) -> tuple[tuple[Finding, ...], list[str]]:
+    """Return what the efforts are found to be, and what preprocessing was elected for that."""
     from lip_id_ros.cli.models import chosen_config
     from lip_id_ros.health.effort_meaning import diagnose_effort
-    from lip_id_ros.preprocessing import load_dataset
+    from lip_id_ros.preprocessing import election_lines, load_dataset
 
     dataset = load_dataset(args.file, chosen_config(args.config, {}), progress)
-    return diagnose_effort(dataset, progress=progress)
+    return diagnose_effort(dataset, progress=progress), election_lines(dataset.provenance)

@@ -17,7 +17,7 @@ from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.checked_file import COMPARED, schema_of
 from lip_id_ros.model.serialization import contradictions
-from lip_id_ros.preprocessing import load_dataset
+from lip_id_ros.preprocessing import load_dataset, with_elected
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config, FitSettings, override, read_config
 
@@ -130,6 +130,7 @@ def chosen_config(path: str | None, chosen: Mapping[str, Any]) -> Config:
 
 def _config_of(model: Model, path: str | None) -> Config:
     config = _of_fit(model) if path is None else read_config(path)
+    config = with_elected(config, provenance(model))
     recording = replace(config.recording, joints=model.joint_names, joint_types=model.joint_types)
     return replace(config, recording=recording)
 

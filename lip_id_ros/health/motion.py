@@ -109,7 +109,7 @@ def _stretches(samples: JointSamples, rate: float, every: int) -> Iterator[Stret
             continue
         times = uniform_times(t, rate)
         position, recorded, effort = (
-            low_pass(resample(t, values[rows], times), rate, _SETTINGS.cutoff_hz)
+            low_pass(resample(t, values[rows], times), rate, _SETTINGS.cutoff)
             for values in signals
         )
         velocity = derivative(position, rate)

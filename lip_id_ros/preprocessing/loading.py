@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 import os
@@ -14,14 +14,15 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
-from lip_id_ros.errors import DataError, SourceError
+from lip_id_ros.errors import ConfigError, DataError, SourceError
 from lip_id_ros.preprocessing.cleaning import RepeatedSamples
+from lip_id_ros.preprocessing.election import elect_preprocessing, ELECTED
 from lip_id_ros.preprocessing.pipeline import preprocess
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples, read_sources
 from lip_id_ros.recording.reading import read_log
-from lip_id_ros.settings import Config
+from lip_id_ros.settings import AUTO, Config, override
 
 PathLike = str | os.PathLike[str]
 Watch = Callable[[JointSamples], object]
@@ -29,12 +30,15 @@ Watch = Callable[[JointSamples], object]
 COPIES = 'copies'
 """Provenance: source, samples and repeated samples where an earlier source has them too."""
 
+Part = Dataset | JointSamples
+
 
 def load_dataset(
     sources: PathLike | Sequence[PathLike],
     settings: Config | None = None,
     progress: Progress = silent,
     watch: Watch = lambda samples: None,
+    training_share: float = 1.0,
 ) -> Dataset:
     """
     Load bags and data sets and join them, each with segments of its own.
@@ -48,11 +52,14 @@ def load_dataset(
         Bags and CSV logs are preprocessed by the settings; data sets (.npz, or .csv with
         accelerations) are taken as they are, but for the choice of joints and `max_samples`.
     settings : Config
-        Sections `recording` and `preprocessing` are used.
+        Sections `recording` and `preprocessing` are used. With `cutoff_hz: auto` all recordings
+        are read before the first is preprocessed.
     progress : callable
         Called with the number of messages read.
     watch : callable
         Called with the raw samples of every recording before they are preprocessed.
+    training_share : float
+        First share of the recordings that `cutoff_hz: auto` may look at; the rest is held out.
 
     Raises
     ------
@@ -71,7 +78,12 @@ def load_dataset(
     if not paths:
         raise SourceError('at least one recording or data set is needed, but none was named.')
     loading = _Loading(settings, progress, watch, is_alone=len(paths) == 1)
-    data = concatenate(list(loading.datasets(paths)))
+    parts: Iterable[Part] = loading.parts(paths)
+    if settings.preprocessing.cutoff_hz == AUTO:
+        parts = list(parts)
+        recordings = [part for part in parts if isinstance(part, JointSamples)]
+        settings = loading.elect(recordings, training_share)
+    data = concatenate(list(loading.datasets(parts)))
     if loading.copies:
         data = replace(data, provenance={**data.provenance, COPIES: loading.copies})
     return at_most(data, settings.preprocessing)
@@ -86,33 +98,52 @@ class _Loading:
         self._settings, self._progress, self._watch = settings, progress, watch
         self._is_alone = is_alone  # nothing to compare with
         self._seen = RepeatedSamples()
+        self._repeating: set[str] = set()
+        self._report: dict[str, Any] = {}
         self.copies: list[dict[str, Any]] = []
 
-    def datasets(self, paths: Sequence[PathLike]) -> Iterator[Dataset]:
-        """Yield data sets in the order of the sources; bags side by side may give one together."""
+    def parts(self, paths: Sequence[PathLike]) -> Iterator[Part]:
+        """Yield raw samples and data sets in the order of the sources, none of them twice."""
         recording = self._settings.recording
         for is_bag, some in groupby(paths, _is_bag):
             if is_bag:
                 for samples in read_sources(list(some), recording, self._progress):
-                    yield from self._prepared(samples)
+                    yield self._raw(samples)
                 continue
             for path in some:
                 if _is_data_set(path):
                     yield from self._data_set(path)
                 else:
-                    yield from self._prepared(read_log(path, recording.joints))
+                    yield self._raw(read_log(path, recording.joints))
 
-    def _prepared(self, samples: JointSamples) -> Iterator[Dataset]:
+    def _raw(self, samples: JointSamples) -> JointSamples:
         self._watch(samples)
-        self._progress('preprocessing', 0, 0)
-        signals = samples.position, samples.effort
-        fresh = self._fresh(samples.source, samples.joint_names, *signals)
+        fresh = self._fresh(samples.source, samples.joint_names, samples.position, samples.effort)
+        if not fresh.all():
+            self._repeating.add(samples.source)
+        return samples.select(fresh)
+
+    def elect(self, recordings: Sequence[JointSamples], share: float) -> Config:
+        """Elect the preprocessing of all recordings by the first share of them."""
+        elected = elected_config(recordings, self._settings, share, self._progress)
+        self._settings, self._report = elected
+        return self._settings
+
+    def datasets(self, parts: Iterable[Part]) -> Iterator[Dataset]:
+        """Preprocess raw samples; bags side by side may give one data set together."""
         settings = replace(self._settings.preprocessing, max_samples=0)
-        try:
-            yield preprocess(samples.select(fresh), settings, self._settings.recording)
-        except DataError:
-            if fresh.all():
-                raise
+        for part in parts:
+            if isinstance(part, Dataset):
+                yield part
+                continue
+            self._progress('preprocessing', 0, 0)
+            try:
+                data = preprocess(part, settings, self._settings.recording)
+            except DataError:
+                if part.source not in self._repeating:
+                    raise
+            else:
+                yield with_report(data, self._report)
 
     def _data_set(self, path: PathLike) -> Iterator[Dataset]:
         data, recording = Dataset.load(path), self._settings.recording
@@ -137,6 +168,83 @@ class _Loading:
             self.copies.append({'source': source, 'samples': len(repeated), 'repeated': count})
         fresh: BoolArray = ~repeated
         return fresh
+
+
+def elected_config(
+    recordings: Sequence[JointSamples],
+    config: Config,
+    training_share: float,
+    progress: Progress = silent,
+) -> tuple[Config, dict[str, Any]]:
+    """
+    Elect the preprocessing of recordings by the first share of them.
+
+    Returns
+    -------
+    config : Config
+        With numbers in the place of `auto`.
+    report : dict
+        Figures, for the provenance.
+
+    Raises
+    ------
+    LipIdError
+        See `lip_id_ros.preprocessing.election.elect_preprocessing`.
+
+    """
+    some = _first_share(recordings, training_share)
+    elected = elect_preprocessing(some, config.preprocessing, config.recording, progress)
+    changed = replace(config, preprocessing=elected.preprocessing, recording=elected.recording)
+    return changed, elected.report
+
+
+def with_report(data: Dataset, report: Mapping[str, Any]) -> Dataset:
+    """Note in the provenance of a recording how its preprocessing was elected."""
+    if not report:
+        return data
+    sources = [{**source, ELECTED: dict(report)} for source in data.provenance['sources']]
+    return replace(data, provenance={**data.provenance, 'sources': sources})
+
+
+def with_elected(config: Config, provenance: Mapping[str, Any]) -> Config:
+    """
+    Put what was elected for other recordings in the place of `cutoff_hz: auto`.
+
+    Parameters
+    ----------
+    config : Config
+    provenance : mapping
+        Of the data or of the model.
+
+    Raises
+    ------
+    ConfigError
+        If none of its sources was preprocessed.
+
+    """
+    if config.preprocessing.cutoff_hz != AUTO:
+        return config
+    for source in provenance.get('sources', ()):
+        if 'preprocessing' in source and 'recording' in source:
+            names = ('cutoff_hz', 'derivative')
+            chosen = {f'preprocessing.{name}': source['preprocessing'][name] for name in names}
+            chosen['recording.effort_delay_s'] = source['recording'].get('effort_delay_s', ())
+            return override(config, chosen, 'the settings of the training data')
+    raise ConfigError(
+        'preprocessing.cutoff_hz: auto needs the settings of the training data, which were no '
+        'recordings; give the cut-off as a number.'
+    )
+
+
+def _first_share(recordings: Sequence[JointSamples], share: float) -> list[JointSamples]:
+    """Return the first share of all samples."""
+    rest = round(share * sum(samples.n_samples for samples in recordings))
+    first = []
+    for samples in recordings:
+        if rest > 0:
+            first.append(samples.rows(slice(0, rest)))
+        rest -= samples.n_samples
+    return first
 
 
 def _is_bag(path: PathLike) -> bool:

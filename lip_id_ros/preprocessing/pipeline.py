@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-import dataclasses
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,7 @@ from lip_id_ros.preprocessing.smoothing import (
     is_long_enough,
     low_pass,
     resample,
+    resample_early,
     Window,
     windows,
 )
@@ -95,9 +96,57 @@ def preprocess(
     return at_most(data, settings)
 
 
-def _recording(
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """
+    A recording before it is smoothed.
+
+    Attributes
+    ----------
+    fresh : JointSamples
+        Without stale samples, efforts as torques.
+    segments : tuple of JointSamples
+        `fresh` between its gaps, stamps mended.
+    rate_hz : float
+        Of the uniform grid that the segments are brought to.
+    delays_s : tuple of n floats
+        How much later than positions the efforts of each joint were measured.
+    stale : int
+        Samples left out.
+    retimed : bool
+        Whether stamps were mended.
+
+    """
+
+    fresh: JointSamples
+    segments: tuple[JointSamples, ...]
+    rate_hz: float
+    delays_s: tuple[float, ...]
+    stale: int
+    retimed: bool
+
+    @property
+    def largest_delay_s(self) -> float:
+        """The largest delay of an effort, in either direction."""
+        return max(map(abs, self.delays_s))
+
+
+def segments_of(
     samples: JointSamples, settings: PreprocessingSettings, recording: RecordingSettings
-) -> Dataset:
+) -> Segments:
+    """
+    Remove stale samples, scale efforts to torques, cut at gaps and mend stamps.
+
+    Raises
+    ------
+    SourceError
+        If no effort was recorded.
+    ConfigError
+        If a setting per joint has another length than there are joints.
+    DataError
+        If there are fewer than two different samples.
+
+    """
     is_stale = stale(samples)
     fresh = samples.select(~is_stale)
     if fresh.n_samples < 2:
@@ -105,24 +154,35 @@ def _recording(
             f'{fresh.source} must hold at least two different samples, but has '
             f'{fresh.n_samples}; record while the arm moves.'
         )
-    fresh = dataclasses.replace(fresh, effort=torque(fresh, recording))
+    fresh = replace(fresh, effort=torque(fresh, recording))
     given = cut(fresh.t, settings.max_gap_s or GAP_STEPS * median_step(fresh.t))
     repeats, step = samples.t[is_stale], median_step(samples.t)
     recorded = [fresh.rows(rows) for rows in given]
-    segments = [_retimed(segment, repeats, step) for segment in recorded]
-    rate = _rate(segments)
-    dropped = Counter(samples.counts)
-    dropped[STALE] = int(is_stale.sum())
-    motions = _motions(segments, rate, settings, dropped)
-    if not motions:
-        raise DataError(_too_short(samples.source, segments, rate, settings))
-    provenance = _provenance(samples, rate, settings, dropped)
-    provenance['repeated'] = _repetition(fresh)
-    provenance['segments'] = len(motions)
-    provenance['retimed'] = any(
-        segment is not original for segment, original in zip(segments, recorded, strict=True)
+    segments = tuple(_retimed(segment, repeats, step) for segment in recorded)
+    return Segments(
+        fresh,
+        segments,
+        _rate(segments),
+        per_joint(samples, 'effort_delay_s', recording.effort_delay_s, 0.0),
+        int(is_stale.sum()),
+        any(one is not other for one, other in zip(segments, recorded, strict=True)),
     )
-    provenance['recording'] = dataclasses.asdict(recording)
+
+
+def _recording(
+    samples: JointSamples, settings: PreprocessingSettings, recording: RecordingSettings
+) -> Dataset:
+    raw = segments_of(samples, settings, recording)
+    dropped = Counter(samples.counts)
+    dropped[STALE] = raw.stale
+    motions = _motions(raw, settings, dropped)
+    if not motions:
+        raise DataError(_too_short(samples.source, raw, settings))
+    provenance = _provenance(samples, raw.rate_hz, settings, dropped)
+    provenance['repeated'] = _repetition(raw.fresh)
+    provenance['segments'] = len(motions)
+    provenance['retimed'] = raw.retimed
+    provenance['recording'] = asdict(recording)
     return Dataset(
         **{name: np.concatenate([motion[name] for motion in motions]) for name in motions[0]},
         joint_names=samples.joint_names,
@@ -133,7 +193,8 @@ def _recording(
     )
 
 
-def _uses_velocity(samples: JointSamples, settings: PreprocessingSettings) -> bool:
+def uses_velocity(samples: JointSamples, settings: PreprocessingSettings) -> bool:
+    """Whether recorded velocities are used."""
     return samples.has_velocity and settings.velocity == 'recorded'
 
 
@@ -143,7 +204,7 @@ def _retimed(segment: JointSamples, repeats: Array, step: float) -> JointSamples
     if first == np.searchsorted(repeats, segment.t[-1]):
         return segment
     t = evenly_timed(segment.t, step)
-    return segment if t is segment.t else dataclasses.replace(segment, t=t)
+    return segment if t is segment.t else replace(segment, t=t)
 
 
 def _rate(segments: Sequence[JointSamples]) -> float:
@@ -158,22 +219,20 @@ def _rate(segments: Sequence[JointSamples]) -> float:
 
 
 def _motions(
-    segments: Sequence[JointSamples],
-    rate: float,
-    settings: PreprocessingSettings,
-    dropped: Counter[str],
+    raw: Segments, settings: PreprocessingSettings, dropped: Counter[str]
 ) -> list[dict[str, Array]]:
-    edge = edge_length(rate, settings.cutoff_hz, settings.edge_periods)
+    rate, delay = raw.rate_hz, raw.largest_delay_s
+    edge = edge_length(rate, settings.cutoff, settings.edge_periods, delay)
     every = stride(rate, settings)
     motions = []
-    for segment in segments:
-        if not is_long_enough(segment.t, rate, settings):
+    for segment in raw.segments:
+        if not is_long_enough(segment.t, rate, settings, delay):
             dropped[SHORT_SEGMENT] += segment.n_samples
             continue
         kept = range(edge, grid_size(segment.t, rate) - edge, every)
         parts = [
-            _smooth(segment, window, rate, settings, kept)
-            for window in windows(segment.t, rate, settings.cutoff_hz)
+            _smooth(segment, window, raw, settings, kept)
+            for window in windows(segment.t, rate, settings.cutoff, delay)
         ]
         motions.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
         dropped[EDGE] += 2 * edge
@@ -184,38 +243,58 @@ def _motions(
 def _smooth(
     segment: JointSamples,
     window: Window,
-    rate: float,
+    raw: Segments,
     settings: PreprocessingSettings,
     kept: range,
 ) -> dict[str, Array]:
-    """
-    Bring a window to uniform steps, low-pass all signals alike and differentiate.
-
-    The same low-pass goes over positions, velocities and torques, so that none of them lags or
-    loses content against the others; the acceleration is the derivative of the smooth velocity.
-
-    """
+    """Bring a window to uniform steps, low-pass all signals alike and differentiate."""
     samples = segment.rows(window.rows)
-
-    def smoothed(values: Array) -> Array:
-        uniform = resample(samples.t, values, window.times)
-        return low_pass(uniform, rate, settings.cutoff_hz)
-
-    derivative = DERIVATIVES[settings.derivative]
-    q = smoothed(samples.position)
-    dq = smoothed(samples.velocity) if _uses_velocity(segment, settings) else derivative(q, rate)
-    motion = {
-        't': window.times,
-        'q': q,
-        'dq': dq,
-        'ddq': derivative(dq, rate),
-        'tau': smoothed(samples.effort),
-    }
+    recorded = uses_velocity(segment, settings)
+    q, dq, ddq = smooth_motion(
+        resample(samples.t, samples.position, window.times),
+        resample(samples.t, samples.velocity, window.times) if recorded else None,
+        raw.rate_hz,
+        settings,
+    )
+    effort = resample_early(samples.t, samples.effort, window.times, raw.delays_s)
+    tau = low_pass(effort, raw.rate_hz, settings.cutoff)
+    motion = {'t': window.times, 'q': q, 'dq': dq, 'ddq': ddq, 'tau': tau}
     release(segment.position, segment.velocity, segment.effort)
     before = max(0, -((kept.start - window.start) // kept.step))
     numbers = range(kept.start + before * kept.step, min(kept.stop, window.stop), kept.step)
     rows = np.array(numbers, np.intp) - window.first
     return {name: values[rows] for name, values in motion.items()}
+
+
+def smooth_motion(
+    position: Array, velocity: Array | None, rate_hz: float, settings: PreprocessingSettings
+) -> tuple[Array, Array, Array]:
+    """
+    Low-pass uniform samples and differentiate them.
+
+    The same low-pass goes over positions, velocities and torques, so that none of them lags or
+    loses content against the others; the acceleration is the derivative of the smooth velocity.
+
+    Parameters
+    ----------
+    position : ndarray, shape (N, n)
+    velocity : ndarray, shape (N, n), optional
+        Without one, the derivative of the smooth position.
+    rate_hz : float
+    settings : PreprocessingSettings
+
+    Returns
+    -------
+    q, dq, ddq : ndarrays, shape (N, n)
+
+    """
+    derivative = DERIVATIVES[settings.derivative]
+    q = low_pass(position, rate_hz, settings.cutoff)
+    if velocity is None:
+        dq = derivative(q, rate_hz)
+    else:
+        dq = low_pass(velocity, rate_hz, settings.cutoff)
+    return q, dq, derivative(dq, rate_hz)
 
 
 def _repetition(fresh: JointSamples) -> dict[str, Any]:
@@ -243,25 +322,22 @@ def _provenance(
         'content': content_digest(samples.joint_names, samples.position, samples.effort),
         'dropped': {str(reason): count for reason, count in dropped.items() if count},
         'rate_hz': rate,
-        'filtered': is_filtered(rate, settings.cutoff_hz),
+        'filtered': is_filtered(rate, settings.cutoff),
         'velocity': 'recorded'
-        if _uses_velocity(samples, settings)
+        if uses_velocity(samples, settings)
         else 'differentiated from position',
         'kept_every': stride(rate, settings),
-        'preprocessing': dataclasses.asdict(settings),
+        'preprocessing': asdict(settings),
     }
 
 
-def _too_short(
-    source: str, segments: Sequence[JointSamples], rate: float, settings: PreprocessingSettings
-) -> str:
-    longest = max(float(segment.t[-1] - segment.t[0]) for segment in segments)
-    edges = (
-        2 * edge_length(rate, settings.cutoff_hz, settings.edge_periods) / rate if rate else 0.0
-    )
-    needed = max(settings.min_segment_s, edges)
+def _too_short(source: str, raw: Segments, settings: PreprocessingSettings) -> str:
+    longest = max(float(segment.t[-1] - segment.t[0]) for segment in raw.segments)
+    rate, periods = raw.rate_hz, settings.edge_periods
+    edge = edge_length(rate, settings.cutoff, periods, raw.largest_delay_s)
+    needed = max(settings.min_segment_s, 2 * edge / rate if rate else 0.0)
     return (
         f'{source} must hold a motion of {needed:g} s without a gap, but the longest of '
-        f'{len(segments)} lasts {longest:.3g} s; record for longer, or raise '
+        f'{len(raw.segments)} lasts {longest:.3g} s; record for longer, or raise '
         'preprocessing.max_gap_s or lower preprocessing.min_segment_s.'
     )

@@ -30,9 +30,9 @@ def stride(rate_hz: float, settings: PreprocessingSettings) -> int:
     """
     if settings.decimate > 0:
         return settings.decimate
-    if not is_filtered(rate_hz, settings.cutoff_hz):
+    if not is_filtered(rate_hz, settings.cutoff):
         return 1
-    return max(1, int(rate_hz / (SAMPLES_PER_PERIOD * settings.cutoff_hz)))
+    return max(1, int(rate_hz / (SAMPLES_PER_PERIOD * settings.cutoff)))
 
 
 def for_training(data: Dataset, settings: PreprocessingSettings, kernel: str) -> Dataset:

@@ -16,7 +16,7 @@ low-pass decides (`test/preprocessing/test_smoothing.py`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 import math
 from typing import NamedTuple
 
@@ -87,17 +87,19 @@ def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
     return smooth
 
 
-def edge_length(rate_hz: float, cutoff_hz: float, periods: float = 1.0) -> int:
+def edge_length(
+    rate_hz: float, cutoff_hz: float, periods: float = 1.0, delay_s: float = 0.0
+) -> int:
     """
     Return how many samples at each end of a segment are not to be used.
 
-    Some periods of the cut-off, over which the low-pass sees an invented continuation, and twice
-    half the derivative's stencil, where it is one-sided: velocity and acceleration may both be
-    derivatives.
+    Some periods of the cut-off, over which the low-pass sees an invented continuation, twice
+    half the derivative's stencil, where it is one-sided (velocity and acceleration may both be
+    derivatives), and the largest delay of an effort [s], for which there is none.
 
     """
     lead_in = periods * rate_hz / cutoff_hz if is_filtered(rate_hz, cutoff_hz) else 0.0
-    return round(lead_in) + 2 * HALF_STENCIL
+    return round(lead_in) + 2 * HALF_STENCIL + math.ceil(delay_s * rate_hz)
 
 
 def uniform_times(t: Array, rate_hz: float, first: int = 0, last: int | None = None) -> Array:
@@ -111,6 +113,20 @@ def resample(t: Array, values: Array, times: Array) -> Array:
     """Interpolate samples at times t, shape (N, n), to times within, shape (K, n); monotone."""
     interpolated: Array = PchipInterpolator(t, values, axis=0)(times)
     return interpolated
+
+
+def resample_early(t: Array, values: Array, times: Array, delays_s: Sequence[float]) -> Array:
+    """
+    Interpolate samples as `resample` does, column j as it was `delays_s[j]` later [s].
+
+    Beyond the samples the first or the last one is repeated.
+
+    """
+    if not any(delays_s):
+        return resample(t, values, times)
+    later = (np.clip(times + delay, t[0], t[-1]) for delay in delays_s)
+    columns = [resample(t, values[:, j], each) for j, each in enumerate(later)]
+    return np.stack(columns, axis=1)
 
 
 class Window(NamedTuple):
@@ -137,11 +153,12 @@ class Window(NamedTuple):
     stop: int
 
 
-def windows(t: Array, rate_hz: float, cutoff_hz: float) -> Iterator[Window]:
+def windows(t: Array, rate_hz: float, cutoff_hz: float, delay_s: float = 0.0) -> Iterator[Window]:
     """
     Cut the uniform grid of a segment, times t [s], into windows that overlap.
 
-    What they give together differs from smoothing the segment at once by rounding only.
+    What they give together differs from smoothing the segment at once by rounding only, also
+    where efforts are taken from up to `delay_s` earlier or later.
 
     """
     size = grid_size(t, rate_hz)
@@ -155,7 +172,7 @@ def windows(t: Array, rate_hz: float, cutoff_hz: float) -> Iterator[Window]:
             stop = size
         first, last = max(0, start - margin), min(size, stop + margin)
         times = uniform_times(t, rate_hz, first, last)
-        begin, end = np.searchsorted(t, [times[0], times[-1]])
+        begin, end = np.searchsorted(t, [times[0] - delay_s, times[-1] + delay_s])
         rows = slice(max(0, int(begin) - _NEIGHBOURS), min(t.size, int(end) + 1 + _NEIGHBOURS))
         yield Window(rows, times, first, start, stop)
         if stop == size:
@@ -191,12 +208,14 @@ def evenly_timed(t: Array, longest_shift_s: float) -> Array:
     return even if np.abs(even - t).max() <= longest_shift_s else t
 
 
-def is_long_enough(t: Array, rate_hz: float, settings: PreprocessingSettings) -> bool:
+def is_long_enough(
+    t: Array, rate_hz: float, settings: PreprocessingSettings, delay_s: float = 0.0
+) -> bool:
     """Whether a segment lasts as long as the settings ask, and has samples between its edges."""
     if t.size < 2:
         return False
     duration = float(t[-1] - t[0])
-    edges = 2 * edge_length(rate_hz, settings.cutoff_hz, settings.edge_periods)
+    edges = 2 * edge_length(rate_hz, settings.cutoff, settings.edge_periods, delay_s)
     return duration >= settings.min_segment_s and duration * rate_hz >= max(edges, MIN_SAMPLES)
 
 

@@ -18,6 +18,7 @@ from lip_id_ros.settings.settings import (
     Settings,
 )
 from lip_id_ros.settings.tables import (
+    AUTO,
     Config,
     FitSettings,
     PreprocessingSettings,
@@ -25,6 +26,7 @@ from lip_id_ros.settings.tables import (
 )
 
 __all__ = [
+    'AUTO',
     'Config',
     'FitSettings',
     'PreprocessingSettings',

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import difflib
 import math
 from typing import Any, get_type_hints, TypeVar
@@ -53,7 +53,8 @@ def setting(
     minimum, maximum : float, optional
         Range of a number, ends included.
     choices : tuple of str
-        The only texts allowed (for a list: in each element); empty for any.
+        The only texts allowed (for a list: in each element); empty for any. Of a number
+        (`float | str`): texts that are allowed in its place.
     applies : str
         When a running node takes over a new value; empty where the table as a whole says so.
 
@@ -107,18 +108,19 @@ class Row:
     @property
     def range(self) -> str:
         """The allowed values in words, empty where any value of the kind will do."""
-        if self.choices:
-            return ' or '.join(self.choices)
         limits = []
         if self.minimum is not None:
             limits.append(f'>= {self.minimum:g}')
         if self.maximum is not None:
             limits.append(f'<= {self.maximum:g}')
-        return ' and '.join(limits)
+        return ' or '.join([*filter(None, [' and '.join(limits)]), *self.choices])
 
     @property
     def expected(self) -> str:
         """What a value has to be, in words for an error sentence."""
+        if self.kind == 'float' and self.choices:
+            limits = replace(self, choices=()).expected
+            return ' or '.join([limits, *self.choices])
         words = [_WORDS[self.kind], self.range, self.unit]
         return ' '.join(word for word in words if word)
 
@@ -139,6 +141,8 @@ class Row:
             If the type or the range is wrong.
 
         """
+        if self.kind == 'float' and value in self.choices:
+            return value
         try:
             converted = _CONVERTERS[self.kind](value)
             elements = converted if isinstance(converted, tuple) else (converted,)
@@ -290,6 +294,7 @@ _KINDS: Mapping[object, str] = {
     bool: 'bool',
     int: 'int',
     float: 'float',
+    float | str: 'float',
     str: 'str',
     tuple[str, ...]: 'list of str',
     tuple[float, ...]: 'list of float',

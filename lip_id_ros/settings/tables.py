@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from lip_id_ros.errors import ConfigError
 from lip_id_ros.joint_types import JOINT_TYPES
 from lip_id_ros.settings.settings import setting, Settings
 
 LARGEST = 1e9
 """Magnitude of factors and offsets of efforts, far beyond any drive: larger ones overflow."""
+
+LONGEST_DELAY_S = 1.0
+AUTO = 'auto'
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,14 @@ class RecordingSettings(Settings):
         minimum=-LARGEST,
         maximum=LARGEST,
     )
+    effort_delay_s: tuple[float, ...] = setting(
+        (),
+        'How much later than positions the efforts of each joint were measured; they are shifted '
+        'back by it. Negative where they were earlier; empty for 0.',
+        unit='s',
+        minimum=-LONGEST_DELAY_S,
+        maximum=LONGEST_DELAY_S,
+    )
     gravity_compensated: bool = setting(
         False, 'The recorded effort excludes gravity, so no potential energy can be learned.'
     )
@@ -58,12 +70,14 @@ class RecordingSettings(Settings):
 class PreprocessingSettings(Settings):
     """The steps from raw samples to a data set."""
 
-    cutoff_hz: float = setting(
+    cutoff_hz: float | str = setting(
         4.0,
         'Cut-off of the zero-phase low-pass on positions, velocities and torques; 0, or half the '
-        'sampling rate and above, for none.',
+        'sampling rate and above, for none; auto to choose it, the derivative and the delays of '
+        'efforts by the prediction of left-out blocks.',
         unit='Hz',
         minimum=0.0,
+        choices=(AUTO,),
     )
     velocity: str = setting(
         'recorded',
@@ -112,6 +126,24 @@ class PreprocessingSettings(Settings):
         'positions, velocities and accelerations best.',
         choices=('time', 'coverage'),
     )
+
+    @property
+    def cutoff(self) -> float:
+        """
+        The cut-off as a number [Hz].
+
+        Raises
+        ------
+        ConfigError
+            If it is still to be chosen.
+
+        """
+        if isinstance(self.cutoff_hz, str):
+            raise ConfigError(
+                'preprocessing.cutoff_hz must be a number where samples are smoothed, not auto; '
+                'load recordings with load_dataset, which chooses it.'
+            )
+        return self.cutoff_hz
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ def test_what_the_low_pass_makes_redundant_is_left_out() -> None:
     whole = preprocess(recording(T), EVERY)
     some = preprocess(recording(T))
     k = some.provenance['sources'][0]['kept_every']
-    assert k == int(100.0 / (4 * PreprocessingSettings().cutoff_hz))
+    assert k == int(100.0 / (4 * PreprocessingSettings().cutoff))
     np.testing.assert_array_equal(some.q, whole.q[::k])
     unfiltered = preprocess(recording(T), PreprocessingSettings(cutoff_hz=0.0))
     assert unfiltered.provenance['sources'][0]['kept_every'] == 1

@@ -1,0 +1,381 @@
+"""
+Cut-off, derivative and delays of efforts, elected by the prediction of left-out blocks.
+
+What is usual stays unless something else predicts left-out efforts better for sure. A drive
+measures or transmits its effort late by a constant time, and all drives of a bus may do so alike:
+a common delay is elected first, then those of single joints around it.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.errors import ConfigError, DataError
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.preprocessing.left_out_torques import (
+    LAGS_S,
+    LeftOutTorques,
+    Smoothed,
+    Stretch,
+    stretches_of,
+)
+from lip_id_ros.preprocessing.pipeline import preprocess, Segments, segments_of
+from lip_id_ros.preprocessing.smoothing import DERIVATIVES
+from lip_id_ros.progress import Progress, silent
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
+
+STAGE = 'election of preprocessing'
+ELECTED = 'elected'
+"""Provenance of a source: how its preprocessing was elected."""
+
+CUTOFFS_HZ = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
+HIGHEST = 0.4
+"""Highest cut-off that is tried, in sampling rates."""
+
+LEAST_LEFT = 0.5
+"""Share of a recording that the edges of the lowest cut-off must leave."""
+
+COMMON_S = np.linspace(-0.16, 0.16, 17)
+OWN_S = np.linspace(-0.02, 0.02, 9)
+"""Delays of all efforts, and of single joints around it; what lags more is no drive's delay."""
+
+REACH_S = float(COMMON_S[-1] + OWN_S[-1] + max(map(abs, LAGS_S)))
+"""How far from an effort motions are looked at."""
+
+LEAST_DELAY_S = 0.0005
+SWEEPS = 2
+
+LEAST_ERRORS, LEAST_ERRORS_OF_DELAYS = 2.0, 3.0
+"""Least gains in standard errors over the left-out blocks."""
+
+LEAST_GAIN = 0.01
+"""Least relative decrease of mean squared errors, in the mean over joints."""
+
+ROUNDS = 2
+"""With joints placed by usual samples, then by those that were elected."""
+
+LEAST_SAMPLES_PER_JOINT = 30
+SEED = 0
+
+Squares = Array
+"""Mean squared errors of left-out blocks and joints, shape (blocks, n)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Elected:
+    """
+    Settings that were elected, and the figures that elected them.
+
+    Attributes
+    ----------
+    preprocessing : PreprocessingSettings
+        With a cut-off and a derivative.
+    recording : RecordingSettings
+        With delays of efforts.
+    report : dict
+        JSON-able.
+
+    """
+
+    preprocessing: PreprocessingSettings
+    recording: RecordingSettings
+    report: dict[str, Any]
+
+
+def elect_preprocessing(
+    recordings: Sequence[JointSamples],
+    settings: PreprocessingSettings,
+    recording: RecordingSettings,
+    progress: Progress = silent,
+) -> Elected:
+    """
+    Elect cut-off, derivative and delays for recordings of one arm.
+
+    Parameters
+    ----------
+    recordings : sequence of JointSamples
+        Training data alone.
+    settings : PreprocessingSettings
+        With `cutoff_hz: auto`.
+    recording : RecordingSettings
+    progress : callable
+
+    Raises
+    ------
+    SourceError, ConfigError, DataError
+        As `preprocess` raises them, and ConfigError where a derivative or delays are given.
+
+    """
+    _refuse_mixed(settings, recording)
+    if len({samples.joint_names for samples in recordings}) > 1:
+        raise ConfigError(
+            'preprocessing.cutoff_hz: auto needs recordings with one order of joints, but theirs '
+            'differ; name the joints from base to tip in recording.joints.'
+        )
+    usual = replace(settings, cutoff_hz=PreprocessingSettings().cutoff_hz, max_samples=0)
+    data, used = _usable(recordings, usual, recording)
+    raw = [segments_of(samples, usual, recording) for samples in used]
+    cutoffs = _cutoffs(raw, usual)
+    stretches = stretches_of(raw, usual, (cutoffs[0], cutoffs[-1]), REACH_S)
+    count = sum(len(each.times) - 2 * each.edge for each in stretches)
+    if count < LEAST_SAMPLES_PER_JOINT * data.n_joints:
+        chosen = replace(settings, cutoff_hz=usual.cutoff)
+        return Elected(chosen, recording, {'too_few_samples': count})
+    now = usual
+    for number in range(ROUNDS):
+        progress(STAGE, number, ROUNDS + 1)
+        judge = _judge(data, stretches, now)
+        elected, errors = _smoothing(judge, usual, cutoffs)
+        if elected == now:
+            break
+        data, now = concatenate([preprocess(each, elected, recording) for each in used]), elected
+    progress(STAGE, ROUNDS, ROUNDS + 1)
+    delays, delay_report = DelayElection(judge, judge.smoothed(elected)).elected()
+    progress(STAGE, ROUNDS + 1, ROUNDS + 1)
+    report = {
+        'samples': judge.n_samples,
+        'cutoff_hz': elected.cutoff,
+        'derivative': elected.derivative,
+        'unexplained_left_out_percent': errors,
+        'effort_delay_s': delays.tolist(),
+        **delay_report,
+    }
+    given = tuple(delays.tolist()) if delays.any() else ()
+    chosen = replace(settings, cutoff_hz=elected.cutoff, derivative=elected.derivative)
+    return Elected(chosen, replace(recording, effort_delay_s=given), report)
+
+
+def _judge(
+    data: Dataset, stretches: Sequence[Stretch], settings: PreprocessingSettings
+) -> LeftOutTorques:
+    """Place the joints by what settings make of the recordings."""
+    fitter = ArmFitter(data)
+    chain = fitter.calibrated(SEED, silent).placements.chain
+    return LeftOutTorques(stretches, chain, fitter.link_std, settings)
+
+
+def _usable(
+    recordings: Sequence[JointSamples], usual: PreprocessingSettings, recording: RecordingSettings
+) -> tuple[Dataset, list[JointSamples]]:
+    """Return the recordings that are long enough, smoothed as usual and as they are."""
+    data, used = [], []
+    for samples in recordings:
+        try:
+            data.append(preprocess(samples, usual, recording))
+        except DataError:
+            if len(recordings) == 1:
+                raise
+        else:
+            used.append(samples)
+    if not data:
+        raise DataError(
+            'the preprocessing is elected by recordings that are long enough, but none of '
+            f'{len(recordings)} is; record for longer, or give preprocessing.cutoff_hz a number.'
+        )
+    return concatenate(data), used
+
+
+def _refuse_mixed(settings: PreprocessingSettings, recording: RecordingSettings) -> None:
+    given = []
+    if settings.derivative != PreprocessingSettings().derivative:
+        given.append('preprocessing.derivative')
+    if recording.effort_delay_s:
+        given.append('recording.effort_delay_s')
+    if given:
+        raise ConfigError(
+            f'preprocessing.cutoff_hz: auto elects {" and ".join(given)} too, but a value is '
+            'given; leave it out, or give the cut-off as a number.'
+        )
+
+
+def _cutoffs(raw: Sequence[Segments], usual: PreprocessingSettings) -> list[float]:
+    """Return the cut-offs that rates and lengths of recordings allow, the usual among them."""
+    rate = min(each.rate_hz for each in raw)
+    lengths = np.array([float(s.t[-1] - s.t[0]) for each in raw for s in each.segments])
+
+    def left(cutoff: float) -> float:
+        edges = usual.edge_periods / cutoff + REACH_S
+        return float(np.maximum(lengths - 2.0 * edges, 0.0).sum())
+
+    least = LEAST_LEFT * left(usual.cutoff)
+    allowed = [c for c in CUTOFFS_HZ if c < HIGHEST * rate and left(c) >= least]
+    return sorted({usual.cutoff, *allowed})
+
+
+def _smoothing(
+    judge: LeftOutTorques, usual: PreprocessingSettings, cutoffs: Sequence[float]
+) -> tuple[PreprocessingSettings, dict[str, float]]:
+    """Elect the cut-off, then the derivative; return the errors of all cut-offs too [%]."""
+
+    def squares(settings: PreprocessingSettings) -> Squares:
+        return judge.squares(judge.grams(judge.smoothed(settings)))
+
+    errors = {c: squares(replace(usual, cutoff_hz=c)) for c in cutoffs}
+    now = errors[usual.cutoff]
+    best = min(errors.values(), key=lambda each: float(np.log(each).mean()))
+    elected = usual
+    if convincing(now, best, LEAST_ERRORS):
+        level = [c for c in cutoffs if not convincing(errors[c], best, 1.0)]
+        nearest = min(level, key=lambda c: abs(np.log(c / usual.cutoff)))
+        elected = replace(usual, cutoff_hz=nearest)
+    for derivative in DERIVATIVES:
+        other = replace(elected, derivative=derivative)
+        if convincing(errors[elected.cutoff], squares(other), LEAST_ERRORS):
+            elected = other
+    return elected, {f'{c:g}': judge.percent(each) for c, each in errors.items()}
+
+
+def convincing(now: Squares, other: Squares, errors: float) -> bool:
+    """Whether errors decrease by more than chance may do, over blocks and in total."""
+    gain = np.log(now / other).mean(axis=1)
+    error = float(gain.std(ddof=1) / np.sqrt(gain.size))
+    total = float(np.log(now.mean(axis=0) / other.mean(axis=0)).mean())
+    return float(gain.mean()) > max(errors * error, LEAST_GAIN) and total > LEAST_GAIN
+
+
+class DelayElection:
+    """
+    Delays of efforts behind motions.
+
+    Parameters
+    ----------
+    judge : LeftOutTorques
+    smoothed : Smoothed
+
+    """
+
+    def __init__(self, judge: LeftOutTorques, smoothed: Smoothed) -> None:
+        self._judge, self._smoothed = judge, smoothed
+        self._n = len(judge.noise_std)
+        self._known: dict[float, Array] = {}
+        self._reduced: dict[float, Array] = {}
+
+    def elected(self) -> tuple[Array, dict[str, Any]]:
+        """Return the delay of each joint, 0 where none is sure [s], and figures."""
+        none = np.zeros(self._n)
+        common = np.full(self._n, self._common())
+        start = common if self._is_sure(none, common) else none
+        found = self._own(start)
+        delays = found.copy()
+        for joint in range(self._n):
+            without = delays.copy()
+            without[joint] = start[joint]
+            if not self._is_sure(without, delays, joint):
+                delays = without
+        squares = [self._judge.squares(self._grams(each)) for each in (none, delays)]
+        before, after = (self._judge.percent(each) for each in squares)
+        return delays, {
+            'most_likely_delay_s': found.tolist(),
+            'unexplained_without_delays_percent': before,
+            'unexplained_with_delays_percent': after,
+        }
+
+    def _common(self) -> float:
+        costs = [self._cost(np.full(self._n, delay)) for delay in COMMON_S]
+        delay, step = float(COMMON_S[int(np.argmin(costs))]), OWN_S[1] - OWN_S[0]
+        return delay + self._correction(
+            [self._cost(np.full(self._n, delay + k * step)) for k in (-1, 0, 1)], step
+        )
+
+    def _own(self, start: Array) -> Array:
+        """Descend along the delay of one joint after the other."""
+        index = np.full(self._n, OWN_S.size // 2)
+        for _ in range(SWEEPS):
+            for joint in range(self._n):
+                costs = self._costs(start, index, joint)
+                index[joint] = np.clip(np.argmin(costs), 1, OWN_S.size - 2)
+        delays: Array = start + OWN_S[index]
+        step = OWN_S[1] - OWN_S[0]
+        for joint in range(self._n):
+            costs = self._costs(start, index, joint)
+            inner = costs[index[joint] - 1 : index[joint] + 2]
+            if inner[1] > min(inner):  # at the end of what is tried: no delay of a drive
+                delays[joint] = start[joint]
+            else:
+                delays[joint] += self._correction(inner, step)
+        return delays
+
+    def _costs(self, start: Array, index: Array, joint: int) -> list[float]:
+        trials = []
+        for own in OWN_S:
+            delays = start + OWN_S[index]
+            delays[joint] = start[joint] + own
+            trials.append(self._cost(delays))
+        return trials
+
+    @staticmethod
+    def _correction(costs: Sequence[float], step: float) -> float:
+        """Return where a parabola through three costs is lowest, from the middle one."""
+        curvature = costs[0] - 2.0 * costs[1] + costs[2]
+        if curvature <= 0.0:
+            return 0.0
+        return float(np.clip(0.5 * (costs[0] - costs[2]) / curvature, -1.0, 1.0) * step)
+
+    def _is_sure(self, without: Array, delays: Array, joint: int | None = None) -> bool:
+        if np.abs(delays - without).max() < LEAST_DELAY_S:
+            return False
+        now, other = (self._judge.squares(self._grams(each)) for each in (without, delays))
+        if joint is not None:
+            now, other = now[:, [joint]], other[:, [joint]]
+        return convincing(now, other, LEAST_ERRORS_OF_DELAYS)
+
+    def _cost(self, delays: Array) -> float:
+        reduced = [self._reduced_at(delay)[joint] for joint, delay in enumerate(delays.tolist())]
+        return self._judge.least_squares(np.sum(reduced, axis=0))[1]
+
+    def _reduced_at(self, delay: float) -> Array:
+        key = round(delay, 7)
+        if key not in self._reduced:
+            gram = self._at(delay).sum(axis=0)
+            self._reduced[key], _ = self._judge.without_friction(gram)
+        return self._reduced[key]
+
+    def _grams(self, delays: Array) -> Array:
+        grams = [self._at(delay)[:, joint] for joint, delay in enumerate(delays.tolist())]
+        return np.stack(grams, axis=1)
+
+    def _at(self, delay: float) -> Array:
+        key = round(delay, 7)
+        if key not in self._known:
+            self._known[key] = self._judge.grams(self._smoothed, delay)
+        return self._known[key]
+
+
+def election_lines(provenance: Mapping[str, Any]) -> list[str]:
+    """Return in sentences what was elected for the recordings of a data set or model, and why."""
+    reports = [source[ELECTED] for source in provenance.get('sources', ()) if ELECTED in source]
+    if not reports:
+        return []
+    report = reports[0]
+    usual = f'{PreprocessingSettings().cutoff:g}'
+    if 'too_few_samples' in report:
+        return [
+            f'Preprocessing: {report["too_few_samples"]} samples are too few to elect a cut-off, '
+            f'which stays at {usual} Hz.'
+        ]
+    errors = report['unexplained_left_out_percent']
+    cutoff = f'{report["cutoff_hz"]:g}'
+    why = ', the usual one, since none was clearly better' if cutoff == usual else ''
+    listed = ', '.join(f'{each} Hz {error:.3g} %' for each, error in errors.items())
+    lines = [
+        f'Preprocessing elected: cut-off {cutoff} Hz{why}; derivative {report["derivative"]}. '
+        f'Share of left-out efforts that links do not explain: {listed}.'
+    ]
+    delays = report['effort_delay_s']
+    if any(delays):
+        listed = ', '.join(f'{1e3 * delay:.1f}' for delay in delays)
+        lines.append(
+            f'Efforts were measured later than positions by {listed} ms (base to tip), and are '
+            f'shifted back: {report["unexplained_without_delays_percent"]:.3g} % of left-out '
+            f'efforts were not explained before, {report["unexplained_with_delays_percent"]:.3g} '
+            '% are not now.'
+        )
+    return lines

@@ -1,0 +1,171 @@
+"""Cut-offs and delays that are elected, on simulated recordings whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from preprocessing.motions import recording, uniform
+import pytest
+
+from benchmarks._simulated_recordings import N_JOINTS, simulated, SimulatedRecording
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.preprocessing import election_lines, load_dataset, preprocess, with_elected
+from lip_id_ros.preprocessing.election import (
+    convincing,
+    CUTOFFS_HZ,
+    elect_preprocessing,
+    Elected,
+)
+from lip_id_ros.preprocessing.smoothing import resample, resample_early
+from lip_id_ros.settings import AUTO, Config, PreprocessingSettings, RecordingSettings
+
+ELECTING = PreprocessingSettings(cutoff_hz=AUTO)
+NONE = np.zeros(N_JOINTS)
+
+
+def elected(recorded: SimulatedRecording) -> Elected:
+    return elect_preprocessing([recorded.samples], ELECTING, RecordingSettings())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', [0, 1])
+def test_the_delay_of_one_drive_is_recovered(seed: int) -> None:
+    delays = np.array([0.0, 0.0, 0.008, 0.0])
+    found = elected(simulated(seed, delays)).recording.effort_delay_s
+    np.testing.assert_allclose(found, delays, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_a_common_delay_beyond_that_of_single_drives_is_recovered() -> None:
+    found = elected(simulated(0, np.full(N_JOINTS, -0.055))).recording.effort_delay_s
+    np.testing.assert_allclose(found, -0.055, atol=2e-3)
+
+
+@pytest.mark.slow
+def test_no_delay_is_invented_and_noise_lowers_the_cutoff() -> None:
+    clean, noisy = (elected(simulated(2, NONE, noise, 40)) for noise in (0.0, 2e-3))
+    assert clean.recording.effort_delay_s == ()
+    assert noisy.recording.effort_delay_s == ()
+    assert noisy.preprocessing.cutoff < clean.preprocessing.cutoff
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('noise', [2e-5, 5e-4])
+def test_the_cutoff_is_near_the_best_in_truth(noise: float) -> None:
+    recorded = simulated(3, NONE, noise, 40, coulomb=0.0)
+    errors = [true_error(recorded, cutoff) for cutoff in CUTOFFS_HZ]
+    found = elected(recorded).preprocessing.cutoff
+    best = min(errors)
+    assert errors[CUTOFFS_HZ.index(found)] < 1.2 * best
+    assert max(errors) > 4.0 * best
+
+
+def true_error(recorded: SimulatedRecording, cutoff: float) -> float:
+    """Return the error of true torques at filtered states, in the mean over joints."""
+    settings = PreprocessingSettings(cutoff_hz=cutoff, decimate=1)
+    data = preprocess(recorded.samples, settings)
+    inner = (data.t > 1.5) & (data.t < data.t[-1] - 1.5)
+    truth = recorded.torque(*recorded.motion.sample(data.t[inner]))
+    found = recorded.torque(data.q[inner], data.dq[inner], data.ddq[inner])
+    return float(np.mean(np.std(found - truth, axis=0) / truth.std(axis=0)))
+
+
+def test_efforts_are_shifted_back_by_fractions_of_a_sample() -> None:
+    t = uniform(3000, 100.0)
+    late = np.array([0.0, 0.0137])
+    samples = recording(t)
+    torque = np.stack([recording(t - d).effort[:, j] for j, d in enumerate(late)], axis=1)
+    delayed = replace(samples, effort=torque)
+    settings = RecordingSettings(effort_delay_s=tuple(late))
+    data = preprocess(delayed, recording=settings)
+    assert data.n_samples > 0.9 * preprocess(samples).n_samples
+    exact = preprocess(samples, PreprocessingSettings(decimate=1))
+    rows = np.rint((data.t - exact.t[0]) * 100.0).astype(int)
+    np.testing.assert_allclose(data.tau, exact.tau[rows], atol=2e-3 * np.ptp(exact.tau))
+    np.testing.assert_array_equal(data.q, exact.q[rows])
+
+
+def test_a_shift_beyond_the_samples_repeats_the_last() -> None:
+    t = uniform(20, 10.0)
+    values = np.stack([t, 2.0 * t], axis=1)
+    early = resample_early(t, values, t, (0.0, 0.15))
+    np.testing.assert_array_equal(early[:, 0], resample(t, values, t)[:, 0])
+    np.testing.assert_allclose(early[:-2, 1], 2.0 * (t[:-2] + 0.15))
+    np.testing.assert_array_equal(early[-2:, 1], 2.0 * t[-1])
+
+
+def test_a_gain_must_be_larger_than_chance() -> None:
+    now = np.exp(0.3 * np.random.default_rng(0).standard_normal((8, 3)))
+    assert not convincing(now, now, 2.0)
+    assert convincing(now, 0.9 * now, 2.0)
+    assert not convincing(0.9 * now, now, 2.0)
+    assert not convincing(now, 0.995 * now, 2.0)  # sure, and too small
+    mixed = np.tile([0.2, 3.0], 4)[:, None]
+    assert not convincing(now, mixed * now, 2.0)
+
+
+def log(path: Path, motion: float, n: int) -> Path:
+    rng = np.random.default_rng(1)
+    t = uniform(n, 100.0) + motion
+    samples = recording(t)
+    effort = samples.effort + 0.01 * rng.standard_normal(samples.effort.shape)
+    columns = {'t': t - motion, 'q_a': samples.position[:, 0], 'q_b': samples.position[:, 1]}
+    columns |= {'tau_a': effort[:, 0], 'tau_b': effort[:, 1]}
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=',', header=','.join(columns), comments='')
+    return path
+
+
+@pytest.mark.slow
+def test_what_is_held_out_does_not_matter(tmp_path: Path) -> None:
+    """A recording whose last third is spoilt elects what its first two thirds elect."""
+    good = log(tmp_path / 'good.csv', 0.0, 3000)
+    table = np.loadtxt(good, delimiter=',', skiprows=1)
+    table[2000:, 1:] += np.random.default_rng(0).standard_normal(table[2000:, 1:].shape)
+    spoilt = tmp_path / 'spoilt.csv'
+    np.savetxt(spoilt, table, delimiter=',', header='t,q_a,q_b,tau_a,tau_b', comments='')
+    config = Config(preprocessing=ELECTING)
+    share = 2.0 / 3.0
+    reports = [
+        load_dataset(path, config, training_share=share).provenance['sources'][0]
+        for path in (good, spoilt)
+    ]
+    assert reports[0]['elected'] == reports[1]['elected']
+    assert 'Preprocessing elected: cut-off' in election_lines({'sources': reports})[0]
+    again = with_elected(config, {'sources': reports})
+    assert again.preprocessing.cutoff == reports[0]['preprocessing']['cutoff_hz']
+    assert load_dataset(good, again).provenance['sources'][0]['recording'] == (
+        reports[0]['recording'] | {'effort_delay_s': again.recording.effort_delay_s}
+    )
+
+
+def test_few_samples_keep_the_usual_cutoff(tmp_path: Path) -> None:
+    data = load_dataset(log(tmp_path / 'short.csv', 0.0, 150), Config(preprocessing=ELECTING))
+    (source,) = data.provenance['sources']
+    assert source['preprocessing']['cutoff_hz'] == PreprocessingSettings().cutoff
+    assert 'too few to elect' in election_lines(data.provenance)[0]
+
+
+def test_mixed_settings_are_refused(tmp_path: Path) -> None:
+    samples = recording(uniform(500, 100.0))
+    derivative = replace(ELECTING, derivative='central_differences')
+    with pytest.raises(ConfigError, match=r'auto elects preprocessing\.derivative too'):
+        elect_preprocessing([samples], derivative, RecordingSettings())
+    delays = RecordingSettings(effort_delay_s=(0.0, 0.01))
+    with pytest.raises(ConfigError, match=r'auto elects recording\.effort_delay_s too'):
+        elect_preprocessing([samples], ELECTING, delays)
+    other = replace(samples, joint_names=('elbow', 'shoulder'))
+    with pytest.raises(ConfigError, match='one order of joints'):
+        elect_preprocessing([samples, other], ELECTING, RecordingSettings())
+    with pytest.raises(ConfigError, match='where samples are smoothed, not auto'):
+        preprocess(samples, ELECTING)
+    with pytest.raises(ConfigError, match='were no recordings'):
+        with_elected(Config(preprocessing=ELECTING), {'sources': [{'source': 'arrays'}]})
+
+
+def test_values_that_are_no_cutoff_are_refused() -> None:
+    for value in ('automatic', -1.0, True, None):
+        with pytest.raises(ConfigError, match=r'cutoff_hz must be a number >= 0 Hz or auto, not'):
+            PreprocessingSettings(cutoff_hz=value)  # type: ignore[arg-type]
