@@ -130,7 +130,7 @@ def chosen_config(path: str | None, chosen: Mapping[str, Any]) -> Config:
 
 def _config_of(model: Model, path: str | None) -> Config:
     config = _of_fit(model) if path is None else read_config(path)
-    config = with_elected(config, provenance(model))
+    config = with_elected(config, model.provenance)
     recording = replace(config.recording, joints=model.joint_names, joint_types=model.joint_types)
     return replace(config, recording=recording)
 
