@@ -9,7 +9,6 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.simulation.arm import panda, SimulatedArm
-from lip_id_ros.simulation.torque_controlled import SmoothFrictionTorque
 from lip_id_ros.simulation.trajectories import MotionLimits, SinusoidTrajectory
 
 N_JOINTS = 4
@@ -24,6 +23,11 @@ LIMITS = MotionLimits(
 VISCOUS, COULOMB, TURNING = 1.0, 2.0, 0.05
 
 
+def friction(dq: Array, coulomb: float) -> Array:
+    """Return viscous and Coulomb friction with a smooth sign [N m]."""
+    return np.asarray(VISCOUS * dq + coulomb * np.tanh(dq / TURNING))
+
+
 @dataclass(frozen=True, eq=False)
 class SimulatedRecording:
     """What sensors record, with the arm and its motion."""
@@ -31,11 +35,11 @@ class SimulatedRecording:
     samples: JointSamples
     arm: SimulatedArm
     motion: SinusoidTrajectory
-    friction: SmoothFrictionTorque
+    coulomb: float
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the true torques of states, shape (N, n) [N m]."""
-        return self.arm.inverse_dynamics(q, dq, ddq) + self.friction.torque(dq)
+        return self.arm.inverse_dynamics(q, dq, ddq) + friction(dq, self.coulomb)
 
 
 def simulated(
@@ -64,12 +68,10 @@ def simulated(
     rng = np.random.default_rng(seed)
     arm, t = panda(N_JOINTS), np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
     motion = SinusoidTrajectory.random(LIMITS, rng, fastest, FUNDAMENTAL_HZ)
-    ones = np.ones(N_JOINTS)
-    friction = SmoothFrictionTorque(VISCOUS * ones, coulomb * ones, TURNING)
     columns = []
     for joint, delay in enumerate(delays_s):
         state = motion.sample(t - delay)
-        columns.append((arm.inverse_dynamics(*state) + friction.torque(state[1]))[:, joint])
+        columns.append((arm.inverse_dynamics(*state) + friction(state[1], coulomb))[:, joint])
     torque = np.stack(columns, axis=1)
     position = motion.sample(t)[0]
     samples = JointSamples(
@@ -79,4 +81,4 @@ def simulated(
         effort=torque + TORQUE_NOISE * torque.std(axis=0) * rng.standard_normal(torque.shape),
         joint_names=arm.joint_names,
     )
-    return SimulatedRecording(samples, arm, motion, friction)
+    return SimulatedRecording(samples, arm, motion, coulomb)

@@ -71,12 +71,18 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.fleet.report import is_report, write_fleet_report
     from lip_id_ros.fleet.sources import find
     from lip_id_ros.model.checked_file import is_model
+    from lip_id_ros.settings import AUTO
 
     _check(args)
     inputs = [*args.sources, *filter(None, (args.config, args.urdf))]
     output.check_file(args.output, inputs, is_model, 'a model', args.force)
     output.check_file(args.report, inputs, is_report, 'a report', args.force)
     config = models.fit_config(args)
+    if config.preprocessing.cutoff_hz == AUTO:
+        raise ConfigError(
+            'preprocessing.cutoff_hz must be a number for a fleet, whose recordings are never '
+            'loaded together; elect it by one of them, without the options of a fleet.'
+        )
     sources = find(args.sources, args.group_by)
     cache = FolderCache(args.cache or default_folder())
     with _engine(args) as engine, output.progress_display() as progress:
