@@ -118,7 +118,7 @@ class ServeNode(NodeBase, LifecycleNode):
         settings = replace(before, **values)
         require_changeable(before, settings, self._state_label)
         require_rules(settings, self._loaded)
-        if self._models:
+        if self._models and 'payload' in values:
             require_payload(settings, self._models)
 
     def apply_change(self, values: Mapping[str, Any]) -> None:
@@ -257,8 +257,11 @@ class ServeNode(NodeBase, LifecycleNode):
             stop(models)
             raise LipIdError('the node was cleaned up while the model was loaded.')
         self._models = models
-        # the payload may have changed meanwhile to one that was not to be loaded
-        self._serve(models.get(now.payload, models['']), now)
+        if now.payload not in models:  # changed meanwhile to one that was not to be loaded
+            self.get_logger().warning(f'no payload: {now.payload} is not loaded any more')
+            self.set_parameters([Parameter('payload', value='')])
+            now = self._settings()
+        self._serve(models[now.payload], now)
         self._pool.submit(stop, replaced)
         return f'serves {settings.model_path}'
 
