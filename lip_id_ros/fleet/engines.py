@@ -285,7 +285,7 @@ def attempt(function: Function, item: Any) -> Outcome:
     try:
         return Outcome(function(item))
     except (LipIdError, OSError) as error:
-        return Outcome(None, ' '.join(str(error).split()))
+        return Outcome(None, ' '.join(str(error).split()) or type(error).__name__)
     except Exception as error:  # whatever a poisoned recording makes a library raise
         return Outcome(None, ' '.join(f'{type(error).__name__}: {error}'.split()))
 

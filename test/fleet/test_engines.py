@@ -195,3 +195,11 @@ def test_an_engine_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, 'ray', None)
     with pytest.raises(ConfigError, match=r'needs Ray, which is not installed; .*engine local\.'):
         RayEngine()
+
+
+def test_an_error_without_a_text_is_a_reason_too() -> None:
+    def fail(item: int) -> int:
+        raise OSError
+
+    outcome = attempt(fail, 0)
+    assert (outcome.value, outcome.reason) == (None, 'OSError')
