@@ -31,7 +31,8 @@ from benchmarks._small_bags import seeds
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import DATASET_SUFFIX
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.preprocessing import describe, load_dataset
+from lip_id_ros.loading import load_dataset
+from lip_id_ros.preprocessing import describe
 from lip_id_ros.recording import Bag, read_bag
 from lip_id_ros.recording.bags import choose_topics
 

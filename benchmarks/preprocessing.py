@@ -20,10 +20,11 @@ from benchmarks._real import ARMS, RawRecordings, SPLITS
 from benchmarks._simulated_recordings import N_JOINTS, simulated
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification import fit
+from lip_id_ros.loading.delay_election import REACH_S
+from lip_id_ros.loading.election import CUTOFFS_HZ, elect_preprocessing, HIGHEST
+from lip_id_ros.loading.left_out_torques import Stretch, stretches_of
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.preprocessing.election import CUTOFFS_HZ, elect_preprocessing, HIGHEST, REACH_S
-from lip_id_ros.preprocessing.left_out_torques import Stretch, stretches_of
 from lip_id_ros.preprocessing.pipeline import segments_of, smooth_motion
 from lip_id_ros.preprocessing.smoothing import low_pass
 from lip_id_ros.settings import AUTO, PreprocessingSettings, RecordingSettings

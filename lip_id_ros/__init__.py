@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     )
     from lip_id_ros.evaluation import evaluate, Evaluation
     from lip_id_ros.identification import fit
+    from lip_id_ros.loading import load_dataset
     from lip_id_ros.model import InverseDynamicsModel, Prediction
-    from lip_id_ros.preprocessing import load_dataset
     from lip_id_ros.settings import FitSettings
 
 __version__ = '0.1.0'
@@ -45,7 +45,7 @@ _HOMES = {
     'SourceError': 'errors',
     'evaluate': 'evaluation',
     'fit': 'identification',
-    'load_dataset': 'preprocessing',
+    'load_dataset': 'loading',
 }
 """The room of every public name."""
 

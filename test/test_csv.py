@@ -14,7 +14,8 @@ import pytest
 from lip_id_ros.dataset import check_suffix, Dataset
 from lip_id_ros.errors import ConfigError, DataError, LipIdError, SourceError
 from lip_id_ros.health import evidence_of, examine
-from lip_id_ros.preprocessing import describe, load_dataset, preprocess
+from lip_id_ros.loading import load_dataset
+from lip_id_ros.preprocessing import describe, preprocess
 from lip_id_ros.recording.reading import read_log
 from lip_id_ros.settings import Config, RecordingSettings
 

@@ -41,8 +41,7 @@ PARTS = {
     'settings': set(),
     'dataset': set(),
     'recording': {'settings'},
-    # its election of a cut-off predicts torques of links
-    'preprocessing': {'settings', 'dataset', 'recording', 'identification', 'rigid_body'},
+    'preprocessing': {'settings', 'dataset', 'recording'},
     'health': {'settings', 'dataset', 'recording', 'preprocessing', 'identification'},
     'rigid_body': set(),
     'description': {'rigid_body'},
@@ -53,6 +52,10 @@ PARTS = {
     'identification': {
         *('dataset', 'description', 'friction', 'gp', 'linear_algebra', 'model', 'rigid_body'),
         'settings',
+    },
+    # its election of a cut-off predicts torques of links
+    'loading': {
+        *('dataset', 'identification', 'preprocessing', 'recording', 'rigid_body', 'settings'),
     },
     'export': {'description', 'friction', 'identification', 'model', 'rigid_body'},
     'evaluation': {
@@ -70,7 +73,7 @@ PARTS = {
     },
     'fleet': {
         *('dataset', 'evaluation', 'friction', 'identification', 'linear_algebra', 'model'),
-        *('preprocessing', 'recording', 'rigid_body', 'settings'),
+        *('loading', 'preprocessing', 'recording', 'rigid_body', 'settings'),
     },
     'baselines': {
         *('dataset', 'description', 'friction', 'gp', 'identification', 'kernels'),

@@ -29,14 +29,10 @@ from lip_id_ros.export.payload import attached, inertias, links_of, payload_in_f
 from lip_id_ros.files import write_or_rescue, write_whole
 from lip_id_ros.identification import fit
 from lip_id_ros.identification.payload import identify_payload
+from lip_id_ros.loading import election_lines, load_dataset
+from lip_id_ros.loading.load import elected_config, Watch, with_report
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.preprocessing import (
-    election_lines,
-    for_training,
-    load_dataset,
-    preprocess,
-)
-from lip_id_ros.preprocessing.loading import elected_config, Watch, with_report
+from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import JointSamples

@@ -109,7 +109,8 @@ def run(args: argparse.Namespace) -> None:
 def _cases(args: argparse.Namespace, config: Config, progress: Progress) -> list[Case]:
     """Load training data and unseen motions."""
     from lip_id_ros.comparison import Case, thinned
-    from lip_id_ros.preprocessing import for_training, load_dataset
+    from lip_id_ros.loading import load_dataset
+    from lip_id_ros.preprocessing import for_training
 
     share = 1.0 if args.test else args.train_share
     data = load_dataset(args.sources, config, progress, training_share=share)
@@ -131,7 +132,7 @@ def _tests(
     sources: list[str], train: Dataset, config: Config, progress: Progress
 ) -> dict[str, Dataset]:
     from lip_id_ros.evaluation import matched
-    from lip_id_ros.preprocessing import load_dataset, with_elected
+    from lip_id_ros.loading import load_dataset, with_elected
 
     config = with_elected(config, train.provenance)
     recording = replace(config.recording, joints=train.joint_names)

@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.dataset.formats import is_data_set
     from lip_id_ros.evaluation.cautions import copy_cautions
     from lip_id_ros.evaluation.tables import show_lines
-    from lip_id_ros.preprocessing import election_lines, load_dataset
+    from lip_id_ros.loading import election_lines, load_dataset
 
     output.check_file(args.output, args.sources, is_data_set, 'a data set', args.force)
     place = output.destination(args.output)

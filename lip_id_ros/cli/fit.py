@@ -83,8 +83,9 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation.recording_health import RecordingHealth
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
+    from lip_id_ros.loading import election_lines, load_dataset
     from lip_id_ros.model.checked_file import is_model
-    from lip_id_ros.preprocessing import election_lines, for_training, load_dataset
+    from lip_id_ros.preprocessing import for_training
 
     inputs = [*args.sources, *filter(None, [args.urdf, args.config])]
     output.check_file(args.output, inputs, is_model, 'a model', args.force)

@@ -54,9 +54,10 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.dataset import DATASET_SUFFIX
     from lip_id_ros.evaluation.recording_health import RecordingHealth
     from lip_id_ros.evaluation.tables import show_lines
+    from lip_id_ros.loading import election_lines
     from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
     from lip_id_ros.model.serialization import contradictions
-    from lip_id_ros.preprocessing import describe, election_lines
+    from lip_id_ros.preprocessing import describe
 
     output.check_file(args.json, [args.file], output.is_json, 'a JSON object', args.force)
     output.check_folder(args.report, args.force)
@@ -95,7 +96,7 @@ def _effort_findings(
     """Return what the efforts are found to be, and what preprocessing was elected for that."""
     from lip_id_ros.cli.models import chosen_config
     from lip_id_ros.health.effort_meaning import diagnose_effort
-    from lip_id_ros.preprocessing import election_lines, load_dataset
+    from lip_id_ros.loading import election_lines, load_dataset
 
     dataset = load_dataset(args.file, chosen_config(args.config, {}), progress)
     return diagnose_effort(dataset, progress=progress), election_lines(dataset.provenance)

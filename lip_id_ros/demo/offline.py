@@ -21,7 +21,8 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo.judge import REPORT, report, run_demo, TORQUE_NOISE
 from lip_id_ros.evaluation import Evaluation, run, with_checks
 from lip_id_ros.identification import fit
-from lip_id_ros.preprocessing import for_training, load_dataset
+from lip_id_ros.loading import load_dataset
+from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import Config, FitSettings
 from lip_id_ros.simulation import (
     make_dataset,

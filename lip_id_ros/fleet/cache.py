@@ -20,7 +20,7 @@ SUFFIX = '.npz'
 MADE_BY = (
     *('arrays.py', 'csv_table.py', 'files.py', 'joint_types.py', 'linear_algebra.py', 'dataset'),
     *('description', 'evaluation', 'fleet', 'friction', 'gp', 'health', 'identification'),
-    *('kernels', 'model', 'preprocessing', 'recording', 'rigid_body', 'settings'),
+    *('kernels', 'loading', 'model', 'preprocessing', 'recording', 'rigid_body', 'settings'),
 )
 """Modules and rooms that results depend on: another text of one of them makes another version."""
 

@@ -23,7 +23,8 @@ from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.sample_selection import explained, plausible
 from lip_id_ros.identification.statistics import TorqueStatistics
-from lip_id_ros.preprocessing import for_training, load_dataset
+from lip_id_ros.loading import load_dataset
+from lip_id_ros.preprocessing import for_training
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.settings import Config

@@ -18,7 +18,8 @@ from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.identification.sample_selection import covering, evenly
-from lip_id_ros.preprocessing import for_training, load_dataset
+from lip_id_ros.loading import load_dataset
+from lip_id_ros.preprocessing import for_training
 from lip_id_ros.preprocessing.cleaning import content_digest
 from lip_id_ros.recording.bags import Bag
 from lip_id_ros.settings import Config

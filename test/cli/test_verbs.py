@@ -18,8 +18,9 @@ from simulation.pendulums import swing
 from lip_id_ros.cli import main
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.files import read_npz
+from lip_id_ros.loading import load_dataset
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.preprocessing import for_training, load_dataset
+from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import read_config
 from lip_id_ros.simulation import write_bag
 

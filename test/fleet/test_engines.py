@@ -16,7 +16,15 @@ from waiting import wait_until
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.fleet.cache import FolderCache
-from lip_id_ros.fleet.engines import ATTEMPTS, DIED, Engine, LocalEngine, Outcome, RayEngine
+from lip_id_ros.fleet.engines import (
+    attempt,
+    ATTEMPTS,
+    DIED,
+    Engine,
+    LocalEngine,
+    Outcome,
+    RayEngine,
+)
 from lip_id_ros.progress import silent
 
 HERE = Path(__file__).resolve().parent

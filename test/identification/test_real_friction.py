@@ -14,7 +14,7 @@ from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.health.effort_meaning import diagnose_effort
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.friction_election import ElectedFriction
-from lip_id_ros.preprocessing import load_dataset
+from lip_id_ros.loading import load_dataset
 from lip_id_ros.progress import silent
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.regressor import torque_regressor

@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.identification import fit
-from lip_id_ros.preprocessing import load_dataset
+from lip_id_ros.loading import load_dataset
 from lip_id_ros.recording import Bag, read_bag
 from lip_id_ros.settings import Config, FitSettings, PreprocessingSettings, RecordingSettings
 

@@ -16,7 +16,8 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.preprocessing import load_dataset, preprocess, smoothing
+from lip_id_ros.loading import load_dataset
+from lip_id_ros.preprocessing import preprocess, smoothing
 from lip_id_ros.recording import JointSamples, read_bag, spill
 from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
 

@@ -28,7 +28,8 @@ from recording.bag_files import (
 from recording.test_damage import chunk_places
 
 from lip_id_ros.errors import LipIdError, SourceError
-from lip_id_ros.preprocessing import describe, load_dataset
+from lip_id_ros.loading import load_dataset
+from lip_id_ros.preprocessing import describe
 from lip_id_ros.recording import Bag, read_bag, Reason
 
 COUNT = 2000

@@ -15,8 +15,8 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.errors import ConfigError, DataError, SourceError
+from lip_id_ros.loading.election import elect_preprocessing, ELECTED
 from lip_id_ros.preprocessing.cleaning import RepeatedSamples
-from lip_id_ros.preprocessing.election import elect_preprocessing, ELECTED
 from lip_id_ros.preprocessing.pipeline import preprocess
 from lip_id_ros.preprocessing.selection import at_most
 from lip_id_ros.progress import Progress, silent
@@ -189,7 +189,7 @@ def elected_config(
     Raises
     ------
     LipIdError
-        See `lip_id_ros.preprocessing.election.elect_preprocessing`.
+        See `lip_id_ros.loading.election.elect_preprocessing`.
 
     """
     some = _first_share(recordings, training_share)

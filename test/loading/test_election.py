@@ -11,13 +11,10 @@ import pytest
 
 from benchmarks._simulated_recordings import N_JOINTS, simulated, SimulatedRecording
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.preprocessing import election_lines, load_dataset, preprocess, with_elected
-from lip_id_ros.preprocessing.election import (
-    convincing,
-    CUTOFFS_HZ,
-    elect_preprocessing,
-    Elected,
-)
+from lip_id_ros.loading import election_lines, load_dataset, with_elected
+from lip_id_ros.loading.delay_election import convincing
+from lip_id_ros.loading.election import CUTOFFS_HZ, elect_preprocessing, Elected
+from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.smoothing import resample, resample_early
 from lip_id_ros.settings import AUTO, Config, PreprocessingSettings, RecordingSettings
 

@@ -11,7 +11,8 @@ from recording.bag_files import State, write_file, write_folder
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError, SourceError
-from lip_id_ros.preprocessing import load_dataset, preprocess
+from lip_id_ros.loading import load_dataset
+from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
 
 T = uniform(300, 100.0)

@@ -12,7 +12,7 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.preprocessing import load_dataset
+from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing.cleaning import content_digest, RepeatedSamples, WINDOW
 from lip_id_ros.simulation import write_bag
 
