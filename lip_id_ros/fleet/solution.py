@@ -9,13 +9,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.fleet.friction_deviations import Effects
 from lip_id_ros.fleet.link_problem import LinkProblem, LinkState
-from lip_id_ros.fleet.sums import (
-    components,
-    FleetStatistics,
-    FrictionDeviations,
-    joined,
-    part_of,
-)
+from lip_id_ros.fleet.sums import FleetStatistics, FrictionDeviations
 from lip_id_ros.friction.model import FrictionBasis
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.laplace import LeftOut, measure_left_out
@@ -179,7 +173,7 @@ class _Solver:
         state = problem.solved(self._links, self._friction)
         self._problem, self._state = problem, state
         self._links, self._friction = problem.links(state), problem.friction(state)
-        effects = self._estimated(noise)
+        effects = statistics.effects(noise, self._links, self._friction).estimated(self._start)
         self._deviations = FrictionDeviations(effects.recordings, effects.groups)
         self._fits = _fits(statistics, self._links, self._friction, effects)
         squares = statistics.links.squared_residuals(self._links.ravel())
@@ -203,14 +197,6 @@ class _Solver:
             inflation=self._inflation,
             covariance_root=root[order],
         )
-
-    def _estimated(self, noise: Array) -> Effects:
-        effects = self._statistics.effects(noise, self._links, self._friction)
-        parts = [
-            (some, part_of(effects, some).estimated(self._start[some]))
-            for some in components(effects)
-        ]
-        return joined(parts, self._friction.size)
 
     def _measured(self, state: LinkState) -> LeftOut:
         """Predict each part of the recordings from the others."""

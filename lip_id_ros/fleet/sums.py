@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.sparse.csgraph import connected_components
 
-from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.fleet.friction_deviations import Effects, NestedEffects
+from lip_id_ros.arrays import Array, BoolArray, IntArray
+from lip_id_ros.fleet.friction_deviations import NestedEffects
 from lip_id_ros.fleet.recording_statistics import Regression, unpacked
 from lip_id_ros.fleet.results import RecordingStatistics
 from lip_id_ros.identification.statistics import TorqueStatistics, triangular
@@ -210,26 +209,3 @@ class FleetStatistics:
                 rest = rests[joint] @ x[own.size :]
                 out[r, joint] = np.sum((tops[joint] @ x) ** 2) + rest @ rest
         return out
-
-
-def components(effects: NestedEffects) -> list[IndexArray]:
-    """Return the coefficients that depend on each other, those of one joint as a rule."""
-    _, label = connected_components(np.abs(effects.normal).sum(axis=0) > 0.0, directed=False)
-    return [np.flatnonzero(label == k) for k in range(int(label.max()) + 1)]
-
-
-def part_of(effects: NestedEffects, some: IndexArray) -> NestedEffects:
-    """Return the normal equations of some coefficients, which no other depends on."""
-    normal = effects.normal[:, some[:, None], some]
-    return replace(effects, normal=normal, right=effects.right[:, some])
-
-
-def joined(parts: Sequence[tuple[IndexArray, Effects]], size: int) -> Effects:
-    """Put the effects of all components together."""
-    count = len(parts[0][1].mean)
-    each, every = np.zeros(size), np.zeros((count, size))
-    out = Effects(each, each.copy(), every, every.copy(), each.copy())
-    for some, part in parts:
-        for name, values in vars(part).items():
-            getattr(out, name)[..., some] = values
-    return out

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
+from scipy.linalg import block_diag
 
 from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.fleet import friction_deviations
 from lip_id_ros.fleet.friction_deviations import NestedEffects
 
 K = 2
@@ -108,3 +110,56 @@ def test_single_recordings_of_robots_deviate_as_recordings() -> None:
     found = effects_of(features, residuals, group).estimated(np.ones(K))
     assert not found.groups.any()
     assert_allclose(found.recordings, np.hypot(WITHIN, BETWEEN), rtol=0.3)
+
+
+def joint_equations(seed: int, size: int, group: IntArray) -> NestedEffects:
+    """Equations of one joint with effects in its first two coefficients."""
+    rng = np.random.default_rng(seed)
+    features = [rng.standard_normal((20, size)) for _ in group]
+    effects = np.zeros((group.size, size))
+    effects[:, :K] = WITHIN * rng.standard_normal((group.size, K))
+    effects[:, :K] += (BETWEEN * rng.standard_normal((group.size, K)))[group]
+    residuals = [f @ x + rng.standard_normal(20) for f, x in zip(features, effects, strict=True)]
+    return effects_of(features, residuals, group)
+
+
+@pytest.mark.parametrize('rounds', [1, 40, 500])
+def test_joints_of_different_sizes_are_estimated_as_each_alone(
+    rounds: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(friction_deviations, 'ROUNDS', rounds)
+    group = np.random.default_rng(5).permutation(np.repeat(np.arange(7), [1, 2, 3, 4, 5, 6, 7]))
+    sizes = (2, 4, 3)
+    joints = [joint_equations(k, size, group) for k, size in enumerate(sizes)]
+    starts = [np.where(np.arange(size) < K, 0.5, 0.0) for size in sizes]
+    order = np.random.default_rng(6).permutation(sum(sizes))
+    normal = np.array(
+        [block_diag(*each) for each in zip(*(j.normal for j in joints), strict=True)]
+    )
+    right = np.hstack([joint.right for joint in joints])
+    whole = NestedEffects(normal[:, order[:, None], order], right[:, order], group)
+    found = whole.estimated(np.concatenate(starts)[order])
+    alone = [joint.estimated(start) for joint, start in zip(joints, starts, strict=True)]
+    for name, values in vars(found).items():
+        expected = np.concatenate([getattr(each, name) for each in alone], axis=-1)
+        assert_allclose(values, expected[..., order], rtol=1e-9, atol=1e-12)
+
+
+def test_a_round_is_the_expectation_of_the_mixed_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(friction_deviations, 'ROUNDS', 1)
+    size, start = 3, np.array([0.7, 0.4, 0.0])
+    group = np.array([2, 0, 1, 2, 3, 0, 2, 1])
+    equations = joint_equations(8, size, group)
+    found = equations.estimated(start)
+    # mixed model equations of c, u and v (Henderson 1950)
+    robots = np.kron(np.eye(4)[group], np.eye(size))
+    design = np.hstack([np.tile(np.eye(size), (8, 1)), robots, np.eye(8 * size)])
+    information = design.T @ block_diag(*equations.normal) @ design
+    varies = np.concatenate([np.ones(size), np.tile(start, 12)]) > 0.0
+    precision = np.concatenate([np.zeros(size), np.tile(start[start > 0.0] ** -2.0, 12)])
+    covariance = np.linalg.inv(information[np.ix_(varies, varies)] + np.diag(precision))
+    mean = covariance @ (design.T @ equations.right.ravel())[varies]
+    squares = (mean**2 + np.diagonal(covariance))[size:].reshape(12, 2)
+    assert_allclose(found.groups[:2] ** 2, squares[:4].mean(axis=0), rtol=1e-9)
+    assert_allclose(found.recordings[:2] ** 2, squares[4:].mean(axis=0), rtol=1e-9)
+    assert found.groups[2] == found.recordings[2] == 0.0
