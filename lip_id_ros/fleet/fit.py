@@ -26,7 +26,7 @@ from lip_id_ros.fleet.results import (
     RecordingStatistics,
     Survey,
 )
-from lip_id_ros.fleet.solution import fitted_alone, Sizes, Solution, solve
+from lip_id_ros.fleet.solution import fitted_alone, Sizes, Solution, solutions
 from lip_id_ros.fleet.sums import FleetStatistics
 from lip_id_ros.fleet.survey import joint_order, reservoir_data, sorted_of_one_arm, survey
 from lip_id_ros.friction.coupling_terms import LoadTorque
@@ -45,8 +45,8 @@ SURVEY, STATISTICS = 'recordings read', 'statistics of recordings'
 
 LOAD_TERMS = (LoadCoulomb, LoadViscous, LoadTorque)
 
-EXCLUSIONS = 3
-"""Most repetitions of the solution while recordings are found to contradict the fleet."""
+EXCLUSIONS = 5
+"""Most starts of the solution while recordings are found to contradict the fleet."""
 
 LOAD_CHANGE = 0.01
 """Change of the loads, as a share of them, from which statistics are gathered once more."""
@@ -179,21 +179,23 @@ class _Fit:
         groups = [each.group for each in every]
         statistics = FleetStatistics(regression, list(gathered.values()), groups)
         kept = np.array([each.key not in self._contradicting for each in every])
-        for _ in range(EXCLUSIONS):
-            solution = solve(statistics.select(kept), sizes)
-            fits = solution.recordings.among(
-                kept, fitted_alone(statistics.select(~kept), solution)
-            )
-            reasons = contradictions(fits.residual_rms, kept, regression.joint_names)
-            before, kept = kept, np.array([k not in reasons for k in range(len(every))])
-            if np.array_equal(kept, before):
+        for left in reversed(range(EXCLUSIONS)):
+            solved, others = statistics.select(kept), statistics.select(~kept)
+            for solution in solutions(solved, sizes):
+                fits = solution.recordings.among(kept, fitted_alone(others, solution))
+                reasons = contradictions(fits.residual_rms, kept, regression.joint_names)
+                now = np.array([k not in reasons for k in range(len(every))])
+                if left and not np.array_equal(now, kept):
+                    break  # the later rounds would be of the wrong recordings
+            else:
                 break
+            kept = now
         self._contradicting = {every[k].key: reason for k, reason in reasons.items()}
         self._shares = {
             each.key: {name: values[k] for name, values in vars(fits).items()}
             for k, each in enumerate(every)
         }
-        return solution, [each for each, is_kept in zip(every, before, strict=True) if is_kept]
+        return solution, [each for each, is_kept in zip(every, kept, strict=True) if is_kept]
 
     def _gathered(
         self, surveys: dict[int, Survey], regression: Regression

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,10 +115,16 @@ class Solution:
 
 def solve(statistics: FleetStatistics, sizes: Sizes) -> Solution:
     """Solve for links, friction and its deviations, and the noise."""
+    *_, last = solutions(statistics, sizes)
+    return last
+
+
+def solutions(statistics: FleetStatistics, sizes: Sizes) -> Iterator[Solution]:
+    """Yield the solution of every round; the last one is that of `solve`."""
     solver = _Solver(statistics, sizes)
     for _ in range(ROUNDS):
         solver.round()
-    return solver.solution()
+        yield solver.solution()
 
 
 def fitted_alone(statistics: FleetStatistics, solution: Solution) -> RecordingFits:
