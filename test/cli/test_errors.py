@@ -60,7 +60,7 @@ SOURCES: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda path: write_bag(path, swing(1, duration=0.5)), r'SOURCE must hold a motion of'
     ),
     'still': (
-        lambda path: bag(path, effort=np.zeros((1000, 3))), r"torque of joint 'shoulder' is the"
+        lambda path: bag(path, effort=np.zeros((1000, 3))), r"'elbow', 'wrist' are the same"
     ),
 }  # fmt: skip
 

@@ -14,8 +14,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.friction.coupling_terms import LoadTorque
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.friction.terms import LoadCoulomb
+from lip_id_ros.friction.terms import LoadCoulomb, LoadViscous
 from lip_id_ros.kernels import JointStates, TorquePrior, Weights
 from lip_id_ros.kernels.torque_process import BLOCK
 from lip_id_ros.model import InverseDynamicsModel, StandardDeviation
@@ -205,13 +206,16 @@ def test_a_compact_posterior_has_the_deviations_of_the_whole(seed: int) -> None:
 
 
 def without_load(model: InverseDynamicsModel) -> ArmPosterior:
-    """Return a model's arm without friction by load, whose change the posterior leaves out."""
+    """Return a model's arm without terms by load, whose change the posterior leaves out."""
     arm = model.arm
     assert arm is not None
-    loaded = [isinstance(each.term, LoadCoulomb) for each in arm.friction.basis.terms]
-    friction = FrictionModel(arm.friction.basis, np.where(loaded, 0.0, arm.friction.coefficients))
+    basis = arm.friction.basis
+    loaded = np.zeros(basis.size, dtype=bool)
+    for part, place in zip(basis.terms, basis.slices, strict=True):
+        loaded[place] = isinstance(part.term, LoadCoulomb | LoadViscous | LoadTorque)
+    friction = FrictionModel(basis, np.where(loaded, 0.0, arm.friction.coefficients))
     root = arm.covariance_root.copy()
-    root[-len(loaded) :][loaded] = 0.0
+    root[-loaded.size :][loaded] = 0.0
     return replace(arm, friction=friction, covariance_root=root)
 
 

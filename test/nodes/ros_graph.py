@@ -163,12 +163,6 @@ class Client:
         self._publishers[topic] = publisher
         return publisher
 
-    def await_subscribers(self, topic: str, count: int) -> None:
-        """Wait until so many subscriptions of a topic are known to its other nodes."""
-        endpoints = self.node.get_subscriptions_info_by_topic
-        wait_until(lambda: len(endpoints(topic)) >= count, f'subscribers of {topic}')
-        self._await_discovery(lambda: endpoints(topic))
-
     def mark(self, node: str) -> None:
         """Count from now on: `status` subtracts what the node has counted so far."""
         diagnostics = self.listen(DiagnosticArray, '/diagnostics', qos.DIAGNOSTICS)
