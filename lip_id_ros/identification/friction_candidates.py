@@ -64,6 +64,12 @@ def plain_candidates(widths: Array) -> list[Candidate]:
     return [Candidate((term,)) for term in plain_friction(len(widths), widths).terms]
 
 
+def saturating_candidates(widths: Array) -> list[Candidate]:
+    """Return viscous friction that saturates for every joint."""
+    terms = (SaturatingViscous(float(width)) for width in widths)
+    return [Candidate((DriveTerm(Drive.of_joint(j), term),)) for j, term in enumerate(terms)]
+
+
 def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     """
     Return the terms on offer beside viscous and Coulomb friction and offsets.

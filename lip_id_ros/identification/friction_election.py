@@ -26,11 +26,10 @@ from lip_id_ros.friction.noise import (
 from lip_id_ros.identification.friction_candidates import (
     Candidate,
     candidates,
-    has_width,
     plain_candidates,
-    with_width,
 )
 from lip_id_ros.identification.left_out import LeftOutBlocks, LeftOutFit
+from lip_id_ros.identification.sign_widths import SignWidths
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
     TorqueStatistics,
@@ -41,9 +40,6 @@ from lip_id_ros.rigid_body.regressor import torque_regressor
 BLOCKS = 6
 MOST_SAMPLES = 20_000
 """Samples that the election looks at; of more, so many evenly chosen."""
-
-SIGN_WIDTHS = (0.01, 0.015, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)
-"""Widths of smooth signs that are tried, as shares of each joint's root mean square velocity."""
 
 LOAD_ROUNDS = 3
 NOISE_ROUNDS = 2
@@ -110,14 +106,15 @@ def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFr
     """
     election = _Election(dataset, chain, link_std)
     for _ in range(NOISE_ROUNDS):
-        widths = election.sign_widths([], election.no_load)
+        widths = election.widths.beside([], election.no_load)
         plain = plain_candidates(widths)
         plain_fit = election.fitted(plain, election.no_load)
         election.reweight(plain, plain_fit, election.no_load)
     fit, chosen = election.fitted(plain, election.no_load), list[Candidate]()
     for _ in range(LOAD_ROUNDS):
         load, before = election.links_torque(fit), chosen
-        widths = election.sign_widths(chosen, load)
+        widths = election.widths.beside(chosen, load)
+        widths = election.widths.beside_saturation(widths, chosen, load)
         plain = plain_candidates(widths)
         chosen = election.chosen(plain, candidates(widths, dataset), load)
         fit = election.fitted([*plain, *chosen], load)
@@ -145,37 +142,7 @@ class _Election:
         )
         self._weights = self._leverage
         self.n_links = link_std.size
-
-    def sign_widths(self, chosen: Sequence[Candidate], load: Array) -> Array:
-        """Elect the width of every joint's smooth sign beside some terms, (n,) [rad/s or m/s]."""
-        n = self._dataset.n_joints
-        speed = np.sqrt(np.mean(self._dataset.dq**2, axis=0))
-        speed[speed == 0.0] = 1.0
-        plain = plain_candidates(speed)
-        single = [Candidate((term,)) for each in (*plain, *chosen) for term in each.terms]
-        others = [each for each in single if not has_width(each)]
-        wide = [each for each in single if has_width(each)]
-        signs = [
-            with_width(wide, joint, float(share * speed[joint]))
-            for share in SIGN_WIDTHS
-            for joint in range(n)
-        ]
-        blocks, groups = self._blocks([*others, *signs], load)
-        fixed = np.concatenate([np.arange(self.n_links), *groups[: len(others)]])
-        sign = groups[len(others) :]
-        index = np.full(n, len(SIGN_WIDTHS) // 2)
-        for _ in range(2):
-            before = index.copy()
-            noise = blocks.noise(
-                np.concatenate([fixed, *(sign[n * k + joint] for joint, k in enumerate(index))])
-            )
-            for joint in range(n):
-                rest = [sign[n * k + other] for other, k in enumerate(index) if other != joint]
-                fits = blocks.with_each(np.concatenate([fixed, *rest]), sign[joint::n], noise)
-                index[joint] = np.argmin([np.log(fit.mean_squares).sum() for fit in fits])
-            if np.array_equal(index, before):
-                break
-        return np.asarray(np.array(SIGN_WIDTHS)[index] * speed)
+        self.widths = SignWidths(self._blocks, dataset.dq, link_std.size)
 
     def chosen(
         self, plain: list[Candidate], offers: Sequence[Candidate], load: Array

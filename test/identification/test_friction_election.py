@@ -19,10 +19,12 @@ from benchmarks._drives import (
     RandomArm,
     recording,
     Terms,
+    WIDTH,
 )
 from benchmarks.elections import LINK_STD, PLAIN
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.terms import Coulomb
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
 
 pytestmark = pytest.mark.slow
@@ -129,3 +131,33 @@ def test_bad_samples_change_little(
     weights = got.weights(bad_dataset, arm.chain)
     assert np.mean(weights[~bad] > 0.9) > 0.99
     assert np.median(weights[bad]) < 0.01
+
+
+@pytest.mark.parametrize('width', [0.037, 0.084])
+def test_widths_are_found_between_those_of_the_grid(
+    width: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Other terms would make up for a wrong width, with errors that no deviation shows."""
+    monkeypatch.setattr('benchmarks._drives.WIDTH', width)
+    monkeypatch.setattr('benchmarks._drives.NOISE', 0.005)
+    for seed in SEEDS:
+        arm, dataset = recording(seed, [])
+        got, names = elected(arm, dataset)
+        assert names == [set()] * N_JOINTS
+        terms = (part.term for part in got.friction.basis.terms)
+        found = [term.width for term in terms if isinstance(term, Coulomb)]
+        np.testing.assert_allclose(found, width, rtol=0.08)
+
+
+def test_a_joint_that_is_slow_has_a_wide_sign() -> None:
+    """Wider than dry friction is as a rule, where the samples show it for sure."""
+    arm, dataset = recording(0, [])
+    speed = np.sqrt(np.mean(dataset.dq**2, axis=0))
+    slow = Coulomb(0.3 * float(speed[0]))
+    change = np.tanh(dataset.dq[:, 0] / slow.width) - np.tanh(dataset.dq[:, 0] / WIDTH)
+    tau = dataset.tau.copy()
+    tau[:, 0] += 0.1 * arm.torque(dataset.q, dataset.dq, dataset.ddq)[:, 0].std() * change
+    got, names = elected(arm, replace(dataset, tau=tau))
+    assert names == [set()] * N_JOINTS
+    first = next(p.term for p in got.friction.basis.terms if isinstance(p.term, Coulomb))
+    np.testing.assert_allclose(first.width, slow.width, rtol=0.1)
