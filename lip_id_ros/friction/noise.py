@@ -16,7 +16,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.friction.terms import Coulomb
+from lip_id_ros.friction.terms import Coulomb, SaturatingViscous, WIDENINGS
 
 RATIOS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Standard deviations at rest that are tried, beside none, in those of motion."""
@@ -116,7 +116,8 @@ def sticking_noise(
     Return noise that covers a joint that sticks, whether or not one did in the recording.
 
     At rest friction is anything between the two Coulomb torques: as if uniform, with the
-    deviation of half their distance over the root of three.
+    deviation of half their distance over the root of three. The narrowest sign of saturating
+    viscous friction counts as Coulomb friction here: both hold a joint that sticks.
 
     Parameters
     ----------
@@ -127,12 +128,14 @@ def sticking_noise(
         Positions, and torques of the links on the joints [N m or N].
 
     """
-    width = np.ones(friction.n_joints)
+    width, narrowest = np.ones(friction.n_joints), np.ones(friction.n_joints)
     for part in friction.basis.terms:
-        if isinstance(part.term, Coulomb):
-            for joint, _ in part.drive.efforts:
+        for joint, _ in part.drive.efforts:
+            if isinstance(part.term, Coulomb):
                 width[joint] = part.term.width
-    moving = np.broadcast_to(SATURATED * width, q.shape)
+            elif isinstance(part.term, SaturatingViscous):
+                narrowest[joint] = WIDENINGS[0]
+    moving = np.broadcast_to(SATURATED * narrowest * width, q.shape)
     torques = friction.torque(q, moving, load), friction.torque(q, -moving, load)
     coulomb = 0.5 * np.mean(np.maximum(torques[0] - torques[1], 0.0), axis=0)
     ratio = coulomb / np.sqrt(3.0) / np.maximum(noise.std, 1e-300)

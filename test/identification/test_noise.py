@@ -12,7 +12,7 @@ from lip_id_ros.friction.noise import (
     sticking_noise,
     TorqueNoise,
 )
-from lip_id_ros.friction.terms import Coulomb, LoadCoulomb
+from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, SaturatingViscous
 
 TRUTH = TorqueNoise(np.array([0.5, 2.0]), np.array([0.0, 8.0]), np.array([1.0, 0.1]))
 
@@ -47,6 +47,15 @@ def test_a_joint_at_rest_may_have_any_friction_between_the_coulomb_torques() -> 
     uniform = np.random.default_rng(0).uniform(-5.0, 5.0, 10**6)
     np.testing.assert_allclose(at_rest, [uniform.std(), 0.1], rtol=0.05)
     np.testing.assert_allclose(moving, 0.1)
+
+
+def test_saturating_viscous_friction_holds_a_joint_that_sticks() -> None:
+    terms = Coulomb(0.05), SaturatingViscous(0.05)
+    basis = FrictionBasis(1, tuple(DriveTerm(Drive.of_joint(0), term) for term in terms))
+    friction = FrictionModel(basis, np.array([1.0, 4.0, 0.0, 0.0]))
+    zero = np.zeros((1, 1))
+    noise = sticking_noise(TorqueNoise.constant(np.array([0.1])), friction, zero, zero)
+    np.testing.assert_allclose(noise.std_at(zero), 5.0 / np.sqrt(3.0), rtol=0.05)
 
 
 def test_noise_that_was_seen_near_rest_is_kept() -> None:
