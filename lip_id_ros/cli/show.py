@@ -169,7 +169,7 @@ def _links(model: InverseDynamicsModel) -> dict[str, Any]:
     found = {
         axis.joint: {
             'angle_deg': axis.angle_deg,
-            'distance_m': axis.distance_m,
+            'distance_m': axis.distance_m and round(axis.distance_m, 7),
             'identified': axis.identified,
         }
         for axis in axes(model)
