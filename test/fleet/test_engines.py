@@ -169,6 +169,8 @@ def test_ctrl_c_ends_all_processes_and_leaves_what_was_kept(kind: str, tmp_path:
         text=True,
         env=os.environ | {'PYTHONPATH': import_paths()},
         start_new_session=True,
+        # what a shell without job control starts in the background ignores it, and so would this
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     kept = FolderCache(tmp_path / 'cache')
     first = [f'{k:064x}' for k in (0, 1)]
