@@ -59,6 +59,7 @@ def pytest_pycollect_makemodule(
     return pytest.Module.from_parent(parent, path=module_path)
 
 
+@pytest.hookimpl(tryfirst=True)  # pytest-xdist reads the groups in this hook too
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Skip, with the reason, the tests that this machine cannot run; keep each file together."""
     for item in items:
