@@ -11,10 +11,10 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.preprocessing import preprocess
+from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.recording import JointSamples, read_sources
 from lip_id_ros.recording.reading import read_log
-from lip_id_ros.settings import RecordingSettings
+from lip_id_ros.settings import FitSettings, PreprocessingSettings, RecordingSettings
 
 UNSEEN = 0.3
 SPLITS = ('last', 'first')
@@ -61,8 +61,10 @@ class RealArm:
         raw = self.load(folder)
         return [preprocess(each, recording=raw.recording) for each in raw.samples]
 
-    def split(self, folder: Path, unseen: str) -> tuple[Dataset, Dataset]:
-        """Return what to learn from and what is unseen, joints named as in the URDF."""
+    def split(
+        self, folder: Path, unseen: str, settings: PreprocessingSettings | None = None
+    ) -> tuple[Dataset, Dataset]:
+        """Return samples for the default fit and unseen ones, joints named as in the URDF."""
         data = self.datasets(folder)
         if len(data) == 1:
             first, last = data[0].split(1.0 - UNSEEN if unseen == 'last' else UNSEEN)
@@ -70,6 +72,7 @@ class RealArm:
             cut = _recordings_cut(len(data), unseen)
             first, last = concatenate(data[:cut]), concatenate(data[cut:])
         train, test = (first, last) if unseen == 'last' else (last, first)
+        train = for_training(train, settings or PreprocessingSettings(), FitSettings().kernel)
         return self._named(train), self._named(test)
 
     def raw_split(self, folder: Path, unseen: str) -> tuple[RawRecordings, RawRecordings]:

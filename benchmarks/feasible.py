@@ -20,9 +20,7 @@ from lip_id_ros.identification import fit
 from lip_id_ros.identification.link_torques import link_prior_std, links_torque
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.preprocessing import for_training
 from lip_id_ros.rigid_body.regressor import torque_regressor
-from lip_id_ros.settings import FitSettings, PreprocessingSettings
 
 POSITIONS, STATES = 100_000, 10_000
 FRICTION_STD = 10.0
@@ -48,7 +46,6 @@ def main(arguments: list[str]) -> int:
     for name in options.arms:
         for split in options.splits:
             training, unseen = ARMS[name].split(options.data, split)
-            training = for_training(training, PreprocessingSettings(), FitSettings().kernel)
             model = fit(training)
             eigenvalues = _eigenvalues(model)
             indefinite |= bool(eigenvalues[:, 0].min() <= 0.0)

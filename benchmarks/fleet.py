@@ -93,7 +93,7 @@ def _damage(storage: Path, kind: int) -> None:
 
 
 class Measured(Engine):
-    """An engine whose results are weighed, and whose progress is told."""
+    """An engine that measures the size of its results and reports its progress."""
 
     def __init__(self, engine: Engine, during: Callable[[int], None] = lambda done: None) -> None:
         self._engine, self._during = engine, during

@@ -13,9 +13,7 @@ import numpy as np
 from benchmarks._cells import show
 from benchmarks._real import ARMS, RealArm
 from lip_id_ros.identification.arm_fit import ArmFitter
-from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import silent
-from lip_id_ros.settings import FitSettings, PreprocessingSettings
 
 SAME = 0.016
 """Relative difference of residuals, in the geometric mean, of searches that found one minimum."""
@@ -57,7 +55,7 @@ def main(arguments: list[str]) -> int:
 
 def _fitter(arm: RealArm, data: Path) -> ArmFitter:
     train, _ = arm.split(data, 'last')
-    return ArmFitter(for_training(train, PreprocessingSettings(), FitSettings().kernel))
+    return ArmFitter(train)
 
 
 def _searched(fitter: ArmFitter, seed: int) -> dict[str, Any]:

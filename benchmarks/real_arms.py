@@ -17,7 +17,6 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.model import InverseDynamicsModel, TorqueModel
-from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 
@@ -56,8 +55,7 @@ def main(arguments: list[str]) -> int:
 def _measured(
     arm: RealArm, data: Path, split: str, model: str, preprocessing: PreprocessingSettings
 ) -> dict[str, Any]:
-    train, test = arm.split(data, split)
-    train = for_training(train, preprocessing, FitSettings().kernel)
+    train, test = arm.split(data, split, preprocessing)
     started = time.process_time()
     try:
         fitted: TorqueModel = method(model, data / arm.urdf).fit(train, FitSettings(), silent)
