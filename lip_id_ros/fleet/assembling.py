@@ -17,11 +17,10 @@ from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.solution import Solution
 from lip_id_ros.fleet.survey import merged
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.friction.noise import sticking_noise
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import ArmState
-from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.identify import prediction_noise
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.model import InverseDynamicsModel
@@ -65,12 +64,7 @@ def model_of(
     arm = ArmPosterior(fit.chain, fit.links, fit.friction, noise, _root(placed, solution))
     # of a recording that is not known, whose friction deviates: torques are as they were measured
     remainder = elect_remainder(ArmFitter(_measured(placed, surveys), described), fit)
-    if remainder is not None:
-        std = np.where(remainder.joints, remainder.left_out_std, noise.std)
-        arm = replace(arm, noise=replace(noise, std=std))
-    some = fitter.some(MOST_SAMPLES)
-    load = links_torque(fit.chain, fit.links, some)
-    arm = replace(arm, noise=sticking_noise(arm.noise, arm.friction, some.q, load))
+    arm = replace(arm, noise=prediction_noise(fitter, fit, noise, remainder))
     arm = compacted(arm, _ranges(placed, surveys))
     report = json.loads(placed.report) | {
         'unexplained_left_out': (solution.left_out / fitter.torque_std**2).tolist(),

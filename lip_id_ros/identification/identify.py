@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.noise import sticking_noise
+from lip_id_ros.friction.noise import sticking_noise, TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
 from lip_id_ros.identification.geometry_election import elect_geometry
@@ -116,6 +116,22 @@ def identify(
         return _identified(dataset, seed, progress, described)
 
 
+def prediction_noise(
+    fitter: ArmFitter, fit: ArmFit, noise: TorqueNoise, remainder: Remainder | None
+) -> TorqueNoise:
+    """
+    Return the noise of predictions from that of links and friction.
+
+    A remainder leaves its own residuals, and a joint that sticks has any friction.
+
+    """
+    if remainder is not None:
+        noise = replace(noise, std=np.where(remainder.joints, remainder.left_out_std, noise.std))
+    some = fitter.some(MOST_SAMPLES)
+    load = links_torque(fit.chain, fit.links, some)
+    return sticking_noise(noise, fit.friction, some.q, load)
+
+
 def _identified(
     dataset: Dataset, seed: int, progress: Progress, described: Described | None
 ) -> Identified:
@@ -145,12 +161,7 @@ def _identified(
     deviations = recording_deviations(fitter, fit, left_out.inflation)
     arm = with_recordings(arm, deviations, fitter.some(MOST_SAMPLES).dq)
     remainder = elect_remainder(fitter, fit)
-    if remainder is not None:
-        std = np.where(remainder.joints, remainder.left_out_std, arm.noise.std)
-        arm = replace(arm, noise=replace(arm.noise, std=std))
-    some = fitter.some(MOST_SAMPLES)
-    load = links_torque(fit.chain, fit.links, some)
-    arm = replace(arm, noise=sticking_noise(arm.noise, arm.friction, some.q, load))
+    arm = replace(arm, noise=prediction_noise(fitter, fit, arm.noise, remainder))
     kinematics_std = table_std(arm.chain, free_placements_root(final, fit, left_out))
     states = np.stack([fitter.dataset.q, fitter.dataset.dq, fitter.dataset.ddq])
     arm = compacted(arm, (states.min(axis=1), states.max(axis=1)))
