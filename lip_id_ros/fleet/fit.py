@@ -29,9 +29,7 @@ from lip_id_ros.fleet.results import (
 from lip_id_ros.fleet.solution import fitted_alone, Sizes, Solution, solutions
 from lip_id_ros.fleet.sums import FleetStatistics
 from lip_id_ros.fleet.survey import joint_order, reservoir_data, sorted_of_one_arm, survey
-from lip_id_ros.friction.coupling_terms import LoadTorque
 from lip_id_ros.friction.model import FrictionBasis
-from lip_id_ros.friction.terms import LoadCoulomb, LoadViscous
 from lip_id_ros.identification.arm_fit import ArmFitter, Described
 from lip_id_ros.identification.fitting import described_arm
 from lip_id_ros.identification.identify import LEAST_SAMPLES_PER_JOINT
@@ -42,8 +40,6 @@ from lip_id_ros.settings import Config
 
 SURVEY, STATISTICS = 'recordings read', 'statistics of recordings'
 """Stages of progress, one per pass."""
-
-LOAD_TERMS = (LoadCoulomb, LoadViscous, LoadTorque)
 
 EXCLUSIONS = 5
 """Most starts of the solution while recordings are found to contradict the fleet."""
@@ -213,8 +209,7 @@ class _Fit:
     @staticmethod
     def _loads_changed(placed: PlacedArm, solution: Solution) -> bool:
         regression, data = placed.regression, placed.dataset
-        terms = regression.friction.basis.terms
-        if not any(isinstance(each.term, LOAD_TERMS) for each in terms):
+        if not regression.friction.basis.is_loaded.any():
             return False
         before = links_torque(regression.chain, regression.links, data)
         after = links_torque(regression.chain, solution.links, data)

@@ -14,6 +14,7 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError, ShapeError
 from lip_id_ros.friction import terms
 from lip_id_ros.friction.coupling_terms import LoadTorque, SharedFriction
+from lip_id_ros.friction.primitives import LOAD
 from lip_id_ros.friction.terms import (
     Coulomb,
     DriveState,
@@ -145,6 +146,15 @@ class FrictionBasis:
     def is_positive(self) -> BoolArray:
         """Which coefficients must be positive, shape (K,)."""
         return np.asarray(self.lower >= 0.0)
+
+    @property
+    def is_loaded(self) -> BoolArray:
+        """Which features depend on the load, shape (K,)."""
+        columns = [column for each in self.terms for column in each.term.columns()]
+        return np.array(
+            [any(part.loaded or part.shape == LOAD for _, part in column) for column in columns],
+            dtype=bool,
+        )
 
     def columns(self) -> tuple[IndexArray, ...]:
         """Return, for every joint, the coefficients that its torque depends on."""

@@ -111,6 +111,15 @@ def test_primitives_add_up_to_the_features(term: FrictionTerm) -> None:
     assert len(term.lower) == len(sums)
 
 
+@pytest.mark.parametrize('term', EVERY, ids=name)
+def test_which_features_depend_on_the_load(term: FrictionTerm) -> None:
+    state = states()
+    other = DriveState(state.q, state.dq, 2.0 * state.load)
+    changes = (term.features(state) != term.features(other)).any(axis=0)
+    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), term),))
+    np.testing.assert_array_equal(basis.is_loaded, changes)
+
+
 @pytest.mark.parametrize('term', DISSIPATIVE, ids=name)
 @given(q=finite, dq=finite, load=finite)
 def test_no_feature_drives_a_joint(term: FrictionTerm, q: float, dq: float, load: float) -> None:

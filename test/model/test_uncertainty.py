@@ -14,9 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.coupling_terms import LoadTorque
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.friction.terms import LoadCoulomb, LoadViscous
 from lip_id_ros.kernels import JointStates, TorquePrior, Weights
 from lip_id_ros.kernels.torque_process import BLOCK
 from lip_id_ros.model import InverseDynamicsModel, StandardDeviation
@@ -210,9 +208,7 @@ def without_load(model: InverseDynamicsModel) -> ArmPosterior:
     arm = model.arm
     assert arm is not None
     basis = arm.friction.basis
-    loaded = np.zeros(basis.size, dtype=bool)
-    for part, place in zip(basis.terms, basis.slices, strict=True):
-        loaded[place] = isinstance(part.term, LoadCoulomb | LoadViscous | LoadTorque)
+    loaded = basis.is_loaded
     friction = FrictionModel(basis, np.where(loaded, 0.0, arm.friction.coefficients))
     root = arm.covariance_root.copy()
     root[-loaded.size :][loaded] = 0.0
