@@ -206,7 +206,7 @@ def test_the_last_word_reaches_a_controller_that_is_late(
     listener = graph.start_program('slow', ['-c', LISTENER])
 
     def is_heard() -> bool:
-        publisher.publish(GOOD)  # nobody tells when the node knows of a subscriber elsewhere
+        publisher.publish(GOOD)  # until the node has discovered the other process
         return 'heard' in listener.log
 
     client.wait_until(is_heard, 'command')
