@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 LOCAL, RAY = 'local', 'ray'
 OPTIONS = ('engine', 'address', 'jobs', 'group_by', 'cache', 'report')
+UNSEEN = (
+    'Only data that the model has not seen show how good it is: evaluate it on a recording that '
+    'is not among these.'
+)
 MOST_LISTED = 20
 """Recordings that are listed with their reasons; the report has all."""
 
@@ -63,7 +67,7 @@ def is_asked(args: argparse.Namespace) -> bool:
 
 def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
-    from lip_id_ros.cli import models, output, show
+    from lip_id_ros.cli import models, output
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
     from lip_id_ros.fleet.cache import default_folder, FolderCache
@@ -94,7 +98,7 @@ def run(args: argparse.Namespace) -> None:
     if args.report is not None:
         write_fleet_report(output.destination(args.report), result, Path(args.output).name)
         show_lines([f'Report: {args.report}'], console)
-    show_lines([show.UNSEEN], console)
+    show_lines([UNSEEN], console)
     if rescue is not None:
         raise LipIdError(rescue)
     show_lines([f'Written: {args.output}'], console)

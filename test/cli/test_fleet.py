@@ -40,6 +40,7 @@ def test_a_fleet_is_fitted_kept_and_reported(bags: Path, here: Path, capsys: Cap
     assert '4 of 5 recordings' in first.out
     assert 'empty failed: ' in first.out
     assert 'Written: arm.npz' in first.out
+    assert '--holdout' not in first.out  # which a fit to a fleet refuses
     assert 'recordings read' in first.err
     page = Path('fleet.html').read_text()
     assert page.startswith('<!DOCTYPE html>')
