@@ -2,8 +2,8 @@ SHELL := /bin/bash
 ENV := . scripts/env.sh &&
 # more arguments for the tool behind a target: make test ARGS='-k bags'
 ARGS ?=
-# two workers need 4 GB of memory
-WORKERS ?= -n logical --maxprocesses 4 --dist loadgroup
+# one worker more than cores, since tests of nodes wait; a worker needs 2 GB of memory
+WORKERS ?= -n $(shell expr $$(nproc) + 1) --maxprocesses 5 --dist loadgroup
 
 .PHONY: help setup setup-run demo test test-fast check mutants bench clean distclean
 

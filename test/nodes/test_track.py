@@ -74,10 +74,11 @@ def test_the_arm_follows_the_reference_through_serve_and_controller(
         client.wait_until(lambda: states, 'the first joint state')
         assert client.transition(Transition.TRANSITION_CONFIGURE, '/cell/serve')
         assert client.transition(Transition.TRANSITION_ACTIVATE, '/cell/serve')
-        client.wait_until(lambda: seconds(states)[-1] > HORIZON, 'the end of the motion')
+        client.wait_until(lambda: seconds(list(states))[-1] > HORIZON, 'the end of the motion')
 
-    t = seconds(states)
-    q = np.array([state.position for state in states])
+    heard = list(states)  # `states` may still grow
+    t = seconds(heard)
+    q = np.array([state.position for state in heard])
     reference = GrowingCosine(np.array(POSTURE[:2]), 0.6, HORIZON)
     moving = t <= HORIZON
     error = np.array(q[moving]) - reference.sample(t[moving])[0]
@@ -85,14 +86,14 @@ def test_the_arm_follows_the_reference_through_serve_and_controller(
     assert np.ptp(q, axis=0).min() > 0.5
     # the reference starts with a velocity, the arm at rest
     assert np.sqrt(np.mean(error[t[moving] > 0.5] ** 2)) < 2e-3
-    efforts = np.array([command.effort for command in commands])
+    efforts = np.array([command.effort for command in list(commands)])
     assert np.isfinite(efforts).all()
     assert np.all(np.abs(efforts) <= 87.0)
 
 
 def seconds(states: list[JointState]) -> np.ndarray:
     """Times since the first stamp."""
-    stamps = [state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec for state in list(states)]
+    stamps = [state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec for state in states]
     return np.asarray(np.array(stamps or [0.0]) - (stamps or [0.0])[0])
 
 
