@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+import shlex
 import shutil
 import subprocess
 import sys
@@ -34,6 +35,11 @@ LIMITS = (
     '-DBOOST_FUSION_INVOKE_MAX_ARITY=12',
 )
 """Pinocchio's variant of joints has more types than Boost allows without these."""
+FROM_LIBRARY = (
+    '-DPINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION -lpinocchio_default '
+    f'{shlex.quote(f"-L{PREFIX}/lib")} {shlex.quote(f"-Wl,-rpath,{PREFIX}/lib")}'
+)
+"""Flags that take RNEA from pinocchio's library: compiled in a sixth of the time, not inlined."""
 SAME = 1e-9
 COLUMNS = {
     'flags': 'compiled with',
@@ -73,9 +79,9 @@ def main(arguments: list[str]) -> int:
 def measured(folder: Path, eigen: Path, flags: str, blocks: int) -> dict[str, str]:
     """Compile the program, run it, and return its medians."""
     includes = [f'-I{x}' for x in (folder, eigen, PREFIX / 'include')]
-    command = ['g++', '-std=c++17', '-w', '-DNDEBUG', *LIMITS, *flags.split(), *includes]
+    command = ['g++', '-std=c++17', '-w', '-DNDEBUG', *LIMITS, *includes, PROGRAM]
     program = folder / 'program'
-    subprocess.run([*command, '-o', program, PROGRAM], check=True)
+    subprocess.run([*command, *shlex.split(flags), '-o', program], check=True)
     with open(folder / 'joints', encoding='utf-8') as joints:
         ran = subprocess.run(
             [program, str(blocks)], stdin=joints, stdout=subprocess.PIPE, check=True, text=True

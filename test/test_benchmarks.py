@@ -59,7 +59,8 @@ def test_reading_is_measured_in_processes_of_its_own(tmp_path: Path) -> None:
 def test_the_header_against_pinocchio(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The exit status is not 0 where the torques differ; without Eigen it says so."""
     figures = tmp_path / 'figures.json'
-    arguments = ['--blocks', '1', '--flags=-O0', '--json', str(figures)]
+    flags = f'-O0 {c_against_pinocchio.FROM_LIBRARY}'
+    arguments = ['--blocks', '1', '--flags', flags, '--json', str(figures)]
     status = main(['c_against_pinocchio', *arguments])
     if not any(folder.is_dir() for folder in c_against_pinocchio.EIGEN):
         assert status == 2
