@@ -51,11 +51,8 @@ class Delan:
     """
     Deep Lagrangian network; all samples, no friction, which its own paper leaves out too.
 
-    Parameters
-    ----------
-    steps : int
-        Steps of the optimiser, each on `BATCH` samples. The paper takes 2e5 epochs, of 5000
-        samples: ten million steps.
+    `steps` are those of the optimiser, each on `BATCH` samples. The paper takes 2e5 epochs of 5000
+    samples: ten million steps.
 
     """
 
@@ -72,15 +69,7 @@ class Delan:
 
 
 class Network(Baseline):
-    """
-    A trained network.
-
-    Parameters
-    ----------
-    joint_names, joint_types : sequence of str, n of them
-    network : DelanNetwork
-
-    """
+    """A trained network."""
 
     has_potential = True
 
@@ -123,14 +112,10 @@ def read(joints: Joints, state: State) -> Network:
 
 class DelanNetwork(nn.Module):
     """
-    The two networks.
+    The two networks, with hidden layers of `width` and `depth`.
 
-    Parameters
-    ----------
-    prismatic : bool array, shape (n,)
-        Which joints are prismatic; the others enter as cosine and sine.
-    width, depth : int
-        Of the hidden layers.
+    `prismatic` marks the joints, shape (n,), whose positions enter as they are; the others enter
+    as cosine and sine.
 
     """
 

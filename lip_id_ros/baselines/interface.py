@@ -25,21 +25,7 @@ Urdf = str | os.PathLike[str]
 
 @dataclass(frozen=True)
 class FitRecord:
-    """
-    How a model was fitted.
-
-    Attributes
-    ----------
-    method : str
-        One of `lip_id_ros.baselines.MODELS`.
-    n_samples : int
-        Samples of the training data.
-    seconds : float
-        Duration of the fit.
-    provenance : mapping
-        JSON-able: origin of the training data.
-
-    """
+    """Method (of `MODELS`), number of samples, duration [s] and JSON-able origin of a fit."""
 
     method: str = ''
     n_samples: int = 0
@@ -51,15 +37,7 @@ class Baseline(ABC):
     """
     A model of the literature; a `lip_id_ros.model.TorqueModel`.
 
-    Parameters
-    ----------
-    joint_names, joint_types : sequence of str, n of them
-        From base to tip.
-
-    Attributes
-    ----------
-    record : FitRecord
-        Set by `lip_id_ros.baselines.learn`.
+    `record` is set by `lip_id_ros.baselines.learn`.
 
     """
 
@@ -99,10 +77,7 @@ class Method(Protocol):
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> TorqueModel:
         """
-        Learn from a data set.
-
-        A method uses `subset`, `max_samples`, `friction` and `seed` of the settings as far as
-        they apply to it.
+        Learn from a data set, by those of `subset`, `max_samples`, `friction`, `seed` that apply.
 
         Raises
         ------

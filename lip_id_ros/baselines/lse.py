@@ -26,15 +26,7 @@ FRICTION_START = 1e-2
 
 
 class Lse:
-    """
-    One Gaussian process for all torques, which share a Lagrangian; friction per joint beside it.
-
-    Parameters
-    ----------
-    iterations : int
-        Most iterations of the marginal likelihood.
-
-    """
+    """One Gaussian process for all torques, which share a Lagrangian; and friction per joint."""
 
     def __init__(self, iterations: int = ITERATIONS) -> None:
         self._iterations = iterations
@@ -60,16 +52,11 @@ class Lse:
 @dataclass(frozen=True)
 class Hyperparameters:
     """
-    Logarithms of all hyperparameters in one vector.
+    Logarithms of all hyperparameters in one vector, shape (p,).
 
-    Attributes
-    ----------
-    vector : tensor, shape (p,)
-        Variance of the Lagrangian, length scales of f_1, f_2 and dq, noise variance, and, with
-        friction, variances of its viscous and Coulomb part; each of the latter per joint.
-    n_joints : int
-    torque_variance : tensor, shape (n,)
-        Unit of noise floor [N^2 m^2 or N^2].
+    Variance of the Lagrangian, length scales of f_1, f_2 and dq, noise variance, and, with
+    friction, variances of its viscous and Coulomb part; each of the latter per joint.
+    `torque_variance`, shape (n,), is the unit of the noise floor [N^2 m^2 or N^2].
 
     """
 
@@ -141,19 +128,7 @@ class Hyperparameters:
 
 
 class LagrangianModel(Baseline):
-    """
-    Posterior of torques and Lagrangian.
-
-    Parameters
-    ----------
-    joint_names : tuple of str
-    basis : JointBasis
-    hyperparameters : Hyperparameters
-    states : States
-        M samples.
-    alpha : tensor, shape (M, n)
-
-    """
+    """Posterior of torques and Lagrangian, given M samples and their weights alpha (M, n)."""
 
     has_potential = True
 

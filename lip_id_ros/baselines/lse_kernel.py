@@ -28,13 +28,10 @@ from lip_id_ros.kernels import JointBasis
 @dataclass(frozen=True)
 class States:
     """
-    N samples as the kernel uses them.
+    N samples as the kernel uses them; dq and ddq have shape (N, n).
 
-    Attributes
-    ----------
-    f, g : tensors, shape (2, N, n)
-        Features of the positions (cos q and sin q, or q and 0) and their derivatives.
-    dq, ddq : tensors, shape (N, n)
+    `f` and `g`, shape (2, N, n), are the features of the positions (cos q and sin q, or q and 0)
+    and their derivatives.
 
     """
 
@@ -52,26 +49,14 @@ class States:
 
 @dataclass(frozen=True)
 class Lengths:
-    """
-    Length scales: of f, shape (2, n), and of dq, shape (n,) [rad/s or m/s].
-
-    Two samples are as similar as they are near each other in these units.
-
-    """
+    """Length scales: of f, shape (2, n), and of dq, shape (n,) [rad/s or m/s]."""
 
     f: torch.Tensor
     dq: torch.Tensor
 
 
 def torque_gram(x: States, z: States, lengths: Lengths) -> torch.Tensor:
-    """
-    Covariance of the torques of two sets of samples, for a Lagrangian of unit variance.
-
-    Returns
-    -------
-    tensor, shape (N, n, M, n)
-
-    """
+    """Covariances of torques, (N, n, M, n), for a Lagrangian of unit variance."""
     pair = _Pair.of(x, z, lengths)
     s, s_, p = pair.s[..., None], pair.s_[..., None], pair.p
     along_p = (s * s_ - pair.b[..., None]) * p - s_ * pair.a - s * (pair.a_ + pair.r_) + pair.c_
@@ -84,14 +69,7 @@ def torque_gram(x: States, z: States, lengths: Lengths) -> torch.Tensor:
 
 
 def energy_gram(x: States, z: States, lengths: Lengths) -> torch.Tensor:
-    """
-    Covariance of the Lagrangian at N samples with the torques at M samples.
-
-    Returns
-    -------
-    tensor, shape (N, M, n)
-
-    """
+    """Covariances of the Lagrangian at N samples with the torques at M samples, (N, M, n)."""
     pair = _Pair.of(x, z, lengths)
     return pair.k[..., None] * pair.to_energy
 

@@ -34,14 +34,11 @@ def maximise(
 
     Parameters
     ----------
-    noisy_gram : callable
     y : ndarray, shape (m,)
         Measurements of zero prior mean.
     start : ndarray, shape (p,)
     iterations : int
         Most iterations of L-BFGS.
-    progress : callable
-    stage : str
 
     Raises
     ------

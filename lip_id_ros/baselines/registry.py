@@ -37,15 +37,7 @@ from lip_id_ros.settings import FitSettings
 
 @dataclass(frozen=True)
 class Energies:
-    """
-    The Gaussian processes and rigid links of this package.
-
-    Attributes
-    ----------
-    kernel : str
-        As in `fit.kernel`.
-
-    """
+    """The Gaussian processes and rigid links of this package; `kernel` as in `fit.kernel`."""
 
     kernel: str
 
@@ -122,14 +114,7 @@ def needs_urdf(name: str) -> bool:
 
 def method(name: str, urdf: Urdf | None = None) -> Method:
     """
-    Return a method by its name.
-
-    Parameters
-    ----------
-    name : str
-        One of `MODELS`.
-    urdf : path, optional
-        Robot description, for a method that needs one.
+    Return one of `MODELS` by its name; some need the URDF of the robot.
 
     Raises
     ------
@@ -159,17 +144,7 @@ def learn(
     name: str, dataset: Dataset, settings: FitSettings, urdf: Urdf | None, progress: Progress
 ) -> Baseline:
     """
-    Fit a method of the literature.
-
-    Parameters
-    ----------
-    name : str
-        A key of `LITERATURE`.
-    dataset : Dataset
-    settings : FitSettings
-    urdf : path, optional
-        Robot description, for a method that needs one.
-    progress : Progress
+    Fit a method of the literature, a key of `LITERATURE`; some need the URDF of the robot.
 
     Raises
     ------
@@ -210,17 +185,7 @@ CONTRADICTIONS = (
 
 
 def save(path: str | os.PathLike[str], model: Baseline) -> None:
-    """
-    Write a model into one npz file, whole or not at all.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-    TypeError
-        If the state of the model has something other than numbers, texts and arrays.
-
-    """
+    """Write a model into one npz file, whole or not at all; OSError if that fails."""
     arrays: Arrays = {}
     record = model.record
     header = {
@@ -267,15 +232,7 @@ def load(path: str | os.PathLike[str]) -> Baseline:
 
 
 def flattened(value: Any, arrays: Arrays) -> Any:
-    """
-    Return a state as JSON; its arrays are added to `arrays` and referred to by name.
-
-    Raises
-    ------
-    TypeError
-        If something in it is neither a number, a text, an array, a list nor a mapping.
-
-    """
+    """Return a state as JSON; its arrays are added to `arrays` and referred to by name."""
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if isinstance(value, np.ndarray):

@@ -54,11 +54,8 @@ class RigidBodyFeatures:
     """
     The regressor of the links and that of the joints (paper, eq. linear_model).
 
-    Attributes
-    ----------
-    chain : Chain
-    sign_width : array, shape (n,)
-        Velocity [rad/s or m/s] at which Coulomb friction has tanh(1) of its size; 0 for a jump.
+    `sign_width`, shape (n,), is the velocity [rad/s or m/s] at which Coulomb friction has tanh(1)
+    of its size; 0 for a jump.
 
     """
 
@@ -114,16 +111,7 @@ def _without_friction(links: Array, q: Array) -> Array:
 
 
 class RigidBody(Baseline):
-    """
-    Torques and energies of identified parameters.
-
-    Parameters
-    ----------
-    joint_names, joint_types : sequence of str, n of them
-    features : RigidBodyFeatures
-    parameters : ndarray, shape (14 n,)
-
-    """
+    """Torques and energies of identified parameters, shape (14 n,)."""
 
     has_potential = True
 
@@ -163,13 +151,7 @@ class Identification:
 
     Ten parameters per link, and per joint viscous and Coulomb friction, an offset and the inertia
     of the rotor. Joints are weighted by the inverse variance of their residual, as is usual in
-    identification; of parameters with the same torques the smallest are taken, which gives the
-    same torques and energies.
-
-    Parameters
-    ----------
-    urdf : path
-        Source of the kinematics.
+    identification; of parameters with the same torques the smallest are taken.
 
     """
 
@@ -199,12 +181,6 @@ def chosen_features(chain: Chain, dataset: Dataset) -> RigidBodyFeatures:
 
     Blocks are consecutive in time. One width in units of each joint's velocity is chosen for all
     joints, then that of one joint after another.
-
-    Parameters
-    ----------
-    chain : Chain
-    dataset : Dataset
-        The training data.
 
     """
     unit = 2.0 * np.sqrt(np.mean(np.square(dataset.dq), axis=0))

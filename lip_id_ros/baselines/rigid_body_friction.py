@@ -29,17 +29,7 @@ STAGE = 'election of friction'
 
 
 class RigidBodyFriction(Baseline):
-    """
-    Torques and energies of identified parameters.
-
-    Parameters
-    ----------
-    joint_names, joint_types : sequence of str, n of them
-    chain : Chain
-    links : array, shape (n, 11)
-    friction : FrictionModel
-
-    """
+    """Torques and energies of identified links, shape (n, 11), and friction."""
 
     has_potential = True
 

@@ -78,15 +78,7 @@ METHODS: Methods = {
 
 
 class RigidBodyTerm(Linear):
-    """
-    A covariance that is linear in one joint's row of the regressor.
-
-    Parameters
-    ----------
-    features : RigidBodyFeatures
-    joint : int
-
-    """
+    """A covariance that is linear in one joint's row of the regressor."""
 
     def __init__(self, features: RigidBodyFeatures, joint: int) -> None:
         self._features = features
@@ -127,15 +119,7 @@ class _Terms:
 
 
 class Sum:
-    """
-    The covariance of one joint's torque, in units of its variance.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-    joint : int
-
-    """
+    """The covariance of one joint's torque, in units of its variance."""
 
     def __init__(self, terms: Sequence[Term], joint: int) -> None:
         self._terms = tuple(terms)
@@ -204,16 +188,7 @@ class Posterior:
 
 
 class PerJoint(Baseline):
-    """
-    A posterior for each joint.
-
-    Parameters
-    ----------
-    joint_names, joint_types : sequence of str, n of them
-    terms : _Terms
-    joints : sequence of Posterior
-
-    """
+    """A posterior for each joint."""
 
     def __init__(
         self,

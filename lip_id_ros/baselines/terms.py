@@ -49,11 +49,6 @@ class SquaredExponential:
 
     Features: cos q and sin q of revolute joints and q of prismatic ones, dq, ddq.
 
-    Parameters
-    ----------
-    basis : JointBasis
-    joint : int
-
     """
 
     def __init__(self, basis: JointBasis, joint: int) -> None:
@@ -84,11 +79,6 @@ class GeometricPolynomial:
     A joint's torque is linear in ddq and in the products dq_i dq_j (a_v), gravity being the
     constant, and of degree two in (cos q_b, sin q_b) or q_b of each joint. Factors of degree p are
     products of p linear kernels, each with weights of its own (multiplicative polynomial kernel).
-
-    Parameters
-    ----------
-    basis : JointBasis
-    joint : int
 
     """
 
@@ -144,15 +134,7 @@ class Linear:
 
 
 class Friction(Linear):
-    """
-    Viscous and Coulomb friction of a joint (paper, eq. kernel_epsilon).
-
-    Parameters
-    ----------
-    basis : JointBasis
-    joint : int
-
-    """
+    """Viscous and Coulomb friction of a joint (paper, eq. kernel_epsilon)."""
 
     def __init__(self, basis: JointBasis, joint: int) -> None:
         self._joint = joint

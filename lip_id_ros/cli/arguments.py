@@ -55,15 +55,7 @@ def add_force(parser: argparse.ArgumentParser) -> None:
 
 
 def source(text: str) -> str:
-    """
-    Return the path of a source.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        If it is empty, which would be the current folder.
-
-    """
+    """Return the path of a source, which must not be empty (the current folder)."""
     if not text:
         raise argparse.ArgumentTypeError('expected a path, got an empty text')
     return text
@@ -71,13 +63,7 @@ def source(text: str) -> str:
 
 def joint_names(text: str) -> tuple[str, ...]:
     """
-    Split joint names at commas.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        If a name is empty.
-
+    Split joint names at commas; argparse.ArgumentTypeError, as of all below, if one is empty.
     """
     names = tuple(name.strip() for name in text.split(','))
     if not all(names):
@@ -86,43 +72,19 @@ def joint_names(text: str) -> tuple[str, ...]:
 
 
 def count(text: str) -> int:
-    """
-    Read a whole number above zero.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        If it is anything else.
-
-    """
+    """Read a whole number above zero."""
     if not text.isascii() or not text.isdigit() or int(text) == 0:
         raise argparse.ArgumentTypeError(f'expected a whole number above 0, got {text!r}')
     return int(text)
 
 
 def counts(text: str) -> tuple[int, ...]:
-    """
-    Read whole numbers above zero, separated by commas; return them in rising order.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        If one is anything else.
-
-    """
+    """Read whole numbers above zero, separated by commas; return them in rising order."""
     return tuple(sorted({count(part.strip()) for part in text.split(',')}))
 
 
 def share(text: str) -> float:
-    """
-    Read a share between 0 and 1, both excluded.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        If it is anything else.
-
-    """
+    """Read a share between 0 and 1, both excluded."""
     try:
         value = float(text)
     except ValueError:

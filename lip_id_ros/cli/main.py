@@ -41,20 +41,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     Run the command line.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        Arguments without the program's name; those of the process by default.
-
-    Returns
-    -------
-    int
-        0, or 1 after one line on stderr with the error, or 130 after Ctrl-C.
-
-    Raises
-    ------
-    SystemExit
-        With status 2 for wrong usage, 0 for help.
+    Returns 0, or 1 after one line on stderr with the error, or 130 after Ctrl-C; argparse exits
+    with 2 for wrong usage, 0 for help.
 
     """
     arguments = _parser().parse_args(argv)

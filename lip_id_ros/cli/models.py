@@ -57,15 +57,7 @@ def load(path: str) -> Model:
 
 
 def save(path: str | os.PathLike[str], model: Model) -> None:
-    """
-    Write a model of either kind.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-
-    """
+    """Write a model of either kind; OSError if the file cannot be written."""
     if isinstance(model, Baseline):
         save_baseline(path, model)
     else:
@@ -90,13 +82,7 @@ def load_for(model: Model, sources: list[str], path: str | None, progress: Progr
     """
     Read recordings for a model, with its joints in its order.
 
-    Parameters
-    ----------
-    model : Model
-    sources : list of str
-    path : str or None
-        A settings file; without one, the settings of the first recording of the fit.
-    progress : Progress
+    Without a settings file, by the settings of the first recording of the fit.
 
     Raises
     ------

@@ -76,8 +76,7 @@ def check_file(
     OSError
         If its folder does not exist or is not writable, or the path is a folder.
     ConfigError
-        If it is an input, or an existing file of another kind, and `force` is not given; if it
-        has no name.
+        If it has no name, or, without `force`, is an input or an existing file of another kind.
 
     """
     if path is None:
@@ -101,15 +100,7 @@ def check_file(
 
 
 def check_distinct(*paths: str | None) -> None:
-    """
-    Refuse two outputs at one place, of which the second would replace the first.
-
-    Raises
-    ------
-    ConfigError
-        If there are.
-
-    """
+    """Refuse two outputs at one place by a ConfigError: the second would replace the first."""
     places: dict[str, str] = {}
     for path in paths:
         if path is None:
@@ -171,19 +162,9 @@ def console(*targets: str | None) -> Console:
 
 def write_json(target: str | None, content: Mapping[str, Any]) -> None:
     """
-    Write figures as JSON, whole or not at all.
+    Write figures without nan as JSON, whole or not at all; OSError if that fails.
 
-    Parameters
-    ----------
-    target : str or None
-        A file, '-' for standard output, None for nowhere.
-    content : mapping
-        JSON-able, without nan.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
+    The target is a file, '-' for standard output, None for nowhere.
 
     """
     if target is None:
@@ -209,16 +190,7 @@ def progress_display() -> Iterator[Progress]:
 
 
 class Lines:
-    """
-    One line for each stage, then at most one every ten seconds.
-
-    Parameters
-    ----------
-    stream : text file
-    clock : callable
-        Seconds that never go back.
-
-    """
+    """One line for each stage, then at most one every ten seconds."""
 
     def __init__(self, stream: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
         self._stream = stream

@@ -229,18 +229,7 @@ def _span(values: Array) -> str:
 
 
 def described(description: Mapping[str, Any], console: Console, indent: str = '') -> None:
-    """
-    Show a description.
-
-    Parameters
-    ----------
-    description : mapping
-        JSON-able, nested, as `lip_id_ros.preprocessing.describe` returns it.
-    console : rich.console.Console
-    indent : str
-        The beginning of every line.
-
-    """
+    """Show a JSON-able, nested description, as `lip_id_ros.preprocessing.describe` returns it."""
     for name, value in description.items():
         if name == RANGES:
             show(ranges(value), console)

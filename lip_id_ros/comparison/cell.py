@@ -46,7 +46,6 @@ class Case:
         Unique among the cases that are compared together.
     group : str
         Cases of one group make one table and one box plot.
-    train : Dataset
     tests : mapping from str to Dataset
         Unseen motions by name, with the joints of `train` in its order.
     urdf : path, optional
@@ -84,17 +83,10 @@ def thinned(dataset: Dataset, count: int) -> Dataset:
 @dataclass(frozen=True)
 class Score:
     """
-    Errors on one unseen motion.
+    Errors on one unseen motion; `nmse_percent` and `rmse` [N m or N] per joint.
 
-    Attributes
-    ----------
-    test : str
-    nmse_percent : tuple of float
-        Per joint; nan where the torque does not vary.
-    rmse : tuple of float
-        Per joint [N m or N].
-    kinetic_nmse_percent, potential_nmse_percent : float
-        nan where truth or estimate is missing; the potential energy without its mean error.
+    nan where a torque does not vary, or the truth or the estimate of an energy is missing. The
+    potential energy is compared without its mean error.
 
     """
 
@@ -115,19 +107,9 @@ class Cell:
     """
     Errors and cost of one method on one case.
 
-    Attributes
-    ----------
-    case, group, model : str
-    n_train : int
-        Samples of the training data.
-    joint_names : tuple of str
-    fit_seconds, query_us : float
-        Time of the fit [s] and of the prediction of one sample, median [microseconds].
-    size : int
-        Number of numbers that the model keeps.
-    scores : tuple of Score
-    code : str
-        Version of the code that made it.
+    `fit_seconds` and `query_us` are times of the fit [s] and of the prediction of one sample,
+    median [microseconds]; `size` is how many numbers the model keeps, `code` the version of the
+    code.
 
     """
 
@@ -168,13 +150,7 @@ def measure(
     case: Case, model: str, method: Method, settings: FitSettings, progress: Progress
 ) -> tuple[Cell, TorquePrediction]:
     """
-    Fit a method and evaluate it on every unseen motion.
-
-    Returns
-    -------
-    Cell
-    TorquePrediction
-        On the first of the motions, to be drawn.
+    Fit a method and evaluate it on every unseen motion; also return its prediction on the first.
 
     Raises
     ------

@@ -63,25 +63,14 @@ def write_comparison(
     progress: Progress = silent,
 ) -> Path:
     """
-    Write index.html, its pictures and comparison.json.
+    Write index.html, its pictures and comparison.json into an existing folder; return the page.
 
     Parameters
     ----------
-    folder : Path
-        Exists.
-    title : str
-    cases : sequence of Case
-    results : Results
     store : Store
         Holds the cells.
     facts : sequence of (str, str)
         Name and value: origin of the data.
-    progress : callable
-
-    Returns
-    -------
-    Path
-        The page.
 
     Raises
     ------

@@ -35,19 +35,9 @@ Make = Callable[[str, Case], Method]
 
 class Store:
     """
-    A folder with one file per cell.
+    A folder with one file per cell, made where it does not exist; OSError if that fails.
 
     Data, model and settings identify a cell.
-
-    Parameters
-    ----------
-    folder : path
-        Created where it does not exist.
-
-    Raises
-    ------
-    OSError
-        If it cannot be created.
 
     """
 
@@ -61,15 +51,7 @@ class Store:
         return self._folder / f'{model}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.npz'
 
     def save(self, path: Path, cell: Cell, prediction: TorquePrediction) -> None:
-        """
-        Keep a cell, and the prediction on the first motion.
-
-        Raises
-        ------
-        OSError
-            If it cannot be written.
-
-        """
+        """Keep a cell, and the prediction on the first motion; OSError if it cannot be written."""
         arrays = {'tau': prediction.tau}
         arrays |= {name: x for name in ENERGIES if (x := getattr(prediction, name)) is not None}
         write_npz(path, arrays, {'cell': cell.to_json()})
@@ -82,15 +64,7 @@ class Store:
             return None
 
     def prediction(self, path: Path) -> TorquePrediction:
-        """
-        Return the prediction on the first motion.
-
-        Raises
-        ------
-        OSError
-            If the cell cannot be read.
-
-        """
+        """Return the prediction on the first motion; OSError if the cell cannot be read."""
         arrays: dict[str, Array] = read_npz(path)[0]
         return TorquePrediction(arrays['tau'], arrays.get('kinetic'), arrays.get('potential'))
 
@@ -125,24 +99,16 @@ def compare(
     make: Make | None = None,
 ) -> Results:
     """
-    Fit and evaluate every model on every case.
+    Fit and evaluate every model on every case, with the same settings.
 
     Parameters
     ----------
-    cases : sequence of Case
     models : sequence of str
         Names of `lip_id_ros.baselines.MODELS`.
-    settings : FitSettings
-        The same for all of them.
     store : Store
         Holds the finished cells.
-    progress : callable
     make : callable, optional
         Makes the method of a name for a case; `lip_id_ros.baselines.method` by default.
-
-    Returns
-    -------
-    Results
 
     Raises
     ------

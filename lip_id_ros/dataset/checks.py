@@ -24,12 +24,7 @@ def checked(fields: Mapping[str, Any]) -> dict[str, Any]:
     """
     Return read-only copies of the arrays of a data set, and tuples of names and types.
 
-    Raises
-    ------
-    ShapeError
-        If an array does not have its shape, or a tuple its length.
-    DataError
-        If a number is not finite, names are not unique, a type is unknown, or time goes back.
+    The errors are those of `Dataset`.
 
     """
     given = {name: fields[name] for name in (*PER_SAMPLE, *PER_JOINT)}

@@ -153,12 +153,7 @@ class Dataset:
 
     def select(self, indices: ArrayLike) -> Dataset:
         """
-        Return some samples, always in the order of time.
-
-        Parameters
-        ----------
-        indices : array of int or of bool
-            Row numbers (their order and repetition do not matter), or a mask of N values.
+        Return some samples by row numbers or a mask (N,), always in the order of time and once.
 
         Raises
         ------
@@ -208,15 +203,7 @@ class Dataset:
         return left_out_blocks(self.segment, count, guard)
 
     def with_joints(self, joint_names: Sequence[str]) -> Dataset:
-        """
-        Return the data set with its joints chosen and ordered by name.
-
-        Raises
-        ------
-        DataError
-            If a joint is missing.
-
-        """
+        """Return the data set with its joints in this order; DataError if one is missing."""
         missing = [name for name in joint_names if name not in self.joint_names]
         if missing:
             raise DataError(

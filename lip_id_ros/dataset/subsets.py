@@ -21,15 +21,7 @@ _NEAR = 0.1
 
 
 class LeftOutBlock(NamedTuple):
-    """
-    One part of a cross-validation.
-
-    Attributes
-    ----------
-    training, held_out : ndarray of int
-        Increasing row numbers; between them lie `GUARD` samples of a segment that are in neither.
-
-    """
+    """One part of a cross-validation: increasing row numbers; `GUARD` samples are in neither."""
 
     training: IndexArray
     held_out: IndexArray
@@ -37,19 +29,10 @@ class LeftOutBlock(NamedTuple):
 
 def farthest_points(points: Array, count: int) -> IndexArray:
     """
-    Choose points by farthest-point selection, each coordinate in standard deviations.
+    Choose points of shape (N, d) by farthest-point selection, in standard deviations.
 
-    Parameters
-    ----------
-    points : ndarray, shape (N, d)
-    count : int
-        How many; all where there are not more.
-
-    Returns
-    -------
-    ndarray of int, shape (min(count, N),)
-        Increasing row numbers; fewer where the rest only repeats them. Begins from the point
-        nearest the mean; no randomness.
+    Returns increasing row numbers; fewer than `count` where the rest only repeats them. Begins
+    from the point nearest the mean; no randomness.
 
     """
     if count >= len(points):
@@ -94,15 +77,7 @@ def away_from(segment: IntArray, start: int, stop: int, guard: int) -> IndexArra
 
 
 def left_out_blocks(segment: IntArray, count: int, guard: int) -> tuple[LeftOutBlock, ...]:
-    """
-    Cut samples into contiguous blocks, each left out once; see `Dataset.blocks`.
-
-    Raises
-    ------
-    DataError
-        If a block or its training data would be empty.
-
-    """
+    """Cut samples into contiguous blocks, each left out once; see `Dataset.blocks`."""
     if not 2 <= count <= segment.size:
         raise DataError(
             f'{segment.size} samples cannot be cut into {count} blocks; choose 2 or more, '

@@ -42,17 +42,7 @@ STOP_SECONDS = 15.0
 
 
 class Graph:
-    """
-    Services and topics of the demo's nodes.
-
-    Parameters
-    ----------
-    node : Node
-        Spun by another thread.
-    alive : callable
-        Whether the nodes still run.
-
-    """
+    """Services and topics of the demo's nodes; another thread spins the node."""
 
     def __init__(self, node: Node, alive: Callable[[], bool]) -> None:
         self.node = node
@@ -75,22 +65,12 @@ class Graph:
         progress: Callable[[], Any] = lambda: None,
     ) -> None:
         """
-        Wait for a condition.
-
-        Parameters
-        ----------
-        condition : callable
-        what : str
-            What the condition stands for, for the error.
-        seconds : float
-            Longest time without progress.
-        progress : callable
-            Returns another value after progress.
+        Wait for a condition; `what` names it, `progress` returns another value after progress.
 
         Raises
         ------
         LipIdError
-            If nothing progresses for that long, or a node ends before.
+            If nothing progresses for so many seconds, or a node ends before.
 
         """
         reached, since = progress(), time.monotonic()
@@ -171,14 +151,7 @@ def await_discovery(
     can see is only that it has discovered the other. But discovery announces endpoints in the
     order of their creation, so a remote node that answers a new client knows all older endpoints.
 
-    Parameters
-    ----------
-    node : Node
-        Spun by another thread.
-    remote : str
-        Full name of the remote node; it must have parameter services.
-    wait : callable
-        Waits for a condition with a description.
+    The remote node must have parameter services; another thread spins this one.
 
     """
     client = node.create_client(GetParameters, f'{remote}/get_parameters')
@@ -216,15 +189,7 @@ def spinning(name: str) -> Iterator[Node]:
 
 @contextmanager
 def launched(output: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """
-    Run the demo's launch file while the block runs.
-
-    Parameters
-    ----------
-    output : Path
-        Folder of the model and the data; the nodes' log goes there too.
-
-    """
+    """Run the demo's launch file while the block runs; its log goes to the output folder."""
     with open(output / 'nodes.log', 'wb') as log:
         process = subprocess.Popen(
             [sys.executable, '-m', 'lip_id_ros.demo.graph', LAUNCH_FILE, f'output:={output}'],
@@ -252,17 +217,9 @@ def end(process: subprocess.Popen[bytes]) -> None:
 
 def main(arguments: list[str]) -> int:
     """
-    Run until SIGINT.
+    Run a launch file until SIGINT, given its name and ``name:=value`` for its arguments.
 
-    Parameters
-    ----------
-    arguments : list of str
-        Name of a launch file, then ``name:=value`` for each of its arguments.
-
-    Returns
-    -------
-    int
-        Exit status: 0 if every node ended well.
+    Returns 0 if every node ended well.
 
     """
     name, *given = arguments

@@ -29,15 +29,9 @@ LEAST_SIGNAL_TO_NOISE = 10.0  # below this, an error is mostly that of the noise
 @dataclass(frozen=True)
 class Verdict:
     """
-    One figure and what is asked of it.
+    One figure of a joint or the kinetic energy, and its limit.
 
-    Attributes
-    ----------
-    name : str
-        Joint, or kinetic energy.
-    nmse_percent, limit_percent : float
-    judged : bool
-        False where the signal is too small to judge by.
+    It is not judged where the signal is too small to judge by.
 
     """
 
@@ -61,20 +55,10 @@ class Verdict:
 
 def judge(evaluation: Evaluation, noise_std: Sequence[float]) -> list[Verdict]:
     """
-    Judge the torque of every joint and the kinetic energy.
+    Judge the torque of every joint, and last the kinetic energy, against the truth.
 
-    Parameters
-    ----------
-    evaluation : Evaluation
-        On an unseen motion, against the truth.
-    noise_std : sequence of float, n of them
-        Of the simulated torque sensors [N m or N]. A joint whose torque has a standard deviation
-        within ten times that is reported, not judged.
-
-    Returns
-    -------
-    list of Verdict
-        The joints from base to tip, then the kinetic energy.
+    A joint whose torque has a standard deviation within ten times the noise (n,) of its sensor [N
+    m or N] is reported, not judged.
 
     """
     joints = zip(
@@ -110,21 +94,9 @@ def run_demo(
     description: str | None,
 ) -> int:
     """
-    Run a demonstration as a program.
+    Run a demonstration, which gets the output folder, as a program.
 
-    Parameters
-    ----------
-    demonstrate : callable
-        Gets the output folder.
-    argv : sequence of str, optional
-        Arguments of the command line.
-    description : str
-        For its help.
-
-    Returns
-    -------
-    int
-        Exit status: 0, or 1 where an error is above its limit or something is missing.
+    Returns 0, or 1 where an error is above its limit or something is missing.
 
     """
     parser = argparse.ArgumentParser(prog='make demo', description=description)

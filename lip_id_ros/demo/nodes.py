@@ -39,15 +39,7 @@ POINTS_HZ = 100.0
 
 
 def motion(settings: RobotSettings) -> tuple[Dataset, Dataset]:
-    """
-    One period of a motion.
-
-    Returns
-    -------
-    exact, measured : Dataset
-        The motion with its true torques and energies, and as encoders and torque sensors see it.
-
-    """
+    """One period of a motion: exact with the truth, and as encoders and torque sensors see it."""
     rng = np.random.default_rng(settings.seed)
     trajectory = SinusoidTrajectory.random(MOTION, rng)
     t = np.arange(0.0, trajectory.period, 1.0 / settings.rate_hz)
@@ -215,15 +207,7 @@ class ArmNode(NodeBase):
 
 
 def external(settings: ArmSettings) -> Array:
-    """
-    Return the torques of the contact, shape (n,) [N m].
-
-    Raises
-    ------
-    ConfigError
-        If their number is not that of the joints.
-
-    """
+    """Return the torques of the contact, shape (n,) [N m]; ConfigError if there are not n."""
     contact = settings.contact or (0.0,) * settings.n_joints
     if len(contact) != settings.n_joints:
         raise ConfigError(

@@ -66,33 +66,15 @@ class Simulation:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """
-    Run the demonstration.
-
-    Returns
-    -------
-    int
-        0, or 1 where an error is above its limit or something is missing.
-
-    """
+    """Run the demonstration; return the exit status of `run_demo`."""
     return run_demo(lambda output: demonstrate(output, Size(), DEMO_CONFIG), argv, __doc__)
 
 
 def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
     """
-    Record, fit, evaluate and report.
+    Record, fit, evaluate on a motion that the model has not seen, and report.
 
-    Parameters
-    ----------
-    output : Path
-        Gets two bags, the model and the report.
-    size : Size
-    config : Config
-
-    Returns
-    -------
-    Evaluation
-        On the motion that the model has not seen, against the truth.
+    The output folder gets two bags, the model and the report.
 
     """
     output.mkdir(parents=True, exist_ok=True)

@@ -45,31 +45,15 @@ FIT_SECONDS = 600.0  # a loaded machine compiles for long
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """
-    Run the demonstration.
-
-    Returns
-    -------
-    int
-        0, or 1 where an error is above its limit or something is missing.
-
-    """
+    """Run the demonstration; return the exit status of `run_demo`."""
     return run_demo(demonstrate, argv, __doc__)
 
 
 def demonstrate(output: Path) -> Evaluation:
     """
-    Record, fit, serve, compare and report.
+    Record, fit, serve, compare the answers of `serve` with the truth and report.
 
-    Parameters
-    ----------
-    output : Path
-        Gets the model, the data set, the bag, the nodes' log and the report.
-
-    Returns
-    -------
-    Evaluation
-        Of the answers of `serve`, against the truth.
+    The output folder gets the model, the data set, the bag, the nodes' log and the report.
 
     """
     shutil.rmtree(output / BAG, ignore_errors=True)

@@ -42,22 +42,7 @@ TOPICS = {
 
 
 class BagRecorder:
-    """
-    Write the demo's topics as they come.
-
-    Parameters
-    ----------
-    node : Node
-        Subscribes.
-    bag : RawBag
-        Open.
-
-    Attributes
-    ----------
-    counts : Counter
-        Messages by topic.
-
-    """
+    """Write the demo's topics into an open bag as they come; `counts` are by topic."""
 
     def __init__(self, node: Node, bag: RawBag) -> None:
         self.counts: Counter[str] = Counter()
@@ -94,18 +79,8 @@ class Served:
     """
     A stream of references and its answers, N of them in the order of time.
 
-    Attributes
-    ----------
-    stamps : ndarray of int64, shape (N,)
-        [ns].
-    q, dq, ddq : ndarray, shape (N, n)
-        The references.
-    measured : ndarray, shape (N, n)
-        Torques measured on the arm at the same stamps [N m].
-    tau : ndarray, shape (N, n)
-        Torques answered [N m].
-    kinetic, potential : ndarray, shape (N,)
-        Energies answered [J].
+    `measured` are torques measured on the arm at the same stamps [ns], `tau` those answered [N m],
+    each (N, n); energies answered have shape (N,) [J].
 
     """
 
@@ -121,14 +96,7 @@ class Served:
 
 def read_served(bag_path: str | os.PathLike[str], joint_names: tuple[str, ...]) -> Served:
     """
-    Read the stream from a bag of the demo.
-
-    Parameters
-    ----------
-    bag_path : path
-        A bag with the topics of `lip_id_ros.demo.served`.
-    joint_names : tuple of str
-        Joints, in the order wanted.
+    Read the stream from a bag of the demo, with its joints in this order.
 
     Raises
     ------
@@ -159,15 +127,9 @@ def read_served(bag_path: str | os.PathLike[str], joint_names: tuple[str, ...]) 
 
 def outcome_of(served: Served, arm: Dynamics, predictor: TorqueModel) -> Outcome:
     """
-    Set the answers beside the truth.
+    Set the answers beside the truth, which the simulated arm knows.
 
-    Parameters
-    ----------
-    served : Served
-    arm : Dynamics
-        The simulated arm, which knows the truth.
-    predictor : TorqueModel
-        Of the served model; gives what is not published: the parts of the torque.
+    The predictor of the served model gives what is not published: the parts of the torque.
 
     """
     dataset = Dataset(
@@ -240,15 +202,7 @@ def make_plan(seed: int) -> JointTrajectory:
 
 
 def require_efforts(bag_path: str | os.PathLike[str]) -> None:
-    """
-    Check the answer to the plan in a bag of the demo.
-
-    Raises
-    ------
-    DataError
-        If it has not an effort for every joint at every point.
-
-    """
+    """Raise a DataError unless a bag of the demo has its plan with every effort of every point."""
     with Bag(bag_path) as bag:
         plans = [plan for _, plan in bag.messages(PLAN_WITH_EFFORT)]
     efforts = [point.effort for plan in plans for point in plan.points]

@@ -37,16 +37,7 @@ CONDITIONING = 'posterior'
 
 @dataclass(frozen=True, eq=False)
 class FittedProcess:
-    """
-    A Gaussian process fitted to data.
-
-    Attributes
-    ----------
-    posterior : TorquePosterior
-    report : dict
-        JSON-able: how the optimisation went.
-
-    """
+    """A Gaussian process fitted to data, and JSON-able how the optimisation went."""
 
     posterior: TorquePosterior
     report: dict[str, Any]
@@ -58,16 +49,9 @@ def fit_process(
     """
     Fit Gaussian processes on energies and friction to a data set.
 
-    The hyperparameters are optimised on a well-spread subset of the samples; the posterior is
-    then conditioned on all of them, or on the best spread `max_samples`.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    settings : FitSettings
-    kernel : str
-        Of `lip_id_ros.kernels.FAMILY`, whatever the settings name.
-    progress : callable
+    The hyperparameters are optimised on a well-spread subset of the samples; the posterior is then
+    conditioned on all of them, or on the best spread `max_samples`. The kernel is one of
+    `lip_id_ros.kernels.FAMILY`, whatever the settings name.
 
     Raises
     ------

@@ -38,16 +38,7 @@ FACTORS = (0.2, 0.5, 1.0, 2.0)
 
 @dataclass(frozen=True)
 class InitialGuess:
-    """
-    One point from which the optimisation may start.
-
-    Attributes
-    ----------
-    centre : Hyperparameters
-        Of the prior on the hyperparameters.
-    hyperparameters : Hyperparameters
-
-    """
+    """One point from which the optimisation may start, and the centre of the prior on it."""
 
     centre: Hyperparameters
     hyperparameters: Hyperparameters
@@ -88,17 +79,7 @@ def initial_hyperparameters(kernel: TorqueKernel, dataset: Dataset) -> Hyperpara
 
 
 def initial_weights(kernel: EnergyKernel, ddq: Array, variance: Array) -> Weights:
-    """
-    Weights under which the prior explains torques of a given size.
-
-    Parameters
-    ----------
-    kernel : EnergyKernel
-    ddq : array, shape (N, n)
-    variance : array, shape (n,)
-        Of each torque [(N m)^2 or N^2].
-
-    """
+    """Weights under which the prior explains torques of this variance (n,), given ddq (N, n)."""
     torque = np.sqrt(np.mean(variance))
     acceleration = _root_mean_square(ddq)
     ones = unit_weights(kernel)
@@ -138,16 +119,8 @@ def with_likely_sign_widths(
     Choose the width of each joint's smooth sign by marginal likelihood, one after another.
 
     A low-pass smears the step of Coulomb friction over a tenth of a second, and friction near rest
-    does so itself: over which velocities depends on the joint and its motion.
-
-    Parameters
-    ----------
-    kernel : TorqueKernel
-        Its widths are multiplied by one of `FACTORS` each; without friction it is left as it is.
-    hyperparameters : Hyperparameters
-        At which the likelihood is compared.
-    dataset : Dataset
-        On which it is.
+    does so itself: over which velocities depends on the joint and its motion. Widths are
+    multiplied by one of `FACTORS` each.
 
     """
     if kernel.friction is None or hyperparameters.friction is None:

@@ -26,17 +26,9 @@ class Likelihood(Protocol):
 @dataclass(frozen=True)
 class MarginalLikelihood:
     """
-    Negative log marginal likelihood as a function of the log-hyperparameters.
+    Negative log marginal likelihood of torques (N, n) as a function of the log-hyperparameters.
 
-    Attributes
-    ----------
-    kernel : TorqueKernel
-    states : JointStates
-        N samples.
-    tau : array, shape (N, n)
-        Measured torques [N m or N].
-    like : Hyperparameters
-        Gives the shapes.
+    `like` gives their shapes.
 
     """
 
@@ -47,13 +39,7 @@ class MarginalLikelihood:
 
     def value_and_gradient(self, vector: Array) -> tuple[float, Array]:
         """
-        Evaluate at one vector of log-hyperparameters, shape (p,).
-
-        Returns
-        -------
-        value : float
-            Negative log marginal likelihood, constant included.
-        gradient : array, shape (p,)
+        Evaluate at log-hyperparameters (p,), constant included; the gradient has shape (p,).
 
         Raises
         ------
@@ -93,15 +79,9 @@ From kernel, N samples, torques (N, n), and hyperparameters that give the shapes
 @dataclass(frozen=True)
 class Backend:
     """
-    What evaluates the likelihood.
+    What evaluates the likelihood on a device, 'cpu' or 'cuda'.
 
-    Attributes
-    ----------
-    device : str
-        'cpu' or 'cuda'.
-    likelihood : callable
-    note : str
-        Why this is not the device that was asked for; empty where it is.
+    `note` says why this is not the device that was asked for; empty where it is.
 
     """
 
@@ -111,15 +91,7 @@ class Backend:
 
 
 def choose(device: str) -> Backend:
-    """
-    Return what evaluates the likelihood on a device, or on the CPU where that is missing.
-
-    Parameters
-    ----------
-    device : str
-        'cpu' or 'cuda'.
-
-    """
+    """Return what evaluates the likelihood on 'cpu' or 'cuda', the CPU where that is missing."""
     if device == 'cpu':
         return Backend('cpu', MarginalLikelihood)
     try:

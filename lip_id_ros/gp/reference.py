@@ -51,17 +51,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class EnergyReference:
-    """
-    Covariances of an energy kernel between single joint states.
-
-    Attributes
-    ----------
-    kernel : EnergyKernel
-    basis : JointBasis
-    weights : Weights
-        With tensors in place of arrays.
-
-    """
+    """Covariances of an energy kernel between single joint states; its weights are tensors."""
 
     kernel: EnergyKernel
     basis: JointBasis
@@ -110,18 +100,9 @@ class EnergyReference:
 
 def euler_lagrange(lagrangian: Callable[[Tensor, Tensor], Tensor], x: State) -> Tensor:
     """
-    Apply d/dt d/d(dq) - d/dq along a motion.
+    Apply d/dt d/d(dq) - d/dq along a motion to a function of q and dq.
 
-    Parameters
-    ----------
-    lagrangian : callable
-        Of q and dq; its value may have any shape.
-    x : State
-
-    Returns
-    -------
-    tensor, shape (..., n)
-        With the shape of the Lagrangian in front.
+    Returns a tensor of shape (..., n), with the shape of the function's value in front.
 
     """
     _, rate = jvp(jacrev(lagrangian, argnums=1), (x.q, x.dq), (x.dq, x.ddq))
@@ -147,21 +128,8 @@ class TorchMarginalLikelihood:
 
     The same numbers as `lip_id_ros.gp.likelihood.MarginalLikelihood`, with the Gram matrix, its
     factor and the gradient on a device. The gradient is that of sum(W * K) at a fixed contraction
-    W, so that only one chunk of the Gram matrix is differentiated at a time.
-
-    Attributes
-    ----------
-    kernel : TorqueKernel
-    states : JointStates
-        N samples.
-    tau : array, shape (N, n)
-        Measured torques [N m or N].
-    like : Hyperparameters
-        Gives the shapes.
-    device : str
-        As torch names it.
-    chunk_bytes : int
-        About how much memory the derivatives of one chunk may take.
+    W, so that only one chunk of the Gram matrix is differentiated at a time; its derivatives may
+    take about `chunk_bytes`.
 
     """
 

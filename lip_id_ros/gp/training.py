@@ -38,7 +38,6 @@ class Objective:
 
     Attributes
     ----------
-    likelihood : Likelihood
     centre : Hyperparameters
         Of the Gaussian prior on their logarithms.
     prior_precision : float
@@ -98,12 +97,10 @@ class Optimum:
 
     Attributes
     ----------
-    hyperparameters : Hyperparameters
     value : float
         Of the objective.
     negative_log_likelihood : float
         On the samples that were optimised on.
-    iterations : int
     converged : bool
         False where the iterations ran out first.
     message : str
@@ -133,17 +130,7 @@ def maximise(
     stage: str = STAGE,
 ) -> Optimum:
     """
-    Maximise the posterior of the log-hyperparameters.
-
-    Parameters
-    ----------
-    objective : Objective
-    start : Hyperparameters
-    iterations : int
-        Most iterations of L-BFGS; 0 keeps the start.
-    progress : callable
-    stage : str
-        What to call this in progress reports.
+    Maximise the posterior of the log-hyperparameters by L-BFGS; 0 iterations keep the start.
 
     Raises
     ------
@@ -170,20 +157,7 @@ def maximise(
 
 
 class Minimum(NamedTuple):
-    """
-    Where a minimisation ended.
-
-    Attributes
-    ----------
-    vector : array, shape (p,)
-    at_bounds : bool array, shape (p,)
-    iterations : int
-    converged : bool
-    message : str
-    rejected : int
-        As in `Optimum`.
-
-    """
+    """Where a minimisation ended, shapes (p,); the rest as in `Optimum`."""
 
     vector: Array
     at_bounds: BoolArray
@@ -201,13 +175,12 @@ def minimise(
     report: Callable[[int, int], None],
 ) -> Minimum:
     """
-    Minimise a function of log-hyperparameters by L-BFGS, within `RANGE` of a centre.
+    Minimise a function of log-hyperparameters (p,) by L-BFGS, within `RANGE` of a centre.
 
     Parameters
     ----------
     function : callable
         Value and gradient at a vector (p,); FitError where it has none.
-    start, centre : arrays, shape (p,)
     iterations : int
         At most; 0 keeps the start.
     report : callable

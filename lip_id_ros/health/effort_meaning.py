@@ -41,18 +41,8 @@ def diagnose_effort(
     """
     Find out whether efforts are the torques of an arm, and what they may be instead.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        In the order of time; every joint moves.
-    seed : int
-        Of the searches for placements.
-    progress : callable
-
-    Returns
-    -------
-    tuple of Finding
-        Empty where the efforts are torques, or where nothing that was tried is clearly better.
+    Every joint moves; the seed is that of the searches for placements. Empty where the efforts are
+    torques, or where nothing that was tried is clearly better.
 
     """
     recorded = as_recorded(dataset, seed, progress)

@@ -125,7 +125,6 @@ class Joint:
 
     Attributes
     ----------
-    name, kind : str
     t : ndarray, shape (N,)
         Times of the samples [s].
     signals : mapping
@@ -188,12 +187,7 @@ class Evidence:
     """
     A recording and quantities derived from it, each computed at its first use.
 
-    Attributes
-    ----------
-    samples : JointSamples
-        As recorded, efforts scaled to torques where the settings give scales.
-    joint_types : tuple of str
-        'revolute' or 'prismatic'.
+    Efforts of `samples` are scaled to torques where the settings give scales.
 
     """
 

@@ -29,13 +29,7 @@ _ORDER = tuple(severity.value for severity in Severity)
 
 def evidence_of(samples: JointSamples, recording: RecordingSettings | None = None) -> Evidence:
     """
-    Prepare a recording for the checks.
-
-    Parameters
-    ----------
-    samples : JointSamples
-    recording : RecordingSettings, optional
-        Joint types, and scale and offset of the efforts.
+    Prepare a recording for the checks: joint types, and scale and offset of the efforts.
 
     Raises
     ------
@@ -66,11 +60,8 @@ def health(evidence: Evidence) -> dict[str, Any]:
     """
     Return findings and figures of a recording.
 
-    Returns
-    -------
-    dict
-        `findings` (code, severity, joint, text), `joints` (figures of each, null where unknown),
-        `stale_share`, `effort_lag_s` and `effort_lag_gain`.
+    `findings` (code, severity, joint, text), `joints` (figures of each, null where unknown),
+    `stale_share`, `effort_lag_s` and `effort_lag_gain`.
 
     """
     with np.errstate(all='ignore'):

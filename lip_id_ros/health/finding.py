@@ -22,15 +22,8 @@ class Finding:
     """
     One thing that is wrong with a recording.
 
-    Attributes
-    ----------
-    code : str
-        Stable name of its kind, see docs/health.md.
-    severity : str
-    joint : str
-        Empty where it is about the whole recording.
-    text : str
-        One sentence: what was found, and what to do.
+    `code` is the stable name of its kind, see docs/health.md; `joint` is empty where it is about
+    the whole recording; `text` is one sentence: what was found, and what to do.
 
     """
 
@@ -58,9 +51,6 @@ class Check:
 
     Attributes
     ----------
-    code : str
-        Stable name.
-    severity : Severity
     meaning : str
         When it is found, for docs/health.md: the docstring of the search.
     remedy : str

@@ -35,14 +35,9 @@ _SETTINGS = PreprocessingSettings()
 @dataclass(frozen=True, eq=False)
 class Stretch:
     """
-    Low-passed samples without a gap, N of n joints.
+    Low-passed samples without a gap, each (N, n); velocity and acceleration from positions.
 
-    Attributes
-    ----------
-    position, velocity, acceleration : ndarray, shape (N, n)
-        The last two are derivatives of the positions.
-    recorded_velocity, effort : ndarray, shape (N, n)
-        0 where they were not recorded.
+    `recorded_velocity` and `effort` are 0 where they were not recorded.
 
     """
 
@@ -151,16 +146,10 @@ def peak(values: Array, rate_hz: float) -> float:
 @dataclass(frozen=True, eq=False)
 class Agreement:
     """
-    How recorded velocities follow the derivative of the positions, per joint.
+    How recorded velocities follow the derivative of the positions, per joint (n,).
 
-    Attributes
-    ----------
-    scale : ndarray, shape (n,)
-        Recorded over differentiated velocity; nan for joints that do not move.
-    correlation : ndarray, shape (n,)
-        At no delay.
-    lag_s : ndarray, shape (n,)
-        By how much the recorded velocity comes late [s].
+    `scale` is recorded over differentiated velocity, nan for joints that do not move;
+    `correlation` is that at no delay; `lag_s` is by how much the recorded velocity comes late [s].
 
     """
 

@@ -26,12 +26,8 @@ class Samples(NamedTuple):
     """
     Joint states laid out for the fused loops: sample last, padded with zeros by `LANES` samples.
 
-    Attributes
-    ----------
-    f, g : arrays, shape (2, n, N + LANES)
-        Features and their derivatives by the position.
-    dq, ddq : arrays, shape (n, N + LANES)
-        Velocities [rad/s or m/s] and accelerations [rad/s^2 or m/s^2].
+    `f` and `g`, shape (2, n, N + LANES), are features and their derivatives by the position; `dq`
+    and `ddq` have shape (n, N + LANES).
 
     """
 
@@ -44,14 +40,10 @@ class Samples(NamedTuple):
 @dataclass(frozen=True)
 class JointBasis:
     """
-    The features of every joint of an arm.
+    The features of every joint of an arm, from base to tip.
 
-    Attributes
-    ----------
-    joint_types : tuple of str
-        'revolute' or 'prismatic', in the order of the joints from base to tip.
-    centre, half_range : arrays, shape (n,)
-        Of the training positions [rad or m]; used for prismatic joints only.
+    `centre` and `half_range`, shape (n,), are those of the training positions; used for prismatic
+    joints only.
 
     """
 
@@ -77,19 +69,7 @@ class JointBasis:
         return is_prismatic(self.joint_types)
 
     def features(self, q: Array) -> tuple[Array, Array]:
-        """
-        Evaluate the features and their derivatives.
-
-        Parameters
-        ----------
-        q : array, shape (N, n)
-            Positions [rad or m].
-
-        Returns
-        -------
-        f, g : arrays, shape (2, n, N)
-
-        """
+        """Return the features and their derivatives, (2, n, N) each, at positions (N, n)."""
         cos, sin = np.cos(q).T, np.sin(q).T
         u = ((q - self.centre) / self.half_range).T
         slope = np.broadcast_to(1.0 / self.half_range[:, None], u.shape)
@@ -100,20 +80,7 @@ class JointBasis:
         return f, g
 
     def pack(self, q: Array, dq: Array, ddq: Array) -> Samples:
-        """
-        Lay joint states out for the fused loops.
-
-        Parameters
-        ----------
-        q, dq, ddq : arrays, shape (N, n)
-            Positions [rad or m], velocities and accelerations.
-
-        Raises
-        ------
-        ShapeError
-            If the arrays are not all (N, n) with this arm's n.
-
-        """
+        """Lay joint states out for the fused loops; ShapeError unless all are (N, n)."""
         for name, x in (('q', q), ('dq', dq), ('ddq', ddq)):
             if x.ndim != 2 or x.shape != q.shape or x.shape[1] != self.n_joints:
                 raise ShapeError(

@@ -23,20 +23,9 @@ MIRROR_ROWS = 256
 
 def gram(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:
     """
-    Gram matrix of the torques at one set of samples.
+    Gram matrix of the torques at N samples, without noise and friction.
 
-    Parameters
-    ----------
-    kernel : EnergyKernel
-    weights : Weights
-    x : Samples
-        N packed joint states.
-
-    Returns
-    -------
-    array, shape (N n, N n)
-        Symmetric; row t n + i is torque i of sample t [(N m)^2 or N^2]. Without noise and
-        friction.
+    Shape (N n, N n), symmetric; row t n + i is torque i of sample t [(N m)^2 or N^2].
 
     """
     rows = np.arange(_count(x))
@@ -47,22 +36,7 @@ def gram(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:
 
 
 def cross_gram(kernel: EnergyKernel, weights: Weights, x: Samples, z: Samples) -> Array:
-    """
-    Covariances between the torques at two sets of samples.
-
-    Parameters
-    ----------
-    kernel : EnergyKernel
-    weights : Weights
-    x, z : Samples
-        N and M packed joint states.
-
-    Returns
-    -------
-    array, shape (N n, M n)
-        As in `gram`.
-
-    """
+    """Covariances between the torques at N and M samples, shape (N n, M n), as in `gram`."""
     n, first = kernel.n_joints, np.zeros(_count(x), dtype=np.int64)
     out = np.empty((_count(x) * n, _count(z) * n))
     _fill(out, kernel_arrays(kernel, weights), x, z, first, first + _count(z))
@@ -81,12 +55,9 @@ def energy_covariance(
     kernel: EnergyKernel, weights: Weights, x: Samples, z: Samples
 ) -> tuple[Array, Array]:
     """
-    Covariances of the energies at x with the torques at z (paper, section `sec:energy_est`).
+    Covariances of T and of V at x with the torques at z (paper, section `sec:energy_est`).
 
-    Returns
-    -------
-    kinetic, potential : arrays, shape (N, M n)
-        Covariances of T and V with the torques [J N m or J N].
+    Each of shape (N, M n) [J N m or J N].
 
     """
     shape = (_count(x), _count(z) * kernel.n_joints)
@@ -101,19 +72,8 @@ def contracted_gradient(
     """
     Differentiate sum(W * gram(weights)) by the weights (docs/maths.md, section 5).
 
-    Parameters
-    ----------
-    kernel : EnergyKernel
-    weights : Weights
-    x : Samples
-        N packed joint states.
-    contraction : array, shape (N n, N n)
-        W, symmetric.
-
-    Returns
-    -------
-    Weights
-        The derivative by each weight (not by its logarithm).
+    W is the symmetric contraction, shape (N n, N n). Returns the derivative by each weight, not by
+    its logarithm.
 
     """
     tasks = (_count(x) + 1) // 2

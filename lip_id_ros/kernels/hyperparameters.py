@@ -18,14 +18,7 @@ class Hyperparameters:
     """
     Everything that is optimised; all numbers positive.
 
-    Attributes
-    ----------
-    weights : Weights
-        Of the energy kernel.
-    friction : array, shape (n, 3), or None
-        Of the friction kernel; None without friction.
-    noise_variance : array, shape (n,)
-        [(N m)^2 or N^2].
+    `friction` has shape (n, 3), None without friction; `noise_variance` (n,) [(N m)^2 or N^2].
 
     """
 

@@ -43,10 +43,7 @@ def emit_square(adj: Jet, work: Array, w: Array, y: Jet, scale: float, high: int
     """
     Transpose the emission of scale y^2, contracted with w[i, j].
 
-    Returns
-    -------
-    float
-        The sum over pairs and entries of w times the emitted block, per unit of scale.
+    Returns the sum over pairs and entries of w times the emitted block, per unit of scale.
 
     """
     s, r, c = y.s, y.r, y.c

@@ -16,19 +16,7 @@ from lip_id_ros.numba_jit import Index, jit, LANES
 
 
 class Scratch(NamedTuple):
-    """
-    Working memory of one thread.
-
-    Attributes
-    ----------
-    y : Jet
-        The running velocity kernel.
-    p : Product
-        The running product.
-    factor : Factor
-        The factor at hand.
-
-    """
+    """Working memory of one thread: running velocity kernel, running product, factor at hand."""
 
     y: Jet
     p: Product
@@ -39,15 +27,9 @@ class Tapes(NamedTuple):
     """
     Working memory of one thread on the way back.
 
-    Attributes
-    ----------
-    adj, tape : Jet
-        Adjoint of the running velocity kernel, and that kernel before every step.
-    p_adj, p_tape : Product
-        The same of the running product.
-    factor_adj : Factor
-        Adjoint of the factor at hand.
-    sums : array, shape (8, LANES)
+    `adj` and `tape` are the adjoint of the running velocity kernel, and that kernel before every
+    step; `p_adj` and `p_tape` the same of the running product; `factor_adj` is the adjoint of the
+    factor at hand. `sums` has shape (8, LANES).
 
     """
 

@@ -68,7 +68,6 @@ class EnergyKernel:
     ----------
     name : str
         As in `lip_id fit --kernel`.
-    n_joints : int
     steps : int array, shape (n_steps, 6)
         The program of the kinetic energy: rows as in `Step`.
     n_factor_sets : int
@@ -225,7 +224,7 @@ def kinetic_covariance(
     kernel: EnergyKernel, weights: Weights, f: Any, dq: Any, fz: Any, dz: Any
 ) -> Any:
     """
-    Prior covariance of the kinetic energies at two joint states: the definition of a kernel.
+    Prior covariance [J^2] of the kinetic energies at two joint states: defines a kernel.
 
     It takes numbers, numpy arrays and torch tensors alike. numpy gives prior variances; torch
     differentiates these lines to give torques (`lip_id_ros.gp.reference`), which every compiled
@@ -233,17 +232,10 @@ def kinetic_covariance(
 
     Parameters
     ----------
-    kernel : EnergyKernel
-    weights : Weights
     f, fz : array-likes, first indices (2, n)
         Joint features of the two states; further indices are states.
     dq, dz : array-likes, first index n
         Velocities [rad/s or m/s].
-
-    Returns
-    -------
-    array-like
-        [J^2].
 
     """
     y: Any = 0.0

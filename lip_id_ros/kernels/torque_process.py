@@ -21,13 +21,8 @@ class FrictionKernel:
     Linear kernel in velocity, its sign and a constant, each joint by itself.
 
     Parameters (n, 3) are prior variances of the viscous coefficient, of the Coulomb torque and of
-    the offset (paper, eq. `kernel_epsilon`, without its squared exponential).
-
-    Attributes
-    ----------
-    sign_width : array, shape (n,)
-        The sign is tanh(dq / sign_width) [rad/s or m/s]: the torque that a controller adds must
-        not jump.
+    the offset (paper, eq. `kernel_epsilon`, without its squared exponential). The sign is tanh(dq
+    / sign_width): the torque that a controller adds must not jump.
 
     """
 
@@ -55,17 +50,7 @@ def friction_coefficients(parameters: Array, x: Array, alpha: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class JointStates:
-    """
-    Joint states prepared for every kernel of a prior.
-
-    Attributes
-    ----------
-    q, dq, ddq : arrays, shape (N, n)
-    packed : Samples
-    friction : array, shape (n, N, 3), or None
-        Features of the friction kernel.
-
-    """
+    """Joint states (N, n) prepared for every kernel; features of friction (n, N, 3) or None."""
 
     q: Array
     dq: Array
@@ -80,16 +65,7 @@ class JointStates:
 
 @dataclass(frozen=True)
 class TorqueKernel:
-    """
-    The kernels that make up the prior, without their hyperparameters.
-
-    Attributes
-    ----------
-    energy : EnergyKernel
-    basis : JointBasis
-    friction : FrictionKernel or None
-
-    """
+    """The kernels that make up the prior, without their hyperparameters."""
 
     energy: EnergyKernel
     basis: JointBasis
@@ -109,29 +85,13 @@ class TorqueKernel:
 
 @dataclass(frozen=True)
 class TorquePrior:
-    """
-    Gaussian process prior on the torques and the energies.
-
-    Attributes
-    ----------
-    kernel : TorqueKernel
-    hyperparameters : Hyperparameters
-
-    """
+    """Gaussian process prior on the torques and the energies."""
 
     kernel: TorqueKernel
     hyperparameters: Hyperparameters
 
     def gram(self, x: JointStates) -> Array:
-        """
-        Gram matrix of noiseless torques (paper, eq. `kernel_with_fric`).
-
-        Returns
-        -------
-        array, shape (N n, N n)
-            Row t n + i is torque i of sample t.
-
-        """
+        """Gram matrix of noiseless torques (paper, eq. `kernel_with_fric`), as `gram.gram`."""
         out = energy.gram(self.kernel.energy, self.hyperparameters.weights, x.packed)
         return self._with_friction(out, x, x)
 
@@ -194,18 +154,9 @@ BLOCK = 64
 @dataclass(frozen=True, eq=False)
 class TorquePosterior:
     """
-    Gaussian process posterior of torques and energies.
+    Gaussian process posterior of torques and energies, given N samples.
 
-    Attributes
-    ----------
-    prior : TorquePrior
-        Kernels and optimised hyperparameters.
-    states : JointStates
-        The N samples that the posterior is conditioned on.
-    tau : array, shape (N, n)
-        Their measured torques [N m or N].
-    alpha : array, shape (N, n)
-        (K + noise)^-1 tau: the weights of the posterior mean.
+    `alpha`, shape (N, n), is (K + noise)^-1 tau: the weights of the posterior mean.
 
     """
 
@@ -216,15 +167,7 @@ class TorquePosterior:
 
     @classmethod
     def condition(cls, prior: TorquePrior, states: JointStates, tau: Array) -> TorquePosterior:
-        """
-        Condition a prior on samples.
-
-        Raises
-        ------
-        FitError
-            If the Gram matrix cannot be factorised.
-
-        """
+        """Condition a prior on samples; FitError if the Gram matrix cannot be factorised."""
         factor = CholeskyFactor.of(prior.noisy_gram(states))
         return cls(prior, states, tau, factor.solve(tau.ravel()).reshape(tau.shape))
 
@@ -244,11 +187,7 @@ class TorquePosterior:
         """
         Posterior variances (paper, eqs. `GP-posterior` and section `sec:energy_est`).
 
-        Parameters
-        ----------
-        q, dq, ddq : arrays, shape (N, n)
-        reference : array, shape (n,)
-            Positions at which the potential energy is zero and certain.
+        At `reference`, shape (n,), the potential energy is zero and certain.
 
         Returns
         -------

@@ -49,12 +49,8 @@ def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamp
     """
     Return the samples of all joints that the topics of a recording have together.
 
-    Parameters
-    ----------
-    topics : sequence of SampleCollector
-        Each used up.
-    wanted_clock : str
-        'header', 'receive', or 'auto': headers if those of all parts are times of one clock.
+    `wanted_clock` is 'header', 'receive', or 'auto': headers if those of all parts are times of
+    one clock. The topics are used up.
 
     """
     parts = [part for topic in topics for part in topic.parts()]
@@ -204,21 +200,8 @@ def merged(
 
     Between two samples no further apart than five median steps the others are interpolated
     linearly; at an equal stamp they are taken unchanged. Where there are no two such samples, the
-    message is dropped and counted.
-
-    Parameters
-    ----------
-    sources : sequence of _Source
-    order : ndarray of int, shape (n,)
-        Where in the joined columns each joint is.
-    counts : Counter
-
-    Returns
-    -------
-    timeline : Timeline
-        Of N samples.
-    values : list of three ndarray, shape (N, n)
-        Position, velocity, effort.
+    message is dropped and counted. `order`, shape (n,), is where in the joined columns each joint
+    is. Returns the timeline of N samples, and positions, velocities, efforts (N, n).
 
     """
     if not sources:

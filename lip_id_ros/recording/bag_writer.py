@@ -28,17 +28,7 @@ _SCRATCH = '.lip_id_ros.'
 
 @dataclass(frozen=True)
 class NumberTrack:
-    """
-    The messages of one std_msgs/Float64 topic.
-
-    Attributes
-    ----------
-    topic : str
-    t : ndarray, shape (N,)
-        Receive times [s], not negative; the message has no stamp.
-    values : ndarray, shape (N,)
-
-    """
+    """The messages of one std_msgs/Float64 topic, received at times (N,) [s], not negative."""
 
     topic: str
     t: Array
@@ -53,17 +43,10 @@ class NumberTrack:
 @dataclass(frozen=True)
 class JointStateTrack:
     """
-    The messages of one JointState topic.
+    The messages of one JointState topic, stamped and received at times (N,) [s], not negative.
 
-    Attributes
-    ----------
-    topic : str
-    joint_names : sequence of str, n of them
-    t : ndarray, shape (N,)
-        Stamps [s], not negative; the receive time is the same.
-    position, velocity, effort : ndarray, shape (N, n), or None
-        [rad or m, rad/s or m/s, N m or N]; None, or NaN throughout a row, leaves the array of the
-        message empty.
+    Of `position`, `velocity`, `effort`, shape (N, n), None, or NaN throughout a row, leaves the
+    array of the message empty.
 
     """
 
@@ -91,9 +74,7 @@ Track = NumberTrack | JointStateTrack
 
 def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     """
-    Write a rosbag2 folder: metadata.yaml and one MCAP file.
-
-    Nothing of it is left after a failure.
+    Write a rosbag2 folder: metadata.yaml and one MCAP file; nothing is left after a failure.
 
     Raises
     ------
@@ -109,14 +90,9 @@ def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> N
 
 def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     """
-    Write one MCAP file, in place of any that was there.
+    Write one MCAP file, in place of any that was there; OSError if that fails.
 
     A link is followed, the mode of an existing file is kept, a pipe or a device is written to.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
 
     """
     target = (
@@ -180,12 +156,7 @@ class RawBag:
     """
     A rosbag2 folder (MCAP) being written, without rosbag2; to be used in a `with` statement.
 
-    Parameters
-    ----------
-    path : path
-        The folder to be made.
-    topics : mapping
-        Message type (as package/msg/Name) by topic.
+    `topics` gives message types (as package/msg/Name).
 
     Raises
     ------

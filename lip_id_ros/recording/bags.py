@@ -43,17 +43,8 @@ class Bag:
     """
     An open bag: rosbag2 folder, bare .mcap or .db3 file, or ROS 1 .bag.
 
-    Files may be compressed, damaged, cut short, without an index or never closed: they are read
-    as far as they can be, and `notes` lists what is wrong. To be used in a `with` statement.
-
-    Parameters
-    ----------
-    path : path
-        The bag.
-
-    Attributes
-    ----------
-    topics : tuple of Topic
+    Files may be compressed, damaged, cut short, without an index or never closed: they are read as
+    far as they can be, and `notes` lists what is wrong. To be used in a `with` statement.
 
     Raises
     ------
@@ -100,12 +91,7 @@ class Bag:
 
     def stored(self, topic: str, kind: str = '') -> Iterator[tuple[Channel, int, bytes | None]]:
         """
-        Yield the messages of a topic as they are stored, in the order of the files.
-
-        Parameters
-        ----------
-        topic, kind : str
-            Name and, where it has several, type of the topic.
+        Yield the messages of a topic, and of one type if given, in the order of the files.
 
         Yields
         ------
@@ -143,12 +129,8 @@ class Bag:
         """
         Yield receive times [ns] and messages of a topic of one type, in the order of the files.
 
-        A message has the fields of its type; it is None where it could not be read.
-
-        Raises
-        ------
-        SourceError
-            If the bag defines the message type in a way that cannot be read.
+        A message has the fields of its type; it is None where it could not be read. Raises what
+        `decoder` raises.
 
         """
         decoders: dict[tuple[str, ...], Decode] = {}
@@ -209,17 +191,7 @@ class Bag:
 
 
 def kind_of(path: Path) -> str:
-    """
-    Say what kind of bag a path is.
-
-    Raises
-    ------
-    SourceError
-        If its name is not that of a bag.
-    OSError
-        If it does not exist.
-
-    """
+    """Return what kind of bag a path is; SourceError if its name is not that of a bag."""
     if path.is_dir():
         return FOLDER
     require_regular_file(path)

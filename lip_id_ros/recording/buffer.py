@@ -91,21 +91,10 @@ class SampleBuffer:
         effort: Sequence[float] | Array,
     ) -> Reason | None:
         """
-        Take one message, or drop and count it.
+        Take one message with its stamp [s] and joints in any order, or drop and count it.
 
-        Parameters
-        ----------
-        stamp_s : float
-            Time of the message [s].
-        names : sequence of str
-            Joints of the message, in any order.
-        position, velocity, effort : sequence of float
-            As long as `names`; velocity and effort may be empty.
-
-        Returns
-        -------
-        Reason or None
-            Why the message was dropped, None where it was taken.
+        Velocity and effort may be empty. Returns why the message was dropped, None where it was
+        taken.
 
         """
         reason = self._take(stamp_s, names, position, velocity, effort)

@@ -35,17 +35,9 @@ _MOST_DECODERS = 64
 
 class MessageBlock(NamedTuple):
     """
-    Messages of the same joints in the same order.
+    Messages of the same joints in the same order, arrays of shape (k, length of the field).
 
-    Attributes
-    ----------
-    rows : ndarray of int, shape (k,)
-        Which of the messages given, increasing.
-    names : tuple of str
-    stamp_ns : ndarray of int, shape (k,)
-    position, velocity, effort : ndarray
-        Shape (k, length of the field).
-    frame_id : str
+    `rows`, shape (k,), says which of the messages given they are, increasing.
 
     """
 
@@ -78,19 +70,8 @@ def message_decoder(name: str, encoding: str, definition: str) -> Decode:
     """
     Return the function that decodes messages of a type, to None where they are broken.
 
-    Parameters
-    ----------
-    name : str
-        The type, as package/msg/Name.
-    encoding : str
-        'ros1' or 'cdr'.
-    definition : str
-        The one of the file; the known definition of a standard type is trusted more.
-
-    Raises
-    ------
-    Exception
-        Whatever a definition makes the library raise.
+    `definition` is the one of the file; the known definition of a standard type is trusted more.
+    Raises whatever a definition makes the library raise.
 
     """
     if name in _store(encoding == 'ros1').fielddefs:
@@ -146,19 +127,7 @@ def _known_decoder(name: str) -> Decode:
 def message_blocks(
     messages: Sequence[bytes], kind: str, is_ros1: bool, decode: Decode
 ) -> list[MessageBlock]:
-    """
-    Sort serialized joint messages of one type into blocks; broken ones are in none of them.
-
-    Parameters
-    ----------
-    messages : sequence of bytes
-    kind : str
-        The type, as package/msg/Name.
-    is_ros1 : bool
-        Whether they are serialized as in ROS 1.
-    decode : callable
-
-    """
+    """Sort serialised joint messages of one type into blocks; broken ones are in none of them."""
     if kind != JOINT_STATE:
         extract = EXTRACTORS[kind]
         decoded = [(row, decode(data)) for row, data in enumerate(messages)]

@@ -62,7 +62,7 @@ def read_bag(
     path: PathLike, settings: RecordingSettings | None = None, progress: Progress = silent
 ) -> JointSamples:
     """
-    Read the joint samples of a bag.
+    Read the joint samples of a rosbag2 folder, .mcap, .db3 or ROS 1 .bag.
 
     The topics are those that the settings name, else as `bags.choose_topics` finds. Times are
     those of the message headers if these are of one clock (see `assembling.clock_of`), else those
@@ -73,19 +73,10 @@ def read_bag(
     Memory does not grow with the number of messages, as long as their stamps are in order: arrays
     lie in temporary files once they are large (see `spill`).
 
-    Parameters
-    ----------
-    path : path
-        A rosbag2 folder, .mcap, .db3 or ROS 1 .bag.
-    settings : RecordingSettings
-        Topics, joints and clock; scales and types are not applied here.
-    progress : callable
-        Called with the number of messages read.
-
     Returns
     -------
     JointSamples
-        At least one sample; velocity or effort may be absent.
+        At least one; velocity or effort may be absent. Scales and types are not applied.
 
     Raises
     ------

@@ -88,17 +88,10 @@ class SampleCollector:
     """
     Sorts joint messages into parts; what cannot be used is counted.
 
-    Parameters
-    ----------
-    joints : sequence of str
-        Joints to keep; empty for those of the first message that can be used.
-    source, topic : str
-        Where the messages come from.
-
     Attributes
     ----------
     joints : tuple of str
-        Joints to keep.
+        Joints to keep; those of the first message that can be used, where none are given.
     counts : Counter
         Messages dropped, by reason.
     seen : dict
@@ -121,12 +114,7 @@ class SampleCollector:
         """
         Take messages that follow those before in the file, or drop and count them.
 
-        Parameters
-        ----------
-        blocks : sequence of MessageBlock
-            Each message in one of them at most.
-        receive_ns : ndarray of int, shape (N,)
-            Of all messages, also of those that are in no block [ns].
+        Each is in one of the blocks at most; `receive_ns`, shape (N,), is of all [ns].
 
         """
         taken: dict[tuple[str, ...], list[Any]] = {}

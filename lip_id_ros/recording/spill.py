@@ -33,15 +33,7 @@ def row_blocks(size: int) -> Iterator[slice]:
 
 
 def large_array(*shape: int, dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """
-    Return an array to be filled, column-major.
-
-    Raises
-    ------
-    OSError
-        If the temporary folder has no room for it.
-
-    """
+    """Return a column-major array to fill; OSError if the temporary folder has no room for it."""
     size = np.dtype(dtype).itemsize * int(np.prod(shape))
     if size <= LARGE_BYTES:
         return np.empty(shape, dtype, order='F')
@@ -143,15 +135,7 @@ class RowStore:
         self._file: Any = None
 
     def extend(self, rows: NDArray[Any]) -> None:
-        """
-        Append rows.
-
-        Raises
-        ------
-        OSError
-            If the temporary folder has no room for them.
-
-        """
+        """Append rows; OSError if the temporary folder has no room for them."""
         needed = self._size + len(rows)
         if self._file is None and needed * self._array[0].nbytes > LARGE_BYTES:
             self._file = tempfile.TemporaryFile(prefix='lip_id_')  # noqa: SIM115  values() closes

@@ -90,15 +90,10 @@ class Timeline(NamedTuple):
 
 def stamps_advance(stamps_ns: IntArray) -> bool:
     """
-    Whether stamps advance as times do.
+    Whether stamps in the order of recording advance as times do.
 
     At least a quarter of the steps go forward, and more of them forward than back. A first stamp
     of 0 or 1 ns is as good as any; stamps that are constant (never filled in) or random are not.
-
-    Parameters
-    ----------
-    stamps_ns : ndarray of int
-        Stamps in the order of recording [ns].
 
     """
     forward = sum(int((step > 0).sum()) for step in steps(stamps_ns))
@@ -136,20 +131,13 @@ def jumps_between_clocks(stamps_ns: IntArray) -> bool:
 
 def arrange(stamps_ns: IntArray, *, is_epoch: bool = True) -> Timeline:
     """
-    Put messages in the order of time.
+    Put messages in the order of time, given stamps in the order of recording.
 
-    Late messages are put where they belong. Of equal stamps the first message is kept. Dropped
-    are negative stamps, zeros that are not the first, and single stamps that are out of order and
-    more than 10 s from their neighbours, so that one stamp from the future does not make all
-    later ones late. Where the clock goes back for good (a restarted simulation), what follows is
-    a part of its own, an hour after the part before.
-
-    Parameters
-    ----------
-    stamps_ns : ndarray of int
-        In the order of recording, none beyond `LATEST_NS` [ns].
-    is_epoch : bool
-        Whether they count from an epoch, so that negative ones, and zeros within, are wrong.
+    Late messages are put where they belong. Of equal stamps the first message is kept. Dropped are
+    negative stamps, zeros that are not the first (both only if stamps count from an epoch), and
+    single stamps that are out of order and more than 10 s from their neighbours, so that one stamp
+    from the future does not make all later ones late. Where the clock goes back for good (a
+    restarted simulation), what follows is a part of its own, an hour after the part before.
 
     """
     is_wrong = is_epoch and bool((stamps_ns[:1] < 0).any())

@@ -78,15 +78,7 @@ def override(config: Sections, values: Mapping[str, object], origin: str) -> Sec
 def override_sections(
     config: Sections, values: Mapping[str, Mapping[str, object]], origin: str
 ) -> Sections:
-    """
-    Return settings with some of them replaced, given by section and name.
-
-    Raises
-    ------
-    ConfigError
-        If a section or name is unknown, or a value has the wrong type or is out of range.
-
-    """
+    """Return settings with some replaced, by section and name; raises what `override` raises."""
     tables = sections(config)
     changed = {}
     for section, some in values.items():
@@ -100,11 +92,6 @@ def override_sections(
 def read_config(path: str | os.PathLike[str]) -> Config:
     """
     Read settings from a YAML file; settings that it does not name keep their defaults.
-
-    Parameters
-    ----------
-    path : path
-        A YAML file with the sections of `Config`.
 
     Raises
     ------

@@ -45,7 +45,6 @@ def setting(
     Parameters
     ----------
     default : bool, int, float, str, tuple of str or tuple of float
-        Used where nothing else is given.
     description : str
         One sentence for documentation and parameter descriptors.
     unit : str
@@ -53,15 +52,10 @@ def setting(
     minimum, maximum : float, optional
         Range of a number, ends included.
     choices : tuple of str
-        The only texts allowed (for a list: in each element); empty for any. Of a number
-        (`float | str`): texts that are allowed in its place.
+        The only texts allowed (for a list: in each element); empty for any. Of a number (`float |
+        str`): texts that are allowed in its place.
     applies : str
         When a running node takes over a new value; empty where the table as a whole says so.
-
-    Returns
-    -------
-    Any
-        A dataclass field.
 
     """
     details = {
@@ -126,14 +120,7 @@ class Row:
 
     def check(self, value: object, label: str) -> Any:
         """
-        Return the value in the setting's own type.
-
-        Parameters
-        ----------
-        value : object
-            As it came from a file, a parameter or a call.
-        label : str
-            Names the setting and where the value came from, begins the error sentence.
+        Return the value in the setting's own type; `label` begins the sentence of an error.
 
         Raises
         ------
@@ -185,15 +172,7 @@ def parameters_of(table: type[Settings]) -> dict[str, Row]:
 
 @dataclass(frozen=True)
 class Settings:
-    """
-    Base of every settings table: no instance holds a value outside its range.
-
-    Raises
-    ------
-    ConfigError
-        If a value has the wrong type or is out of its range.
-
-    """
+    """Base of every settings table: no instance holds a value that its `Row` would not take."""
 
     def __post_init__(self) -> None:
         """Check every value and bring it to its own type."""
@@ -210,16 +189,7 @@ def build(table: type[Table], values: Mapping[str, object], section: str, origin
     """
     Make settings from named values; what is not named keeps its default.
 
-    Parameters
-    ----------
-    table : type
-        The settings table.
-    values : mapping
-        Values by setting name.
-    section : str
-        Name of the table among others, for error sentences.
-    origin : str
-        Where the values came from, for error sentences, such as a file's path.
+    `section` and `origin` say, in sentences of errors, which table and where values came from.
 
     Raises
     ------

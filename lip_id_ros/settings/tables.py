@@ -129,15 +129,7 @@ class PreprocessingSettings(Settings):
 
     @property
     def cutoff(self) -> float:
-        """
-        The cut-off as a number [Hz].
-
-        Raises
-        ------
-        ConfigError
-            If it is still to be chosen.
-
-        """
+        """The cut-off as a number [Hz]; ConfigError if it is still to be chosen."""
         if isinstance(self.cutoff_hz, str):
             raise ConfigError(
                 'preprocessing.cutoff_hz must be a number where samples are smoothed, not auto; '

@@ -89,19 +89,7 @@ class SimulatedArm:
         return len(self.joint_names)
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """
-        Torques of given motions (recursive Newton-Euler).
-
-        Parameters
-        ----------
-        q, dq, ddq : ndarray, shape (N, n)
-
-        Returns
-        -------
-        ndarray, shape (N, n)
-            Torques [N m or N].
-
-        """
+        """Return the torques [N m or N] of motions of shape (N, n), by recursive Newton-Euler."""
         return self._each(self._pinocchio.rnea, q, dq, ddq)
 
     def kinetic(self, q: Array, dq: Array) -> Array:
@@ -118,31 +106,11 @@ class SimulatedArm:
         return upper + np.triu(upper, 1).transpose(0, 2, 1)
 
     def forward_dynamics(self, q: Array, dq: Array, tau: Array) -> Array:
-        """
-        Accelerations that torques cause in one state (articulated-body algorithm).
-
-        Parameters
-        ----------
-        q, dq, tau : ndarray, shape (n,)
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [rad/s^2 or m/s^2].
-
-        """
+        """Return accelerations (n,) of one state [rad/s^2 or m/s^2] (articulated bodies)."""
         return np.array(self._pinocchio.aba(self._model, self._data, q, dq, tau))
 
     def with_rotor_inertia(self, inertia: Array) -> SimulatedArm:
-        """
-        Copy with motors whose rotors turn with the joints.
-
-        Parameters
-        ----------
-        inertia : ndarray, shape (n,)
-            Of the rotors, times the gear ratios squared [kg m^2 or kg].
-
-        """
+        """Copy with rotors: inertias (n,) times gear ratios squared [kg m^2 or kg]."""
 
         def add(model: Any) -> None:
             model.armature = np.array(inertia, dtype=np.float64)
@@ -155,16 +123,9 @@ class SimulatedArm:
         """
         Copy whose bodies are not quite the right ones: what a poor data sheet would give.
 
-        Parameters
-        ----------
-        mass_share : float
-            Each mass, and its inertia with it, is changed by a share drawn uniformly from
-            [-mass_share, mass_share].
-        centre_shift : float
-            Each centre of mass is moved along each axis by a distance drawn uniformly from
-            [-centre_shift, centre_shift] [m].
-        rng : numpy.random.Generator
-            The only source of chance.
+        Each mass, and its inertia with it, changes by a share drawn uniformly from [-mass_share,
+        mass_share], each coordinate of a centre of mass by a distance from [-centre_shift,
+        centre_shift] [m].
 
         """
 
@@ -234,10 +195,7 @@ def panda(n_joints: int = N_JOINTS) -> SimulatedArm:
     """
     Panda with its hand, whose fingers are closed.
 
-    Parameters
-    ----------
-    n_joints : int
-        1 to 7 joints from the base; the others are locked in an elbow-up posture.
+    Later joints than the first `n_joints`, 1 to 7, are locked in an elbow-up posture.
 
     Raises
     ------
@@ -251,15 +209,7 @@ def panda(n_joints: int = N_JOINTS) -> SimulatedArm:
 
 
 def panda_urdf() -> Path:
-    """
-    Where example-robot-data installed the Panda's URDF.
-
-    Raises
-    ------
-    LipIdError
-        If the package is not installed.
-
-    """
+    """Return the Panda's URDF of example-robot-data; LipIdError if that is not installed."""
     try:
         files = metadata.files('example-robot-data') or []
     except metadata.PackageNotFoundError:

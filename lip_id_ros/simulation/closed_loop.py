@@ -18,17 +18,10 @@ from lip_id_ros.simulation.trajectories import Trajectory
 @dataclass(frozen=True)
 class JointFriction:
     """
-    Viscous and Coulomb friction.
+    Viscous [N m s/rad or N s/m] and Coulomb friction [N m or N], none at rest; shapes (n,).
 
-    Attributes
-    ----------
-    viscous : ndarray, shape (n,)
-        Torque per velocity [N m s/rad or N s/m].
-    coulomb : ndarray, shape (n,)
-        Torque against the direction of motion [N m or N]; none at rest.
-    sign_width : float
-        Velocity over which that direction changes [rad/s or m/s], as equations of motion need it;
-        0 for a jump.
+    Over velocities of `sign_width` [rad/s or m/s] the sign changes, as equations of motion need
+    it; 0 for a jump.
 
     """
 
@@ -43,16 +36,7 @@ class JointFriction:
 
 
 class FrictionalArm:
-    """
-    An arm and the friction in its joints.
-
-    Parameters
-    ----------
-    arm : Dynamics
-        The frictionless arm; its energies stay what they are.
-    friction : JointFriction
-
-    """
+    """An arm and the friction in its joints; its energies stay what they are."""
 
     def __init__(self, arm: Dynamics, friction: JointFriction) -> None:
         self.arm = arm
@@ -82,8 +66,6 @@ class Drives:
     ----------
     rotor_inertia : ndarray, shape (n,)
         Seen at the joint [kg m^2 or kg].
-    friction : JointFriction
-        In the joints.
     ripple : float
         Standard deviation of the white noise on the torque that acts [N m or N].
     position_noise, velocity_noise, torque_noise : float
@@ -107,17 +89,7 @@ class Drives:
 
 @dataclass(frozen=True)
 class Measurement:
-    """
-    Measurements at one time.
-
-    Attributes
-    ----------
-    t : float
-        [s].
-    q, dq, tau : ndarray, shape (n,)
-        Positions, velocities, and the torques of the step that has just ended.
-
-    """
+    """Measurements (n,) at a time [s]; the torques are those of the step that has just ended."""
 
     t: float
     q: Array
@@ -128,16 +100,6 @@ class Measurement:
 class TorqueControlledArm:
     """
     Rigid bodies driven by torques; one step is one fourth-order Runge-Kutta step.
-
-    Parameters
-    ----------
-    arm : SimulatedArm
-        The rigid bodies.
-    drives : Drives
-    q, dq : ndarray, shape (n,)
-        Where it starts.
-    rng : numpy.random.Generator
-        The only source of chance.
 
     Attributes
     ----------
@@ -288,19 +250,9 @@ def track(
     progress: Progress = silent,
 ) -> Tracking:
     """
-    Let a controller follow a reference.
+    Let a controller follow a reference for a duration [s], from the arm's present state.
 
-    Parameters
-    ----------
-    simulated : TorqueControlledArm
-        At the beginning of the reference.
-    controller : ComputedTorque
-    reference : Trajectory
-    duration : float
-        [s].
-    contact : callable
-        External torques (n,) at a time [s].
-    progress : Progress
+    `contact` gives external torques (n,) at a time [s].
 
     """
     n_steps = round(duration / simulated.drives.step)

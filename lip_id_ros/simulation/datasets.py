@@ -22,23 +22,9 @@ def make_dataset(
     rng: np.random.Generator,
 ) -> Dataset:
     """
-    Torques and energies of an arm along a trajectory.
+    Return torques and energies of an arm along a trajectory at times (N,) [s], with the truth.
 
-    Parameters
-    ----------
-    arm : Dynamics
-    trajectory : Trajectory
-    t : ndarray, shape (N,)
-        Times [s], increasing.
-    noise_std : float or array of shape (n,)
-        Standard deviation of the white noise on the torques [N m or N].
-    rng : numpy.random.Generator
-        The only source of chance.
-
-    Returns
-    -------
-    Dataset
-        With `tau_noiseless`, `kinetic` and `potential` filled.
+    `noise_std`, a number or (n,), is the deviation of white noise on the torques [N m or N].
 
     """
     q, dq, ddq = trajectory.sample(t)
@@ -62,22 +48,7 @@ def make_dataset(
 def with_encoder_noise(
     dataset: Dataset, position_std: float, velocity_std: float, rng: np.random.Generator
 ) -> Dataset:
-    """
-    Put white noise on the measured positions and velocities.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    position_std, velocity_std : float
-        Standard deviations [rad or m, rad/s or m/s].
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    Dataset
-        Accelerations, torques and the truth are left as they are.
-
-    """
+    """Put white noise of these deviations on positions and velocities alone."""
     return replace(
         dataset,
         q=dataset.q + position_std * rng.standard_normal(dataset.q.shape),
@@ -91,20 +62,7 @@ def with_truth(
     """
     Set what was measured on a simulated arm beside the exact torques and energies.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Read back from a recording of the simulation.
-    arm : Dynamics
-    trajectory : Trajectory
-        The motion that the arm followed.
-    start : float
-        Time stamp [s] at which the trajectory was at its time zero.
-
-    Returns
-    -------
-    Dataset
-        With `tau_noiseless`, `kinetic` and `potential` filled.
+    `start` is the time [s] in the data set at which the trajectory was at its time zero.
 
     """
     q, dq, ddq = trajectory.sample(dataset.t - start)
@@ -123,17 +81,9 @@ def write_bag(
     topic: str = '/joint_states',
 ) -> None:
     """
-    Write what was measured into a rosbag2 folder (MCAP, sensor_msgs/JointState).
+    Write q, dq and tau into a rosbag2 folder (MCAP, sensor_msgs/JointState).
 
-    Parameters
-    ----------
-    path : path
-        The folder to be made.
-    dataset : Dataset
-        One message per sample: q, dq and tau; the rest of it stays behind.
-    start : float
-        Stamp [s] of the data set's time zero.
-    topic : str
+    `start` is the stamp [s] of the data set's time zero.
 
     Raises
     ------

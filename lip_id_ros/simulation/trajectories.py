@@ -15,14 +15,7 @@ from lip_id_ros.errors import DataError, ShapeError
 @dataclass(frozen=True)
 class MotionLimits:
     """
-    Bounds that a trajectory respects, one per joint.
-
-    Attributes
-    ----------
-    q_min, q_max : ndarray, shape (n,)
-        Positions [rad or m].
-    dq_max, ddq_max : ndarray, shape (n,)
-        Largest absolute velocities and accelerations [rad/s or m/s, rad/s^2 or m/s^2].
+    Bounds of positions, velocities and accelerations that a trajectory respects, each (n,).
 
     Raises
     ------
@@ -124,16 +117,9 @@ class SinusoidTrajectory:
         """
         Draw amplitudes uniformly from [-c, c], c the largest that respects a joint's limits.
 
-        Parameters
-        ----------
-        limits : MotionLimits
-        rng : numpy.random.Generator
-            The only source of chance.
-        n_sinusoids : int
-            Number L of sinusoids: the fundamental and its first L - 1 multiples.
-        fundamental_hz : float
-            Lowest frequency [Hz]. The paper prints 0.02 rad/s, with which its 500 samples at 10 Hz
-            would hold a sixth of a period; with 0.02 Hz they are exactly one.
+        There are `n_sinusoids` multiples of the fundamental [Hz]. The paper prints 0.02 rad/s,
+        with which its 500 samples at 10 Hz would hold a sixth of a period; with 0.02 Hz they are
+        exactly one.
 
         """
         a, b = rng.uniform(-1.0, 1.0, (2, limits.n_joints, n_sinusoids))
@@ -152,20 +138,7 @@ class SinusoidTrajectory:
         return 1.0 / self.fundamental_hz
 
     def sample(self, t: Array) -> JointMotion:
-        """
-        Exact motion at any times.
-
-        Parameters
-        ----------
-        t : ndarray, shape (N,)
-            Times [s].
-
-        Returns
-        -------
-        q, dq, ddq : ndarray, shape (N, n)
-            Positions [rad or m], velocities and accelerations.
-
-        """
+        """Return q, dq and ddq at times (N,) [s], each (N, n)."""
         omega = 2 * np.pi * self.fundamental_hz * np.arange(1, self.a.shape[1] + 1)
         angle = np.multiply.outer(np.asarray(t, dtype=np.float64), omega)
         sin, cos = np.sin(angle), np.cos(angle)
@@ -193,17 +166,8 @@ class GrowingCosine:
 
     .. math:: q_i(t) = \bar q_i + \frac{A}{T} t \cos(\pi t)
 
-    The paper's equation has no posture; with a Panda's fourth joint, which cannot reach zero, it
-    needs one.
-
-    Attributes
-    ----------
-    centre : ndarray, shape (n,)
-        The posture [rad or m].
-    amplitude : float
-        Reached at the horizon [rad or m].
-    horizon : float
-        T [s].
+    A is reached at the horizon T [s]. The paper's equation has no posture `centre`, shape (n,); a
+    Panda's fourth joint, which cannot reach zero, needs one.
 
     """
 
@@ -212,19 +176,7 @@ class GrowingCosine:
     horizon: float
 
     def sample(self, t: float | Array) -> tuple[Array, Array, Array]:
-        """
-        Exact motion at one or many times.
-
-        Parameters
-        ----------
-        t : float, or ndarray of shape (N,)
-            [s].
-
-        Returns
-        -------
-        q, dq, ddq : ndarray, shape (n,) or (N, n)
-
-        """
+        """Return q, dq and ddq at one time [s], each (n,), or at times (N,), each (N, n)."""
         time = np.asarray(t, dtype=np.float64)[..., np.newaxis]
         slope = self.amplitude / self.horizon * np.ones_like(self.centre)
         sin, cos = np.sin(COSINE_RATE * time), np.cos(COSINE_RATE * time)

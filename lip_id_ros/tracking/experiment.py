@@ -47,19 +47,7 @@ ROTOR_INERTIA = 0.1
 
 @dataclass(frozen=True)
 class Setup:
-    """
-    An arm with its drives and controller gains.
-
-    Attributes
-    ----------
-    arm : SimulatedArm
-        The true rigid bodies, without rotors.
-    drives : Drives
-    gains : Gains
-    posture : ndarray, shape (n,)
-        Around which the arm moves [rad].
-
-    """
+    """An arm of rigid bodies without rotors, its drives and gains, and its posture (n,) [rad]."""
 
     arm: SimulatedArm
     drives: Drives
@@ -104,19 +92,14 @@ class Experiment:
 
     Attributes
     ----------
-    mass_share : float
-        The nominal model's masses are wrong by up to this share.
-    centre_shift : float
-        Its centres of mass are wrong by up to this much along each axis [m].
+    mass_share, centre_shift : float
+        The nominal masses are wrong by up to this share, centres of mass by so much [m] per axis.
     horizon : float
         Length of a run [s].
-    amplitude : float
-        Of the run that is learned from [rad].
-    amplitudes : tuple of float
-        Of the runs that are compared [rad].
+    amplitude, amplitudes : float, tuple of float
+        Of the run that is learned from, and of those that are compared [rad].
     preprocessing : PreprocessingSettings
         A cut-off of 12.5 Hz keeps about 50 samples per second of the 1000, as the paper does.
-    fit : FitSettings
 
     """
 
@@ -136,14 +119,9 @@ class Trial:
     """
     One wrong nominal model, and what was learned under it.
 
-    Attributes
-    ----------
-    seed : int
-        Of the nominal model's errors and of all noise.
-    model : InverseDynamicsModel
-    runs : dict
-        Keyed by amplitude [rad] and feedforward: `LEARNED`, `NOMINAL`, or `INFORMED`, which is
-        the nominal model with the exact friction and rotors added.
+    `seed` is that of the nominal model's errors and of all noise; `runs` are keyed by amplitude
+    [rad] and feedforward: `LEARNED`, `NOMINAL`, or `INFORMED`, the nominal model with the exact
+    friction and rotors.
 
     """
 
@@ -155,18 +133,7 @@ class Trial:
 def run_experiment(
     setup: Setup, experiment: Experiment, seed: int, progress: Progress = silent
 ) -> Trial:
-    """
-    Run the experiment for one nominal model.
-
-    Parameters
-    ----------
-    setup : Setup
-    experiment : Experiment
-    seed : int
-        Of the nominal model's errors and of all noise.
-    progress : Progress
-
-    """
+    """Run the experiment for one nominal model; the seed is that of its errors and all noise."""
     chance = np.random.default_rng(seed)
     wrong = setup.arm.with_wrong_masses(experiment.mass_share, experiment.centre_shift, chance)
     nominal = NominalFeedforward(wrong)

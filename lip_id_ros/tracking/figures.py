@@ -26,18 +26,10 @@ TITLES = {
 @dataclass(frozen=True)
 class RunFigures:
     """
-    How well one run followed its reference.
+    How well one run of an amplitude [rad] followed its reference, per joint.
 
-    Attributes
-    ----------
-    seed : int
-    amplitude : float
-        [rad].
-    feedforward : str
-    position_nmse_percent : tuple of float
-        Per joint: 100 mean((q - q_d)^2) / var(q_d), q as measured.
-    feedback_mean_square : tuple of float
-        Per joint [(N m)^2].
+    `position_nmse_percent` is 100 mean((q - q_d)^2) / var(q_d), q as measured;
+    `feedback_mean_square` is in (N m)^2.
 
     """
 
@@ -53,13 +45,8 @@ class Figures:
     """
     All runs of all trials, and what the learned feedforward gains over the nominal one.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-    runs : tuple of RunFigures
-    kinetic_nmse_percent, potential_nmse_percent : dict
-        Errors of the learned energies along the learned runs, keyed by seed and amplitude; the
-        potential energy's without its mean error.
+    Errors of the learned energies along the learned runs are keyed by seed and amplitude; the
+    potential energy's are without its mean error.
 
     """
 
@@ -70,18 +57,9 @@ class Figures:
 
     def gains(self, name: str, over: str) -> Array:
         """
-        Ratios of another feedforward's figure to the learned one's; above 1 is better.
+        Ratios of another feedforward's `POSITION` or `FEEDBACK` figure to the learned one's.
 
-        Parameters
-        ----------
-        name : str
-            `POSITION` or `FEEDBACK`.
-        over : str
-            The other feedforward.
-
-        Returns
-        -------
-        ndarray, shape (seeds * amplitudes, n)
+        Above 1 the learned one is better; shape (seeds * amplitudes, n).
 
         """
         learned, other = (
@@ -164,20 +142,7 @@ def least(of: Figures, name: str, over: str) -> float:
 
 
 def learned_energies(model: InverseDynamicsModel, run: Tracking) -> tuple[Array, Array]:
-    """
-    Estimate the energies along the measured motion of a run.
-
-    Returns
-    -------
-    kinetic, potential : ndarray, shape (N,)
-        [J]; the potential energy up to a constant.
-
-    Raises
-    ------
-    ModelError
-        If the model has no potential energy.
-
-    """
+    """Return both energies (N,) [J] along a run; ModelError where a model has only T."""
     estimate = model.predict(run.q, run.dq, np.zeros_like(run.q))
     if estimate.potential is None:
         raise ModelError(

@@ -115,22 +115,7 @@ def write_report(
     folder: str | os.PathLike[str], experiment: Experiment, trial: Trial, of: Figures
 ) -> Path:
     """
-    Write the pictures of a trial and the figures of all.
-
-    Parameters
-    ----------
-    folder : path
-        Made where it does not exist.
-    experiment : Experiment
-    trial : Trial
-        The one to draw.
-    of : Figures
-        Of this and other trials.
-
-    Returns
-    -------
-    Path
-        The page.
+    Write the pictures of one trial and the figures of all into a folder; return the page.
 
     Raises
     ------

@@ -61,10 +61,6 @@ class ChunkedFile(ABC):
     """
     A storage file of records; see `contents.Storage`.
 
-    Parameters
-    ----------
-    path : path
-
     Raises
     ------
     DamageError

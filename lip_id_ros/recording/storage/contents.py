@@ -58,8 +58,7 @@ class Storage(Protocol):
     Attributes
     ----------
     notes : dict
-        What is wrong with the file, one phrase each, in the order in which it was found; the
-        values mean nothing.
+        What is wrong with the file, a phrase each, as it was found; the values mean nothing.
     lost : Counter
         Messages that the file once had and cannot be read, by topic, as far as `messages` went.
 
@@ -106,29 +105,13 @@ def unpacked_chunk(data: bytes, method: str, size: int, *, is_cut: bool) -> byte
 
 
 def plain_message(data: bytes) -> bytes:
-    """
-    Return a serialized ROS 2 message, decompressed where it was compressed by itself.
-
-    Raises
-    ------
-    DamageError
-        If it is damaged, or larger than `LARGEST_MESSAGE`.
-
-    """
+    """Return a ROS 2 message, decompressed where it was compressed; DamageError if that fails."""
     method = _MAGIC.get(data[:4])  # no serialized message begins like that
     return data if method is None else _limited(data, method, LARGEST_MESSAGE)
 
 
 def unpack_file(source: BinaryIO, target: BinaryIO, method: str) -> str:
-    """
-    Decompress a file of one or several frames block by block, as far as it goes.
-
-    Returns
-    -------
-    str
-        What stopped it, empty where nothing did.
-
-    """
+    """Decompress frames block by block, as far as it goes; return what stopped it, or ''."""
     decompressor = _DECOMPRESSORS[method]()
     is_begun = False
     try:

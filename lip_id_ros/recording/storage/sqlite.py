@@ -31,10 +31,6 @@ class SqliteFile:
     Rows are read in the order of their numbers, without any index, and those that cannot be read
     are jumped over. A write-ahead log beside the file is read too; nothing is changed in either.
 
-    Parameters
-    ----------
-    path : path
-
     Raises
     ------
     DamageError
