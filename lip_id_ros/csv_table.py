@@ -26,16 +26,7 @@ PathLike = str | os.PathLike[str]
 
 
 class Table(NamedTuple):
-    """
-    Columns of numbers, each of shape (N,), by name.
-
-    Attributes
-    ----------
-    columns : dict
-    notes : tuple of str
-        What was left out of the file, one phrase each.
-
-    """
+    """Columns of numbers (N,) by name; notes, a phrase each, on what was left out of the file."""
 
     columns: dict[str, Array]
     notes: tuple[str, ...] = ()

@@ -52,18 +52,11 @@ def write_whole(path: PathLike, content: bytes) -> None:
 
 def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> None:
     """
-    Write a file under a temporary name in its folder, then rename it.
+    Write a file under a temporary name in its folder, which must exist, then rename it.
 
     A reader never sees half a file, and a failure leaves the old file, even after a power cut. A
     link is followed, the mode of an existing file is kept. A pipe or a device, such as
     /dev/stdout, is written to and not replaced. Temporary files of killed writes are removed.
-
-    Parameters
-    ----------
-    path : path
-        Its folder must exist.
-    writer : callable
-        Writes to the open binary file.
 
     Raises
     ------
@@ -110,15 +103,8 @@ def write_or_rescue(path: PathLike, write: Callable[[PathLike], None]) -> str | 
     """
     Write a result to a path; where that fails, keep it in the folder for temporary files.
 
-    Returns
-    -------
-    str or None
-        A sentence with the reason and the other place, None if all went well.
-
-    Raises
-    ------
-    OSError
-        If the result cannot be written there either.
+    Returns a sentence with the reason and the other place, None if all went well. Raises OSError
+    if the result cannot be written there either.
 
     """
     try:
@@ -204,12 +190,7 @@ def read_npz(path: PathLike) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """
     Read the arrays and the JSON header of an npz file; never unpickles.
 
-    Returns
-    -------
-    arrays : dict
-        Every array but the header.
-    header : dict
-        Empty where the file has none (an npz file from elsewhere).
+    The header is empty where the file has none (an npz file from elsewhere).
 
     Raises
     ------

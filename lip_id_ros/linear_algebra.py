@@ -42,12 +42,7 @@ class CholeskyFactor:
     @classmethod
     def of(cls, matrix: Array) -> CholeskyFactor:
         """
-        Factorise a matrix, with as little jitter as it takes.
-
-        Parameters
-        ----------
-        matrix : array, shape (m, m), C order
-            Symmetric; left as it is.
+        Factorise a symmetric matrix (m, m) in C order, with as little jitter as it takes.
 
         Raises
         ------

@@ -62,9 +62,7 @@ def source(text: str) -> str:
 
 
 def joint_names(text: str) -> tuple[str, ...]:
-    """
-    Split joint names at commas; argparse.ArgumentTypeError, as of all below, if one is empty.
-    """
+    """Split joint names at commas; argparse.ArgumentTypeError, as below, if one is empty."""
     names = tuple(name.strip() for name in text.split(','))
     if not all(names):
         raise argparse.ArgumentTypeError(f'expected names separated by commas, got {text!r}')

@@ -75,18 +75,8 @@ def with_standard_frames(chain: Chain, parameters: Array) -> tuple[Chain, Array]
     The base is turned so that gravity points down its z axis, and its origin lies in that of the
     first link, since torques do not depend on the turn of the base about gravity and on its place.
     The axis of a prismatic joint is a direction only: it is put through the frame before. Of an
-    arm and its mirror image, which have the same torques, the one is taken whose first axis
-    points up.
-
-    Parameters
-    ----------
-    chain : Chain
-    parameters : array, shape (n, 11)
-        Of the links.
-
-    Returns
-    -------
-    Chain, array of shape (n, 11)
+    arm and its mirror image, which have the same torques, the one is taken whose first axis points
+    up.
 
     """
     old = poses(chain)
@@ -107,18 +97,8 @@ def mirrored(chain: Chain, parameters: Array) -> tuple[Chain, Array]:
     """
     Return the mirror image of an arm in the plane y = 0 of its base; no torque changes.
 
-    A rotation about an axis becomes one about the opposite of the axis' image, a translation
-    along an axis one along its image. So joints keep their signs, and gravity must have no y
-    component.
-
-    Parameters
-    ----------
-    chain : Chain
-    parameters : array, shape (n, 11)
-
-    Returns
-    -------
-    Chain, array of shape (n, 11)
+    A rotation about an axis becomes one about the opposite of the axis' image, a translation along
+    an axis one along its image. So joints keep their signs, and gravity must have no y component.
 
     """
     slides = chain.prismatic[:, None]
@@ -152,15 +132,9 @@ def table_std(chain: Chain, root: Array) -> DenavitHartenberg:
     """
     Return standard deviations of the parameters of a chain in frames by the convention.
 
-    Differentiated by central differences, since the frames follow the axes.
-
-    Parameters
-    ----------
-    chain : Chain
-        In any frames.
-    root : array, shape (6 n, r)
-        Square root of the covariance of small rotations about the axes of each joint's own frame
-        and of translations in its parent, joint by joint.
+    Differentiated by central differences, since the frames follow the axes. `root`, shape (6 n,
+    r), is a square root of the covariance of small rotations about the axes of each joint's own
+    frame and of translations in its parent, joint by joint.
 
     """
     n = len(chain.prismatic)

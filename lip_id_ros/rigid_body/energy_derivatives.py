@@ -49,20 +49,13 @@ def energy_derivatives(
     chain: Chain, parameters: Array, q: Array, dq: Array
 ) -> tuple[Array, Array]:
     """
-    Differentiate both energies by the placements of the joints, at given parameters.
-
-    Parameters
-    ----------
-    chain : Chain
-    parameters : array, shape (n, 11)
-    q, dq : arrays, shape (N, n)
-        Contiguous.
+    Differentiate both energies by the placements of the joints, at contiguous q and dq (N, n).
 
     Returns
     -------
     kinetic, potential : arrays, shape (N, n, 6)
-        By each joint's rotations (its rotation matrix times a small rotation about the axes of
-        its own frame) and translations.
+        By each joint's rotations (its rotation matrix times a small rotation about the axes of its
+        own frame) and translations.
 
     """
     count, n = q.shape

@@ -27,17 +27,10 @@ ROWS, COLUMNS = np.triu_indices(3)
 
 def pseudo_inertia(parameters: Array) -> Array:
     """
-    Return the pseudo-inertias of links.
+    Return the pseudo-inertias of links, shape (..., 4, 4).
 
-    Parameters
-    ----------
-    parameters : array, shape (..., 10) or more
-        Mass, first moments, inertias xx xy xz yy yz zz about the origin of the frame; what comes
-        after, as the inertia of the rotor, is ignored.
-
-    Returns
-    -------
-    array, shape (..., 4, 4)
+    Parameters (..., 10) are mass, first moments, inertias xx xy xz yy yz zz about the origin of
+    the frame; what comes after, as the inertia of the rotor, is ignored.
 
     """
     inertia = np.empty((*parameters.shape[:-1], 3, 3))
@@ -62,20 +55,10 @@ def from_pseudo_inertia(pseudo: Array) -> Array:
 
 def in_other_frames(parameters: Array, rotations: Array, translations: Array) -> Array:
     """
-    Re-express the parameters of links in other frames that are fixed to the same links.
+    Re-express the parameters (n, 11) of links in other frames that are fixed to the same links.
 
-    Parameters
-    ----------
-    parameters : array, shape (n, 11)
-    rotations : array, shape (n, 3, 3)
-        The axes of the new frames in the old ones.
-    translations : array, shape (n, 3)
-        The origins of the new frames in the old ones [m].
-
-    Returns
-    -------
-    array, shape (n, 11)
-        The rotors' inertias are as before.
+    Rotations (n, 3, 3) are the axes of the new frames in the old ones, translations (n, 3) their
+    origins [m]. The rotors' inertias are as before.
 
     """
     back = np.zeros((len(parameters), 4, 4))
@@ -106,12 +89,8 @@ class LinkScale(NamedTuple):
     """
     Links whose log-Cholesky numbers are all zero.
 
-    Attributes
-    ----------
-    factors : array, shape (n, 4, 4) or (1, 4, 4)
-        Lower triangular S, with the pseudo-inertia S S^T.
-    rotors : array, shape (n,) or (1,)
-        Inertias of the rotors.
+    `factors`, shape (n or 1, 4, 4), are lower triangular S, with the pseudo-inertia S S^T;
+    `rotors`, shape (n or 1,), are inertias of the rotors.
 
     """
 
@@ -120,34 +99,16 @@ class LinkScale(NamedTuple):
 
 
 def scale_of(mass: float, length: float) -> LinkScale:
-    """
-    Return the scale of links of about this mass and size.
-
-    Parameters
-    ----------
-    mass : float
-        [kg]
-    length : float
-        [m]
-
-    """
+    """Return the scale of links of about this mass [kg] and size [m]."""
     diagonal = np.sqrt(mass) * np.array([length, length, length, 1.0])
     return LinkScale(np.diag(diagonal)[None], np.array([mass * length**2]))
 
 
 def link_parameters(numbers: Array, scale: LinkScale) -> Array:
     """
-    Return the parameters of links from their log-Cholesky numbers.
+    Return the parameters (n, 11) of links from their log-Cholesky numbers (n, 11).
 
-    Parameters
-    ----------
-    numbers : array, shape (n, 11)
-    scale : LinkScale
-
-    Returns
-    -------
-    array, shape (n, 11)
-        As in `lip_id_ros.rigid_body.chain.LINK_PARAMETERS`; the rotor's inertia is positive.
+    As in `lip_id_ros.rigid_body.chain.LINK_PARAMETERS`; the rotor's inertia is positive.
 
     """
     factor = scale.factors @ _triangle(numbers)
@@ -157,15 +118,7 @@ def link_parameters(numbers: Array, scale: LinkScale) -> Array:
 
 
 def link_parameter_jacobian(numbers: Array, scale: LinkScale) -> Array:
-    """
-    Differentiate `link_parameters` by the log-Cholesky numbers.
-
-    Returns
-    -------
-    array, shape (n, 11, 11)
-        Of parameter k of a link by its number l.
-
-    """
+    """Differentiate parameter k of each link by its number l, shape (n, 11, 11)."""
     triangle = _triangle(numbers)
     left = np.swapaxes(scale.factors, 1, 2)[:, None] @ _PARAMETER_MAP
     by_triangle = 2.0 * left @ (scale.factors @ triangle)[:, None]
@@ -178,19 +131,11 @@ def link_parameter_jacobian(numbers: Array, scale: LinkScale) -> Array:
 
 def moved(numbers: Array, step: Array) -> Array:
     """
-    Return the numbers of links whose parameters move along a straight line.
+    Return the numbers (n, 11) of links whose parameters move along a straight line.
 
     Torques are linear in the parameters of the links, so that a step along which no torque changes
     to first order then changes none at all. A link that would nearly cease to exist on that line
     moves by the step of its numbers instead.
-
-    Parameters
-    ----------
-    numbers, step : arrays, shape (n, 11)
-
-    Returns
-    -------
-    array, shape (n, 11)
 
     """
     out = numbers + step
@@ -213,19 +158,10 @@ def moved(numbers: Array, step: Array) -> Array:
 
 def log_cholesky(parameters: Array, scale: LinkScale, least: float = 1e-3) -> Array:
     """
-    Return the log-Cholesky numbers of the nearest links that can exist.
+    Return the log-Cholesky numbers (n, 11) of the nearest links that can exist.
 
-    Parameters
-    ----------
-    parameters : array, shape (n, 11)
-        Any, such as those of a linear least-squares problem.
-    scale : LinkScale
-    least : float
-        Smaller eigenvalues of the scaled pseudo-inertia, and smaller rotors, are raised to this.
-
-    Returns
-    -------
-    array, shape (n, 11)
+    The parameters may be any, such as those of a linear least-squares problem. Eigenvalues of the
+    scaled pseudo-inertia, and rotors, smaller than `least` are raised to it.
 
     """
     inverse = np.linalg.inv(scale.factors)

@@ -34,20 +34,7 @@ from lip_id_ros.rigid_body.spatial import (
 
 @jit
 def torque_regressor(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
-    """
-    Torques of unit parameters.
-
-    Parameters
-    ----------
-    chain : Chain
-    q, dq, ddq : arrays, shape (N, n)
-        Joint states; contiguous.
-
-    Returns
-    -------
-    array, shape (N, n, 11 n)
-
-    """
+    """Torques of unit parameters, shape (N, n, 11 n), at contiguous joint states (N, n)."""
     count, n = q.shape
     out = np.zeros((count, n, LINK_PARAMETERS * n))
     transforms = np.empty((n, 4, 3))

@@ -53,15 +53,7 @@ TORQUE, FORCE, UP, WORK_VECTORS = 4, 5, 6, 7
 
 
 class Links(NamedTuple):
-    """
-    A chain with the parameters of its links.
-
-    Attributes
-    ----------
-    chain : Chain
-    parameters : array, shape (n, 11)
-
-    """
+    """A chain with the parameters of its links, shape (n, 11)."""
 
     chain: Chain
     parameters: Array
@@ -95,13 +87,7 @@ def rnea(
     """
     Return T and V; add the torques of T to `tau`, and those of V to `gravity`.
 
-    Parameters
-    ----------
-    tau, gravity : arrays, shape (n,)
-    links : Links
-    work : array, shape (n, 7, 3)
-        Working memory.
-    q, dq, ddq : arrays, shape (n,)
+    All vectors have shape (n,); the working memory has (n, 7, 3).
 
     """
     kinetic = _to_tip(links, work, q, dq, ddq)
@@ -110,17 +96,7 @@ def rnea(
 
 @jit
 def inertial_torque(tau: Array, links: Links, work: Array, ddq: Array) -> None:
-    """
-    Add the inertial torques M(q) ddq at the position of the last `rnea`.
-
-    Parameters
-    ----------
-    tau : array, shape (n,)
-    links, work
-        Those of that call of `rnea`.
-    ddq : array, shape (n,)
-
-    """
+    """Add the inertial torques M(q) ddq at the position of the last `rnea`, with its memory."""
     chain, p = links
     a = d = ZERO
     n = len(ddq)

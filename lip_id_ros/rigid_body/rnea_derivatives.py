@@ -88,14 +88,7 @@ def placement_derivatives(
     chain: Chain, parameters: Array, q: Array, dq: Array, ddq: Array
 ) -> Array:
     """
-    Differentiate the torques by the placements of the joints, at given parameters.
-
-    Parameters
-    ----------
-    chain : Chain
-    parameters : array, shape (n, 11)
-    q, dq, ddq : arrays, shape (N, n)
-        Joint states; contiguous.
+    Differentiate the torques by the placements of the joints, at contiguous joint states (N, n).
 
     Returns
     -------

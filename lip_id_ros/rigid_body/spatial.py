@@ -71,17 +71,7 @@ def store(array: Array, i: int, k: int, a: Vec3) -> None:
 
 
 class Transform(NamedTuple):
-    """
-    Pose of a link's frame in the frame of its parent.
-
-    Attributes
-    ----------
-    rotation : three vectors
-        The columns of R: the link's axes, expressed in the parent.
-    translation : vector
-        The link's origin, expressed in the parent [m].
-
-    """
+    """Pose of a link's frame in that of its parent: columns of R, and the link's origin [m]."""
 
     rotation: Mat3
     translation: Vec3
@@ -91,11 +81,7 @@ class SpatialMotion(NamedTuple):
     """
     Motion of a link in its own frame, or a derivative of that.
 
-    Attributes
-    ----------
-    angular_velocity, angular_acceleration : vectors
-    linear_acceleration : vector
-        Classical acceleration of the frame's origin, minus gravity.
+    The linear acceleration is the classical one of the frame's origin, minus gravity.
 
     """
 
@@ -105,32 +91,14 @@ class SpatialMotion(NamedTuple):
 
 
 class Wrench(NamedTuple):
-    """
-    A torque about the origin of a link's frame and a force, or a derivative of them.
-
-    Attributes
-    ----------
-    torque, force : vectors
-
-    """
+    """A torque about the origin of a link's frame and a force, or a derivative of them."""
 
     torque: Vec3
     force: Vec3
 
 
 class SpatialInertia(NamedTuple):
-    """
-    Inertia of a rigid body in the frame of its link.
-
-    Attributes
-    ----------
-    mass : float
-    first_moment : vector
-        Mass times centre of mass.
-    inertia : three vectors
-        Inertia tensor about the origin of the frame.
-
-    """
+    """Mass, mass times centre of mass, and inertia tensor about the origin of the link's frame."""
 
     mass: float
     first_moment: Vec3
