@@ -25,7 +25,7 @@ _SHOWN = 12
 PathLike = str | os.PathLike[str]
 
 
-class Table(NamedTuple):
+class CsvTable(NamedTuple):
     """Columns of numbers (N,) by name; notes, a phrase each, on what was left out of the file."""
 
     columns: dict[str, Array]
@@ -80,7 +80,7 @@ def read_header(path: PathLike) -> tuple[str, ...]:
     return names
 
 
-def read_table(path: PathLike) -> Table:
+def read_table(path: PathLike) -> CsvTable:
     """
     Read every column.
 
@@ -105,7 +105,7 @@ def read_table(path: PathLike) -> Table:
         notes = (f'line {last}, the last one, was cut short and left out',)
     if rows is None or rows.size == 0:
         raise DataError(f'{os.fspath(path)} must hold rows of numbers, but has none; record some.')
-    return Table(dict(zip(names, rows.T, strict=True)), notes)
+    return CsvTable(dict(zip(names, rows.T, strict=True)), notes)
 
 
 def joints_of(names: Sequence[str]) -> tuple[str, ...]:
@@ -118,7 +118,7 @@ def has_accelerations(path: PathLike) -> bool:
     return any(re.match(r'ddq_.', name) for name in read_header(path))
 
 
-def check_columns(path: PathLike, table: Table, wanted: Sequence[str]) -> None:
+def check_columns(path: PathLike, table: CsvTable, wanted: Sequence[str]) -> None:
     """Raise a DataError that names the first column that is missing."""
     missing = [name for name in wanted if name not in table.columns]
     if len(wanted) == 1 or missing:

@@ -20,9 +20,9 @@ from lip_id_ros.settings import FitSettings
 
 ITERATIONS = 60
 BLOCK = 50  # samples answered at once
-NOISE_START = 1e-2  # variance, relative to the torque's
+INITIAL_NOISE = 1e-2  # variance, relative to the torque's
 NOISE_FLOOR = 1e-8
-FRICTION_START = 1e-2
+INITIAL_FRICTION = 1e-2
 
 
 class Lse:
@@ -36,7 +36,7 @@ class Lse:
         basis = JointBasis.of(dataset.joint_types, dataset.q)
         few = dataset.select(dataset.covering(settings.subset))
         many = dataset.select(dataset.covering(settings.max_samples))
-        start = Hyperparameters.start(basis, dataset, with_friction=settings.friction)
+        start = LseHyperparameters.initial_guess(basis, dataset, with_friction=settings.friction)
         x, tau = _states(basis, few), few.tau.ravel()
 
         def noisy_gram(theta: torch.Tensor) -> torch.Tensor:
@@ -50,7 +50,7 @@ class Lse:
 
 
 @dataclass(frozen=True)
-class Hyperparameters:
+class LseHyperparameters:
     """
     Logarithms of all hyperparameters in one vector, shape (p,).
 
@@ -65,25 +65,27 @@ class Hyperparameters:
     torque_variance: torch.Tensor
 
     @classmethod
-    def start(cls, basis: JointBasis, dataset: Dataset, with_friction: bool) -> Hyperparameters:
+    def initial_guess(
+        cls, basis: JointBasis, dataset: Dataset, with_friction: bool
+    ) -> LseHyperparameters:
         """Start from long length scales and little noise, in the units of the data."""
         f, _ = basis.features(dataset.q)
         spread = np.concatenate([f[0], f[1], dataset.dq.T]).std(axis=1)
         lengths = np.sqrt(2.0 * basis.n_joints) * np.where(spread > 0, spread, 1.0)
         variance = dataset.tau.var(axis=0)
-        parts = [np.zeros(1), np.log(lengths), np.log(NOISE_START * variance)]
+        parts = [np.zeros(1), np.log(lengths), np.log(INITIAL_NOISE * variance)]
         if with_friction:
             speed = np.mean(np.square(dataset.dq), axis=0)
-            small = FRICTION_START * variance
+            small = INITIAL_FRICTION * variance
             parts += [np.log(small / np.where(speed > 0, speed, 1.0)), np.log(small)]
         unscaled = cls(
             torch.from_numpy(np.concatenate(parts)), basis.n_joints, torch.from_numpy(variance)
         )
         return unscaled._scaled_to(basis, dataset)
 
-    def like(self, vector: torch.Tensor) -> Hyperparameters:
+    def like(self, vector: torch.Tensor) -> LseHyperparameters:
         """Return others of the same meaning."""
-        return Hyperparameters(vector, self.n_joints, self.torque_variance)
+        return LseHyperparameters(vector, self.n_joints, self.torque_variance)
 
     @property
     def variance(self) -> torch.Tensor:
@@ -115,7 +117,7 @@ class Hyperparameters:
             z.dq
         )
 
-    def _scaled_to(self, basis: JointBasis, dataset: Dataset) -> Hyperparameters:
+    def _scaled_to(self, basis: JointBasis, dataset: Dataset) -> LseHyperparameters:
         # The Lagrangian varies so much that its torques vary as those of the data.
         some = dataset.select(dataset.covering(BLOCK))
         x = _states(basis, some)
@@ -136,7 +138,7 @@ class LagrangianModel(Baseline):
         self,
         joint_names: tuple[str, ...],
         basis: JointBasis,
-        hyperparameters: Hyperparameters,
+        hyperparameters: LseHyperparameters,
         states: States,
         alpha: torch.Tensor,
     ) -> None:
@@ -200,7 +202,7 @@ def _states(basis: JointBasis, dataset: Dataset) -> States:
 
 
 def _condition(
-    basis: JointBasis, hyperparameters: Hyperparameters, dataset: Dataset
+    basis: JointBasis, hyperparameters: LseHyperparameters, dataset: Dataset
 ) -> LagrangianModel:
     states, tau = _states(basis, dataset), dataset.tau.ravel()
     with torch.no_grad():
@@ -223,5 +225,5 @@ def read(joints: Joints, state: State) -> LagrangianModel:
         for name in ('vector', 'torque_variance', 'alpha', 'f', 'g', 'dq', 'ddq')
     )
     basis = JointBasis(types, state['centre'], state['half_range'])
-    known = Hyperparameters(vector, len(names), variance)
+    known = LseHyperparameters(vector, len(names), variance)
     return LagrangianModel(names, basis, known, States(*states), alpha)

@@ -36,7 +36,7 @@ from lip_id_ros.settings import FitSettings
 
 
 @dataclass(frozen=True)
-class Energies:
+class OurMethod:
     """The Gaussian processes and rigid links of this package; `kernel` as in `fit.kernel`."""
 
     kernel: str
@@ -47,7 +47,7 @@ class Energies:
 
 
 @dataclass(frozen=True)
-class Entry:
+class LiteratureMethod:
     """
     A method of the literature.
 
@@ -71,24 +71,24 @@ class Entry:
 
 
 LITERATURE = {
-    'se': Entry('a Gaussian process per joint, squared exponential', 'single_output'),
-    'gip': Entry(
+    'se': LiteratureMethod('a Gaussian process per joint, squared exponential', 'single_output'),
+    'gip': LiteratureMethod(
         'a Gaussian process per joint, geometrically inspired polynomial kernel', 'single_output'
     ),
-    'lse': Entry('a Gaussian process on the Lagrangian, squared exponential', 'lse'),
-    'delan': Entry('a deep Lagrangian network', 'delan'),
-    'rigid_body': Entry(
+    'lse': LiteratureMethod('a Gaussian process on the Lagrangian, squared exponential', 'lse'),
+    'delan': LiteratureMethod('a deep Lagrangian network', 'delan'),
+    'rigid_body': LiteratureMethod(
         'least squares on rigid-body dynamics with smooth friction, kinematics known from a URDF',
         'rigid_body',
         version=2,
         needs_urdf=True,
     ),
-    'rigid_body_friction': Entry(
+    'rigid_body_friction': LiteratureMethod(
         'the same with the friction terms of the default fit, elected joint by joint',
         'rigid_body_friction',
         needs_urdf=True,
     ),
-    'semiparametric': Entry(
+    'semiparametric': LiteratureMethod(
         'a Gaussian process per joint, rigid-body features and squared exponential',
         'single_output',
         version=2,
@@ -129,7 +129,7 @@ def method(name: str, urdf: Urdf | None = None) -> Method:
 
     """
     if name in OURS:
-        return Energies(name)
+        return OurMethod(name)
     if name not in LITERATURE:
         raise ConfigError(f'{name!r} is not a model; there are {", ".join(MODELS)}.')
     if needs_urdf(name) and urdf is None:

@@ -21,7 +21,7 @@ from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
 
 ITERATIONS = 100
-NOISE_START = 1e-2  # variances, in units of the torque's
+INITIAL_NOISE = 1e-2  # variances, in units of the torque's
 NOISE_FLOOR = 1e-8
 RIGID_BODY = 'rigid_body'
 
@@ -130,9 +130,11 @@ class Sum:
         found = [term.features(motion) for term in self._terms]
         return [torch.from_numpy(np.ascontiguousarray(x)) for x in found]
 
-    def start(self, features: Sequence[torch.Tensor]) -> list[Array]:
+    def initial_guess(self, features: Sequence[torch.Tensor]) -> list[Array]:
         """Return the initial hyperparameters of each term."""
-        return [term.start(x.numpy()) for term, x in zip(self._terms, features, strict=True)]
+        return [
+            term.initial_guess(x.numpy()) for term, x in zip(self._terms, features, strict=True)
+        ]
 
     def gram(
         self,
@@ -235,8 +237,8 @@ def _optimise(
 ) -> Array:
     x = covariance.features(Motion(dataset.q, dataset.dq, dataset.ddq))
     y, _, _ = _standardised(dataset.tau[:, covariance.joint])
-    parts = covariance.start(x)
-    start = np.concatenate([*parts, [np.log(NOISE_START)]])
+    parts = covariance.initial_guess(x)
+    start = np.concatenate([*parts, [np.log(INITIAL_NOISE)]])
 
     def noisy_gram(vector: torch.Tensor) -> torch.Tensor:
         gram = covariance.gram(_split(vector, parts), x, x)
@@ -250,7 +252,7 @@ def _optimise(
 def _condition(covariance: Sum, vector: Array, dataset: Dataset) -> Posterior:
     x = covariance.features(Motion(dataset.q, dataset.dq, dataset.ddq))
     y, mean, scale = _standardised(dataset.tau[:, covariance.joint])
-    thetas = _split(torch.from_numpy(vector), covariance.start(x))
+    thetas = _split(torch.from_numpy(vector), covariance.initial_guess(x))
     gram = covariance.gram(thetas, x, x).numpy()
     gram[np.diag_indices_from(gram)] += np.exp(vector[-1]) + NOISE_FLOOR
     alpha = scale * CholeskyFactor.of(gram).solve(y)

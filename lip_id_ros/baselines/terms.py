@@ -32,7 +32,7 @@ class Term(Protocol):
     def features(self, motion: Motion) -> Array:
         """Return the features of N motions, shape (N, d)."""
 
-    def start(self, features: Array) -> Array:
+    def initial_guess(self, features: Array) -> Array:
         """Return initial log-hyperparameters (p,), for torques of unit variance."""
 
     def gram(self, theta: torch.Tensor, x: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
@@ -58,8 +58,8 @@ class SquaredExponential:
         """Return the features of all joints, shape (N, about 4 n)."""
         return np.hstack([positions(motion.q, self._basis), motion.dq, motion.ddq])
 
-    def start(self, features: Array) -> Array:
-        """Start from unit variance and lengths at which typical samples are correlated."""
+    def initial_guess(self, features: Array) -> Array:
+        """Return a guess: unit variance and lengths at which typical samples are correlated."""
         deviation = features.std(axis=0)
         lengths = np.sqrt(features.shape[1]) * np.where(deviation > 0, deviation, 1.0)
         return np.log(np.concatenate([[1.0], lengths]))
@@ -94,8 +94,8 @@ class GeometricPolynomial:
         products = motion.dq[:, rows] * motion.dq[:, columns]
         return np.hstack([f[0].T, f[1].T, motion.ddq, products])
 
-    def start(self, features: Array) -> Array:
-        """Start from factors of about one."""
+    def initial_guess(self, features: Array) -> Array:
+        """Return a guess: factors of about one."""
         n = self._basis.n_joints
         moving = features[:, 2 * n :]
         power = np.mean(np.square(moving), axis=0) * moving.shape[1]
@@ -123,8 +123,8 @@ class GeometricPolynomial:
 class Linear:
     """phi(x) Gamma phi(z)^T with a diagonal Gamma (paper, eq. K-SP and kernel_epsilon)."""
 
-    def start(self, features: Array) -> Array:
-        """Start from features that contribute equally."""
+    def initial_guess(self, features: Array) -> Array:
+        """Return a guess: features that contribute equally."""
         power = np.mean(np.square(features), axis=0) * features.shape[1]
         return -np.log(np.where(power > 0, power, 1.0))
 

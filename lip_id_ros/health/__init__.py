@@ -1,7 +1,7 @@
 """Findings about a recording: defects, with evidence and remedy."""
 
 from lip_id_ros.health.evidence import Evidence
-from lip_id_ros.health.examination import CHECKS, evidence_of, examine, health, serious
+from lip_id_ros.health.examination import CHECKS, evidence_of, examine, health
 from lip_id_ros.health.finding import Check, Finding, Severity
 
 __all__ = [
@@ -13,5 +13,4 @@ __all__ = [
     'evidence_of',
     'examine',
     'health',
-    'serious',
 ]

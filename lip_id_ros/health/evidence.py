@@ -11,12 +11,12 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.health.motion import (
-    Agreement,
     effort_regression,
     EffortRegression,
     motion_of,
     SmoothMotion,
     velocity_agreement,
+    VelocityAgreement,
 )
 from lip_id_ros.joint_types import POSITION_UNITS
 from lip_id_ros.preprocessing.cleaning import quantum, repeated, stale
@@ -132,7 +132,7 @@ class Joint:
     smooth_velocity : ndarray, shape (K,)
         Derivative of the smooth position [rad/s or m/s], K = 0 where the recording is too short.
     velocity_scale, velocity_correlation, velocity_lag_s : float
-        See `motion.Agreement`.
+        See `motion.VelocityAgreement`.
     effort_explained, friction_cosine, friction_weight : float
         See `motion.EffortRegression`.
 
@@ -206,20 +206,20 @@ class Evidence:
 
     @cached_property
     def motion(self) -> SmoothMotion:
-        """The smooth motion, in stretches without gaps."""
+        """The smooth motion, in segments without gaps."""
         return motion_of(self.samples)
 
     @cached_property
-    def agreement(self) -> Agreement | None:
+    def agreement(self) -> VelocityAgreement | None:
         """Recorded against differentiated velocities, where they can be compared."""
-        if not self.samples.has_velocity or not self.motion.stretches:
+        if not self.samples.has_velocity or not self.motion.segments:
             return None
         return velocity_agreement(self.motion)
 
     @cached_property
     def explanation(self) -> EffortRegression | None:
         """Efforts against the motion, where they can be compared."""
-        if not self.samples.has_effort or not self.motion.stretches:
+        if not self.samples.has_effort or not self.motion.segments:
             return None
         return effort_regression(self.motion)
 
@@ -234,7 +234,7 @@ class Evidence:
         names = ['position', *(signal for signal, is_there in recorded.items() if is_there)]
         signals = {signal: Signal(getattr(samples, signal)[:, k]) for signal in names}
         velocity, acceleration = np.empty(0), math.nan
-        if motion.stretches:
+        if motion.segments:
             velocity = motion.joined('velocity')[:, k]
             accelerations = np.abs(motion.joined('acceleration')[:, k])
             acceleration = float(np.percentile(accelerations, 99))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 import math
 from typing import Any
@@ -49,11 +48,6 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     with np.errstate(all='ignore'):  # what is not a number fails every comparison
         found = [finding for check in CHECKS for finding in check.findings(evidence)]
     return tuple(sorted(found, key=lambda finding: _ORDER.index(finding.severity)))
-
-
-def serious(findings: Sequence[Finding]) -> list[Finding]:
-    """Return the findings that are more than notes."""
-    return [finding for finding in findings if finding.severity != Severity.NOTE]
 
 
 def health(evidence: Evidence) -> dict[str, Any]:

@@ -33,7 +33,7 @@ _SETTINGS = PreprocessingSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class SmoothSegment:
     """
     Low-passed samples without a gap, each (N, n); velocity and acceleration from positions.
 
@@ -50,14 +50,14 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class SmoothMotion:
-    """Stretches of motion on one sampling rate [Hz]; none where a recording is too short."""
+    """Segments of motion on one sampling rate [Hz]; none where a recording is too short."""
 
     rate_hz: float
-    stretches: tuple[Stretch, ...]
+    segments: tuple[SmoothSegment, ...]
 
     def joined(self, name: str) -> Array:
-        """Return a signal of all stretches one after another."""
-        return np.concatenate([getattr(stretch, name) for stretch in self.stretches])
+        """Return a signal of all segments one after another."""
+        return np.concatenate([getattr(segment, name) for segment in self.segments])
 
 
 def motion_of(samples: JointSamples) -> SmoothMotion:
@@ -68,15 +68,15 @@ def motion_of(samples: JointSamples) -> SmoothMotion:
     Blocks with numbers too large to be calculated with are left out.
 
     """
-    rate, every, stretches = 0.0, 1, []
+    rate, every, segments = 0.0, 1, []
     step = median_step(samples.t)
     if step > 0.0:
         rate = 1.0 / step
         every = max(1, int(rate / HIGHEST_RATE_HZ))
         for block in _blocks(samples):
             if _is_finite(block):
-                stretches += list(_stretches(block, rate, every))
-    return SmoothMotion(rate / every, tuple(stretches))
+                segments += list(_smooth_segments(block, rate, every))
+    return SmoothMotion(rate / every, tuple(segments))
 
 
 def _blocks(samples: JointSamples) -> Iterator[JointSamples]:
@@ -94,7 +94,7 @@ def _is_finite(samples: JointSamples) -> bool:
     return all(bool((np.abs(signal) < LARGEST).all()) for signal in signals)
 
 
-def _stretches(samples: JointSamples, rate: float, every: int) -> Iterator[Stretch]:
+def _smooth_segments(samples: JointSamples, rate: float, every: int) -> Iterator[SmoothSegment]:
     fresh = samples.select(~stale(samples))
     derivative = DERIVATIVES[_SETTINGS.derivative]
     signals = (fresh.position, _or_zero(fresh.velocity), _or_zero(fresh.effort))
@@ -108,7 +108,7 @@ def _stretches(samples: JointSamples, rate: float, every: int) -> Iterator[Stret
             for values in signals
         )
         velocity = derivative(position, rate)
-        yield Stretch(
+        yield SmoothSegment(
             *(
                 values[::every]
                 for values in (position, velocity, derivative(velocity, rate), recorded, effort)
@@ -121,9 +121,9 @@ def _or_zero(values: Array) -> Array:
     return np.zeros_like(values) if np.isnan(values).any() else values
 
 
-def shifted(stretches: Sequence[Stretch], name: str, reach: int, lag: int) -> Array:
-    """Return a signal `lag` samples later, without the first and last `reach` of each stretch."""
-    parts = [getattr(stretch, name) for stretch in stretches]
+def shifted(segments: Sequence[SmoothSegment], name: str, reach: int, lag: int) -> Array:
+    """Return a signal `lag` samples later, without the first and last `reach` of each segment."""
+    parts = [getattr(segment, name) for segment in segments]
     return np.concatenate([part[reach + lag : len(part) - reach + lag] for part in parts])
 
 
@@ -144,7 +144,7 @@ def peak(values: Array, rate_hz: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Agreement:
+class VelocityAgreement:
     """
     How recorded velocities follow the derivative of the positions, per joint (n,).
 
@@ -158,12 +158,12 @@ class Agreement:
     lag_s: Array
 
 
-def velocity_agreement(motion: SmoothMotion) -> Agreement:
+def velocity_agreement(motion: SmoothMotion) -> VelocityAgreement:
     """Compare recorded and differentiated velocities."""
     truth, recorded = motion.joined('velocity'), motion.joined('recorded_velocity')
     scale = (truth * recorded).sum(axis=0) / np.square(truth).sum(axis=0)
     correlation = _correlation(truth, recorded)
-    return Agreement(scale, correlation, _lag(motion))
+    return VelocityAgreement(scale, correlation, _lag(motion))
 
 
 def _correlation(first: Array, second: Array) -> Array:
@@ -175,9 +175,9 @@ def _correlation(first: Array, second: Array) -> Array:
 
 def _lag(motion: SmoothMotion) -> Array:
     reach = max(1, round(LONGEST_LAG_S * motion.rate_hz))
-    pieces = [piece for piece in motion.stretches if len(piece.velocity) > 3 * reach]
+    pieces = [piece for piece in motion.segments if len(piece.velocity) > 3 * reach]
     if not pieces:
-        return np.full(motion.stretches[0].velocity.shape[1], np.nan)
+        return np.full(motion.segments[0].velocity.shape[1], np.nan)
     truth = np.concatenate([piece.velocity[reach:-reach] for piece in pieces])
     alike = np.array(
         [
@@ -232,10 +232,10 @@ class EffortRegression:
 def effort_regression(motion: SmoothMotion) -> EffortRegression | None:
     """Regress efforts on the motion; None where the recording is too short for it."""
     reach = max(1, round(LONGEST_EFFORT_LAG_S * motion.rate_hz))
-    stretches = [piece for piece in motion.stretches if len(piece.effort) > 3 * reach]
-    if not stretches or not _enough(motion, stretches):
+    segments = [piece for piece in motion.segments if len(piece.effort) > 3 * reach]
+    if not segments or not _enough(motion, segments):
         return None
-    regressions = _regressions(stretches, reach)
+    regressions = _regressions(segments, reach)
     unexplained = np.array([regression.unexplained for regression in regressions])
     known = np.isfinite(unexplained).all(axis=1)
     gain = -np.log(unexplained[known]).mean(axis=0) if known.any() else np.zeros(2 * reach + 1)
@@ -249,9 +249,9 @@ def effort_regression(motion: SmoothMotion) -> EffortRegression | None:
     )
 
 
-def _enough(motion: SmoothMotion, stretches: Sequence[Stretch]) -> bool:
-    seconds = sum(len(stretch.effort) for stretch in stretches) / motion.rate_hz
-    terms = 3 * stretches[0].effort.shape[1] + 3
+def _enough(motion: SmoothMotion, segments: Sequence[SmoothSegment]) -> bool:
+    seconds = sum(len(segment.effort) for segment in segments) / motion.rate_hz
+    terms = 3 * segments[0].effort.shape[1] + 3
     independent = seconds * min(SAMPLES_PER_SECOND, motion.rate_hz)
     return bool(independent > LEAST_SAMPLES_PER_TERM * terms)
 
@@ -265,11 +265,11 @@ class _Regression:
     friction_weight: Array
 
 
-def _regressions(stretches: Sequence[Stretch], reach: int) -> list[_Regression]:
+def _regressions(segments: Sequence[SmoothSegment], reach: int) -> list[_Regression]:
     lags = range(-reach, reach + 1)
-    efforts = np.array([shifted(stretches, 'effort', reach, lag) for lag in lags])
-    velocity = shifted(stretches, 'velocity', reach, 0)
-    basis, _ = np.linalg.qr(_unit(_motion_terms(stretches, reach)))
+    efforts = np.array([shifted(segments, 'effort', reach, lag) for lag in lags])
+    velocity = shifted(segments, 'velocity', reach, 0)
+    basis, _ = np.linalg.qr(_unit(_motion_terms(segments, reach)))
     return [
         _regression(basis, velocity[:, joint], efforts[:, :, joint].T)
         for joint in range(velocity.shape[1])
@@ -291,9 +291,9 @@ def _regression(basis: Array, velocity: Array, effort: Array) -> _Regression:
     return _Regression(rest / total, cosine, without / rest)
 
 
-def _motion_terms(stretches: Sequence[Stretch], reach: int) -> Array:
-    position = shifted(stretches, 'position', reach, 0)
-    acceleration = shifted(stretches, 'acceleration', reach, 0)
+def _motion_terms(segments: Sequence[SmoothSegment], reach: int) -> Array:
+    position = shifted(segments, 'position', reach, 0)
+    acceleration = shifted(segments, 'acceleration', reach, 0)
     terms = np.concatenate([np.sin(position), np.cos(position), acceleration], axis=1)
     varying = terms.std(axis=0) > LEAST_VARIATION
     return np.column_stack([np.ones(len(terms)), terms[:, varying]])

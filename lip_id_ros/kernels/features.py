@@ -22,7 +22,7 @@ from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.numba_jit import LANES
 
 
-class Samples(NamedTuple):
+class PackedStates(NamedTuple):
     """
     Joint states laid out for the fused loops: sample last, padded with zeros by `LANES` samples.
 
@@ -79,7 +79,7 @@ class JointBasis:
         g = np.stack([np.where(pick, slope, -sin), np.where(pick, none, cos)])
         return f, g
 
-    def pack(self, q: Array, dq: Array, ddq: Array) -> Samples:
+    def pack(self, q: Array, dq: Array, ddq: Array) -> PackedStates:
         """Lay joint states out for the fused loops; ShapeError unless all are (N, n)."""
         for name, x in (('q', q), ('dq', dq), ('ddq', ddq)):
             if x.ndim != 2 or x.shape != q.shape or x.shape[1] != self.n_joints:
@@ -88,7 +88,7 @@ class JointBasis:
                     f'but has shape {x.shape}; pass one row per sample and one column per joint.'
                 )
         f, g = self.features(q)
-        return Samples(_pad(f), _pad(g), _pad(dq.T), _pad(ddq.T))
+        return PackedStates(_pad(f), _pad(g), _pad(dq.T), _pad(ddq.T))
 
 
 def _pad(x: Array) -> Array:

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.kernels.features import Samples
+from lip_id_ros.kernels.features import PackedStates
 from lip_id_ros.kernels.pairs import (
     add_kinetic_gradient,
     add_potential_gradient,
@@ -21,7 +21,7 @@ from lip_id_ros.numba_jit import Index, jit, jit_parallel, LANES
 MIRROR_ROWS = 256
 
 
-def gram(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:
+def gram(kernel: EnergyKernel, weights: Weights, x: PackedStates) -> Array:
     """
     Gram matrix of the torques at N samples, without noise and friction.
 
@@ -35,7 +35,7 @@ def gram(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:
     return out
 
 
-def cross_gram(kernel: EnergyKernel, weights: Weights, x: Samples, z: Samples) -> Array:
+def cross_gram(kernel: EnergyKernel, weights: Weights, x: PackedStates, z: PackedStates) -> Array:
     """Covariances between the torques at N and M samples, shape (N n, M n), as in `gram`."""
     n, first = kernel.n_joints, np.zeros(_count(x), dtype=np.int64)
     out = np.empty((_count(x) * n, _count(z) * n))
@@ -43,7 +43,7 @@ def cross_gram(kernel: EnergyKernel, weights: Weights, x: Samples, z: Samples) -
     return out
 
 
-def prior_blocks(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:
+def prior_blocks(kernel: EnergyKernel, weights: Weights, x: PackedStates) -> Array:
     """Return the prior covariance of the n torques at each sample, shape (N, n, n)."""
     n, rows = kernel.n_joints, np.arange(_count(x))
     out = np.empty((len(rows) * n, n))
@@ -52,7 +52,7 @@ def prior_blocks(kernel: EnergyKernel, weights: Weights, x: Samples) -> Array:
 
 
 def energy_covariance(
-    kernel: EnergyKernel, weights: Weights, x: Samples, z: Samples
+    kernel: EnergyKernel, weights: Weights, x: PackedStates, z: PackedStates
 ) -> tuple[Array, Array]:
     """
     Covariances of T and of V at x with the torques at z (paper, section `sec:energy_est`).
@@ -67,7 +67,7 @@ def energy_covariance(
 
 
 def contracted_gradient(
-    kernel: EnergyKernel, weights: Weights, x: Samples, contraction: Array
+    kernel: EnergyKernel, weights: Weights, x: PackedStates, contraction: Array
 ) -> Weights:
     """
     Differentiate sum(W * gram(weights)) by the weights (docs/maths.md, section 5).
@@ -84,7 +84,7 @@ def contracted_gradient(
     return sums._replace(potential_scales=sums.potential_scales[kernel.potential_links])
 
 
-def _count(x: Samples) -> int:
+def _count(x: PackedStates) -> int:
     return int(x.dq.shape[1]) - LANES
 
 
@@ -99,7 +99,7 @@ def _mirror(out: Array) -> None:
 
 @jit_parallel
 def _fill(
-    out: Array, k: KernelArrays, x: Samples, z: Samples, first: IntArray, stop: IntArray
+    out: Array, k: KernelArrays, x: PackedStates, z: PackedStates, first: IntArray, stop: IntArray
 ) -> None:
     # Row t holds the blocks of columns first[t]..stop[t]-1. Threads take every other row from
     # either end, so that they share a triangle evenly.
@@ -124,7 +124,7 @@ def _store(out: Array, block: Array, t: Index, column: Index, count: Index) -> N
 
 @jit_parallel
 def _fill_energy(
-    kinetic: Array, potential: Array, k: KernelArrays, x: Samples, z: Samples
+    kinetic: Array, potential: Array, k: KernelArrays, x: PackedStates, z: PackedStates
 ) -> None:
     n, columns = x.dq.shape[0], z.dq.shape[1] - LANES
     for index in numba.prange(x.dq.shape[1] - LANES):
@@ -146,7 +146,7 @@ def _store_row(out: Array, row: Array, u: Index, count: Index) -> None:
 
 @jit_parallel
 def _all_pairs(
-    parts: KernelArrays, contraction: Array, k: KernelArrays, x: Samples, n_steps: int
+    parts: KernelArrays, contraction: Array, k: KernelArrays, x: PackedStates, n_steps: int
 ) -> None:
     n, n_samples = x.dq.shape[0], x.dq.shape[1] - LANES
     # One short and one long row together, so that the threads share the triangle evenly.

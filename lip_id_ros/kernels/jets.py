@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels.features import Samples
+from lip_id_ros.kernels.features import PackedStates
 from lip_id_ros.numba_jit import Index, jit, LANES
 
 
@@ -110,7 +110,9 @@ def reset(y: Jet, high: int) -> None:
 
 
 @jit
-def load_factor(out: Factor, w: Array, x: Samples, t: Index, z: Samples, u: Index, b: int) -> None:
+def load_factor(
+    out: Factor, w: Array, x: PackedStates, t: Index, z: PackedStates, u: Index, b: int
+) -> None:
     """Evaluate the factor of joint b, of weights w, between x at t and z at u, u + 1, ..."""
     a, rate = out
     w0, w1, w2 = w[0], w[1], w[2]
@@ -218,7 +220,7 @@ def _multiply_scalars(y: Jet, factor: Factor, b: int) -> None:
 
 @jit
 def add_velocity(
-    y: Jet, weight: float, x: Samples, t: Index, z: Samples, u: Index, b: int
+    y: Jet, weight: float, x: PackedStates, t: Index, z: PackedStates, u: Index, b: int
 ) -> None:
     """Set y = y + weight dq_b dq'_b."""
     s, r, c, pp = y.s, y.r, y.c, y.pp

@@ -10,7 +10,7 @@ weight, scale). The forward jets that it needs were kept on a tape (docs/maths.m
 from __future__ import annotations
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.kernels.features import Samples
+from lip_id_ros.kernels.features import PackedStates
 from lip_id_ros.kernels.jets import column, Factor, Jet, n_columns
 from lip_id_ros.numba_jit import Index, jit, LANES
 
@@ -188,7 +188,7 @@ def _matrices(adj: Jet, out: Factor, y: Jet, factor: Factor, coupled: int, high:
 
 
 @jit
-def add_velocity(adj: Jet, x: Samples, t: Index, z: Samples, u: Index, b: int) -> float:
+def add_velocity(adj: Jet, x: PackedStates, t: Index, z: PackedStates, u: Index, b: int) -> float:
     """Transpose y = y + weight dq_b dq'_b; return the derivative by the weight."""
     s, r, c = adj.s, adj.r, adj.c
     dq, ddq = x.dq[b, t], x.ddq[b, t]
@@ -203,7 +203,7 @@ def add_velocity(adj: Jet, x: Samples, t: Index, z: Samples, u: Index, b: int) -
 
 @jit
 def load_factor(
-    grad: Array, out: Factor, x: Samples, t: Index, z: Samples, u: Index, b: int
+    grad: Array, out: Factor, x: PackedStates, t: Index, z: PackedStates, u: Index, b: int
 ) -> None:
     """Transpose the evaluation of a factor: add the derivatives by w_0, w_1, w_2 to grad."""
     f1, f2, g1, g2 = x.f[0, b, t], x.f[1, b, t], x.g[0, b, t], x.g[1, b, t]

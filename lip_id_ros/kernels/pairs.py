@@ -8,7 +8,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.kernels import jets, jets_adjoint, products
-from lip_id_ros.kernels.features import Samples
+from lip_id_ros.kernels.features import PackedStates
 from lip_id_ros.kernels.jets import Factor, Jet
 from lip_id_ros.kernels.products import Product
 from lip_id_ros.kernels.program import KernelArrays, Operation
@@ -58,7 +58,13 @@ def new_tapes(n_steps: int, n: int) -> Tapes:
 
 @jit
 def _run_step(
-    work: Scratch, step: IntArray, k: KernelArrays, x: Samples, t: Index, z: Samples, u: Index
+    work: Scratch,
+    step: IntArray,
+    k: KernelArrays,
+    x: PackedStates,
+    t: Index,
+    z: PackedStates,
+    u: Index,
 ) -> None:
     """Run one step on the velocity kernel other than the emission."""
     operation, b, group, coupled, high = step[0], step[1], step[2], step[4], step[5]
@@ -73,7 +79,7 @@ def _run_step(
 
 @jit
 def _extend_product(
-    work: Scratch, b: int, k: KernelArrays, x: Samples, t: Index, z: Samples, u: Index
+    work: Scratch, b: int, k: KernelArrays, x: PackedStates, t: Index, z: PackedStates, u: Index
 ) -> None:
     jets.load_factor(work.factor, k.potential_factors[b], x, t, z, u, b)
     products.extend(work.p, work.factor, b)
@@ -81,7 +87,13 @@ def _extend_product(
 
 @jit
 def torque_block(
-    block: Array, work: Scratch, k: KernelArrays, x: Samples, t: Index, z: Samples, u: Index
+    block: Array,
+    work: Scratch,
+    k: KernelArrays,
+    x: PackedStates,
+    t: Index,
+    z: PackedStates,
+    u: Index,
 ) -> None:
     """Set block[i, j] to the torque covariances of x at t and z at u, u + 1, ..."""
     block[:] = 0.0
@@ -103,9 +115,9 @@ def energy_rows(
     potential: Array,
     work: Scratch,
     k: KernelArrays,
-    x: Samples,
+    x: PackedStates,
     t: Index,
-    z: Samples,
+    z: PackedStates,
     u: Index,
 ) -> None:
     """Set row[j] to covariances of T, and of V, of x at t with torque j of z at u, u + 1, ..."""
@@ -131,7 +143,7 @@ def add_kinetic_gradient(
     tapes: Tapes,
     steps: IntArray,
     k: KernelArrays,
-    x: Samples,
+    x: PackedStates,
     t: Index,
     u: Index,
 ) -> None:
@@ -168,7 +180,7 @@ def add_potential_gradient(
     work: Scratch,
     tapes: Tapes,
     k: KernelArrays,
-    x: Samples,
+    x: PackedStates,
     t: Index,
     u: Index,
 ) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import gram as energy
-from lip_id_ros.kernels.features import JointBasis, Samples
+from lip_id_ros.kernels.features import JointBasis, PackedStates
 from lip_id_ros.kernels.hyperparameters import Hyperparameters
 from lip_id_ros.kernels.program import EnergyKernel, kinetic_covariance, potential_covariance
 from lip_id_ros.linear_algebra import CholeskyFactor
@@ -55,7 +55,7 @@ class JointStates:
     q: Array
     dq: Array
     ddq: Array
-    packed: Samples
+    packed: PackedStates
     friction: Array | None = None
 
     def __len__(self) -> int:

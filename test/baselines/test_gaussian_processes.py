@@ -31,7 +31,7 @@ FRICTION = JointFriction(np.array([2.0, 1.0]), np.array([3.0, 2.0]))
 
 def gram(term: Term, motion: Motion) -> np.ndarray:
     x = term.features(motion)
-    theta = torch.tensor(term.start(x))
+    theta = torch.tensor(term.initial_guess(x))
     return np.asarray(term.gram(theta, torch.tensor(x), torch.tensor(x)))
 
 
@@ -61,7 +61,7 @@ def test_the_geometric_polynomial_holds_the_torques_of_rigid_bodies() -> None:
     seen, unseen = (Motion(*rng.uniform(-2, 2, (3, 300, 2))) for _ in range(2))
     term = GeometricPolynomial(JointBasis.of(arm.joint_types, seen.q), 0)
     x, z = (torch.tensor(term.features(motion)) for motion in (seen, unseen))
-    theta = torch.tensor(term.start(x.numpy()))
+    theta = torch.tensor(term.initial_guess(x.numpy()))
     K, k = (term.gram(theta, a, x).numpy() for a in (x, z))
     assert np.linalg.matrix_rank(K, rtol=1e-12) == 5 * 5 * (1 + 2 + 3)
     estimate = k @ (np.linalg.pinv(K, rcond=1e-12, hermitian=True) @ arm.inverse_dynamics(*seen))

@@ -115,7 +115,7 @@ def _report(
 
 def _drawings(evidence: Evidence, units: Mapping[str, str]) -> Iterator[Drawing]:
     yield 'signals', 'Recorded signals', SIGNALS, partial(signals, evidence, units)
-    if evidence.motion.stretches:
+    if evidence.motion.segments:
         yield 'coverage', 'Coverage', COVERAGE, partial(coverage, evidence, units)
 
 
@@ -157,8 +157,8 @@ def coverage(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> F
     panels = style.grid(figure, n_joints, n_columns)
     for joint, (name, kind) in enumerate(zip(evidence.names, evidence.joint_types, strict=True)):
         panel, unit = panels[joint], units[kind]
-        for stretch in evidence.motion.stretches:
-            way = stretch.position[:, joint], stretch.velocity[:, joint]
+        for segment in evidence.motion.segments:
+            way = segment.position[:, joint], segment.velocity[:, joint]
             panel.plot(*way, color=style.PREDICTED, linewidth=0.8, alpha=0.6)
         panel.margins(x=0.05)
         panel.set_title(for_plot(name), loc='left')
