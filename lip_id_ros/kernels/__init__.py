@@ -1,10 +1,10 @@
 """Covariance functions: energy kernels, friction, and the prior and posterior of the torques."""
 
 from lip_id_ros.kernels.features import JointBasis
-from lip_id_ros.kernels.hyperparameters import Hyperparameters
 from lip_id_ros.kernels.program import EnergyKernel, FAMILY, Weights
 from lip_id_ros.kernels.torque_process import (
     FrictionKernel,
+    Hyperparameters,
     JointStates,
     TorqueKernel,
     TorquePosterior,
