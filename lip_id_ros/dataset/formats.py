@@ -75,7 +75,6 @@ def write_npz(
 
 def read_npz(path: PathLike) -> dict[str, Any]:
     """Read the fields of a data set, defaults for what a bare file lacks; see `Dataset.load`."""
-    files.require_regular_file(path)
     try:
         arrays, header = files.read_npz(path)
     except ValueError as error:
