@@ -1,8 +1,9 @@
-"""What CONTRIBUTING.md says of the code is so, and what it asks of a newcomer is checked."""
+"""What CONTRIBUTING.md and the other pages say of the code is so."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import ast
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 import re
 from typing import Any
@@ -34,6 +35,34 @@ def test_the_table_of_rooms_has_them_all() -> None:
     rows = ' '.join(line.split('|')[1] for line in table.splitlines() if line.startswith('| `'))
     rooms = {path.stem for path in PACKAGE.iterdir() if path.suffix in ('', '.py')}
     assert rooms - {'__init__', '__pycache__'} == set(re.findall(r'`(\w+)/?`', rows))
+
+
+def quoted_names() -> Iterator[tuple[str, list[str]]]:
+    """Yield pages, and dotted names on them that begin with the package."""
+    for page in [*ROOT.glob('*.md'), *ROOT.glob('docs/*.md'), *PACKAGE.rglob('*.py')]:
+        found = re.findall(r'`lip_id_ros((?:\.\w+)+)`', page.read_text(encoding='utf-8'))
+        yield from ((page.name, name.split('.')[1:]) for name in found)
+
+
+def defined(module: Path) -> set[str]:
+    """Names that a module has at its top level."""
+    names: set[str] = set()
+    for node in ast.parse(module.read_text(encoding='utf-8')).body:
+        names |= {alias.asname or alias.name for alias in getattr(node, 'names', ())}
+        names |= {name.id for name in ast.walk(node) if isinstance(name, ast.Name)}
+        names |= {getattr(node, 'name', '')}
+    return names
+
+
+def test_every_name_exists() -> None:
+    for page, name in quoted_names():
+        place = PACKAGE
+        while name and (place / name[0]).is_dir():
+            place /= name.pop(0)
+        module = place / '__init__.py'
+        if name and (place / f'{name[0]}.py').exists():
+            module = place / f'{name.pop(0)}.py'
+        assert not name or name[0] in defined(module), f'{page}: {name[0]} is not in {module}'
 
 
 def of_monitor(folder: Path) -> Mapping[str, Any]:
