@@ -1,8 +1,9 @@
 """
 A fleet of 200 bags: 20 simulated robots of one type, 3 damaged bags, 2 bags of another arm.
 
-``python -m benchmarks fleet --folder FOLDER`` writes the bags, and fits them in one process, on
-local Ray clusters of one and two workers, with a worker killed, and again with one more bag.
+``python -m benchmarks fleet --joints 4`` writes the bags, and fits them in one process, again with
+one more bag, and on local Ray clusters: of two workers, one of which is killed, then of one and of
+two, for how the passes scale. The last lines are the costs of 1000 recordings, on paper.
 
 """
 
@@ -26,6 +27,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.fleet.cache import FolderCache
 from lip_id_ros.fleet.engines import Engine, Keep, LocalEngine, Outcome, RayEngine
 from lip_id_ros.fleet.fit import fit_fleet, STATISTICS, SURVEY
+from lip_id_ros.fleet.passes import Cache
 from lip_id_ros.fleet.report import write_fleet_report
 from lip_id_ros.fleet.results import FITTED, FleetResult
 from lip_id_ros.fleet.sources import find, StoredRecording
@@ -40,6 +42,8 @@ NOISE_STD = 0.05  # [N m]
 FUNDAMENTAL_HZ, SINUSOIDS = 0.1, 8
 SPREAD = 0.2  # of friction between robots, as a share
 DAY_S = 86400.0
+MANY = 1000
+PASSES = SURVEY, STATISTICS
 START_S = 1.7e9
 DAMAGED, FOREIGN = 3, 2
 GROUP = r'(robot\d+)'
@@ -123,30 +127,55 @@ class Measured(Engine):
 
 @dataclass
 class Run:
-    """A fit, how long it took [s], and what it moved [bytes]."""
+    """A fit; seconds of CPU time of this process, and elapsed ones, in all and of each stage."""
 
     result: FleetResult
-    seconds: float
-    stages: dict[str, float]
+    cpu_s: float
+    elapsed_s: float
+    stages_cpu_s: dict[str, float]
+    stages_s: dict[str, float]
     engine: Measured
 
+    @property
+    def passes_s(self) -> float:
+        """Elapsed time of the passes over the recordings."""
+        return sum(self.stages_s.get(stage, 0.0) for stage in PASSES)
 
-def timed(
-    engine: Measured, sources: Sequence[StoredRecording], cache: FolderCache | None = None
-) -> Run:
-    """Fit, and measure each pass from its first report to its last."""
-    reports: dict[str, list[float]] = {}
+    @property
+    def passes_cpu_s(self) -> float:
+        """CPU time of these in this process."""
+        return sum(self.stages_cpu_s.get(stage, 0.0) for stage in PASSES)
+
+
+def timed(engine: Measured, sources: Sequence[StoredRecording], cache: Cache | None = None) -> Run:
+    """Fit, and measure each stage from its first report to its last."""
+    reports: dict[str, list[tuple[float, float]]] = {}
+
+    def report(stage: str, done: int, total: int) -> None:
+        reports.setdefault(stage, []).append((time.process_time(), time.perf_counter()))
+
     with engine:
-        begun = time.perf_counter()
-        result = fit_fleet(
-            sources,
-            Config(),
-            engine,
-            cache,
-            lambda stage, done, total: reports.setdefault(stage, []).append(time.perf_counter()),
-        )
-        seconds = time.perf_counter() - begun
-    return Run(result, seconds, {name: ts[-1] - ts[0] for name, ts in reports.items()}, engine)
+        cpu, begun = time.process_time(), time.perf_counter()
+        result = fit_fleet(sources, Config(), engine, cache, report)
+        whole = time.process_time() - cpu, time.perf_counter() - begun
+    cpus, elapsed = (
+        {name: times[-1][k] - times[0][k] for name, times in reports.items()} for k in (0, 1)
+    )
+    return Run(result, *whole, cpus, elapsed, engine)
+
+
+class PlacementsAlone:
+    """The placements of another cache, so that a fit repeats the passes and the solution."""
+
+    def __init__(self, cache: FolderCache) -> None:
+        self._cache = cache
+
+    def get(self, key: str, /) -> bytes | None:
+        """Return placements."""
+        return self._cache.get(key) if key.endswith('.placements') else None
+
+    def __setitem__(self, key: str, content: bytes, /) -> None:
+        """Keep nothing."""
 
 
 def difference(a: FleetResult, b: FleetResult) -> float:
@@ -204,49 +233,76 @@ def _compare(args: argparse.Namespace, folder: Path, scratch: Path) -> int:
     sources = find([str(folder)], GROUP)
     cache = FolderCache(scratch / 'cache')
     one = timed(Measured(LocalEngine(1)), sources, cache)
-    _describe('one process', one, len(sources))
+    _describe('one process', one)
     left_out = {each.name: each for each in one.result.recordings if each.status != FITTED}
     for each in left_out.values():
         print(f'{Path(each.name).relative_to(folder)} {each.status}: {each.reason[:120]}')
+    named = sorted(left_out) == sorted(odd)
+    print(f'left out {len(left_out)}, those of the fleet that do not belong to it: {named}')
     if args.report:
         write_fleet_report(args.report, one.result)
-    killed = Measured(RayEngine(jobs=2), worker_killer())
-    worst = _compared('Ray, two workers, one killed', killed, sources, one.result)
+    again = timed(
+        Measured(LocalEngine(1)), find([str(folder), _one_more(args, folder)], GROUP), cache
+    )
+    _describe('one more bag', again)
+    share = again.cpu_s / one.cpu_s
+    print(
+        f'one more bag takes {share:.3f} of the CPU time, {again.elapsed_s / one.elapsed_s:.3f} '
+        f'of the elapsed; {again.engine.items} tasks',
+        flush=True,
+    )
+    killed = timed(Measured(RayEngine(jobs=2), worker_killer()), sources)
+    two, one_worker = (
+        timed(Measured(RayEngine(jobs=jobs)), sources, PlacementsAlone(cache)) for jobs in (2, 1)
+    )
+    worst = 0.0
+    runs = {'two workers, one killed': killed, 'two workers': two, 'one worker': one_worker}
+    for name, run in runs.items():
+        _describe(f'Ray, {name}', run)
+        found = difference(one.result, run.result)
+        worst = max(worst, found)
+        print(f'largest relative difference of parameters to one process {found:.1e}', flush=True)
+    speed_up = one_worker.passes_s / two.passes_s
+    print(f'the passes with two workers are {speed_up:.2f} times as fast as with one')
+    _extrapolate(one, again, len(sources))
+    return 0 if named and worst <= 1e-9 and share < 0.1 else 1
+
+
+def _one_more(args: argparse.Namespace, folder: Path) -> str:
+    """Write one more bag of the first robot, and return its path."""
     more = folder.parent / 'more' / 'robot00' / 'run99'
     if not more.exists():
         rng = np.random.default_rng(0)
         arm = panda(args.joints)
-        arm.with_wrong_masses(0.5, 0.05, rng)  # the same draws as above
+        arm.with_wrong_masses(0.5, 0.05, rng)  # the same draws as in write_fleet
         write_run(more, arm, _friction(args.joints, rng), 999)
-    again = timed(Measured(LocalEngine(1)), find([str(folder), str(more)], GROUP), cache)
-    _describe('one more bag', again, len(sources) + 1)
-    share = again.seconds / one.seconds
-    print(f'one more bag takes {share:.3f} of the time; {again.engine.items} tasks', flush=True)
-    for jobs in (1, 2):
-        name = f'Ray, workers: {jobs}'
-        worst = max(worst, _compared(name, Measured(RayEngine(jobs=jobs)), sources, one.result))
-    named = sorted(left_out) == sorted(odd)
-    print(f'left out {len(left_out)}, those of the fleet that do not belong to it: {named}')
-    return 0 if named and worst <= 1e-9 and share < 0.1 else 1
+    return str(more)
 
 
-def _compared(
-    name: str, engine: Measured, sources: Sequence[StoredRecording], reference: FleetResult
-) -> float:
-    run = timed(engine, sources)
-    _describe(name, run, len(sources))
-    found = difference(reference, run.result)
-    print(f'largest relative difference of parameters to one process {found:.1e}', flush=True)
-    return found
-
-
-def _describe(name: str, run: Run, count: int) -> None:
-    stages = ', '.join(f'{stage} {seconds:.1f} s' for stage, seconds in run.stages.items())
-    fitted = sum(each.status == FITTED for each in run.result.recordings)
-    passes = [run.stages.get(stage, 0.0) for stage in (SURVEY, STATISTICS)]
+def _extrapolate(one: Run, again: Run, count: int) -> None:
+    """Print the costs of 1000 recordings, from those of a recording and of the solution."""
+    each = one.passes_cpu_s / count
+    solution = (again.cpu_s - again.passes_cpu_s) * MANY / count
+    placements = one.cpu_s - one.passes_cpu_s - solution * count / MANY
+    moved = MANY * one.engine.total / count
     print(
-        f'{name}: {run.seconds:.1f} s, {fitted} of {count} fitted ({stages}); '
-        f'{1e3 * sum(passes) / count:.0f} ms per recording; results {run.engine.largest} bytes at '
-        f'most, {run.engine.total / max(count, 1):.0f} per recording',
+        f'{MANY} recordings, on paper: {MANY * each:.1f} s of CPU time for the passes, shared by '
+        f'all workers; {placements:.1f} s for placements, {solution:.1f} s at most for the sum '
+        f'and its solution; {moved / 1e6:.0f} MB moved'
+    )
+    for workers in (1, 10, 100):
+        whole = MANY * each / workers + placements + solution
+        print(f'with {workers} workers {whole:.0f} s')
+
+
+def _describe(name: str, run: Run) -> None:
+    count = len(run.result.recordings)
+    stages = ', '.join(f'{stage} {seconds:.1f}' for stage, seconds in run.stages_s.items())
+    fitted = sum(each.status == FITTED for each in run.result.recordings)
+    print(
+        f'{name}: {run.cpu_s:.1f} s of CPU time of the driver, {run.elapsed_s:.1f} s elapsed '
+        f'({stages}); {fitted} of {count} fitted; {1e3 * run.passes_s / count:.0f} ms per '
+        f'recording; results {run.engine.largest} bytes at most, '
+        f'{run.engine.total / max(count, 1):.0f} per recording',
         flush=True,
     )

@@ -20,6 +20,10 @@ class SourceError(LipIdError):
     """A recording cannot be read, or holds no usable joint samples."""
 
 
+class TransferError(SourceError):
+    """A remote recording could not be copied; another attempt may succeed."""
+
+
 class DataError(LipIdError):
     """A data set contradicts itself or does not suffice for what is asked of it."""
 

@@ -72,7 +72,6 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.files import write_or_rescue
     from lip_id_ros.fleet.cache import default_folder, FolderCache
     from lip_id_ros.fleet.fit import fit_fleet
-    from lip_id_ros.fleet.report import is_report, write_fleet_report
     from lip_id_ros.fleet.sources import find
     from lip_id_ros.model.checked_file import is_model
     from lip_id_ros.settings import AUTO
@@ -80,7 +79,7 @@ def run(args: argparse.Namespace) -> None:
     _check(args)
     inputs = [*args.sources, *filter(None, (args.config, args.urdf))]
     output.check_file(args.output, inputs, is_model, 'a model', args.force)
-    output.check_file(args.report, inputs, is_report, 'a report', args.force)
+    output.check_file(args.report, inputs, _is_report, 'a report', args.force)
     config = models.fit_config(args)
     if config.preprocessing.cutoff_hz == AUTO:
         raise ConfigError(
@@ -96,12 +95,20 @@ def run(args: argparse.Namespace) -> None:
     _show(result, console)
     show_lines(models.cautions(result.model), console)
     if args.report is not None:
+        from lip_id_ros.fleet.report import write_fleet_report  # brings matplotlib
+
         write_fleet_report(output.destination(args.report), result, Path(args.output).name)
         show_lines([f'Report: {args.report}'], console)
     show_lines([UNSEEN], console)
     if rescue is not None:
         raise LipIdError(rescue)
     show_lines([f'Written: {args.output}'], console)
+
+
+def _is_report(path: Path) -> bool:
+    from lip_id_ros.fleet.report import is_report
+
+    return is_report(path)
 
 
 def _check(args: argparse.Namespace) -> None:

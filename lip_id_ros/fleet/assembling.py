@@ -10,22 +10,27 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.cautions import with_checks
 from lip_id_ros.fleet.placements import chosen, PlacedArm
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.solution import Solution
 from lip_id_ros.fleet.survey import merged
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import ArmState
 from lip_id_ros.identification.identify import prediction_noise
-from lip_id_ros.identification.remainder_election import elect_remainder
+from lip_id_ros.identification.remainder_election import (
+    Choice,
+    conditioned_remainder,
+    elect_processes,
+    Errors,
+)
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.effort_calibration import effort_calibrations
+from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.rigid_body.pseudo_inertia import log_cholesky
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
@@ -39,10 +44,42 @@ SMALLEST = 1e-300
 """Least coefficient of friction that has a logarithm."""
 
 
+def with_processes(
+    placed: PlacedArm,
+    solution: Solution,
+    surveys: Sequence[Survey],
+    described: Described | None = None,
+) -> PlacedArm:
+    """
+    Elect the joints that have a Gaussian process beside links and friction, or instead of them.
+
+    Parameters
+    ----------
+    placed : PlacedArm
+    solution : Solution
+        Of the reservoirs.
+    surveys : sequence of Survey
+    described : tuple of RobotDescription and DescriptionSettings, optional
+
+    """
+    excluded = dict(placed.excluded)
+    fitter = _measured(placed, [each for each in surveys if each.key not in excluded], described)
+    return replace(
+        placed,
+        processes=tuple(
+            (each.replaces, tuple(each.lengths.tolist()), each.noise, each.errors.block_std)
+            if each
+            else ()
+            for each in elect_processes(fitter, _fit(placed, solution, fitter.prior))
+        ),
+    )
+
+
 def model_of(
     placed: PlacedArm,
     solution: Solution,
     surveys: Sequence[Survey],
+    fitter: ArmFitter,
     described: Described | None = None,
 ) -> InverseDynamicsModel:
     """
@@ -54,17 +91,22 @@ def model_of(
     solution : Solution
     surveys : sequence of Survey
         Of the recordings in the fit.
+    fitter : ArmFitter
+        To the samples of the first pass.
     described : tuple of RobotDescription and DescriptionSettings, optional
         That the first pass had.
 
     """
-    fitter = ArmFitter(placed.dataset, described)
     fit = _fit(placed, solution, fitter.prior)
+    remainder = _remainder(placed, solution, surveys, described)
     noise = replace(fit.noise, std=solution.noise_std)
-    arm = ArmPosterior(fit.chain, fit.links, fit.friction, noise, _root(placed, solution))
-    # of a recording that is not known, whose friction deviates: torques are as they were measured
-    remainder = elect_remainder(ArmFitter(_measured(placed, surveys), described), fit)
-    arm = replace(arm, noise=prediction_noise(fitter, fit, noise, remainder))
+    arm = ArmPosterior(
+        fit.chain,
+        fit.links,
+        fit.friction,
+        prediction_noise(fitter.thinned(MOST_SAMPLES), fit, noise, remainder),
+        _root(placed, solution),
+    )
     arm = compacted(arm, _ranges(placed, surveys))
     report = json.loads(placed.report) | {
         'unexplained_left_out': (solution.left_out / fitter.torque_std**2).tolist(),
@@ -78,14 +120,42 @@ def model_of(
     return with_checks(_assembled(placed, surveys, arm, remainder, report), placed.dataset)
 
 
-def _measured(placed: PlacedArm, surveys: Sequence[Survey]) -> Dataset:
-    """Return reservoirs of some recordings of the fit."""
+def _remainder(
+    placed: PlacedArm,
+    solution: Solution,
+    surveys: Sequence[Survey],
+    described: Described | None,
+) -> Remainder | None:
+    """Return the elected processes, conditioned on what links and friction leave."""
+    if not any(placed.processes):
+        return None
+    choices: list[Choice | None] = []
+    for each in placed.processes:
+        if not each:
+            choices.append(None)
+            continue
+        replaces, lengths, noise, block_std = each
+        errors = Errors(np.zeros(0), block_std, np.nan)
+        choices.append(Choice(replaces, np.array(lengths), noise, errors))
+    fitter = _measured(placed, surveys, described)
+    return conditioned_remainder(fitter, _fit(placed, solution, fitter.prior), choices)
+
+
+def _measured(
+    placed: PlacedArm, surveys: Sequence[Survey], described: Described | None
+) -> ArmFitter:
+    """
+    Return a fitter to reservoirs of some recordings with the torques as they were measured.
+
+    Predictions are for a recording that is not known, whose friction deviates.
+
+    """
     data = merged(chosen(surveys), placed.joint_names)
-    return data.select(np.flatnonzero(plausible(data)))
+    return ArmFitter(data.select(np.flatnonzero(plausible(data))), described)
 
 
 def _fit(placed: PlacedArm, solution: Solution, prior: ArmPrior) -> ArmFit:
-    """Return the fit of the first pass with the parameters of the second."""
+    """Return the fit of the first pass with given parameters, in the scales of a prior."""
     regression = placed.regression
     basis = regression.friction.basis
     numbers = log_cholesky(solution.links, prior.scale, EXISTS)

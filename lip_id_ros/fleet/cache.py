@@ -1,8 +1,8 @@
-"""What earlier fits of fleets found, by content, settings and code."""
+"""Results of earlier fits to fleets, by content, settings and code."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 import functools
@@ -11,12 +11,10 @@ import logging
 import os
 from pathlib import Path
 import time
-from typing import Any
 
-from lip_id_ros.errors import SourceError
-from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.files import write_whole
 
-SUFFIX = '.npz'
+CHECKSUM_BYTES = 16
 MADE_BY = (
     *('arrays.py', 'csv_table.py', 'files.py', 'joint_types.py', 'linear_algebra.py', 'dataset'),
     *('description', 'evaluation', 'fleet', 'friction', 'gp', 'health', 'identification'),
@@ -29,7 +27,7 @@ _LOG = logging.getLogger(__name__)
 
 class FolderCache:
     """
-    Named arrays in files of a folder; any number of fits may use it at once.
+    Bytes in files of a folder; any number of fits may use it at once.
 
     An entry is written whole or not at all; a damaged one is removed and counts as absent. Where
     the folder cannot be written, a warning is logged and the fit goes on.
@@ -45,33 +43,37 @@ class FolderCache:
         self._folder = Path(folder) / code_version()
         self._has_failed = False
 
-    def get(self, key: str) -> Mapping[str, Any] | None:
-        """Return the arrays of a key (hexadecimal digits); None where there are none."""
+    def get(self, key: str) -> bytes | None:
+        """Return the bytes of a key (hexadecimal digits, dot, kind); None where there are none."""
         path = self._path(key)
         try:
-            arrays, _ = read_npz(path)
+            content = path.read_bytes()
             os.utime(path)  # when it was last of use
-        except FileNotFoundError:
+        except OSError:
             return None
-        except (ValueError, OSError, SourceError):
-            with suppress(OSError):
-                path.unlink()
-            return None
-        return arrays
+        if content[:CHECKSUM_BYTES] == _checksum(content[CHECKSUM_BYTES:]):
+            return content[CHECKSUM_BYTES:]
+        with suppress(OSError):
+            path.unlink()
+        return None
 
-    def put(self, key: str, arrays: Mapping[str, Any]) -> None:
-        """Keep arrays under a key."""
+    def __setitem__(self, key: str, content: bytes) -> None:
+        """Keep bytes under a key."""
         path = self._path(key)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_npz(path, arrays, {})
+            write_whole(path, _checksum(content) + content)
         except OSError as error:
             if not self._has_failed:
                 _LOG.warning('results are not kept, since %s cannot be written: %s', path, error)
             self._has_failed = True
 
     def _path(self, key: str) -> Path:
-        return self._folder / key[:2] / f'{key}{SUFFIX}'
+        return self._folder / key[:2] / key
+
+
+def _checksum(content: bytes) -> bytes:
+    return hashlib.blake2b(content, digest_size=CHECKSUM_BYTES).digest()
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,8 @@ class Entry:
     Attributes
     ----------
     path : Path
+    kind : str
+        Of the result.
     size : int
         [bytes]
     used : float
@@ -92,6 +96,7 @@ class Entry:
     """
 
     path: Path
+    kind: str
     size: int
     used: float
     is_current: bool
@@ -100,11 +105,12 @@ class Entry:
 def entries(folder: str | os.PathLike[str]) -> Iterator[Entry]:
     """Yield the entries of a cache; those that others remove meanwhile are left out."""
     version = code_version()
-    for path in sorted(Path(folder).glob(f'*/??/*{SUFFIX}')):
+    for path in sorted(Path(folder).glob('*/??/[0-9a-f]*.*')):
         with suppress(FileNotFoundError):
             status = path.stat()
             is_current = path.parts[-3] == version
-            yield Entry(path, status.st_size, status.st_mtime, is_current)
+            kind = path.suffix.removeprefix('.')
+            yield Entry(path, kind, status.st_size, status.st_mtime, is_current)
 
 
 def prune(some: Sequence[Entry]) -> int:

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from threadpoolctl import threadpool_limits
 
-from lip_id_ros.errors import ConfigError, LipIdError
+from lip_id_ros.errors import ConfigError, LipIdError, TransferError
 from lip_id_ros.progress import Progress
 
 ATTEMPTS = 3
@@ -40,19 +40,22 @@ Finish = Callable[[int, 'Outcome'], None]
 @dataclass(frozen=True)
 class Outcome:
     """
-    What came of one item.
+    Result of one item.
 
     Attributes
     ----------
     value : object
-        Result of the function; None where it failed.
+        Of the function; None where it failed.
     reason : str
         Why it failed; empty where it did not.
+    is_final : bool
+        Whether it would fail again in the same way: the item itself is refused.
 
     """
 
     value: Any
     reason: str = ''
+    is_final: bool = False
 
 
 class Engine(AbstractContextManager['Engine'], Protocol):
@@ -285,13 +288,14 @@ def attempt(function: Function, item: Any) -> Outcome:
     try:
         return Outcome(function(item))
     except (LipIdError, OSError) as error:
-        return Outcome(None, ' '.join(str(error).split()) or type(error).__name__)
+        is_final = isinstance(error, LipIdError) and not isinstance(error, TransferError)
+        return Outcome(None, ' '.join(str(error).split()) or type(error).__name__, is_final)
     except Exception as error:  # whatever a poisoned recording makes a library raise
         return Outcome(None, ' '.join(f'{type(error).__name__}: {error}'.split()))
 
 
 class _Results:
-    """Outcomes by number, and who wants to know of them."""
+    """Outcomes by number; reports each as it arrives."""
 
     def __init__(self, count: int, progress: Progress, keep: Keep) -> None:
         self.outcomes = [Outcome(None)] * count

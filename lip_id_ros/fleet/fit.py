@@ -12,9 +12,9 @@ from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, DataError
-from lip_id_ros.fleet.assembling import model_of
+from lip_id_ros.fleet.assembling import model_of, with_processes
 from lip_id_ros.fleet.engines import Engine
-from lip_id_ros.fleet.passes import Cache, digest, NoCache, Passes, Source
+from lip_id_ros.fleet.passes import Cache, digest, Passes, Source
 from lip_id_ros.fleet.placements import chosen, contradictions, place, PlacedArm
 from lip_id_ros.fleet.recording_statistics import Regression, statistics_of_source
 from lip_id_ros.fleet.results import (
@@ -34,18 +34,23 @@ from lip_id_ros.identification.arm_fit import ArmFitter, Described
 from lip_id_ros.identification.fitting import described_arm
 from lip_id_ros.identification.identify import LEAST_SAMPLES_PER_JOINT
 from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import Config
 
 SURVEY, STATISTICS = 'recordings read', 'statistics of recordings'
+ONCE_MORE = 'statistics, new loads'
 """Stages of progress, one per pass."""
 
 EXCLUSIONS = 5
 """Most starts of the solution while recordings are found to contradict the fleet."""
 
-LOAD_CHANGE = 0.01
-"""Change of the loads, as a share of them, from which statistics are gathered once more."""
+LOAD_CHANGE, LOAD_SAMPLES = 0.01, 1000
+"""
+Change of the loads, as a share of them, from which statistics are gathered once more, and the
+samples that it is measured with.
+"""
 
 
 def fit_fleet(
@@ -83,7 +88,9 @@ def fit_fleet(
             'the kernel out, or fit single recordings.'
         )
     with threadpool_limits(1):
-        return _Fit(sources, config, Passes(engine, cache or NoCache(), progress)).result()
+        return _Fit(
+            sources, config, Passes(engine, {} if cache is None else cache, progress)
+        ).result()
 
 
 class _Fit:
@@ -101,15 +108,16 @@ class _Fit:
         started = time.monotonic()
         surveys = self._surveyed()
         placed, described = self._placed(list(surveys.values()))
-        sizes = placed.sizes(ArmFitter(placed.dataset, described))
+        fitter = ArmFitter(placed.dataset, described)
+        sizes = placed.sizes(fitter)
         self._contradicting = dict(placed.excluded)
         regression = placed.regression
-        solution, kept = self._solved(surveys, regression, sizes)
+        solution, kept = self._solved(surveys, regression, sizes, STATISTICS)
         if self._loads_changed(placed, solution):
             friction = replace(regression.friction, coefficients=solution.friction)
             regression = replace(regression, links=solution.links, friction=friction)
-            solution, kept = self._solved(surveys, regression, sizes)
-        model = model_of(placed, solution, kept, described)
+            solution, kept = self._solved(surveys, regression, sizes, ONCE_MORE)
+        model = model_of(placed, solution, kept, fitter, described)
         seconds = round(time.monotonic() - started, 3)
         basis = regression.friction.basis
         return FleetResult(
@@ -157,15 +165,16 @@ class _Fit:
         some = [(each.key, each.group) for each in chosen(surveys)]
         key = digest('placements', self._settings, some, names, settings, content)
         if (placed := self._passes.restored(PlacedArm, key)) is None:
-            placed = place(surveys, names, settings, described, self._passes.progress)
-            self._passes.cache.put(key, placed.to_arrays())
+            placed, solution = place(surveys, names, settings, described, self._passes.progress)
+            placed = with_processes(placed, solution, surveys, described)
+            self._passes.keep(key, placed)
         return placed, described
 
     def _solved(
-        self, surveys: dict[int, Survey], regression: Regression, sizes: Sizes
+        self, surveys: dict[int, Survey], regression: Regression, sizes: Sizes, stage: str
     ) -> tuple[Solution, list[Survey]]:
         """Gather statistics, and solve without the recordings that contradict the fleet."""
-        gathered = self._gathered(surveys, regression)
+        gathered = self._gathered(surveys, regression, stage)
         if not gathered:
             raise DataError(
                 'at least one recording that can be read twice was expected, but there is none; '
@@ -194,7 +203,7 @@ class _Fit:
         return solution, [each for each, is_kept in zip(every, kept, strict=True) if is_kept]
 
     def _gathered(
-        self, surveys: dict[int, Survey], regression: Regression
+        self, surveys: dict[int, Survey], regression: Regression, stage: str
     ) -> dict[int, RecordingStatistics]:
         """Return the statistics of recordings in the order of their keys."""
         numbers = list(surveys)
@@ -202,15 +211,16 @@ class _Fit:
         keys = [digest(*what, self._sources[k].fingerprint) for k in numbers]
         items = [(self._sources[k], surveys[k].key) for k in numbers]
         function = partial(_statistics, regression=regression, config=self._config)
-        found, failed = self._passes.run(RecordingStatistics, function, items, keys, STATISTICS)
+        found, failed = self._passes.run(RecordingStatistics, function, items, keys, stage)
         self._reasons |= {numbers[k]: (FAILED, reason) for k, reason in failed.items()}
         return {number: found[k] for k, number in enumerate(numbers) if k in found}
 
     @staticmethod
     def _loads_changed(placed: PlacedArm, solution: Solution) -> bool:
-        regression, data = placed.regression, placed.dataset
+        regression = placed.regression
         if not regression.friction.basis.is_loaded.any():
             return False
+        data = placed.dataset.select(evenly(placed.dataset.n_samples, LOAD_SAMPLES))
         before = links_torque(regression.chain, regression.links, data)
         after = links_torque(regression.chain, solution.links, data)
         size = np.sqrt(np.mean(before**2, axis=0))

@@ -2,26 +2,32 @@
 Friction that differs between robots and between recordings of a robot: nested random effects.
 
 Coefficients of recording r of robot g are c + u_g + v_r. The deviations of u and v are those of
-restricted maximum likelihood (Patterson and Thompson, Biometrika 1971), found by expectation
-maximisation (Laird and Ware, Biometrics 1982; docs/maths.md, section 14).
+restricted maximum likelihood (Patterson and Thompson, Biometrika 1971), found by Newton steps
+with the average information (Gilmour, Thompson and Cullis, Biometrics 1995; docs/maths.md, 14).
 
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 
-ROUNDS, TOLERANCE = 500, 1e-5
-"""Most rounds, and the relative change of deviations at which they end."""
+ROUNDS, TOLERANCE = 200, 1e-11
+"""Most Newton steps, and the relative change of deviations at which they end."""
 
-LEAST = 1e-6
-"""Least deviation, as a share of the first one: a deviation of zero would stay there."""
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-8, 1e12
+"""Of the steps, in diagonals of the average information."""
+
+ROUNDING = 1e-9
+"""Loss of log likelihood that counts as none."""
+
+RANK = 1e-13
+"""Least eigenvalue of a precision, as a share of the largest, that counts as information."""
 
 LEAST_GROUPS = 3
 """With fewer recordings, or robots, no deviations between them are estimated."""
@@ -39,7 +45,7 @@ class Effects:
     mean : array, shape (R, k)
         Posterior means of u_g + v_r.
     std : array, shape (R, k)
-        Their standard deviations.
+        Standard deviations of c + u_g + v_r.
     centre : array, shape (k,)
         Change of c that restricted maximum likelihood makes.
 
@@ -77,228 +83,265 @@ class NestedEffects:
         count, n_groups = len(self.normal), int(self.group.max()) + 1
         nested = LEAST_GROUPS <= n_groups < count
         first = start**2 * np.array([[count >= LEAST_GROUPS], [nested]])
-        components = self._components(start)
-        std = np.sqrt(_maximised(self, components, first))
-        parts = [(some, self._part(some).given(*std[:, some])) for some in components]
-        return _joined(parts, start.size)
-
-    def _components(self, start: Array) -> list[IndexArray]:
-        """Return the coefficients that depend on each other, those of one joint as a rule."""
-        _, label = connected_components(np.abs(self.normal).sum(axis=0) > 0.0, directed=False)
-        varying_first = np.argsort(start == 0.0, kind='stable')
-        return [varying_first[label[varying_first] == k] for k in range(int(label.max()) + 1)]
-
-    def _part(self, some: IndexArray) -> NestedEffects:
-        """Return the normal equations of some coefficients, which no other depends on."""
-        normal = self.normal[:, some[:, None], some]
-        return replace(self, normal=normal, right=self.right[:, some])
+        stack = _Stack.of(self, start > 0.0)
+        return stack.effects(_maximised(stack, stack.of_components(first)))
 
     def given(self, recordings: Array, groups: Array) -> Effects:
         """Return the effects for given deviations, shapes (k,); zeros are no effects."""
-        step = _Posterior(self, recordings**2, groups**2)
-        return Effects(recordings, groups, *step.totals(), step.centre)
+        stack = _Stack.of(self, recordings + groups > 0.0)
+        return stack.effects(stack.at(stack.of_components(np.stack([recordings, groups]) ** 2)))
 
     def about_fleet(self, deviations: Array) -> Effects:
         """Return the effects of recordings alone about the coefficients c, which stay."""
-        covariance = _covariance(self.normal, deviations**2)
+        scaled = self.normal * deviations[:, None] * deviations
+        inverse = np.linalg.inv(np.eye(len(deviations)) + scaled)
+        covariance = inverse * deviations[:, None] * deviations
         mean = np.einsum('rij,rj->ri', covariance, self.right)
-        variance = np.diagonal(covariance, axis1=1, axis2=2)
+        std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         zero = np.zeros_like(deviations)
-        return Effects(deviations, zero, mean, np.sqrt(variance), zero)
-
-
-def _maximised(effects: NestedEffects, components: Sequence[IndexArray], first: Array) -> Array:
-    """
-    Maximise the restricted likelihood by expectation maximisation, all components at once.
-
-    Parameters
-    ----------
-    effects : NestedEffects
-    components : sequence of index arrays
-        Coefficients that depend on each other, those that vary first.
-    first : array, shape (2, k)
-        Variances between recordings and between groups to begin with; zeros stay zero.
-
-    Returns
-    -------
-    array, shape (2, k)
-        Variances.
-
-    """
-    size = first.shape[1]
-    table = np.full((len(components), max(map(len, components))), size)  # size: no coefficient
-    for row, some in zip(table, components, strict=True):
-        row[: some.size] = some
-    variances = np.column_stack([first, np.zeros(2)])
-    floor = LEAST**2 * variances
-    n_varying = int(np.sum(variances.any(axis=0)[table], axis=1).max())
-    expectation = _Expectation.of(effects, table, n_varying)
-    for _ in range(ROUNDS if first.any() else 0):
-        before, least = variances[:, table], floor[:, table]
-        after = np.maximum(expectation.squares(*np.moveaxis(before, 2, 1)), least)
-        variances[:, table] = after
-        moves = np.abs(after - before) > TOLERANCE * np.maximum(before, least)
-        moving = moves.any(axis=(0, 2))
-        if not moving.all():
-            table, expectation = table[moving], expectation.select(moving)
-        if not moving.any():
-            break
-    return variances[:, :size]
+        return Effects(deviations, zero, mean, std, zero)
 
 
 @dataclass(frozen=True, eq=False)
-class _Expectation:
+class _Stack:
     """
-    Mean squares of the effects for given variances, of stacked components.
+    Normal equations of coefficients that depend on each other, those of one joint as a rule.
 
-    An effect with variance d and design Z has the posterior mean d Z^T P r and the variance
-    d - d^2 Z^T P Z, where P is the weight of residuals whose mean is estimated too (Robinson,
-    Statistical Science 1991). Effects are integrated out one by one: a change of rank one.
-
-    Attributes
-    ----------
-    systems : array, shape (k, k + 1, C, R)
-        Normal equations of C components, recordings sorted by robot.
-    n_varying : int
-        The first coefficients are those that vary.
-    group : int array, shape (R,)
-        Sorted.
+    `systems`, shape (k, k + 1, C, R), has those of C components, recordings sorted by robot. Row
+    j of component c is coefficient `table[j, c]`; those that vary come first, `size` means none.
 
     """
 
     systems: Array
+    table: IndexArray
     n_varying: int
+    order: IndexArray
     group: IntArray
+    size: int
 
     @classmethod
-    def of(cls, effects: NestedEffects, table: IndexArray, n_varying: int) -> _Expectation:
-        """Stack components, whose coefficients are rows of a table; k stands for none."""
-        order = np.argsort(effects.group, kind='stable')
+    def of(cls, effects: NestedEffects, varies: BoolArray) -> _Stack:
+        """Stack the components of some normal equations."""
+        order, size = np.argsort(effects.group, kind='stable'), varies.size
         normal = np.pad(effects.normal[order], ((0, 0), (0, 1), (0, 1)))
         right = np.pad(effects.right[order], ((0, 0), (0, 1)))
+        count, label = connected_components(np.abs(normal).sum(axis=0) > 0.0, directed=False)
+        varies = np.append(varies, False)
+        first = np.argsort(~varies, kind='stable')
+        components = [first[label[first] == k] for k in range(count)]
+        most = max(map(len, components))
+        table = np.array([np.pad(c, (0, most - c.size), constant_values=size) for c in components])
+        n_varying = max(1, int(np.sum(varies[table], axis=1).max()))
         square = normal[:, table[:, :, None], table[:, None, :]]
         whole = np.concatenate([square, right[:, table][..., None]], axis=3)
         systems = np.ascontiguousarray(whole.transpose(2, 3, 1, 0))
-        return cls(systems, n_varying, effects.group[order])
+        return cls(systems, table.T, n_varying, order, effects.group[order], size)
 
-    def select(self, some: BoolArray) -> _Expectation:
-        """Return some of the components."""
-        return replace(self, systems=np.ascontiguousarray(self.systems[:, :, some]))
+    def of_components(self, values: Array) -> Array:
+        """Return values of coefficients, shape (..., k), of what varies, shape (..., V, C)."""
+        padded = np.append(values, np.zeros((*values.shape[:-1], 1)), axis=-1)
+        return np.asarray(padded[..., self.table[: self.n_varying]])
 
-    def squares(self, recordings: Array, groups: Array) -> Array:
-        """
-        Return mean expected squares of v and of u.
+    def at(self, variances: Array, systems: Array | None = None) -> _Posterior:
+        """Integrate out effects of recordings, those of robots, and c; variances (2, V, C)."""
+        whole = self.systems if systems is None else systems
+        starts = np.flatnonzero(np.diff(self.group, prepend=-1))
+        recordings, first = _integrated(whole, variances[0])
+        groups, second = _integrated(np.add.reduceat(recordings, starts, axis=3), variances[1])
+        whole = groups.sum(axis=3)
+        covariance, third = _inverted(whole[:, : len(whole)])
+        centre = _product(covariance, whole[:, len(whole) :])[..., None]
+        above = _Level(groups, variances[1], centre)
+        own = _Level(recordings, variances[0], above.mean[..., self.group])
+        return _Posterior(
+            self, variances, own, above, covariance[..., None], first + second + third
+        )
 
-        Parameters
-        ----------
-        recordings, groups : arrays, shape (k, C)
-            Variances.
+    def effects(self, found: _Posterior) -> Effects:
+        """Put the effects of all components together, recordings in their own order."""
+        last, centre = found.recordings, found.groups.above[:, 0]
+        spread = last.spread(found.covariance_of_groups[..., self.group])
+        mean, variance = np.zeros((2, self.order.size, self.size + 1))
+        middle, within, between = np.zeros((3, self.size + 1))
+        rows = self.order[:, None, None]
+        mean[rows, self.table] = np.moveaxis(last.mean[:, 0] - centre, -1, 0)
+        variance[rows, self.table] = np.einsum('kkcr->rkc', spread)
+        middle[self.table] = centre[..., 0]
+        varying = self.table[: self.n_varying]
+        within[varying], between[varying] = np.sqrt(found.variances)
+        std = np.sqrt(np.maximum(variance[:, :-1], 0.0))
+        return Effects(within[:-1], between[:-1], mean[:, :-1], std, middle[:-1])
 
-        Returns
-        -------
-        array, shape (2, C, k)
 
-        """
-        first = np.flatnonzero(np.diff(self.group, prepend=-1))
-        own = self._integrated(self.systems, recordings)
-        between = self._integrated(np.add.reduceat(own, first, axis=3), groups)
-        whole = between.sum(axis=3)
-        covariance = np.linalg.pinv(whole[:, :-1].transpose(2, 0, 1), hermitian=True)
-        covariance = np.ascontiguousarray(covariance.transpose(1, 2, 0))[..., None]  # of c
-        centre = np.sum(covariance * whole[:, -1, :, None], axis=1)
-        u, u_squares = self._posterior(between, groups, centre, covariance)
-        d, identity = groups[:, :, None], np.eye(len(groups))[..., None, None]
-        rest = identity - d[:, None] * between[:, :-1]
-        error = _product(rest, _product(covariance, rest.swapaxes(0, 1)) + identity * d)
-        at = self.group
-        _, v_squares = self._posterior(own, recordings, (centre + u)[..., at], error[..., at])
-        return np.stack([v_squares.T, u_squares.T])
+@dataclass(frozen=True, eq=False)
+class _Level:
+    """
+    Effects of recordings, or of robots, about a mean that is estimated above.
 
-    def _integrated(self, systems: Array, variances: Array) -> Array:
-        """Return the normal equations of a mean whose random effects are integrated out."""
-        out = systems.copy()
-        for k in range(self.n_varying):
-            d = variances[k, :, None]
-            row = out[k] / (1.0 + d * out[k, k])
-            out -= (d * out[:, k])[:, None] * row
-            out[k], out[:, k] = row, row[:-1]
-        return out
+    An effect with variance d and design Z has the posterior mean d Z^T P r and the variance
+    d - d^2 Z^T P Z, where P is the weight of residuals whose mean is estimated too (Robinson,
+    Statistical Science 1991). `systems`, shape (k, k + m, C, N), are normal equations of the mean
+    for m right sides, effects integrated out; `above`, shape (k, m, C, N or 1), is that mean.
 
-    def _posterior(
-        self, systems: Array, variances: Array, mean: Array, covariance: Array
-    ) -> tuple[Array, Array]:
-        """Return effects about a mean that is known by its covariance, and their mean squares."""
-        some = slice(self.n_varying)
-        d, weight = variances[some, :, None], systems[some, :-1]
-        score = systems[some, -1] - np.sum(weight * mean, axis=1)
+    """
+
+    systems: Array
+    variances: Array
+    above: Array
+
+    @cached_property
+    def score(self) -> Array:
+        """Z^T P r of each effect, shape (V, m, C, N)."""
+        n, k = len(self.variances), len(self.systems)
+        weight, right = self.systems[:n, :k], self.systems[:n, k:]
+        return np.asarray(right - _product(weight, self.above))
+
+    @cached_property
+    def mean(self) -> Array:
+        """Posterior mean of mean and effect, shape (k, m, C, N)."""
+        shape = *self.above.shape[:3], self.systems.shape[3]
+        mean = np.array(np.broadcast_to(self.above, shape))
+        mean[: len(self.variances)] += self.variances[:, None, :, None] * self.score
+        return mean
+
+    def slope(self, covariance: Array) -> Array:
+        """Differentiate the log likelihood by variances, (V, C), given the mean's covariance."""
+        weight = self.systems[: len(self.variances), : len(self.systems)]
         unknown = np.sum(_product(weight, covariance) * weight, axis=1)
-        own = np.moveaxis(np.diagonal(weight), -1, 0)
-        effects = np.zeros((len(variances), *score.shape[1:]))
-        squares = np.zeros_like(variances)
-        effects[some] = d * score
-        squares[some] = np.mean(d + d**2 * (score**2 - own + unknown), axis=2)
-        return effects, squares
+        own = np.einsum('kkcr->kcr', weight[:, : len(weight)])
+        return np.asarray(0.5 * np.sum(self.score[:, 0] ** 2 - own + unknown, axis=2))
+
+    def spread(self, covariance: Array) -> Array:
+        """Return the covariance of mean and effect, (k, k, C, N), given the mean's."""
+        k, n = len(self.systems), len(self.variances)
+        variances = np.zeros((k, *self.variances.shape[1:], 1))
+        variances[:n, :, 0] = self.variances
+        identity = np.eye(k)[..., None, None]
+        rest = identity - variances[:, None] * self.systems[:, :k]
+        inner = _product(covariance, rest.swapaxes(0, 1)) + identity * variances
+        return _product(rest, inner)
+
+
+@dataclass(frozen=True, eq=False)
+class _Posterior:
+    """Effects for variances (2, V, C), covariance of c (k, k, C, 1), log determinants (C,)."""
+
+    stack: _Stack
+    variances: Array
+    recordings: _Level
+    groups: _Level
+    covariance: Array
+    log_determinants: Array
+
+    @cached_property
+    def covariance_of_groups(self) -> Array:
+        """Of c + u, shape (k, k, C, G)."""
+        return self.groups.spread(self.covariance)
+
+    @cached_property
+    def likelihood(self) -> Array:
+        """Restricted log likelihood of each component up to a constant, shape (C,)."""
+        right, mean = self.stack.systems[:, -1], self.recordings.mean[:, 0]
+        return np.asarray(0.5 * (np.sum(right * mean, axis=(0, 2)) - self.log_determinants))
+
+    def step(self, damping: Array, varies: BoolArray) -> Array:
+        """Return a Newton step of the variances that are not held at zero, shape (2, V, C)."""
+        above = self.covariance_of_groups[..., self.stack.group]
+        slope = np.stack([self.recordings.slope(above), self.groups.slope(self.covariance)])
+        is_free = varies & ((self.variances > 0.0) | (slope > 0.0))
+        free = is_free.reshape(-1, is_free.shape[2]).T
+        matrix = self._average_information() * free[:, :, None] * free[:, None]
+        diagonal = np.einsum('cii->ci', matrix)  # a view
+        diagonal *= 1.0 + damping[:, None]
+        diagonal += diagonal == 0.0
+        right = free * slope.reshape(-1, slope.shape[2]).T
+        step = np.linalg.solve(matrix, right[..., None])[..., 0]
+        return np.asarray(step.T.reshape(slope.shape))
+
+    def _average_information(self) -> Array:
+        """Return half of w_k^T P w_l, where w_k = Z_k Z_k^T P r, shape (C, 2V, 2V)."""
+        stack, levels = self.stack, (self.recordings, self.groups)
+        own, robots = (each.score[:, 0] for each in levels)
+        weight = stack.systems[:, : len(stack.systems)]
+        varying = weight[:, : len(own)]
+        working = weight, varying * own, varying * robots[..., stack.group]
+        other = stack.at(self.variances, np.concatenate(working, axis=1))
+        rows = [
+            np.einsum('vcn,vmcn->cmv', score, level.score)
+            for score, level in ((own, other.recordings), (robots, other.groups))
+        ]
+        return np.asarray(0.5 * np.concatenate(rows, axis=2))
+
+
+def _maximised(stack: _Stack, first: Array) -> _Posterior:
+    """
+    Maximise the restricted likelihood of all components at once.
+
+    Parameters
+    ----------
+    stack : _Stack
+    first : array, shape (2, V, C)
+        Variances between recordings and between groups to begin with; zeros stay zero.
+
+    """
+    varies, at = first > 0.0, stack.at(first)
+    moving = varies.any(axis=(0, 1))
+    damping = np.full(moving.size, FIRST_DAMPING)
+    for _ in range(ROUNDS):
+        if not moving.any():
+            break
+        moved = np.maximum(at.variances + at.step(damping, varies), 0.0)
+        tried = stack.at(np.where(moving, moved, at.variances))
+        gains = tried.likelihood >= at.likelihood - ROUNDING
+        change = np.abs(tried.variances - at.variances)
+        is_small = np.all(change <= TOLERANCE * tried.variances, axis=(0, 1))
+        moving &= ~(gains & is_small) & (damping < MOST_DAMPING)
+        damping = np.maximum(damping * np.where(gains, 0.1, 10.0), LEAST_DAMPING)
+        at = tried if gains.all() else stack.at(np.where(gains, tried.variances, at.variances))
+    return at
+
+
+def _integrated(systems: Array, variances: Array) -> tuple[Array, Array]:
+    """
+    Integrate out independent effects one by one, each a change of rank one.
+
+    Parameters
+    ----------
+    systems : array, shape (k, k + m, C, N)
+        Normal equations W, B of the sum of mean and effects.
+    variances : array, shape (V, C)
+        Of the first effects.
+
+    Returns
+    -------
+    systems : array, shape (k, k + m, C, N)
+        (I + W D)^-1 [W, B], of the mean.
+    logs : array, shape (C,)
+        Sums over members of log det(I + W D).
+
+    """
+    out, logs = systems.copy(), np.zeros(variances.shape[1])
+    for k, variance in enumerate(variances):
+        if not variance.any():
+            continue
+        d = variance[:, None]
+        pivot = 1.0 + d * out[k, k]
+        row = out[k] / pivot
+        out -= (d * out[:, k])[:, None] * row
+        out[k], out[:, k] = row, row[: len(out)]
+        logs += np.log(pivot).sum(axis=1)
+    return out, logs
+
+
+def _inverted(precision: Array) -> tuple[Array, Array]:
+    """Return pseudo-inverses of matrices (k, k, C), and the logs of their determinants (C,)."""
+    values, vectors = np.linalg.eigh(precision.transpose(2, 0, 1))
+    informed = values > RANK * values[:, -1:]
+    values = np.where(informed, values, 1.0)
+    inverse = np.einsum('cik,ck,cjk->ijc', vectors, informed / values, vectors)
+    return np.ascontiguousarray(inverse), np.log(values).sum(axis=1)
 
 
 def _product(a: Array, b: Array) -> Array:
     """Return the products of matrices whose rows and columns are the first dimensions."""
     return np.asarray(sum(a[:, j, None] * b[j] for j in range(len(b))))
-
-
-class _Posterior:
-    """Posterior of all effects for given variances, zeros included."""
-
-    def __init__(self, effects: NestedEffects, recordings: Array, groups: Array) -> None:
-        normal, right, self._group = effects.normal, effects.right, effects.group
-        n_groups = int(self._group.max()) + 1
-        self._within = _covariance(normal, recordings)
-        seen = normal @ self._within
-        information = normal - seen @ normal  # on c + u_g, with v integrated out
-        evidence = right - np.einsum('rij,rj->ri', seen, right)
-        whole = _summed(information, self._group, n_groups)
-        between = _covariance(whole, groups)
-        share = whole @ between
-        precision = np.sum(whole - share @ whole, axis=0)
-        toward = _summed(evidence, self._group, n_groups)
-        residual = toward - np.einsum('gij,gj->gi', share, toward)
-        centre_covariance = np.linalg.pinv(precision, hermitian=True)
-        self.centre = centre_covariance @ residual.sum(axis=0)
-        self._u = np.einsum('gij,gj->gi', between, toward - whole @ self.centre)
-        # of c + u_g, whose error a recording's own effect follows
-        rest = np.eye(len(self.centre)) - share
-        self._both = between + np.swapaxes(rest, 1, 2) @ centre_covariance @ rest
-        own = right - np.einsum('rij,rj->ri', normal, (self.centre + self._u)[self._group])
-        self._v = np.einsum('rij,rj->ri', self._within, own)
-        self._follow = self._within @ normal
-
-    def totals(self) -> tuple[Array, Array]:
-        """Return means of u + v and standard deviations of c + u + v, shapes (R, k)."""
-        rest = np.eye(len(self.centre)) - self._follow
-        covariance = self._within + rest @ self._both[self._group] @ np.swapaxes(rest, 1, 2)
-        variance = np.diagonal(covariance, axis1=1, axis2=2)
-        return self._u[self._group] + self._v, np.sqrt(np.maximum(variance, 0.0))
-
-
-def _covariance(information: Array, variance: Array) -> Array:
-    """Return (W + D^-1)^-1 for a diagonal D that may have zeros, shape of W."""
-    std = np.sqrt(variance)
-    scaled = information * std[:, None] * std
-    inverse: Array = np.linalg.inv(np.eye(len(std)) + scaled)
-    return inverse * std[:, None] * std
-
-
-def _summed(values: Array, group: IntArray, count: int) -> Array:
-    out = np.zeros((count, *values.shape[1:]))
-    np.add.at(out, group, values)
-    return out
-
-
-def _joined(parts: Sequence[tuple[IndexArray, Effects]], size: int) -> Effects:
-    """Put the effects of all components together."""
-    count = len(parts[0][1].mean)
-    each, every = np.zeros(size), np.zeros((count, size))
-    out = Effects(each, each.copy(), every, every.copy(), each.copy())
-    for some, part in parts:
-        for name, values in vars(part).items():
-            getattr(out, name)[..., some] = values
-    return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 import hashlib
@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeVar
 
 from lip_id_ros.errors import DataError
 from lip_id_ros.fleet.engines import Engine
-from lip_id_ros.fleet.results import Packable
+from lip_id_ros.fleet.results import Packable, Refusal
 from lip_id_ros.progress import Progress
 
 Kept = TypeVar('Kept', bound=Packable)
@@ -37,23 +37,13 @@ class Source(Protocol):
 
 
 class Cache(Protocol):
-    """Keeps named arrays under a key."""
+    """Keeps bytes under keys, as a dictionary does."""
 
-    def get(self, key: str) -> Mapping[str, Any] | None:
-        """Return the arrays of a key; None where there are none."""
+    def get(self, key: str, /) -> bytes | None:
+        """Return what is kept under a key; None where there is nothing."""
 
-    def put(self, key: str, arrays: Mapping[str, Any]) -> None:
-        """Keep arrays; whole or not at all."""
-
-
-class NoCache:
-    """Keeps nothing."""
-
-    def get(self, key: str) -> Mapping[str, Any] | None:
-        """Return None."""
-
-    def put(self, key: str, arrays: Mapping[str, Any]) -> None:
-        """Keep nothing."""
+    def __setitem__(self, key: str, content: bytes, /) -> None:
+        """Keep bytes; whole or not at all."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +72,7 @@ class Passes:
         stage: str,
     ) -> tuple[dict[int, Kept], dict[int, str]]:
         """
-        Run a function for each of many items.
+        Run a function for each of many items; those that it refuses are not tried again.
 
         Parameters
         ----------
@@ -103,30 +93,39 @@ class Passes:
             Why there is no result, by number of the item.
 
         """
-        restored = {k: self.restored(kind, key) for k, key in enumerate(keys)}
-        results = {k: each for k, each in restored.items() if each is not None}
-        rest = [k for k in restored if k not in results]
+        results, reasons = dict[int, Kept](), dict[int, str]()
+        for k, key in enumerate(keys):
+            if (known := self.restored(kind, key)) is not None:
+                results[k] = known
+            elif (refusal := self.restored(Refusal, key)) is not None:
+                reasons[k] = refusal.reason
+        rest = [k for k in range(len(items)) if k not in results and k not in reasons]
 
         def keep(place: int, value: Kept) -> None:
-            self.cache.put(keys[rest[place]], value.to_arrays())
+            self.keep(keys[rest[place]], value)
 
         def progress(_: str, done: int, total: int) -> None:
             self.progress(stage, done, total)
 
-        reasons = {}
         outcomes = self.engine.map(function, [items[k] for k in rest], progress, keep)
         for k, outcome in zip(rest, outcomes, strict=True):
-            if outcome.value is None:
-                reasons[k] = outcome.reason
-            else:
+            if outcome.value is not None:
                 results[k] = outcome.value
+                continue
+            reasons[k] = outcome.reason
+            if outcome.is_final:
+                self.keep(keys[k], Refusal(outcome.reason))
         return results, reasons
+
+    def keep(self, key: str, value: Packable) -> None:
+        """Keep a result under a key."""
+        self.cache[f'{key}.{value.KIND}'] = value.to_bytes()
 
     def restored(self, kind: type[Kept], key: str) -> Kept | None:
         """Return what the cache has under a key; None where it has nothing, or a damaged entry."""
-        arrays = self.cache.get(key)
+        content = self.cache.get(f'{key}.{kind.KIND}')
         try:
-            return None if arrays is None else kind.from_arrays(arrays)
+            return None if content is None else kind.from_bytes(content)
         except DataError:
             return None
 

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 import json
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -39,8 +40,11 @@ from lip_id_ros.settings import FitSettings
 
 SIGNALS = ('t', 'q', 'dq', 'ddq', 'tau', 'segment', 'recording')
 
-ROUNDS = 3
-"""Most repetitions of the identification while recordings are found to contradict the fleet."""
+ROUNDS = ('', ', friction of each', ', without outliers')
+"""
+Identifications, by what they add to the names of their stages: with one friction, with that of
+each recording, and once more where recordings are found to contradict the fleet.
+"""
 
 MOST_RECORDINGS = 24
 """Recordings that placements are identified with."""
@@ -81,11 +85,15 @@ class PlacedArm(Packable):
         JSON: summary of the identification.
     excluded : tuple of pairs of str
         Key and reason of the recordings that contradict the fleet.
+    processes : tuple of n tuples
+        Of the joints that have a Gaussian process: whether it replaces the links, its length
+        scales, its noise, and the error of left-out blocks; empty where a joint has none.
     t, q, dq, ddq, tau, segment, recording, gravity_compensated
         Samples that the arm was identified with.
 
     """
 
+    KIND = 'placements'
     joint_names: tuple[str, ...]
     joint_types: tuple[str, ...]
     rotations: Array
@@ -103,6 +111,7 @@ class PlacedArm(Packable):
     inflation: float
     report: str
     excluded: tuple[tuple[str, str], ...]
+    processes: tuple[tuple[Any, ...], ...]
     t: Array
     q: Array
     dq: Array
@@ -145,7 +154,7 @@ def place(
     settings: FitSettings,
     described: Described | None = None,
     progress: Progress = silent,
-) -> PlacedArm:
+) -> tuple[PlacedArm, Solution]:
     """
     Identify an arm with the reservoirs of its recordings.
 
@@ -160,6 +169,13 @@ def place(
         Prior of placements and links.
     progress : callable
 
+    Returns
+    -------
+    placed : PlacedArm
+        Without processes.
+    solution : Solution
+        Links and friction of these reservoirs.
+
     Raises
     ------
     FitError
@@ -168,20 +184,25 @@ def place(
     """
     kept, excluded = chosen(surveys), dict[str, str]()
     data = merged(kept, joint_names)
-    for number in range(ROUNDS):
-        placed = _identified(data, settings, progress, described, excluded)
-        if len(kept) == 1 or number == ROUNDS - 1:
-            break
+    for number, stages in enumerate(ROUNDS):
+        placed = _identified(data, settings, _named(progress, stages), described, excluded)
         solution = _solution(kept, placed, described)
+        if len(kept) == 1:
+            break
         rms = solution.recordings.residual_rms
         reasons = contradictions(rms, np.ones(len(kept), dtype=bool), joint_names)
-        excluded |= {kept[k].key: reason for k, reason in reasons.items()}
-        if number > 0 and not reasons:
+        if number == len(ROUNDS) - 1 or (number > 0 and not reasons):
             break
+        excluded |= {kept[k].key: reason for k, reason in reasons.items()}
         rest = [k for k in range(len(kept)) if k not in reasons]
         data = _centred([kept[k] for k in rest], placed, solution, rest)
         kept = [kept[k] for k in rest]
-    return placed
+    return placed, solution
+
+
+def _named(progress: Progress, ending: str) -> Progress:
+    """Return a callback for stages whose names are the usual ones with an ending."""
+    return lambda stage, done, total: progress(f'{stage}{ending}', done, total)
 
 
 def chosen(surveys: Sequence[Survey]) -> list[Survey]:
@@ -255,6 +276,7 @@ def _identified(
         inflation=found.inflation,
         report=json.dumps(report),
         excluded=tuple(excluded.items()),
+        processes=(),
         **{name: getattr(kept, name) for name in SIGNALS},
         gravity_compensated=kept.gravity_compensated,
     )

@@ -18,12 +18,14 @@ import numpy as np
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.fleet.results import RecordingStatistics
-from lip_id_ros.friction.compiled import friction_features
+from lip_id_ros.friction.compiled import CompiledFriction, friction_features
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.sample_selection import explained, plausible
 from lip_id_ros.identification.statistics import TorqueStatistics
 from lip_id_ros.loading import load_dataset
+from lip_id_ros.model.arm_mean import evaluate_arm_many, pack
+from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.regressor import torque_regressor
@@ -76,18 +78,23 @@ class Regression:
             for joint, own in enumerate(self.friction.basis.columns())
         )
 
-    def rows(self, dataset: Dataset) -> tuple[list[Array], Array]:
-        """Return the features of every joint, (N, k_i + p_i), and the residuals, (N, n)."""
-        state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
-        regressor = torque_regressor(self.chain, *state)
+    def rows(self, dataset: Dataset) -> list[Array]:
+        """Return the features of every joint, shapes (N, k_i + p_i)."""
+        regressor = torque_regressor(self.chain, *_state(dataset))
         load = regressor @ self.links.ravel()
         features = friction_features(self.friction.basis, dataset.q, dataset.dq, load)
-        residual = dataset.tau - load - features @ self.friction.coefficients
-        rows = [
+        return [
             np.hstack([features[:, joint, own], regressor[:, joint, links]])
             for joint, (own, links) in enumerate(self.columns())
         ]
-        return rows, residual
+
+    def residual(self, dataset: Dataset) -> Array:
+        """Return the residuals of the present parameters, shape (N, n) [N m or N]."""
+        arm = ArmPosterior(self.chain, self.links, self.friction, self.noise, np.zeros((0, 0)))
+        torques = np.empty((dataset.n_samples, 5 * self.n_joints + 2))
+        packed_arm = pack(arm, CompiledFriction.of(self.friction))
+        evaluate_arm_many(torques, *_state(dataset), *packed_arm)
+        return np.asarray(dataset.tau - torques[:, : self.n_joints])
 
 
 def statistics_of_source(
@@ -112,9 +119,7 @@ def statistics_of_source(
 
 def statistics_of(dataset: Dataset, key: str, regression: Regression) -> RecordingStatistics:
     """Gather the statistics of a recording without its bad samples."""
-    kept = plausible(dataset)
-    residuals = [regression.rows(dataset.select(rows))[1] for rows in _chunks(dataset.n_samples)]
-    kept &= explained(np.concatenate(residuals))
+    kept = plausible(dataset) & explained(regression.residual(dataset))
     statistics = empty_statistics(regression)
     good = np.flatnonzero(kept)
     for chunk in _chunks(good.size):
@@ -134,7 +139,7 @@ def updated(
     statistics: TorqueStatistics, dataset: Dataset, regression: Regression
 ) -> TorqueStatistics:
     """Return statistics with further samples, whose features are in memory together."""
-    features, _ = regression.rows(dataset)
+    features = regression.rows(dataset)
     return statistics.update(features, dataset.tau, regression.noise.weights(dataset.dq))
 
 
@@ -155,21 +160,29 @@ def packed(
     )
 
 
-def unpacked(
-    statistics: RecordingStatistics, regression: Regression
-) -> tuple[list[Array], list[Array]]:
-    """Return every joint's rows of friction, (k_i, k_i + p_i + 1), and triangle of links."""
-    tops, rests, at, then = [], [], 0, 0
-    for own, links in regression.columns():
-        shape = own.size, own.size + links.size + 1
-        tops.append(statistics.friction_rows[at : at + shape[0] * shape[1]].reshape(shape))
-        at += tops[-1].size
+def friction_blocks(rows: Array, regression: Regression) -> list[Array]:
+    """Return every joint's rows of friction, (..., k_i, k_i + p_i + 1), of (..., all of them)."""
+    shapes = [(own.size, own.size + links.size + 1) for own, links in regression.columns()]
+    ends = np.cumsum([height * width for height, width in shapes])[:-1]
+    parts = zip(np.split(rows, ends, axis=-1), shapes, strict=True)
+    return [part.reshape(*rows.shape[:-1], *shape) for part, shape in parts]
+
+
+def link_triangles(factors: Array, regression: Regression) -> list[Array]:
+    """Return every joint's triangle of links, (..., p_i + 1, p_i + 1), of (..., all of them)."""
+    triangles, at = [], 0
+    for _, links in regression.columns():
         upper = np.triu_indices(links.size + 1)
-        rest = np.zeros((links.size + 1, links.size + 1))
-        rest[upper] = statistics.link_factors[then : then + upper[0].size]
-        then += upper[0].size
-        rests.append(rest)
-    return tops, rests
+        triangle = np.zeros((*factors.shape[:-1], links.size + 1, links.size + 1))
+        triangle[..., *upper] = factors[..., at : at + upper[0].size]
+        at += upper[0].size
+        triangles.append(triangle)
+    return triangles
+
+
+def _state(dataset: Dataset) -> tuple[Array, Array, Array]:
+    q, dq, ddq = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
+    return q, dq, ddq
 
 
 def _chunks(count: int) -> list[IndexArray]:

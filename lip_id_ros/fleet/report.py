@@ -17,6 +17,9 @@ from lip_id_ros.evaluation.report.page import MAKER, STYLE
 from lip_id_ros.files import write_whole
 from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult
 
+FIRST_CLOCK_S = 1e8
+"""Times before this are of no clock that knows the time of day: logs begin at zero."""
+
 MORE_STYLE = """
 .plot { width: 100%; height: 340px; background: white; border: 1px solid #e4e7eb; box-sizing: border-box; display: block; }
 .controls { display: flex; flex-wrap: wrap; gap: 8px 20px; margin: 8px 0; align-items: center; }
@@ -101,12 +104,16 @@ def _data(result: FleetResult) -> dict[str, Any]:
         'samples': _packed([each.n_samples for each in recordings]),
         'rate': _packed([each.rate_hz or np.nan for each in recordings]),
         'seconds': _packed([each.seconds for each in recordings]),
-        'start': _packed([each.start_s for each in recordings]),
+        'start': _packed([_time_of_day(each.start_s) for each in recordings]),
         'temperature': _packed([each.temperature for each in recordings]),
         'residual': _packed([each.residual_rms for each in recordings]),
         'friction': _packed([each.friction for each in recordings]),
         'std': _packed([each.friction_std for each in recordings]),
     }
+
+
+def _time_of_day(start_s: float) -> float:
+    return start_s if start_s > FIRST_CLOCK_S else np.nan
 
 
 def _texts(texts: Iterable[str]) -> list[str]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 import json
-from typing import Any, Self
+import math
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -13,27 +13,30 @@ from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.errors import DataError
 from lip_id_ros.model import InverseDynamicsModel
 
-TEXTS = '_texts'
-
 FITTED, EXCLUDED, FAILED = 'fitted', 'excluded', 'failed'
 """Status of a recording: in the fit, left out since it contradicts the fleet, or unreadable."""
 
 
 @dataclass(frozen=True, eq=False)
 class Packable:
-    """A dataclass of arrays, texts and numbers that is stored as named arrays, without pickle."""
+    """A dataclass of arrays, texts and numbers that is stored as bytes, without pickle."""
 
-    def to_arrays(self) -> dict[str, Any]:
-        """Return named arrays; `from_arrays` reads them."""
+    KIND: ClassVar[str]
+    """Name of such results in a cache."""
+
+    def to_bytes(self) -> bytes:
+        """Return a line of JSON, then the numbers of all arrays; `from_bytes` reads it."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         arrays = {name: x for name, x in values.items() if isinstance(x, np.ndarray)}
         texts = {name: x for name, x in values.items() if name not in arrays}
-        return {**arrays, TEXTS: np.array(json.dumps(texts))}
+        shapes = {name: (x.dtype.str, x.shape) for name, x in arrays.items()}
+        head = json.dumps([texts, shapes]).encode()
+        return b'\n'.join([head, b''.join(x.tobytes() for x in arrays.values())])
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, Any]) -> Self:
+    def from_bytes(cls, content: bytes) -> Self:
         """
-        Return the object that `to_arrays` gave.
+        Return the object that `to_bytes` gave.
 
         Raises
         ------
@@ -41,19 +44,34 @@ class Packable:
             If an entry is missing or damaged.
 
         """
+        head, _, rest = content.partition(b'\n')
         try:
-            texts = json.loads(str(arrays[TEXTS]))
-            values = {name: arrays[name] for name in arrays if name != TEXTS}
-            return cls(**values, **{name: _immutable(value) for name, value in texts.items()})
-        except (KeyError, TypeError, ValueError) as error:
+            texts, shapes = json.loads(head)
+            values = {name: _immutable(value) for name, value in texts.items()}
+            at = 0
+            for name, (kind, shape) in shapes.items():
+                count = math.prod(shape)
+                flat = np.frombuffer(rest, kind, count, at).copy()  # aligned, not read-only
+                at += flat.nbytes
+                values[name] = flat.reshape(shape)
+            return cls(**values)
+        except (TypeError, ValueError) as error:
             raise DataError(
-                f'a {cls.__name__} with all of its entries was expected, but the stored arrays '
+                f'a {cls.__name__} with all of its entries was expected, but the stored bytes '
                 f'are damaged ({error}); make it anew.'
             ) from error
 
 
 def _immutable(value: Any) -> Any:
     return tuple(map(_immutable, value)) if isinstance(value, list) else value
+
+
+@dataclass(frozen=True, eq=False)
+class Refusal(Packable):
+    """Why a recording cannot be used, whatever the number of attempts."""
+
+    KIND = 'refusal'
+    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +117,7 @@ class Survey(Packable):
 
     """
 
+    KIND = 'survey'
     key: str
     name: str
     group: str
@@ -148,6 +167,7 @@ class RecordingStatistics(Packable):
 
     """
 
+    KIND = 'statistics'
     key: str
     friction_rows: Array
     link_factors: Array

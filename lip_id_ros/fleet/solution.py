@@ -246,8 +246,7 @@ def _varies(basis: FrictionBasis) -> BoolArray:
 
 def _friction_std(statistics: FleetStatistics, torque_std: Array) -> Array:
     """Return deviations of coefficients that make torques of the measured size, (K,)."""
-    squares = sum(statistics.feature_squares(r) for r in range(len(statistics.recordings)))
-    size = np.sqrt(squares / statistics.weights[:, None])
+    size = np.sqrt(statistics.feature_squares() / statistics.weights[:, None])
     ratio = torque_std[:, None] / np.where(size > 0.0, size, np.nan)
     # of a drive that is coupled to several joints, the smallest
     return np.nan_to_num(np.fmin.reduce(ratio, axis=0), nan=1.0)

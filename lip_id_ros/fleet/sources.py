@@ -21,7 +21,7 @@ import yaml
 
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import DATASET_SUFFIX
-from lip_id_ros.errors import ConfigError, SourceError
+from lip_id_ros.errors import ConfigError, SourceError, TransferError
 from lip_id_ros.recording.storage.opening import is_storage, METADATA
 
 ATTEMPTS = 5
@@ -35,7 +35,7 @@ SPARE_BYTES = 2**30
 """Free space that a copy of a remote recording leaves on the disk for temporary files."""
 
 PROBES, PROBE_BYTES = 16, 65536
-"""Blocks of a local file that its fingerprint is made of."""
+"""Blocks of a large local file that its fingerprint is made of; of another it is all bytes."""
 
 METADATA_GROUP = 'metadata:'
 _CONTENT = ('md5Hash', 'crc32c', 'ETag', 'etag', 'content_md5', 'checksum', 'generation')
@@ -79,7 +79,7 @@ class StoredRecording:
 
         Raises
         ------
-        SourceError
+        TransferError
             If there is no space for it, or the connection broke `ATTEMPTS` times.
         OSError
             If a file does not exist or must not be read.
@@ -90,7 +90,7 @@ class StoredRecording:
             return
         with tempfile.TemporaryDirectory(prefix='lip_id_ros_') as scratch:
             if self.size + SPARE_BYTES > (free := shutil.disk_usage(scratch).free):
-                raise SourceError(
+                raise TransferError(
                     f'{self.name} needs {self.size} bytes in {tempfile.gettempdir()} and '
                     f'{SPARE_BYTES} to spare, but {free} are free; free some, or set TMPDIR.'
                 )
@@ -109,7 +109,7 @@ def fetch(url: str, target: Path, sleep: Callable[[float], None] = time.sleep) -
 
     Raises
     ------
-    SourceError
+    TransferError
         If it broke `ATTEMPTS` times.
     FileNotFoundError, PermissionError
         If there is no such file, or it must not be read.
@@ -126,7 +126,7 @@ def fetch(url: str, target: Path, sleep: Callable[[float], None] = time.sleep) -
             except Exception as error:  # every file system has its own kinds
                 reason = ' '.join(f'{type(error).__name__}: {error}'.split())
                 if attempt == ATTEMPTS:
-                    raise SourceError(
+                    raise TransferError(
                         f'{url} cannot be copied: the connection broke {ATTEMPTS} times '
                         f'({reason}); try again, or copy it by other means.'
                     ) from error
@@ -277,10 +277,11 @@ def _fingerprint(system: Any, details: dict[str, Any]) -> str:
 
 
 def _probed(file: Any, size: int) -> str:
+    if size <= PROBES * PROBE_BYTES:
+        return hashlib.sha256(file.read()).hexdigest()
     digest = hashlib.sha256()
-    last = max(size - PROBE_BYTES, 0)
     for k in range(PROBES):
-        file.seek(last * k // (PROBES - 1))
+        file.seek((size - PROBE_BYTES) * k // (PROBES - 1))
         digest.update(file.read(PROBE_BYTES))
     return digest.hexdigest()
 

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
-from lip_id_ros.arrays import Array, BoolArray, IntArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.fleet.friction_deviations import NestedEffects
-from lip_id_ros.fleet.recording_statistics import Regression, unpacked
+from lip_id_ros.fleet.recording_statistics import friction_blocks, link_triangles, Regression
 from lip_id_ros.fleet.results import RecordingStatistics
 from lip_id_ros.identification.statistics import TorqueStatistics, triangular
 
 LEFT_OUT_PARTS = 6
+
+TOGETHER = 32
+"""Recordings whose rows are in memory, and are triangularised, together."""
 
 
 def tree_sum(parts: Sequence[TorqueStatistics]) -> TorqueStatistics:
@@ -70,14 +71,14 @@ class FleetStatistics:
         groups: Sequence[str],
     ) -> None:
         self.regression, self.recordings = regression, list(recordings)
-        self._groups = list(groups)
+        self._groups, self._columns = list(groups), regression.columns()
         self.group: IntArray = np.unique(self._groups, return_inverse=True)[1].astype(np.int64)
         self.n_links, self.n_friction = regression.links.size, regression.n_friction
-        factors = [unpacked(each, regression) for each in recordings]
-        self._tops = [tops for tops, _ in factors]
-        self._rests = [rests for _, rests in factors]
         weights = [each.weights for each in recordings]
         self.recording_weights = np.reshape(weights, (-1, regression.n_joints))
+        self._link_factors = _stacked([each.link_factors for each in recordings])
+        rows = _stacked([each.friction_rows for each in recordings])
+        self._tops = friction_blocks(rows, regression)
 
     @property
     def weights(self) -> Array:
@@ -93,48 +94,30 @@ class FleetStatistics:
     @cached_property
     def parts(self) -> list[TorqueStatistics]:
         """Sums of the links' triangles over contiguous parts of the recordings."""
-        count = min(LEFT_OUT_PARTS, len(self.recordings))
-        ends = np.linspace(0, len(self.recordings), count + 1).round().astype(int)
-        return [tree_sum([self._links(r) for r in range(a, b)]) for a, b in pairwise(ends)]
+        every = np.arange(len(self.recordings))
+        return [
+            tree_sum([self._links(some) for some in _together(part)])
+            for part in np.array_split(every, min(LEFT_OUT_PARTS, every.size))
+        ]
 
     @cached_property
     def links(self) -> TorqueStatistics:
         """Sum of the links' triangles over all recordings."""
         return tree_sum(self.parts)
 
-    def _links(self, recording: int) -> TorqueStatistics:
-        """Return the triangles of links, with the degrees of freedom that friction leaves."""
-        columns = self.regression.columns()
-        taken = np.array([own.size for own, _ in columns])
-        weights = np.maximum(self.recordings[recording].weights - taken, 0.0)
-        links = tuple(links for _, links in columns)
-        return TorqueStatistics(links, tuple(self._rests[recording]), weights)
+    def _links(self, some: IndexArray) -> TorqueStatistics:
+        """Return the sum of triangles, with the degrees of freedom that friction leaves."""
+        taken = np.array([own.size for own, _ in self._columns])
+        weights = np.maximum(self.recording_weights[some] - taken, 0.0).sum(axis=0)
+        rests = link_triangles(self._link_factors[some], self.regression)
+        factors = tuple(triangular(rest.reshape(-1, rest.shape[2])) for rest in rests)
+        return TorqueStatistics(tuple(links for _, links in self._columns), factors, weights)
 
-    def friction_rows(self, recording: int, noise_std: Array) -> Array:
-        """
-        Return all rows of a recording that have its friction in them, in units of the noise.
-
-        Returns
-        -------
-        array, shape (sum of k_i, K + 11 n + 1)
-            Columns of friction, links and torque.
-
-        """
-        blocks = []
-        for joint, (own, links) in enumerate(self.regression.columns()):
-            block = np.zeros((own.size, self.n_friction + self.n_links + 1))
-            top = self._tops[recording][joint] / noise_std[joint]
-            block[:, own] = top[:, : own.size]
-            block[:, self.n_friction + links] = top[:, own.size : -1]
-            block[:, -1] = top[:, -1]
-            blocks.append(block)
-        return np.concatenate(blocks)
-
-    def feature_squares(self, recording: int) -> Array:
-        """Return weighted sums of squared friction features of a recording, shape (n, K)."""
+    def feature_squares(self) -> Array:
+        """Return weighted sums of squared friction features of all recordings, shape (n, K)."""
         out = np.zeros((self.regression.n_joints, self.n_friction))
-        for joint, (own, _) in enumerate(self.regression.columns()):
-            out[joint, own] = np.sum(self._tops[recording][joint][:, : own.size] ** 2, axis=0)
+        for joint, (own, _) in enumerate(self._columns):
+            out[joint, own] = np.sum(self._tops[joint][..., : own.size] ** 2, axis=(0, 1))
         return out
 
     def system(self, noise_std: Array, deviations: FrictionDeviations) -> Array:
@@ -156,34 +139,49 @@ class FleetStatistics:
         rest = self.links.system(noise_std, np.arange(self.n_links))
         blocks = [np.hstack([np.zeros((len(rest), self.n_friction)), rest])]
         for number in range(int(self.group.max()) + 1):
-            own = np.flatnonzero(self.group == number)
-            rows = [
-                self._whitened(self.friction_rows(r, noise_std), deviations.recordings)
-                for r in own.tolist()
-            ]
-            blocks.append(self._whitened(triangular(*rows), deviations.groups))
+            robot = np.zeros((0, self.n_friction + self.n_links + 1))
+            for some in _together(np.flatnonzero(self.group == number)):
+                rows = self._whitened(self._rows(some, noise_std), deviations.recordings)
+                robot = triangular(robot, rows.reshape(-1, robot.shape[1]))
+            blocks.append(self._whitened(robot, deviations.groups))
         return triangular(*blocks)
 
+    def _rows(self, some: IndexArray, noise_std: Array) -> Array:
+        """
+        Return all rows of recordings that have their friction in them, in units of the noise.
+
+        Returns
+        -------
+        array, shape (r, sum of k_i, K + 11 n + 1)
+            Columns of friction, links and torque.
+
+        """
+        size = sum(own.size for own, _ in self._columns)
+        out, at = np.zeros((some.size, size, self.n_friction + self.n_links + 1)), 0
+        for top, (own, links), std in zip(self._tops, self._columns, noise_std, strict=True):
+            columns = np.concatenate([own, self.n_friction + links, [-1]])
+            out[:, at : at + own.size, columns] = top[some] / std
+            at += own.size
+        return out
+
     def _whitened(self, rows: Array, deviations: Array) -> Array:
-        """Return rows whose noise has random effects of friction in it, in its units."""
+        """Return rows (..., m, p) whose noise has random effects of friction, in its units."""
         if not deviations.any():
             return rows
-        scaled = rows[:, : self.n_friction] * deviations
-        covariance = np.eye(len(rows)) + scaled @ scaled.T
-        lower = np.linalg.cholesky(covariance)
-        return np.asarray(solve_triangular(lower, rows, lower=True))
+        scaled = rows[..., : self.n_friction] * deviations
+        covariance = np.eye(rows.shape[-2]) + scaled @ scaled.swapaxes(-1, -2)
+        return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), rows))
 
     def effects(self, noise_std: Array, links: Array, friction: Array) -> NestedEffects:
         """Return the normal equations of every recording's friction, with links given."""
-        size = self.n_friction
-        normal = np.zeros((len(self.recordings), size, size))
-        right = np.zeros((len(self.recordings), size))
-        for r in range(len(self.recordings)):
-            rows = self.friction_rows(r, noise_std)
-            features = rows[:, : self.n_friction]
-            residual = rows[:, -1] - rows[:, self.n_friction : -1] @ links.ravel()
-            normal[r] = features.T @ features
-            right[r] = features.T @ (residual - features @ friction)
+        count, size = len(self.recordings), self.n_friction
+        normal, right = np.zeros((count, size, size)), np.zeros((count, size))
+        for top, (own, column), std in zip(self._tops, self._columns, noise_std, strict=True):
+            features = top[..., : own.size] / std
+            known = np.concatenate([friction[own], links.ravel()[column], [-1.0]])
+            residual = -top @ known / std
+            normal[:, own[:, None], own] += features.swapaxes(1, 2) @ features
+            right[:, own] += np.einsum('rik,ri->rk', features, residual)
         return NestedEffects(normal, right, self.group)
 
     def residual_squares(self, links: Array, friction: Array) -> Array:
@@ -201,11 +199,21 @@ class FleetStatistics:
             [(N m)^2 or N^2].
 
         """
-        out = np.zeros((len(self.recordings), self.regression.n_joints))
-        vector = links.ravel()
-        for r, (tops, rests) in enumerate(zip(self._tops, self._rests, strict=True)):
-            for joint, (own, column) in enumerate(self.regression.columns()):
-                x = np.concatenate([friction[r, own], vector[column], [-1.0]])
-                rest = rests[joint] @ x[own.size :]
-                out[r, joint] = np.sum((tops[joint] @ x) ** 2) + rest @ rest
+        out, vector = np.zeros(self.recording_weights.shape), np.append(links, -1.0)
+        for some in _together(np.arange(len(self.recordings))):
+            rests = link_triangles(self._link_factors[some], self.regression)
+            for joint, (own, column) in enumerate(self._columns):
+                known, top = vector[np.append(column, -1)], self._tops[joint][some]
+                residual = top[..., own.size :] @ known
+                residual += np.einsum('rik,rk->ri', top[..., : own.size], friction[some][:, own])
+                squares = np.sum(residual**2, axis=1)
+                out[some, joint] = squares + np.sum((rests[joint] @ known) ** 2, axis=1)
         return out
+
+
+def _stacked(rows: Sequence[Array]) -> Array:
+    return np.array(rows) if rows else np.zeros((0, 0))
+
+
+def _together(some: IndexArray) -> list[IndexArray]:
+    return np.array_split(some, -(-some.size // TOGETHER)) if some.size else []

@@ -139,7 +139,6 @@ class ArmFitter:
         torque = dataset.tau.std(axis=0)
         self.torque_std = np.where(torque > 0.0, torque, 1.0)
         self._chosen: dict[int, Dataset] = {}
-        self._reference = self.some(SEARCH_SAMPLES)
         self.least_noise = FINEST * self.torque_std
 
     def some(self, count: int) -> Dataset:
@@ -179,14 +178,16 @@ class ArmFitter:
 
         """
         if self.prior.chain is not None:
-            return calibration_at(self.prior.chain, self._plain_samples(self._reference))
-        return calibrate(self._plain_samples(self._reference), FEW_SAMPLES, seed, progress)
+            return calibration_at(self.prior.chain, self._plain_samples(self.some(SEARCH_SAMPLES)))
+        return calibrate(
+            self._plain_samples(self.some(SEARCH_SAMPLES)), FEW_SAMPLES, seed, progress
+        )
 
     def recalibrated(self, calibration: Calibration) -> Calibration:
         """Refine placements that were found in other samples."""
         if self.prior.chain is not None:
-            return calibration_at(self.prior.chain, self._plain_samples(self._reference))
-        return refine(self._plain_samples(self._reference), FEW_SAMPLES, calibration)
+            return calibration_at(self.prior.chain, self._plain_samples(self.some(SEARCH_SAMPLES)))
+        return refine(self._plain_samples(self.some(SEARCH_SAMPLES)), FEW_SAMPLES, calibration)
 
     def log_residual(self, chain: Chain) -> float:
         """Return the mean logarithm of the joints' residuals with the joints in given places."""
@@ -294,7 +295,7 @@ class ArmFitter:
 
     def _friction_std(self, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
         """Return deviations of coefficients that make torques of the measured size, (K,)."""
-        size = np.sqrt(np.mean(_features(self._reference, basis, arm) ** 2, axis=0))
+        size = np.sqrt(np.mean(_features(self.some(SEARCH_SAMPLES), basis, arm) ** 2, axis=0))
         ratio = self.torque_std[:, None] / np.where(size > 0.0, size, np.nan)
         # of a drive that is coupled to several joints, the smallest
         return np.nan_to_num(np.fmin.reduce(ratio, axis=0), nan=1.0)

@@ -295,14 +295,26 @@ def elect_remainder(fitter: ArmFitter, fit: ArmFit) -> Remainder | None:
         To all samples.
 
     """
+    return conditioned_remainder(fitter, fit, elect_processes(fitter, fit))
+
+
+def elect_processes(fitter: ArmFitter, fit: ArmFit) -> list[Choice | None]:
+    """Return the process of every joint; None where links and friction predict better alone."""
     count = fitter.dataset.n_samples
     rows = evenly(count, ELECTION_SAMPLES)
     masks = fold_masks(fitter.dataset.q[rows], count, rows)
     folds = left_out_fits(fitter, fit, rows, masks)
-    choices = RemainderElection(_targets(fitter, fit, rows), folds).elect()
+    return RemainderElection(_targets(fitter, fit, rows), folds).elect()
+
+
+def conditioned_remainder(
+    fitter: ArmFitter, fit: ArmFit, choices: Sequence[Choice | None]
+) -> Remainder | None:
+    """Return elected processes, conditioned on what a fit leaves; None if there are none."""
     if not any(choices):
         return None
-    return _targets(fitter, fit, evenly(count, MOST_SAMPLES)).conditioned(choices)
+    rows = evenly(fitter.dataset.n_samples, MOST_SAMPLES)
+    return _targets(fitter, fit, rows).conditioned(choices)
 
 
 def _targets(fitter: ArmFitter, fit: ArmFit, rows: IndexArray) -> Targets:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+import re
 import shutil
 from typing import Any
 
@@ -49,7 +50,8 @@ def test_a_fleet_is_fitted_kept_and_reported(bags: Path, here: Path, capsys: Cap
     model = InverseDynamicsModel.load('arm.npz')
     lip_id('cache', '--cache', 'kept')
     shown = capsys.readouterr().out
-    assert 'this version of the code' in shown
+    for kind, count in (('surveys', 4), ('statistics', 4), ('placements', 1), ('be used', 1)):
+        assert re.search(rf'{kind} +\W +{count} ', shown)
     lip_id(*command, '--jobs', '2')
     again = InverseDynamicsModel.load('arm.npz')
     assert model.arm is not None
@@ -57,11 +59,13 @@ def test_a_fleet_is_fitted_kept_and_reported(bags: Path, here: Path, capsys: Cap
     assert (again.arm.links == model.arm.links).all()
 
     lip_id('cache', '--cache', 'kept', '--prune', 'outdated')
-    assert '0 results removed' in capsys.readouterr().out
-    assert any(Path('kept').rglob('*.npz'))
+    assert '0 removed, ' in capsys.readouterr().out
+    lip_id('cache', '--cache', 'kept', '--prune', 'refused')
+    assert '1 removed, ' in capsys.readouterr().out
+    assert any(Path('kept').rglob('*.statistics'))
     lip_id('cache', '--cache', 'kept', '--prune', 'all')
-    assert 'results removed' in capsys.readouterr().out
-    assert not any(Path('kept').rglob('*.npz'))
+    assert ' removed, ' in capsys.readouterr().out
+    assert not any(Path('kept').rglob('*.statistics'))
 
 
 @pytest.mark.parametrize(

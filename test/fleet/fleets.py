@@ -69,19 +69,6 @@ class PlainEngine(Engine):
         return outcomes
 
 
-@dataclass
-class MemoryCache:
-    """Keeps arrays in memory."""
-
-    arrays: dict[str, Any] = field(default_factory=dict)
-
-    def get(self, key: str) -> Any:
-        return self.arrays.get(key)
-
-    def put(self, key: str, arrays: Any) -> None:
-        self.arrays[key] = dict(arrays)
-
-
 def arm_of(seed: int = 3, joint_types: tuple[str, ...] = TYPES) -> ChainArm:
     return random_arm(joint_types, seed, 9.80665)
 

@@ -94,7 +94,7 @@ def test_an_error_fails_for_its_item_alone(engine: Engine) -> None:
     outcomes = engine.map(troubled, ['fine', 'error', 'defect', 'fine'], silent, ignore)
     assert outcomes == [
         Outcome('fine'),
-        Outcome(None, 'the bag is empty.'),
+        Outcome(None, 'the bag is empty.', is_final=True),
         Outcome(None, 'ZeroDivisionError: of a library'),
         Outcome('fine'),
     ]
@@ -143,7 +143,7 @@ def main():
     kind, folder, started = sys.argv[1:]
     cache = FolderCache(folder)
     items = [('done', ''), ('done', ''), ('wait', started), ('wait', started)]
-    keep = lambda number, value: cache.put(f'{number:064x}', {})
+    keep = lambda number, value: cache.__setitem__(f'{number:064x}.survey', b'')
     with (LocalEngine(2) if kind == 'local' else RayEngine(jobs=2)) as engine:
         try:
             engine.map(waits, items, silent, keep)
@@ -173,7 +173,7 @@ def test_ctrl_c_ends_all_processes_and_leaves_what_was_kept(kind: str, tmp_path:
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     kept = FolderCache(tmp_path / 'cache')
-    first = [f'{k:064x}' for k in (0, 1)]
+    first = [f'{k:064x}.survey' for k in (0, 1)]
     wait_until(
         lambda: started.exists() and all(kept.get(key) is not None for key in first),
         'the work before Ctrl-C',

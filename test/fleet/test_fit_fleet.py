@@ -9,7 +9,6 @@ from fleet.fleets import (
     arm_of,
     FileSource,
     friction_of,
-    MemoryCache,
     NAMES,
     PlainEngine,
     recording,
@@ -60,8 +59,13 @@ class Fleet:
         (folder / 'poison.npz').write_bytes(b'nothing')
         self.sources.append(FileSource(str(folder / 'poison.npz'), 'robot 1'))
         self.add(self.data[0], 'copy', 'robot 4')
-        self.cache, self.engine = MemoryCache(), PlainEngine()
-        self.result = fit_fleet(self.sources, Config(), self.engine, self.cache)
+        self.cache, self.engine = dict[str, bytes](), PlainEngine()
+        self.begun: list[str] = []
+        self.result = fit_fleet(self.sources, Config(), self.engine, self.cache, self.report)
+
+    def report(self, stage: str, done: int, total: int) -> None:
+        if done == 0:
+            self.begun.append(stage)
 
     def add(self, data: Dataset, name: str, group: str) -> None:
         self.sources.append(save(data, self.folder / f'{name}.npz', group))
@@ -91,6 +95,11 @@ def test_what_does_not_belong_is_named_with_the_reason(fleet: Fleet) -> None:
     assert copy == f'is a copy of {fleet.sources[0].name}'
 
 
+def test_every_stage_begins_once(fleet: Fleet) -> None:
+    assert len(fleet.begun) == 4  # of two identifications; this engine does not announce passes
+    assert len(set(fleet.begun)) == len(fleet.begun)
+
+
 def test_order_and_processes_do_not_matter(fleet: Fleet) -> None:
     with LocalEngine(2) as engine:
         other = fit_fleet(fleet.sources[::-1], Config(), engine)
@@ -99,10 +108,12 @@ def test_order_and_processes_do_not_matter(fleet: Fleet) -> None:
     assert names == [each.name for each in fleet.result.recordings][::-1]
 
 
-def test_one_more_recording_is_read_alone(fleet: Fleet) -> None:
+def test_recordings_that_are_known_are_not_read_again(fleet: Fleet) -> None:
     engine = PlainEngine()
     again = fit_fleet(fleet.sources, Config(), engine, fleet.cache)
-    assert engine.counts == [1, 0]  # the poison is tried again
+    assert engine.counts == [0, 0]  # the poison is not tried again
+    reasons = [each.reason for each in again.recordings]
+    assert reasons == [each.reason for each in fleet.result.recordings]
     assert_allclose(parameters(again), parameters(fleet.result), rtol=0.0, atol=0.0)
     for name, values in vars(again.recordings[3]).items():
         np.testing.assert_array_equal(values, getattr(fleet.result.recordings[3], name))
@@ -135,6 +146,10 @@ def link_error(model: InverseDynamicsModel, data: Dataset) -> float:
     found = model.predict(data.q, data.dq, data.ddq)
     error = found.tau - found.friction - data.tau_noiseless
     return float(np.sqrt(np.mean((error - error.mean(axis=0)) ** 2)))
+
+
+def test_links_that_explain_all_but_friction_have_no_process_beside_them(fleet: Fleet) -> None:
+    assert fleet.result.model.remainder is None
 
 
 def test_deviations_cover_a_robot_that_was_not_seen(fleet: Fleet) -> None:

@@ -17,10 +17,11 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.fleet.recording_statistics import (
     empty_statistics,
+    friction_blocks,
+    link_triangles,
     packed,
     Regression,
     statistics_of,
-    unpacked,
     updated,
 )
 from lip_id_ros.fleet.results import RecordingStatistics, Survey
@@ -34,7 +35,7 @@ REGRESSION = regression_of(ARM, DATA)
 
 def dense(data: Dataset, regression: Regression) -> tuple[list[Array], Array]:
     """Weighted rows [own friction, links, torque] of every joint."""
-    features, _ = regression.rows(data)
+    features = regression.rows(data)
     root = np.sqrt(regression.noise.weights(data.dq))
     return [
         np.column_stack([each, data.tau[:, joint]]) * root[:, joint, None]
@@ -43,7 +44,9 @@ def dense(data: Dataset, regression: Regression) -> tuple[list[Array], Array]:
 
 
 def test_squares_are_those_of_all_samples() -> None:
-    tops, rests = unpacked(statistics_of(DATA, 'key', REGRESSION), REGRESSION)
+    found_of = statistics_of(DATA, 'key', REGRESSION)
+    tops = friction_blocks(found_of.friction_rows, REGRESSION)
+    rests = link_triangles(found_of.link_factors, REGRESSION)
     rows, _ = dense(DATA, REGRESSION)
     rng = np.random.default_rng(2)
     for joint, each in enumerate(rows):
@@ -54,7 +57,7 @@ def test_squares_are_those_of_all_samples() -> None:
 
 
 def test_the_rest_is_what_links_explain_with_the_best_friction() -> None:
-    _, rests = unpacked(statistics_of(DATA, 'key', REGRESSION), REGRESSION)
+    rests = link_triangles(statistics_of(DATA, 'key', REGRESSION).link_factors, REGRESSION)
     rows, _ = dense(DATA, REGRESSION)
     for joint, (own, _) in enumerate(REGRESSION.columns()):
         friction, others = rows[joint][:, : own.size], rows[joint][:, own.size :]
@@ -81,7 +84,7 @@ def test_a_recording_may_be_read_in_any_blocks(ends: list[int]) -> None:
 
 
 def grams(statistics: RecordingStatistics) -> list[Array]:
-    return [rest.T @ rest for rest in unpacked(statistics, REGRESSION)[1]]
+    return [rest.T @ rest for rest in link_triangles(statistics.link_factors, REGRESSION)]
 
 
 def test_bad_samples_are_left_out_and_counted() -> None:
@@ -103,17 +106,31 @@ def test_a_recording_of_seven_joints_takes_less_than_200_kilobytes() -> None:
     assert len(regression.friction.coefficients) == 21
 
 
-def test_arrays_come_back() -> None:
+def test_what_is_stored_comes_back() -> None:
     survey = survey_of(DATA, 'name', 'robot', ('warning: one',))
-    back = Survey.from_arrays(survey.to_arrays())
+    back = Survey.from_bytes(survey.to_bytes())
     for name, value in vars(survey).items():
         np.testing.assert_array_equal(getattr(back, name), value)
         assert type(getattr(back, name)) is type(value)
 
 
-@pytest.mark.parametrize('missing', ['weights', '_texts'])
-def test_damaged_arrays_are_refused(missing: str) -> None:
-    arrays = statistics_of(DATA, 'key', REGRESSION).to_arrays()
-    del arrays[missing]
+@pytest.mark.parametrize('cut', [0, 10, 1000, -1])
+def test_damaged_bytes_are_refused(cut: int) -> None:
+    content = statistics_of(DATA, 'key', REGRESSION).to_bytes()
     with pytest.raises(DataError, match='a RecordingStatistics with all of its entries was exp'):
-        RecordingStatistics.from_arrays(arrays)
+        RecordingStatistics.from_bytes(content[:cut])
+
+
+def test_bytes_of_another_kind_are_refused() -> None:
+    with pytest.raises(DataError, match='a Survey with all of its entries was expected'):
+        Survey.from_bytes(statistics_of(DATA, 'key', REGRESSION).to_bytes())
+
+
+def test_residuals_are_torques_minus_features_times_parameters() -> None:
+    arm = arm_of(1, ('revolute', 'prismatic', 'revolute'))
+    data = recording(arm, friction_of(arm, np.random.default_rng(0), 0.1), seed=1)
+    regression = regression_of(arm, data)
+    parts = zip(regression.rows(data), regression.columns(), strict=True)
+    coefficients, links = regression.friction.coefficients, regression.links.ravel()
+    torque = [rows @ np.append(coefficients[own], links[column]) for rows, (own, column) in parts]
+    assert_allclose(regression.residual(data), data.tau - np.stack(torque, axis=1), atol=1e-10)

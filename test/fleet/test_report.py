@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import replace
 import json
 from pathlib import Path
 import re
@@ -30,6 +31,16 @@ def test_the_page_holds_what_came_of_each_recording(tmp_path: Path) -> None:
     assert data['reasons'] == [each.reason for each in result.recordings]
     friction = np.frombuffer(base64.b64decode(str(data['friction']))).reshape(40, -1)
     np.testing.assert_array_equal(friction, [each.friction for each in result.recordings])
+
+
+def test_a_log_has_no_time_of_day(tmp_path: Path) -> None:
+    result = made_up(3)
+    first, *others = result.recordings
+    log = replace(first, start_s=0.0)
+    write_fleet_report(tmp_path / 'fleet.html', replace(result, recordings=(log, *others)))
+    page = data_of((tmp_path / 'fleet.html').read_text())
+    start = np.frombuffer(base64.b64decode(str(page['start'])))
+    np.testing.assert_array_equal(start, [np.nan, *(each.start_s for each in others)])
 
 
 def test_a_page_is_known_by_its_maker(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ K, P = REGRESSION.n_friction, REGRESSION.links.size
 
 def dense_rows(data: Dataset, regression: Regression) -> tuple[Array, Array, Array]:
     """Friction, links and torque of all joints of a recording in units of the noise."""
-    features, _ = regression.rows(data)
+    features = regression.rows(data)
     friction, links, torque = [], [], []
     for joint, (own, column) in enumerate(regression.columns()):
         block = np.zeros((data.n_samples, K + P))
@@ -116,7 +116,7 @@ def test_links_friction_and_noise_are_found() -> None:
 
 
 def link_rows(data: Dataset) -> list[tuple[Array, IndexArray]]:
-    features, _ = REGRESSION.rows(data)
+    features = REGRESSION.rows(data)
     return [
         (rows[:, own.size :], column)
         for rows, (own, column) in zip(features, REGRESSION.columns(), strict=True)

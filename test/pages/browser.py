@@ -49,6 +49,7 @@ Promise.all(Array.from(document.images, async image => {
   canvases: Array.from(document.querySelectorAll('canvas'), each => new Set(new Uint32Array(
     each.getContext('2d').getImageData(0, 0, each.width, each.height).data.buffer)).size),
   rows: document.querySelectorAll('.rows .body .row').length,
+  summary: document.querySelector('#summary')?.textContent,
   overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth})));
 """.replace('ANSWER', repr(ANSWER))
 

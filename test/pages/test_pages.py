@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 import json
 import os
 from pathlib import Path
@@ -128,6 +129,25 @@ def test_the_page_of_a_fleet_draws_all_and_holds_the_rows_in_sight(
     assert found['refused'] == []
     assert found['console'] == []
     assert found['overflow'] <= 0
+
+
+@pytest.mark.parametrize(
+    ('count', 'robot', 'summary'),
+    [
+        (1, 'robot00', '1 recording of 1 robot: 1 fitted, 0 excluded, 0 failed.'),
+        (2, '', '2 recordings: 2 fitted, 0 excluded, 0 failed.'),
+    ],
+)
+def test_the_page_of_a_fleet_counts_in_words(
+    tmp_path: Path, count: int, robot: str, summary: str
+) -> None:
+    result = made_up(count)
+    of_one = tuple(replace(each, group=robot) for each in result.recordings)
+    write_fleet_report(tmp_path / 'fleet.html', replace(result, recordings=of_one))
+    found = seen(tmp_path / 'fleet.html')
+    assert found is not None
+    assert found['summary'] == summary
+    assert found['console'] == []
 
 
 def test_the_browser_tells_what_is_wrong_with_a_page(tmp_path: Path) -> None:
