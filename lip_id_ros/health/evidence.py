@@ -19,7 +19,8 @@ from lip_id_ros.health.motion import (
     VelocityAgreement,
 )
 from lip_id_ros.joint_types import POSITION_UNITS
-from lip_id_ros.preprocessing.cleaning import quantum, repeated, stale
+from lip_id_ros.preprocessing.cleaning import quantum
+from lip_id_ros.preprocessing.repetition import repeated, source_periods, stale
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.spill import extent, marked, thinned
 
@@ -200,9 +201,19 @@ class Evidence:
         return self.samples.joint_names
 
     @cached_property
+    def is_stale(self) -> BoolArray:
+        """Which samples repeat the one before under a new stamp, shape (N,)."""
+        return stale(self.samples)
+
+    @property
     def stale_share(self) -> float:
-        """Share of samples that repeat the one before under a new stamp."""
-        return float(stale(self.samples).mean()) if self.samples.n_samples else 0.0
+        """Share of samples that are stale."""
+        return float(self.is_stale.mean()) if self.samples.n_samples else 0.0
+
+    @cached_property
+    def source_periods(self) -> dict[str, int]:
+        """Samples that each signal takes for a new value, stale ones not counted."""
+        return source_periods(self.samples, self.is_stale)
 
     @cached_property
     def motion(self) -> SmoothMotion:

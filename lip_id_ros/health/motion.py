@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.preprocessing.cleaning import stale
+from lip_id_ros.preprocessing.repetition import source_periods, stale, supported
 from lip_id_ros.preprocessing.smoothing import (
     cut,
     DERIVATIVES,
     is_long_enough,
+    longest_step,
     low_pass,
     resample,
     uniform_times,
@@ -20,7 +21,7 @@ from lip_id_ros.preprocessing.smoothing import (
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.joint_samples import SIGNALS
 from lip_id_ros.recording.spill import release
-from lip_id_ros.recording.timing import GAP_STEPS, median_step
+from lip_id_ros.recording.timing import median_step
 from lip_id_ros.settings import PreprocessingSettings
 
 HIGHEST_RATE_HZ = 100.0
@@ -97,15 +98,16 @@ def _is_finite(samples: JointSamples) -> bool:
 def _smooth_segments(samples: JointSamples, rate: float, every: int) -> Iterator[SmoothSegment]:
     fresh = samples.select(~stale(samples))
     derivative = DERIVATIVES[_SETTINGS.derivative]
-    signals = (fresh.position, _or_zero(fresh.velocity), _or_zero(fresh.effort))
-    for rows in cut(fresh.t, GAP_STEPS / rate):
-        t = fresh.t[rows]
-        if not is_long_enough(t, rate, _SETTINGS):
+    periods = source_periods(fresh)
+    fresh = replace(fresh, velocity=_or_zero(fresh.velocity), effort=_or_zero(fresh.effort))
+    for rows in cut(fresh.t, longest_step(fresh.t, _SETTINGS.cutoff)):
+        part = fresh.rows(rows)
+        if not is_long_enough(part.t, rate, _SETTINGS):
             continue
-        times = uniform_times(t, rate)
+        times = uniform_times(part.t, rate)
         position, recorded, effort = (
-            low_pass(resample(t, values[rows], times), rate, _SETTINGS.cutoff)
-            for values in signals
+            low_pass(resample(*supported(part, name, periods), times), rate, _SETTINGS.cutoff)
+            for name in SIGNALS
         )
         velocity = derivative(position, rate)
         yield SmoothSegment(

@@ -9,8 +9,10 @@ import numpy as np
 
 from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
+from lip_id_ros.preprocessing.smoothing import longest_step
 from lip_id_ros.recording.spill import extent, thinned
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step, some_steps
+from lip_id_ros.settings import PreprocessingSettings
 
 SHORT_S = 20.0
 LOW_RATE_HZ = 20.0
@@ -81,7 +83,7 @@ def jitter(evidence: Evidence) -> Iterator[JointText]:
 def gaps(evidence: Evidence) -> Iterator[JointText]:
     """More than six gaps in a minute; motion is cut at each, and its edges are lost."""
     t = evidence.samples.t
-    starts = gap_starts(t, GAP_STEPS * median_step(t))
+    starts = gap_starts(t, longest_step(t, PreprocessingSettings().cutoff))
     if starts.size and starts.size > MOST_GAPS_PER_MINUTE * (t[-1] - t[0]) / 60.0:
         longest = float((t[starts + 1] - t[starts]).max())
         yield '', f'the recording has {starts.size} gaps, the longest of {longest:.3g} s'
@@ -112,6 +114,23 @@ def stale(evidence: Evidence) -> Iterator[JointText]:
     share = evidence.stale_share
     if share > MOST_STALE:
         yield '', f'{100 * share:.2g} % of the samples repeat the one before under a new stamp'
+
+
+@check(
+    'held',
+    Severity.NOTE,
+    'nothing needs to be done, a fit interpolates between the new values; better publish all '
+    'signals at one rate',
+)
+def held(evidence: Evidence) -> Iterator[JointText]:
+    """The positions, velocities or efforts of all joints have new values at some samples only."""
+    for name, period in evidence.source_periods.items():
+        if period > 1:
+            yield (
+                '',
+                f'each {name} is held over {period} samples (zero-order hold), while other '
+                'signals have new values',
+            )
 
 
 @joint_check(

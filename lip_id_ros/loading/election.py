@@ -18,7 +18,8 @@ from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.loading.delay_election import convincing, DelayElection, REACH_S, Squares
 from lip_id_ros.loading.left_out_torques import LeftOutTorques, Stretch, stretches_of
-from lip_id_ros.preprocessing.pipeline import preprocess, Segments, segments_of
+from lip_id_ros.preprocessing.pipeline import preprocess
+from lip_id_ros.preprocessing.segments import Segments, segments_of
 from lip_id_ros.preprocessing.smoothing import DERIVATIVES
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples

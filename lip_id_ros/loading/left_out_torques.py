@@ -23,7 +23,9 @@ from scipy.linalg import lapack
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification.statistics import contiguous_blocks
-from lip_id_ros.preprocessing.pipeline import Segments, smooth_motion, uses_velocity
+from lip_id_ros.preprocessing.pipeline import smooth_motion, uses_velocity
+from lip_id_ros.preprocessing.repetition import supported
+from lip_id_ros.preprocessing.segments import Segments
 from lip_id_ros.preprocessing.smoothing import (
     edge_length,
     grid_size,
@@ -146,11 +148,11 @@ def _stretch(
 ) -> Stretch:
     times = uniform_times(piece.t, raw.rate_hz)
     recorded = uses_velocity(piece, settings)
-    effort = resample_early(piece.t, piece.effort, times, raw.delays_s)
+    effort = resample_early(*supported(piece, 'effort', raw.periods), times, raw.delays_s)
     return Stretch(
         times=times,
-        position=resample(piece.t, piece.position, times),
-        velocity=resample(piece.t, piece.velocity, times) if recorded else None,
+        position=resample(*supported(piece, 'position', raw.periods), times),
+        velocity=resample(*supported(piece, 'velocity', raw.periods), times) if recorded else None,
         effort=effort,
         target=low_pass(effort, raw.rate_hz, REFERENCE * highest_hz),
         rate_hz=raw.rate_hz,

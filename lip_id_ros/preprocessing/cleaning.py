@@ -1,4 +1,4 @@
-"""Repeated and quantised samples, copies of recordings, and the meaning of recorded efforts."""
+"""Quantised signals, copies of recordings, and the meaning of recorded efforts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ConfigError, SourceError
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.recording.spill import mapped, marked, release, row_blocks, thinned
+from lip_id_ros.recording.spill import mapped, release, row_blocks, thinned
 from lip_id_ros.settings import RecordingSettings
 
 Value = TypeVar('Value')
@@ -25,32 +25,6 @@ WINDOW = 20
 """Consecutive samples that two recordings share only where one repeats the other."""
 MOVING = 5
 """Steps of a window at which something changes, at least: at rest, any recordings are alike."""
-
-
-def stale(samples: JointSamples) -> BoolArray:
-    """
-    Mark samples that repeat the one before under a new stamp, shape (N,).
-
-    A sample is stale if position and velocity of all joints are exactly those of the sample
-    before although the arm moves; without recorded velocities, if position and effort are.
-
-    """
-    same = repeated(samples.position)
-    if not samples.has_velocity:
-        return same & repeated(samples.effort)
-    moving = marked(lambda velocity: (velocity != 0.0).any(axis=1), samples.velocity)
-    return same & repeated(samples.velocity) & moving
-
-
-def repeated(values: Array) -> BoolArray:
-    """Mark rows that are equal to the one before."""
-    same = np.zeros(len(values), bool)
-    for block in row_blocks(len(values)):
-        first = max(0, block.start - 1)
-        some = values[first : block.stop]
-        same[first + 1 : block.stop] = (some[1:] == some[:-1]).all(axis=1)
-        release(values)
-    return same
 
 
 def quantum(values: Array) -> float:

@@ -1,9 +1,8 @@
 """
 From raw joint samples to a data set.
 
-Stale samples removed, efforts scaled to torques, cut at gaps, stamps mended where stale samples
-made them late, each segment brought to uniform steps, low-passed, differentiated, cut at its edges
-and decimated; every sample left out is counted in the provenance.
+Each segment of a cleaned recording is brought to uniform steps, low-passed, differentiated, cut at
+its edges and decimated; every sample left out is counted in the provenance.
 
 """
 
@@ -11,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -19,20 +18,13 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.preprocessing.cleaning import (
-    content_digest,
-    per_joint,
-    quantum,
-    repeated,
-    stale,
-    torque,
-)
+from lip_id_ros.preprocessing.cleaning import content_digest, per_joint, quantum
+from lip_id_ros.preprocessing.repetition import repeated, supported
+from lip_id_ros.preprocessing.segments import Segments, segments_of
 from lip_id_ros.preprocessing.selection import at_most, stride
 from lip_id_ros.preprocessing.smoothing import (
-    cut,
     DERIVATIVES,
     edge_length,
-    evenly_timed,
     grid_size,
     is_filtered,
     is_long_enough,
@@ -44,16 +36,12 @@ from lip_id_ros.preprocessing.smoothing import (
 )
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.spill import release
-from lip_id_ros.recording.timing import GAP_STEPS, median_step, MOST_STEPS, some_steps
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 STALE = 'sample stale'
 SHORT_SEGMENT = 'segment too short'
 EDGE = 'edge of a segment'
 DECIMATED = 'decimated'
-
-MOST_RATE = 2.0
-"""Samples are brought to a rate of at most so many times their mean rate."""
 
 
 def preprocess(
@@ -96,79 +84,6 @@ def preprocess(
     return at_most(data, settings)
 
 
-@dataclass(frozen=True, eq=False)
-class Segments:
-    """
-    A recording before it is smoothed.
-
-    Attributes
-    ----------
-    fresh : JointSamples
-        Without stale samples, efforts as torques.
-    segments : tuple of JointSamples
-        `fresh` between its gaps, stamps mended.
-    rate_hz : float
-        Of the uniform grid that the segments are brought to.
-    delays_s : tuple of n floats
-        How much later than positions the efforts of each joint were measured.
-    stale : int
-        Samples left out.
-    retimed : bool
-        Whether stamps were mended.
-
-    """
-
-    fresh: JointSamples
-    segments: tuple[JointSamples, ...]
-    rate_hz: float
-    delays_s: tuple[float, ...]
-    stale: int
-    retimed: bool
-
-    @property
-    def largest_delay_s(self) -> float:
-        """The largest delay of an effort, in either direction."""
-        return max(map(abs, self.delays_s))
-
-
-def segments_of(
-    samples: JointSamples, settings: PreprocessingSettings, recording: RecordingSettings
-) -> Segments:
-    """
-    Remove stale samples, scale efforts to torques, cut at gaps and mend stamps.
-
-    Raises
-    ------
-    SourceError
-        If no effort was recorded.
-    ConfigError
-        If a setting per joint has another length than there are joints.
-    DataError
-        If there are fewer than two different samples.
-
-    """
-    is_stale = stale(samples)
-    fresh = samples.select(~is_stale)
-    if fresh.n_samples < 2:
-        raise DataError(
-            f'{fresh.source} must hold at least two different samples, but has '
-            f'{fresh.n_samples}; record while the arm moves.'
-        )
-    fresh = replace(fresh, effort=torque(fresh, recording))
-    given = cut(fresh.t, settings.max_gap_s or GAP_STEPS * median_step(fresh.t))
-    repeats, step = samples.t[is_stale], median_step(samples.t)
-    recorded = [fresh.rows(rows) for rows in given]
-    segments = tuple(_retimed(segment, repeats, step) for segment in recorded)
-    return Segments(
-        fresh,
-        segments,
-        _rate(segments),
-        per_joint(samples, 'effort_delay_s', recording.effort_delay_s, 0.0),
-        int(is_stale.sum()),
-        any(one is not other for one, other in zip(segments, recorded, strict=True)),
-    )
-
-
 def _recording(
     samples: JointSamples, settings: PreprocessingSettings, recording: RecordingSettings
 ) -> Dataset:
@@ -182,6 +97,7 @@ def _recording(
     provenance['repeated'] = _repetition(raw.fresh)
     provenance['segments'] = len(motions)
     provenance['retimed'] = raw.retimed
+    provenance['source_periods'] = {name: k for name, k in raw.periods.items() if k > 1}
     provenance['recording'] = asdict(recording)
     return Dataset(
         **{name: np.concatenate([motion[name] for motion in motions]) for name in motions[0]},
@@ -198,26 +114,6 @@ def uses_velocity(samples: JointSamples, settings: PreprocessingSettings) -> boo
     return samples.has_velocity and settings.velocity == 'recorded'
 
 
-def _retimed(segment: JointSamples, repeats: Array, step: float) -> JointSamples:
-    """Mend the stamps of a segment within which samples were repeated."""
-    first = np.searchsorted(repeats, segment.t[0], side='right')
-    if first == np.searchsorted(repeats, segment.t[-1]):
-        return segment
-    t = evenly_timed(segment.t, step)
-    return segment if t is segment.t else replace(segment, t=t)
-
-
-def _rate(segments: Sequence[JointSamples]) -> float:
-    """Return the rate of most steps [Hz]; no more than twice the mean, as messages in bursts."""
-    count = sum(segment.n_samples - 1 for segment in segments)
-    if not count:
-        return 0.0
-    total = sum(float(segment.t[-1] - segment.t[0]) for segment in segments)
-    share = min(1.0, MOST_STEPS / count)
-    steps = [some_steps(segment.t, round(share * segment.n_samples)) for segment in segments]
-    return min(1.0 / float(np.median(np.concatenate(steps))), MOST_RATE * count / total)
-
-
 def _motions(
     raw: Segments, settings: PreprocessingSettings, dropped: Counter[str]
 ) -> list[dict[str, Array]]:
@@ -232,7 +128,7 @@ def _motions(
         kept = range(edge, grid_size(segment.t, rate) - edge, every)
         parts = [
             _smooth(segment, window, raw, settings, kept)
-            for window in windows(segment.t, rate, settings.cutoff, delay)
+            for window in windows(segment.t, rate, settings.cutoff, delay, raw.longest_hold)
         ]
         motions.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
         dropped[EDGE] += 2 * edge
@@ -251,12 +147,13 @@ def _smooth(
     samples = segment.rows(window.rows)
     recorded = uses_velocity(segment, settings)
     q, dq, ddq = smooth_motion(
-        resample(samples.t, samples.position, window.times),
-        resample(samples.t, samples.velocity, window.times) if recorded else None,
+        resample(*supported(samples, 'position', raw.periods), window.times),
+        resample(*supported(samples, 'velocity', raw.periods), window.times) if recorded else None,
         raw.rate_hz,
         settings,
     )
-    effort = resample_early(samples.t, samples.effort, window.times, raw.delays_s)
+    late = supported(samples, 'effort', raw.periods)
+    effort = resample_early(*late, window.times, raw.delays_s)
     tau = low_pass(effort, raw.rate_hz, settings.cutoff)
     motion = {'t': window.times, 'q': q, 'dq': dq, 'ddq': ddq, 'tau': tau}
     release(segment.position, segment.velocity, segment.effort)

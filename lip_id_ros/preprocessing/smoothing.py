@@ -25,7 +25,7 @@ from scipy import signal
 from scipy.interpolate import PchipInterpolator
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.recording.timing import gap_starts
+from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step
 from lip_id_ros.settings import PreprocessingSettings
 
 Derivative = Callable[[Array, float], Array]
@@ -35,6 +35,9 @@ MIN_SAMPLES = 5
 """Fewer samples cannot be differentiated by every method."""
 HALF_STENCIL = 2
 """So many samples at each end have a one-sided derivative at the most."""
+
+BRIDGED_PERIODS = 0.25
+"""Longest hole that is interpolated over whatever the rate, in periods of the cut-off."""
 
 _ORDER = 4
 _ROUNDING = 1e-6
@@ -153,19 +156,22 @@ class Window(NamedTuple):
     stop: int
 
 
-def windows(t: Array, rate_hz: float, cutoff_hz: float, delay_s: float = 0.0) -> Iterator[Window]:
+def windows(
+    t: Array, rate_hz: float, cutoff_hz: float, delay_s: float = 0.0, hold: int = 1
+) -> Iterator[Window]:
     """
     Cut the uniform grid of a segment, times t [s], into windows that overlap.
 
     What they give together differs from smoothing the segment at once by rounding only, also
-    where efforts are taken from up to `delay_s` earlier or later.
+    where efforts are taken from up to `delay_s` earlier or later, and where only every `hold`-th
+    sample of a signal is new.
 
     """
     size = grid_size(t, rate_hz)
     margin = 4 * HALF_STENCIL
     if is_filtered(rate_hz, cutoff_hz):
         margin += math.ceil(_SETTLED_PERIODS * rate_hz / cutoff_hz)
-    length = max(_WINDOW, 8 * margin)
+    length, beside = max(_WINDOW, 8 * margin), 2 * _NEIGHBOURS * hold
     for start in range(0, size, length):
         stop = min(start + length, size)
         if size - stop < length // 2:  # no short rest
@@ -173,39 +179,28 @@ def windows(t: Array, rate_hz: float, cutoff_hz: float, delay_s: float = 0.0) ->
         first, last = max(0, start - margin), min(size, stop + margin)
         times = uniform_times(t, rate_hz, first, last)
         begin, end = np.searchsorted(t, [times[0] - delay_s, times[-1] + delay_s])
-        rows = slice(max(0, int(begin) - _NEIGHBOURS), min(t.size, int(end) + 1 + _NEIGHBOURS))
+        rows = slice(max(0, int(begin) - beside), min(t.size, int(end) + 1 + beside))
         yield Window(rows, times, first, start, stop)
         if stop == size:
             return
+
+
+def longest_step(t: Array, cutoff_hz: float) -> float:
+    """
+    Return the longest step between samples that is no gap [s].
+
+    Five median steps, or a part of the period of the low-pass, within which the motion that it
+    keeps does not change its course.
+
+    """
+    bridged = BRIDGED_PERIODS / cutoff_hz if cutoff_hz > 0.0 else 0.0
+    return max(GAP_STEPS * median_step(t), bridged)
 
 
 def cut(t: Array, max_gap_s: float) -> list[slice]:
     """Return the rows between steps longer than `max_gap_s` [s]."""
     ends = [*(gap_starts(t, max_gap_s) + 1).tolist(), t.size]
     return [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
-
-
-def evenly_timed(t: Array, longest_shift_s: float) -> Array:
-    """
-    Replace the stamps of samples whose source has an even clock of its own.
-
-    Where a publisher repeats the newest state at a rate above that of its source, a sample is up
-    to one publishing step older than its stamp, by a different amount each time, and where
-    repeated samples were removed the stamps have holes that the motion does not have. If stamps
-    at even steps (least squares) lie so close to the given ones, they are the truer ones.
-
-    Parameters
-    ----------
-    t : ndarray, shape (N,)
-        Times of the samples [s], without those of repeated samples.
-    longest_shift_s : float
-        The publishing step [s]; where a stamp would have to move further, all stay as they are.
-
-    """
-    numbers = np.arange(t.size) - 0.5 * (t.size - 1)
-    step = float(numbers @ (t - t.mean()) / (numbers @ numbers)) if t.size > 1 else 0.0
-    even: Array = t.mean() + step * numbers
-    return even if np.abs(even - t).max() <= longest_shift_s else t
 
 
 def is_long_enough(

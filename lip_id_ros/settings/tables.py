@@ -98,7 +98,8 @@ class PreprocessingSettings(Settings):
     )
     max_gap_s: float = setting(
         0.0,
-        'A longer step between samples begins a new segment; 0 for five times the median step.',
+        'A longer step between samples begins a new segment; 0 for five times the median step, or '
+        'a quarter of the period of the cut-off if that is longer.',
         unit='s',
         minimum=0.0,
     )

@@ -46,6 +46,10 @@ def repeating(samples: JointSamples) -> JointSamples:
     return replace(rows(samples, source), t=samples.t)
 
 
+def holding(samples: JointSamples) -> JointSamples:
+    return replace(samples, effort=samples.effort[4 * (np.arange(samples.n_samples) // 4)])
+
+
 def with_outliers(samples: JointSamples) -> JointSamples:
     effort = samples.effort[:, JOINT].copy()
     effort[[700, 1500, 2300]] = 40.0 * np.ptp(effort)
@@ -166,6 +170,7 @@ DEFECTS: dict[str, tuple[Break, set[str]]] = {
     'gaps': (with_gaps, set()),
     'dropped': (lambda samples: replace(samples, counts={'joint missing': 100}), set()),
     'stale': (repeating, set()),
+    'held': (holding, set()),
     'outliers': (with_outliers, set()),
     'position_unit': (in_degrees, set()),
     'velocity_missing': (absent('velocity'), set()),

@@ -1,0 +1,172 @@
+"""
+Stamps that are truer than those recorded.
+
+Sensors are mostly read at even steps, while stamps are those of a program that was held up, or of
+a network that delivers messages in bursts. Positions decide: an arm moves smoothly, so that at
+true times each sample is what its neighbours say.
+
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+import math
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.recording.spill import release
+from lip_id_ros.recording.timing import median_step, MOST_STEPS, some_steps
+
+LEAST_JITTER = 0.02
+"""Stamps that scatter by less than this, in steps, are left as they are."""
+
+LEAST_STEP_S = 1e-6
+"""Mean step of a recording whose stamps are looked at."""
+
+CLEARLY = 0.5
+"""Positions at other stamps must be so much smoother for these to be taken."""
+
+BLOCK_ROWS = 2**13
+"""Samples that are compared at once; over more a clock may drift."""
+
+WINDOWS = (64, 512, 4096)
+LARGEST_ERROR = 0.05
+"""Of the median step as that of the clock: lost messages make it longer."""
+
+RUN = 20
+"""Messages over which the mean step of a recording that came in bursts is measured."""
+
+
+def evenly_timed(t: Array, longest_shift_s: float) -> Array:
+    """
+    Replace the stamps of samples whose source has an even clock of its own.
+
+    Where a publisher repeats the newest state at a rate above that of its source, a sample is up
+    to one publishing step older than its stamp, by a different amount each time, and where
+    repeated samples were removed the stamps have holes that the motion does not have. If stamps
+    at even steps (least squares) lie so close to the given ones, they are the truer ones.
+
+    Parameters
+    ----------
+    t : ndarray, shape (N,)
+        Times of the samples [s], without those of repeated samples.
+    longest_shift_s : float
+        The publishing step [s]; where a stamp would have to move further, all stay as they are.
+
+    """
+    even = _fitted(t, np.arange(t.size))
+    return even if np.abs(even - t).max() <= longest_shift_s else t
+
+
+def retimed(t: Array, position: Array) -> Array:
+    """
+    Replace stamps by those at even steps where the positions are clearly smoother at these.
+
+    The steps are counted with and without lost messages; what is smoothest is taken.
+
+    Parameters
+    ----------
+    t : ndarray, shape (N,)
+        [s].
+    position : ndarray, shape (N, n)
+
+    """
+    if t.size < RUN or not _is_uneven(t):
+        return t
+    ends = np.linspace(0, t.size, max(1, t.size // BLOCK_ROWS) + 1).astype(int).tolist()
+    blocks = [slice(*each) for each in pairwise(ends)]
+    even = [_retimed_block(t[rows], position[rows]) for rows in blocks]
+    release(t, position)
+    if all(one is None for one in even):
+        return t
+    parts = [t[rows] if one is None else one for one, rows in zip(even, blocks, strict=True)]
+    mended = np.concatenate(parts)
+    return mended if (np.diff(mended) > 0.0).all() else t
+
+
+def _retimed_block(t: Array, position: Array) -> Array | None:
+    """Return stamps at even steps for a block; None where those given are good."""
+    trials = [_fitted(t, np.arange(t.size))]
+    if not longest_silence(t):
+        trials.append(_fitted(t, _numbered(t)))
+    rough = [roughness(each, position) for each in trials]
+    best = int(np.argmin(rough))
+    return trials[best] if rough[best] < CLEARLY * roughness(t, position) else None
+
+
+def roughness(t: Array, position: Array) -> float:
+    """
+    Return how far samples lie from the cubic polynomials through their four neighbours.
+
+    The mean over samples of the sum over joints [rad or m].
+
+    """
+    around = (-2, -1, 1, 2)
+    middle = slice(2, len(t) - 2)
+    offset = [t[2 + k : len(t) - 2 + k] - t[middle] for k in around]
+    error = position[middle].copy()
+    for k, x in zip(around, offset, strict=True):
+        others = [y for y in offset if y is not x]
+        weight = np.prod([y / (y - x) for y in others], axis=0)
+        error -= weight[:, None] * position[2 + k : len(t) - 2 + k]
+    return float(np.abs(error).sum(axis=1).mean())
+
+
+def longest_silence(t: Array) -> float:
+    """Return the usual time between bursts of messages [s]; 0 where they do not come in bursts."""
+    if t.size <= RUN:
+        return 0.0
+    some = t[:MOST_STEPS]
+    mean = float(np.median(some[RUN:] - some[:-RUN])) / RUN
+    if median_step(t) > 0.5 * mean:
+        return 0.0
+    steps = some_steps(t)
+    return float(np.median(steps[steps > mean]))
+
+
+def _is_uneven(t: Array) -> bool:
+    steps = some_steps(t)
+    mean = float(steps.mean())
+    return mean > LEAST_STEP_S and float(steps.std()) > LEAST_JITTER * mean
+
+
+def _numbered(t: Array) -> IntArray:
+    """Count steps, those of lost messages too: increasing numbers of least squares."""
+    count = np.arange(t.size)
+    late = t / _clock_step(t) - count
+    phase = np.angle(np.exp(2j * np.pi * late).mean()) / (2.0 * np.pi)
+    lost = isotonic_regression(late - phase).x
+    return count + np.round(lost).astype(np.int64)
+
+
+def _clock_step(t: Array) -> float:
+    """
+    Return the step of the clock that most stamps agree with, lost messages or not.
+
+    The frequency of the largest periodogram of the stamps, first in short windows, then in longer
+    ones, which see a smaller part of the frequencies more sharply.
+
+    """
+    frequency = 1.0 / median_step(t)
+    reach = LARGEST_ERROR * frequency
+    for length in (*(each for each in WINDOWS if each < t.size), t.size):
+        count = max(1, min(t.size, WINDOWS[-1]) // length)
+        windows = t[: count * length].reshape(count, length)
+        duration = float(np.median(windows[:, -1] - windows[:, 0]))
+        trials = frequency + np.linspace(-reach, reach, 2 * math.ceil(4.0 * reach * duration) + 1)
+        power = [np.abs(np.exp(2j * np.pi * each * windows).mean(axis=1)) for each in trials]
+        frequency = float(trials[int(np.argmax([np.sum(each**2) for each in power]))])
+        reach = 0.5 / duration
+    return 1.0 / frequency
+
+
+def _fitted(t: Array, numbers: IntArray) -> Array:
+    """Return times on a line over numbers, by least squares."""
+    if t.size < 2:
+        return t
+    centred = numbers - numbers.mean()
+    step = float(centred @ (t - t.mean()) / (centred @ centred))
+    even: Array = t.mean() + step * centred
+    return even

@@ -1,0 +1,162 @@
+"""States published again under new stamps, signals at rates of their own, and arms at rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+from preprocessing.motions import recording, relative_error, Sinusoids, uniform
+import pytest
+
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.preprocessing import preprocess, smoothing
+from lip_id_ros.preprocessing.repetition import source_periods, stale, supports
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.reading import read_log
+from lip_id_ros.settings import PreprocessingSettings
+
+MOTION = Sinusoids(highest_hz=1.5)
+SECONDS = 24.0
+MOVE_S = 2.0
+GRAVITY = 3.0
+
+
+def moves_and_rests(rate: float, noise: float, step: float = 1e-5) -> JointSamples:
+    """Record moves of 2 s with rests of 2 s between them, positions quantised."""
+    rng = np.random.default_rng(0)
+    t = uniform(int(SECONDS * rate), rate)
+    number, phase = np.divmod(t, 2.0 * MOVE_S)
+    goals = rng.uniform(-1.0, 1.0, (int(SECONDS / 2.0 / MOVE_S) + 1, 2))
+    start, way = goals[number.astype(int)], np.diff(goals, axis=0)[number.astype(int)]
+    u = np.minimum(phase / MOVE_S, 1.0)[:, None]
+    q = start + way * (10 * u**3 - 15 * u**4 + 6 * u**5)
+    dq = way * (30 * u**2 - 60 * u**3 + 30 * u**4) / MOVE_S
+    ddq = way * (60 * u - 180 * u**2 + 120 * u**3) / MOVE_S**2
+    tau = law(q, dq, ddq)
+    tau += noise * tau.std() * rng.standard_normal(tau.shape)
+    return recording(t, position=step * np.round(q / step), velocity=dq, effort=tau)
+
+
+def law(q: Array, dq: Array, ddq: Array) -> Array:
+    return np.asarray(2.0 * ddq + 0.5 * dq + GRAVITY * np.sin(q))
+
+
+def law_error(data: Dataset) -> float:
+    return relative_error(law(data.q, data.dq, data.ddq), data.tau)
+
+
+def without_velocity(samples: JointSamples) -> JointSamples:
+    return replace(samples, velocity=np.full_like(samples.velocity, np.nan))
+
+
+def published_again(samples: JointSamples, rate: float, publish_hz: float) -> JointSamples:
+    """Publish the newest of samples that come at a rate, at another one."""
+    t = uniform(int(samples.n_samples / rate * publish_hz), publish_hz)
+    newest = newest_rows(t, rate)
+    signals = {name: getattr(samples, name)[newest] for name in ('position', 'velocity', 'effort')}
+    return replace(samples, t=t, **signals)
+
+
+def newest_rows(t: Array, rate: float) -> IndexArray:
+    rows: IndexArray = np.floor(t * rate + 1e-9).astype(np.intp)
+    return rows
+
+
+@pytest.mark.parametrize('has_velocity', [True, False])
+@pytest.mark.parametrize('noise', [0.0, 0.02])
+@pytest.mark.parametrize('publish_hz', [200.0, 500.0, 830.0])
+def test_a_state_published_again_counts_once(
+    publish_hz: float, noise: float, has_velocity: bool
+) -> None:
+    """Whether the arm moves or rests: the same samples as of the recording at its own rate."""
+    original = moves_and_rests(100.0, noise)
+    again = published_again(original, 100.0, publish_hz)
+    if not has_velocity:
+        original, again = without_velocity(original), without_velocity(again)
+    once, data = preprocess(original), preprocess(again)
+    assert np.unique(data.segment).size == 1
+    assert data.n_samples == pytest.approx(once.n_samples, rel=0.05)
+    assert law_error(data) < 1.1 * law_error(once) + 2e-3
+    (source,) = data.provenance['sources']
+    assert source['dropped']['sample stale'] > 0.9 * (again.n_samples - original.n_samples)
+
+
+@pytest.mark.parametrize('has_velocity', [True, False])
+@pytest.mark.parametrize('noise', [0.0, 0.02])
+def test_nothing_of_a_true_rest_is_left_out(noise: float, has_velocity: bool) -> None:
+    samples = moves_and_rests(100.0, noise)
+    assert (np.diff(samples.position, axis=0) == 0.0).all(axis=1).mean() > 0.4
+    assert not stale(samples if has_velocity else without_velocity(samples)).any()
+
+
+def test_nothing_of_a_real_rest_is_left_out(shared_data: Path) -> None:
+    """An arm that stands between pick and place, its velocities zero and its efforts noisy."""
+    samples = read_log(shared_data / 'kuka_lwr_polydoros/kuka_lwr_1.csv')
+    assert (samples.velocity == 0.0).all(axis=1).sum() > 300
+    assert not stale(samples).any()
+
+
+def test_a_frozen_state_without_velocities_becomes_a_gap() -> None:
+    samples = without_velocity(recording(uniform(1000, 100.0), MOTION))
+    source = np.arange(samples.n_samples)
+    source[400:450] = 400
+    frozen = replace(samples, position=samples.position[source], effort=samples.effort[source])
+    assert stale(frozen).sum() == 49
+    assert np.unique(preprocess(frozen).segment).size == 2
+
+
+@pytest.mark.parametrize('rate', [30.0, 100.0])
+@pytest.mark.parametrize('signal', ['position', 'effort'])
+def test_a_signal_at_a_rate_of_its_own_is_interpolated(signal: str, rate: float) -> None:
+    """Held over many samples it would be late by half of them: errors of 3 to 12 %."""
+    samples = recording(uniform(10_000, 500.0), MOTION)
+    if signal == 'position':
+        samples = without_velocity(samples)
+    rows = np.ceil(np.floor(samples.t * rate + 1e-9) / rate * 500.0 - 1e-9).astype(np.intp)
+    held = replace(samples, **{signal: getattr(samples, signal)[rows]})
+    data = preprocess(held)
+    assert relative_error(2.0 * data.ddq + 0.5 * data.dq, data.tau) < 0.01
+    period = data.provenance['sources'][0]['source_periods']
+    assert period == {signal: pytest.approx(500.0 / rate, abs=1.0)}
+
+
+@given(st.integers(1, 30), st.integers(0, 1000))
+def test_values_that_are_new_support_the_interpolation(period: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    values = rng.standard_normal((40, 2))[np.repeat(np.arange(40), period)]
+    keep = supports(values, period)
+    new = np.concatenate([[True], (np.diff(values, axis=0) != 0.0).any(axis=1)])
+    expected = new.copy()
+    expected[-1] = True
+    np.testing.assert_array_equal(keep, expected)
+
+
+def test_a_value_that_stays_for_long_is_no_held_one() -> None:
+    values = np.repeat([1.0, 2.0, 3.0], [5, 40, 5])[:, None]
+    keep = np.flatnonzero(supports(values, 5))
+    assert np.diff(keep).max() <= 7
+    assert {0, 5, 45, 49} <= set(keep.tolist())
+
+
+def test_periods_are_those_of_the_moving_arm() -> None:
+    samples = moves_and_rests(500.0, 0.0)
+    assert source_periods(samples) == {'position': 1, 'velocity': 1, 'effort': 1}
+    assert source_periods(without_velocity(samples)) == {'position': 1, 'effort': 1}
+    rows = 5 * (np.arange(samples.n_samples) // 5)
+    held = replace(samples, effort=samples.effort[rows])
+    assert source_periods(held) == {'position': 1, 'velocity': 1, 'effort': 5}
+
+
+def test_held_signals_of_long_segments_are_smoothed_in_windows_alike(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    samples = recording(uniform(8000, 500.0), MOTION)
+    samples = replace(samples, effort=samples.effort[17 * (np.arange(8000) // 17)])
+    settings = PreprocessingSettings(cutoff_hz=0.0)
+    whole = preprocess(samples, settings)
+    monkeypatch.setattr(smoothing, '_WINDOW', 400)
+    np.testing.assert_allclose(preprocess(samples, settings).tau, whole.tau, atol=1e-12)
