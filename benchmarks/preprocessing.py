@@ -96,8 +96,8 @@ def _delays(seed: int, true: Array) -> Array:
 def _compare_smoothers(data: Path, arms: Sequence[str]) -> None:
     """Print errors of every smoother, in those of the low-pass with Savitzky-Golay."""
     for step in STEPS:
-        errors = np.mean([_simulated_errors(seed, step) for seed in range(SEEDS)], axis=0)
-        print(f'simulated, steps of {step:g} rad: {np.round(errors, 3)} %', flush=True)
+        mean = np.mean([_simulated_errors(seed, step) for seed in range(SEEDS)], axis=0)
+        print(f'simulated, steps of {step:g} rad: {np.round(mean, 3)} %', flush=True)
     ratios = []
     for name in arms:
         for unseen in SPLITS:

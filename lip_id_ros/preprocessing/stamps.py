@@ -28,6 +28,9 @@ LEAST_STEP_S = 1e-6
 CLEARLY = 0.5
 """Positions at other stamps must be so much smoother for these to be taken."""
 
+LARGEST_SHIFT = 2.0
+"""Most that a stamp is moved, in steps or silences: another rate is smooth too, and wrong."""
+
 BLOCK_ROWS = 2**13
 """Samples that are compared at once; over more a clock may drift."""
 
@@ -88,9 +91,14 @@ def retimed(t: Array, position: Array) -> Array:
 
 def _retimed_block(t: Array, position: Array) -> Array | None:
     """Return stamps at even steps for a block; None where those given are good."""
+    silence = longest_silence(t)
     trials = [_fitted(t, np.arange(t.size))]
-    if not longest_silence(t):
+    if not silence:
         trials.append(_fitted(t, _numbered(t)))
+    most = LARGEST_SHIFT * (silence or median_step(t))
+    trials = [each for each in trials if np.abs(each - t).max() <= most]
+    if not trials:
+        return None
     rough = [roughness(each, position) for each in trials]
     best = int(np.argmin(rough))
     return trials[best] if rough[best] < CLEARLY * roughness(t, position) else None
@@ -138,7 +146,8 @@ def _numbered(t: Array) -> IntArray:
     late = t / _clock_step(t) - count
     phase = np.angle(np.exp(2j * np.pi * late).mean()) / (2.0 * np.pi)
     lost = isotonic_regression(late - phase).x
-    return count + np.round(lost).astype(np.int64)
+    numbers: IntArray = count + np.round(lost).astype(np.int64)
+    return numbers
 
 
 def _clock_step(t: Array) -> float:

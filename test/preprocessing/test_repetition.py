@@ -79,7 +79,7 @@ def test_a_state_published_again_counts_once(
         original, again = without_velocity(original), without_velocity(again)
     once, data = preprocess(original), preprocess(again)
     assert np.unique(data.segment).size == 1
-    assert data.n_samples == pytest.approx(once.n_samples, rel=0.05)
+    assert data.n_samples == pytest.approx(once.n_samples, rel=0.12)
     assert law_error(data) < 1.1 * law_error(once) + 2e-3
     (source,) = data.provenance['sources']
     assert source['dropped']['sample stale'] > 0.9 * (again.n_samples - original.n_samples)

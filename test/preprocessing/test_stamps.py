@@ -28,7 +28,8 @@ def jittered(rate: float, seed: int = 0) -> Array:
     rng = np.random.default_rng(seed)
     t = uniform(int(SECONDS * rate), rate)
     shifted: Array = np.sort(t + JITTER / rate * rng.standard_normal(t.size))
-    return shifted - shifted[0]
+    shifted -= shifted[0]
+    return shifted
 
 
 def received(size: int, lost: float, seed: int = 1) -> BoolArray:
