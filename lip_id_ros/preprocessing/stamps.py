@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.recording.spill import release
+from lip_id_ros.recording.spill import large_array, release, steps
 from lip_id_ros.recording.timing import median_step, MOST_STEPS, some_steps
 
 LEAST_JITTER = 0.02
@@ -79,14 +79,13 @@ def retimed(t: Array, position: Array) -> Array:
     if t.size < RUN or not _is_uneven(t):
         return t
     ends = np.linspace(0, t.size, max(1, t.size // BLOCK_ROWS) + 1).astype(int).tolist()
-    blocks = [slice(*each) for each in pairwise(ends)]
-    even = [_retimed_block(t[rows], position[rows]) for rows in blocks]
-    release(t, position)
-    if all(one is None for one in even):
-        return t
-    parts = [t[rows] if one is None else one for one, rows in zip(even, blocks, strict=True)]
-    mended = np.concatenate(parts)
-    return mended if (np.diff(mended) > 0.0).all() else t
+    mended, is_changed = large_array(t.size), False
+    for rows in (slice(*each) for each in pairwise(ends)):
+        even = _retimed_block(t[rows], position[rows])
+        mended[rows] = t[rows] if even is None else even
+        is_changed |= even is not None
+        release(t, position, mended)
+    return mended if is_changed and all((step > 0.0).all() for step in steps(mended)) else t
 
 
 def _retimed_block(t: Array, position: Array) -> Array | None:
@@ -130,14 +129,14 @@ def longest_silence(t: Array) -> float:
     mean = float(np.median(some[RUN:] - some[:-RUN])) / RUN
     if median_step(t) > 0.5 * mean:
         return 0.0
-    steps = some_steps(t)
-    return float(np.median(steps[steps > mean]))
+    some = some_steps(t)
+    return float(np.median(some[some > mean]))
 
 
 def _is_uneven(t: Array) -> bool:
-    steps = some_steps(t)
-    mean = float(steps.mean())
-    return mean > LEAST_STEP_S and float(steps.std()) > LEAST_JITTER * mean
+    some = some_steps(t)
+    mean = float(some.mean())
+    return mean > LEAST_STEP_S and float(some.std()) > LEAST_JITTER * mean
 
 
 def _numbered(t: Array) -> IntArray:
