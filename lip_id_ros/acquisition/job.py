@@ -41,6 +41,9 @@ class Task:
         File of the arm whose payload is sought.
     payload_model : str
         Where the model with the payload is saved; empty for nowhere.
+    flange : tuple of two floats
+        The frame in which a payload is given: shift along and turn about the z axis of the last
+        link's frame [m, degrees].
 
     """
 
@@ -52,6 +55,7 @@ class Task:
     niceness: int = 0
     model: str = ''
     payload_model: str = ''
+    flange: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,14 @@ from lip_id_ros.evaluation import (
     with_checks,
 )
 from lip_id_ros.evaluation.recording_health import RecordingHealth
-from lip_id_ros.export.payload import attached, inertias, links_of, payload_in_flange, to_yaml
+from lip_id_ros.export.payload import (
+    attached,
+    inertias,
+    payload_in_flange,
+    remainder_caution,
+    require_links,
+    to_yaml,
+)
 from lip_id_ros.files import write_or_rescue, write_whole
 from lip_id_ros.identification import fit
 from lip_id_ros.identification.payload import identify_payload
@@ -110,10 +117,12 @@ def _fit(
 def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
     """Identify the payload of an arm whose model is known, and save it."""
     model = InverseDynamicsModel.load(request['model'])
-    arm, data = links_of(model, request['model']), matched(data, model)
-    found = identify_payload(arm, model.training_range, data)
-    shown = payload_in_flange(found, 0.0, 0.0)
-    text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], (0.0, 0.0))
+    require_links(model, request['model'])
+    data = matched(data, model)
+    found = identify_payload(model, data)
+    flange = request['flange']
+    shown = payload_in_flange(found, *flange)
+    text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], flange)
     loaded, rescued = attached(model, found), []
     if request['payload_model']:
         rescued = _save(loaded.save, request['payload_model'])['rescue']
@@ -129,7 +138,7 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
     return {
         **saved,
         'rescue': [*saved['rescue'], *rescued],
-        'cautions': no_better_than_mean(model.joint_names, errors),
+        'cautions': remainder_caution(model) + no_better_than_mean(model.joint_names, errors),
         'payload': figures,
     }
 

@@ -65,6 +65,23 @@ class TrainSettings(Settings):
         'Where the service payload saves the model with the payload; empty: nowhere.',
         applies=NEXT_JOB,
     )
+    payload_flange_shift: float = setting(
+        0.0,
+        "Origin of the flange along the last joint's axis, from the frame of the last link of "
+        '`lip_id export`; a payload is given in the frame of the flange.',
+        unit='m',
+        minimum=-10.0,
+        maximum=10.0,
+        applies=NEXT_JOB,
+    )
+    payload_flange_turn: float = setting(
+        0.0,
+        'Turn of the flange about that axis.',
+        unit='degrees',
+        minimum=-360.0,
+        maximum=360.0,
+        applies=NEXT_JOB,
+    )
     unsaved_path: str = setting(
         'unsaved.mcap',
         'Where the samples go that no data set was saved of when the node ends; a number is added '

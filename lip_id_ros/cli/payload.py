@@ -76,8 +76,9 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.export.payload import (
         attached,
         is_payload,
-        links_of,
         payload_in_flange,
+        remainder_caution,
+        require_links,
         to_yaml,
     )
     from lip_id_ros.files import write_whole
@@ -90,16 +91,17 @@ def run(args: argparse.Namespace) -> None:
     output.check_file(args.yaml, inputs, is_payload, 'a payload', args.force)
     output.check_file(args.output, inputs, is_model, 'a model', args.force)
     model = InverseDynamicsModel.load(args.model)
-    arm = links_of(model, args.model)
+    require_links(model, args.model)
     with output.progress_display() as progress:
         dataset = models.load_for(model, args.sources, args.config, progress)
-    found = identify_payload(arm, model.training_range, dataset)
+    found = identify_payload(model, dataset)
     shown = payload_in_flange(found, *args.flange)
     console = output.console(args.yaml, args.output)
     _show(shown, console)
     loaded = attached(model, found)
     errors = evaluate(loaded, dataset).nmse_percent
-    show_lines(no_better_than_mean(model.joint_names, errors), console)
+    cautions = remainder_caution(model) + no_better_than_mean(model.joint_names, errors)
+    show_lines(cautions, console)
     if args.yaml is not None:
         text = to_yaml(shown, args.sources, args.flange)
         write_whole(output.destination(args.yaml), text.encode())

@@ -15,7 +15,7 @@ from lip_id_ros.errors import ModelError
 from lip_id_ros.identification.payload import LoadedArm, Payload
 from lip_id_ros.identification.payload_problem import BODY, with_body
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
+from lip_id_ros.model.arm_posterior import compacted
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.denavit_hartenberg import displaced, STEP, with_standard_frames
 from lip_id_ros.rigid_body.pseudo_inertia import in_other_frames
@@ -24,9 +24,9 @@ from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 HEAD = '# payload found by lip_id_ros'
 
 
-def links_of(model: InverseDynamicsModel, place: str) -> ArmPosterior:
+def require_links(model: InverseDynamicsModel, place: str) -> None:
     """
-    Return the arm of a model.
+    Check that a payload can be added to a model: it has links at every joint.
 
     Parameters
     ----------
@@ -37,7 +37,8 @@ def links_of(model: InverseDynamicsModel, place: str) -> ArmPosterior:
     Raises
     ------
     ModelError
-        If it has no rigid links.
+        If it has none, or a Gaussian process in their place at some joint, which would not bear
+        the payload.
 
     """
     if model.arm is None:
@@ -45,7 +46,23 @@ def links_of(model: InverseDynamicsModel, place: str) -> ArmPosterior:
             f'a payload is added to rigid links, but {place} has none; fit with the default '
             'kernel.'
         )
-    return model.arm
+    if model.remainder is not None and model.remainder.replaces.any():
+        names = ', '.join(np.array(model.joint_names)[model.remainder.replaces].tolist())
+        raise ModelError(
+            f'a payload is added to rigid links, but {place} has Gaussian processes instead of '
+            f'them at {names}; fit with more data.'
+        )
+
+
+def remainder_caution(model: InverseDynamicsModel) -> list[str]:
+    """Return a sentence on Gaussian processes beside links, which do not know the payload."""
+    if model.remainder is None:
+        return []
+    names = ', '.join(np.array(model.joint_names)[model.remainder.joints].tolist())
+    return [
+        f'The Gaussian processes beside the links at {names} were learned without the payload, '
+        'and correct the arm with it as they do without.'
+    ]
 
 
 def payload_in_flange(loaded: LoadedArm, shift: float, turn: float) -> Payload:
@@ -104,11 +121,17 @@ def attached(model: InverseDynamicsModel, loaded: LoadedArm) -> InverseDynamicsM
 
 
 def to_yaml(payload: Payload, sources: Sequence[str], flange: tuple[float, float]) -> str:
-    """Return a payload as YAML, also as the drivers of UR and Franka robots take it."""
+    """
+    Return a payload as YAML, also as the drivers of UR and Franka robots take it.
+
+    `ur_script` is a line of URScript, `ur_set_payload` a request of ur_msgs/srv/SetPayload in
+    Jazzy, `franka_set_load` one of franka_msgs/srv/SetLoad, which libfranka's `setLoad` takes.
+
+    """
     inertia = inertias(payload)
-    by_columns = [float(value) for value in payload.inertia.T.ravel()]
     centre = [float(value) for value in payload.centre]
-    ur = [inertia[name] for name in ('xx', 'yy', 'zz', 'xy', 'xz', 'yz')]
+    x, y, z = centre
+    ur = {f'i{name}': inertia[name] for name in ('xx', 'yy', 'zz', 'xy', 'xz', 'yz')}
     entries = {
         'recordings': list(sources),
         'flange': {'shift_m': flange[0], 'turn_deg': flange[1]},
@@ -117,11 +140,16 @@ def to_yaml(payload: Payload, sources: Sequence[str], flange: tuple[float, float
         'centre_of_mass': centre,
         'centre_of_mass_std': [float(value) for value in payload.centre_std],
         'inertia_about_centre_of_mass': inertia,
-        'ur_script': f'set_target_payload({payload.mass!r}, {centre!r}, {ur!r})',
+        'ur_script': f'set_target_payload({payload.mass!r}, {centre!r}, {list(ur.values())!r})',
+        'ur_set_payload': {
+            'mass': payload.mass,
+            'center_of_gravity': {'x': x, 'y': y, 'z': z},
+            **ur,
+        },
         'franka_set_load': {
-            'load_mass': payload.mass,
-            'F_x_Cload': centre,
-            'load_inertia': by_columns,
+            'mass': payload.mass,
+            'center_of_mass': centre,
+            'load_inertia': [float(value) for value in payload.inertia.T.ravel()],  # by columns
         },
     }
     lines = [f'{name}: {json.dumps(value)}' for name, value in entries.items()]

@@ -25,6 +25,7 @@ from lip_id_ros.identification.payload_problem import (
     WeightedTorques,
 )
 from lip_id_ros.identification.statistics import contiguous_blocks
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 
@@ -108,22 +109,19 @@ class LoadedArm:
     body_root: Array
 
 
-def identify_payload(
-    arm: ArmPosterior, ranges: tuple[Array, Array], dataset: Dataset
-) -> LoadedArm:
+def identify_payload(model: InverseDynamicsModel, dataset: Dataset) -> LoadedArm:
     """
     Find what is attached to an arm.
 
     A learned arm is uncertain too, above all in where its light last links turn. So it is fitted
     along: its torques at random states, with their standard deviations, stand for the recordings
-    that it was learned from.
+    that it was learned from. A Gaussian process beside the links corrects the arm, whatever it
+    carries: its posterior mean is subtracted from the recorded torques.
 
     Parameters
     ----------
-    arm : ArmPosterior
-        Without the payload.
-    ranges : two arrays, shape (3, n)
-        Lowest and highest q, dq, ddq that the arm was learned from.
+    model : InverseDynamicsModel
+        Of the arm without the payload, with links at every joint.
     dataset : Dataset
         Of the arm with its payload, in the order of time; at most `MOST_SAMPLES` are used.
 
@@ -138,6 +136,8 @@ def identify_payload(
         If there are too few samples.
 
     """
+    arm = model.arm
+    assert arm is not None, 'a payload is fixed to a link'
     if dataset.n_samples < LEAST_SAMPLES:
         raise DataError(
             f'at least {LEAST_SAMPLES} samples were expected to find a payload, but '
@@ -146,10 +146,13 @@ def identify_payload(
     rows = np.linspace(0, dataset.n_samples - 1, min(MOST_SAMPLES, dataset.n_samples))
     dataset = dataset.select(rows.astype(np.intp))
     q, dq, ddq = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
-    least = LEAST_STD * np.maximum(dataset.tau.std(axis=0), np.finfo(float).tiny)
-    bare = _bare(arm, ranges, least)
+    tau = dataset.tau
+    if model.remainder is not None:
+        tau = tau - model.remainder.torque(q, dq, ddq)
+    least = LEAST_STD * np.maximum(tau.std(axis=0), np.finfo(float).tiny)
+    bare = _bare(arm, model.training_range, least)
     std = np.maximum(arm.noise.std, least) / np.sqrt(arm.noise.weights(dataset.dq))
-    problem = PayloadProblem(arm, bare, WeightedTorques(q, dq, ddq, dataset.tau, std))
+    problem = PayloadProblem(arm, bare, WeightedTorques(q, dq, ddq, tau, std))
     at = problem.start()
     for _ in range(ROUNDS):
         at = minimise(problem, problem.evaluated(at), EVALUATIONS, TOLERANCE)

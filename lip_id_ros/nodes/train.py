@@ -208,6 +208,7 @@ class TrainNode(NodeBase):
             niceness=values['fit_niceness'],
             model=values['model_path'],
             payload_model=values['payload_model_path'],
+            flange=(values['payload_flange_shift'], values['payload_flange_turn']),
         )
         work = self._jobs.start(task, sections)
         sources = in_words(len(self._recorder), values['bags'])

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import json
 from pathlib import Path
 
-from export.arms import model_of, random_arm
+from export.arms import model_of, random_arm, remainder_of
 from identification.test_payload import body, NOISE, recorded
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ import yaml
 from lip_id_ros.arrays import Array
 from lip_id_ros.cli import main
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.description.robot import moved
+from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.payload import attached, payload_in_flange
 from lip_id_ros.friction.model import FrictionModel
@@ -22,6 +25,7 @@ from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
+DOCS = Path(__file__).resolve().parents[2] / 'docs'
 KINDS = 'RRRRRR'
 N = len(KINDS)
 
@@ -82,6 +86,43 @@ def test_the_frame_of_the_flange() -> None:
     assert turned.mass == pytest.approx(2.0)
 
 
+UR = tuple(f'{name}_joint' for name in ('shoulder_pan', 'shoulder_lift', 'elbow', 'wrist_1',
+                                        'wrist_2', 'wrist_3'))  # fmt: skip
+PANDA = tuple(f'panda_joint{i + 1}' for i in range(7))
+
+
+@pytest.mark.parametrize(
+    ('urdf', 'joints', 'link', 'flange'),
+    [
+        ('panda', PANDA, 'panda_link8', '0.107,0'),
+        ('panda', PANDA, 'panda_hand', '0.107,-45'),
+        ('ur10_robot', UR, 'tool0', '0.0922,180'),
+        ('ur5_robot', UR, 'tool0', '0.0823,180'),
+    ],
+)
+def test_flanges_of_the_documentation(
+    urdf: str, joints: tuple[str, ...], link: str, flange: str, shared_data: Path
+) -> None:
+    """A payload is found where it lies in that link's frame."""
+    path = shared_data / 'urdf' / f'{urdf}.urdf'
+    described = load_description(path, joints, ('revolute',) * len(joints))
+    tool = next(each for each in described.bodies[-1] if each.name == link)
+    centre = np.array([0.01, 0.02, 0.03])
+    steiner = centre @ centre * np.eye(3) - np.outer(centre, centre)
+    own = np.array([1.0, *centre, *steiner[np.triu_indices(3)]])
+    posterior = known().arm
+    arm = replace(
+        posterior,
+        chain=described.chain,
+        links=described.links,
+        covariance_root=np.zeros((17 * len(joints), 1)),
+    )
+    loaded = LoadedArm(arm, moved(own, tool.placement), np.zeros((10, 1)))
+    found = payload_in_flange(loaded, *(float(x) for x in flange.split(',')))
+    np.testing.assert_allclose(found.centre, centre, atol=1e-6)
+    assert f'`{flange}`' in (DOCS / 'export.md').read_text()
+
+
 def test_where_the_last_frame_is_counts_in_the_deviations() -> None:
     """A last axis that may be shifted along the axis before it: so may the centre."""
     loaded, shift = known(), 0.01
@@ -91,13 +132,13 @@ def test_where_the_last_frame_is_counts_in_the_deviations() -> None:
     certain = replace(loaded, body_root=0.0 * loaded.body_root)
     both = replace(uncertain, body_root=certain.body_root)
     assert payload_in_flange(certain, 0.0, 0.0).centre_std.max() == 0.0
-    moved = replace(
+    elsewhere = replace(
         both.arm,
         chain=both.arm.chain._replace(
             translations=both.arm.chain.translations + root[: 6 * N, 0].reshape(N, 6)[:, 3:]
         ),
     )
-    change = payload_in_flange(replace(both, arm=moved), 0.0, 0.0).centre
+    change = payload_in_flange(replace(both, arm=elsewhere), 0.0, 0.0).centre
     change -= payload_in_flange(both, 0.0, 0.0).centre
     np.testing.assert_allclose(
         payload_in_flange(both, 0.0, 0.0).centre_std, np.abs(change), atol=0.05 * shift
@@ -112,14 +153,47 @@ def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert 'mass' in capsys.readouterr().out
     content = yaml.safe_load((tmp_path / 'load.yaml').read_text())
     assert content['mass'] == pytest.approx(1.0, rel=0.01)
-    assert content['franka_set_load']['load_mass'] == content['mass']
-    assert content['ur_script'].startswith('set_target_payload(')
-    assert len(content['franka_set_load']['load_inertia']) == 9
+    franka, ur = content['franka_set_load'], content['ur_set_payload']
+    inertia = content['inertia_about_centre_of_mass']
+    assert franka['mass'] == ur['mass'] == content['mass']
+    assert [*ur['center_of_gravity'].values()] == franka['center_of_mass']
+    assert franka['center_of_mass'] == content['centre_of_mass']
+    np.testing.assert_array_equal(
+        np.reshape(franka['load_inertia'], (3, 3)),
+        [[inertia[x] for x in row] for row in (('xx', 'xy', 'xz'), ('xy', 'yy', 'yz'),
+                                               ('xz', 'yz', 'zz'))],
+    )  # fmt: skip
+    assert all(ur[f'i{name}'] == value for name, value in inertia.items())
+    function, arguments = content['ur_script'].split('(', 1)
+    assert function == 'set_target_payload'
+    order = ['mass', *['ixx', 'iyy', 'izz', 'ixy', 'ixz', 'iyz']]
+    mass, centre, six = json.loads(f'[{arguments.removesuffix(")")}]')
+    assert [mass, *six] == [ur[name] for name in order]
+    assert centre == content['centre_of_mass']
     loaded = InverseDynamicsModel.load(tmp_path / 'loaded.npz')
     data = motion()
     residual = loaded.predict(data.q, data.dq, data.ddq).tau - data.tau
     assert np.sqrt(np.mean(residual**2)) < 1.1 * NOISE
     assert main(['payload', str(tmp_path / 'loaded.npz'), str(tmp_path / 'run.npz')]) == 0
+
+
+def test_processes_of_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Beside links they stay; instead of links they would not bear the payload."""
+    motion().save(tmp_path / 'run.npz')
+    files = [str(tmp_path / 'arm.npz'), str(tmp_path / 'run.npz')]
+    remainder = remainder_of(arm())
+    model = replace(model_of(arm()), remainder=remainder)
+    model.save(files[0])
+    assert main(['payload', *files]) == 1
+    assert 'has Gaussian processes instead of them at joint_2; fit' in capsys.readouterr().err
+    beside = replace(remainder, replaces=np.zeros(N, dtype=bool))
+    replace(model, remainder=beside).save(files[0])
+    assert main(['payload', *files, '-o', str(tmp_path / 'loaded.npz')]) == 0
+    said = ' '.join(capsys.readouterr().out.split())
+    assert 'beside the links at joint_1, joint_2 were learned without the payload' in said
+    loaded = InverseDynamicsModel.load(tmp_path / 'loaded.npz')
+    assert loaded.remainder is not None
+    np.testing.assert_array_equal(loaded.remainder.joints, beside.joints)
 
 
 def test_outputs_of_the_verb(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+import re
+import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.export.arm import ArmDescription, JointRanges
+from lip_id_ros.export.from_model import describe
 from lip_id_ros.export.payload import payload_in_flange
 from lip_id_ros.export.urdf_template import fill_template
 from lip_id_ros.friction.model import FrictionModel, plain_friction
@@ -123,9 +126,31 @@ def test_the_frames_stay_those_of_the_file(fitted: InverseDynamicsModel) -> None
 
 
 @pytest.mark.slow
+def test_only_what_was_fitted_changes_in_the_file(fitted: InverseDynamicsModel) -> None:
+    before = perturbed(0)
+    description = load_description(before, NAMES, TYPES)
+    arm = describe(fitted, 'panda').in_model_frames
+    after = fill_template(arm, description, origins=True)
+    again = load_description(after, NAMES, TYPES)
+    np.testing.assert_allclose(again.chain.rotations, arm.chain.rotations, atol=1e-9)
+    np.testing.assert_allclose(again.chain.translations, arm.chain.translations, atol=1e-9)
+    lines = [text.splitlines(keepends=True) for text in (before, after)]
+    changed = [pair for pair in zip(*lines, strict=True) if pair[0] != pair[1]]
+    tags = {re.findall(r'<(\w+)', line)[0] for pair in changed for line in pair}
+    assert tags == {'inertia', 'mass', 'dynamics', 'origin'}
+    parents = [element for text in (before, after) for element in ET.fromstring(text).iter()]
+    half = len(parents) // 2
+    for old, new in zip(parents[:half], parents[half:], strict=True):
+        moved = [x.tag for x, y in zip(old, new, strict=True) if x.attrib != y.attrib]
+        assert set(moved) <= {
+            'inertial': {'origin', 'mass', 'inertia'},
+            'joint': {'origin', 'dynamics'} if old.get('name') in NAMES else set(),
+        }.get(old.tag, set())
+
+
+@pytest.mark.slow
 def test_a_payload_of_a_learned_arm(fitted: InverseDynamicsModel) -> None:
     """One kilogram, 5 cm beside the last axis, from 20 s of motion."""
-    assert fitted.arm is not None
     centre = np.array([0.05, 0.0, 0.107])
     inertia = 1e-3 * np.eye(3) + centre @ centre * np.eye(3) - np.outer(centre, centre)
     body = np.array([1.0, *centre, *inertia[np.triu_indices(3)]])
@@ -135,9 +160,7 @@ def test_a_payload_of_a_learned_arm(fitted: InverseDynamicsModel) -> None:
     load = torque_regressor(truth().chain, data.q, data.dq, data.ddq) @ links.ravel()
     known = with_standard_frames(truth().chain, links)[1][-1, :10]
     loaded = replace(data, tau=data.tau + load)
-    found = payload_in_flange(
-        identify_payload(fitted.arm, fitted.training_range, loaded), 0.0, 0.0
-    )
+    found = payload_in_flange(identify_payload(fitted, loaded), 0.0, 0.0)
     assert found.mass == pytest.approx(1.0, rel=0.01)
     np.testing.assert_allclose(found.centre, known[1:4], atol=2e-3)
 

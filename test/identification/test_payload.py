@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from export.arms import model_of, random_arm
+from export.arms import model_of, random_arm, remainder_of
 import numpy as np
 import pytest
 
@@ -43,9 +43,7 @@ def arm_of(kinds: str, seed: int = 5) -> ArmDescription:
 
 
 def payload_of(arm: ArmDescription, dataset: Dataset) -> Payload:
-    model = model_of(arm)
-    assert model.arm is not None
-    return payload_in_flange(identify_payload(model.arm, model.training_range, dataset), 0.0, 0.0)
+    return payload_in_flange(identify_payload(model_of(arm), dataset), 0.0, 0.0)
 
 
 def recorded(
@@ -96,6 +94,29 @@ def test_without_noise_all_ten_numbers_are_found() -> None:
     np.testing.assert_allclose(found.parameters, body(), atol=1e-6)
 
 
+def test_a_process_beside_links_is_no_payload() -> None:
+    """What it was learned to correct of the bare arm is not explained by the payload."""
+    arm = arm_of('RRRRRR')
+    first = remainder_of(arm)  # at two joints, here the last ones
+    remainder = replace(
+        first,
+        replaces=np.zeros(6, dtype=bool),
+        lengths=np.roll(first.lengths, 4, axis=0),
+        alpha=10.0 * np.roll(first.alpha, 4, axis=1),
+    )
+    data = recorded(arm, body(), 0, NOISE)
+    rest = remainder.torque(data.q, data.dq, data.ddq)
+    assert rest.std(axis=0).max() > 10.0 * NOISE
+    model, data = model_of(arm), replace(data, tau=data.tau + rest)
+    found, ignorant = (
+        payload_in_flange(identify_payload(each, data), 0.0, 0.0)
+        for each in (replace(model, remainder=remainder), model)
+    )
+    assert found.mass == pytest.approx(MASS, rel=0.001)
+    np.testing.assert_allclose(found.centre, CENTRE, atol=5e-4)
+    assert np.abs(ignorant.centre - CENTRE).max() > 1e-3
+
+
 def learned(data: Dataset, chain: Chain) -> ArmPosterior:
     """Fit an arm whose placements need not be searched for."""
     fitter = ArmFitter(data)
@@ -131,7 +152,8 @@ def test_deviations_cover_the_truth_on_learned_arms(learned_arms: Learned) -> No
     scores, some = [], np.arange(0, 1000, 3)
     for seed, (arm, ranges) in enumerate(learned_arms):
         dataset = recorded(plain_arm(), body(), seed, NOISE, correlated=5).select(some)
-        found = payload_in_flange(identify_payload(arm, ranges, dataset), 0.0, 0.0)
+        model = replace(model_of(plain_arm()), arm=arm, training_range=ranges)
+        found = payload_in_flange(identify_payload(model, dataset), 0.0, 0.0)
         scores.append((found.parameters - body()) / np.sqrt(np.diagonal(found.covariance)))
     assert np.mean(np.abs(scores) < 2.0) > 0.9
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4

@@ -62,12 +62,13 @@ def test_the_topic_is_the_prior_and_payloads_are_found(
     added = torque_regressor(model.arm.chain, *motion)[:, :, -11:-1] @ body()
     replace(other, tau=other.tau + added).save(tmp_path / 'loaded.npz')
     client.set_parameter('train', 'bags', ['loaded.npz'])
-    client.set_parameter('train', 'payload_model_path', 'with_payload.npz')
+    client.set_parameters('train', payload_model_path='with_payload.npz', payload_flange_shift=0.1)
     assert client.trigger('/train/payload').success
     status = client.status('train', lambda status: status['job']['task'] == 'payload'
                            and status['job']['state'] in ('done', 'failed'))  # fmt: skip
     assert status['job']['state'] == 'done', train.log
     content = yaml.safe_load((tmp_path / 'payload.yaml').read_text())
+    assert content['flange'] == {'shift_m': 0.1, 'turn_deg': 0.0}
     loaded = InverseDynamicsModel.load(tmp_path / 'with_payload.npz')
     assert loaded.provenance['payload_mass'] == content['mass']
     # three joints hardly distinguish a mass from its place, but its torques are identified
