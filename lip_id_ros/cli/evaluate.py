@@ -9,10 +9,9 @@ from lip_id_ros.cli import arguments
 from lip_id_ros.errors import ConfigError, ModelError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from lip_id_ros.cli.models import Model
     from lip_id_ros.dataset import Dataset
+    from lip_id_ros.evaluation.rollout import Rollouts
 
 HELP = 'compare a model with recordings: errors, energies, plots'
 EPILOG = """\
@@ -56,7 +55,8 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation import score
     from lip_id_ros.evaluation.cautions import copy_cautions, training_data_warnings
     from lip_id_ros.evaluation.report import band, Labels, write_report
-    from lip_id_ros.evaluation.tables import show_lines
+    from lip_id_ros.evaluation.tables import rollout_tables, show_lines
+    from lip_id_ros.evaluation.tables import show as show_table
 
     if args.urdf is not None and not args.rollout:
         raise ConfigError('--urdf is compared by --rollout, which is missing; add it.')
@@ -65,46 +65,52 @@ def run(args: argparse.Namespace) -> None:
     output.check_folder(args.report, args.force)
     model = models.load(args.model)
     sources = ', '.join(args.sources)
+    rollouts = None
     with output.progress_display() as progress:
         dataset = models.load_for(model, args.sources, args.config, progress)
         warnings = training_data_warnings(model, dataset) + copy_cautions(dataset.provenance)
         outcome = predict(model, dataset, progress)
         evaluation = score(outcome)
+        if args.rollout:
+            rollouts = _rollouts(model, dataset, args.urdf)
+            warnings += _not_simulated(model)
         if args.report:
             facts = (('model', args.model), ('recordings', sources), *models.facts(model))
             labels = Labels('Inverse dynamics: model against measurement', warnings, facts)
             uncertainty = band(model, outcome, progress)
-            write_report(args.report, outcome, evaluation, uncertainty, labels, progress)
+            write_report(args.report, outcome, evaluation, uncertainty, labels, progress, rollouts)
     console = output.console(args.json)
     show.evaluated(evaluation, f'{args.model} on {sources}', console)
-    show_lines(warnings, console)
     figures = evaluation.to_json()
-    if args.rollout:
-        figures['rollout'] = _rollout(model, dataset, args.urdf, console)
+    if rollouts is not None:
+        for table in rollout_tables(rollouts, dataset.joint_names, dataset.joint_types):
+            show_table(table, console)
+        figures['rollout'] = rollouts.to_json()
+    show_lines(warnings, console)
     output.write_json(args.json, figures)
 
 
-def _rollout(
-    model: Model, dataset: Dataset, urdf: str | None, console: Console
-) -> dict[str, object]:
-    """Simulate, show the errors and return them."""
+def _rollouts(model: Model, dataset: Dataset, urdf: str | None) -> Rollouts:
+    """Simulate windows of the motion with the model, and with the arm of a URDF."""
     from lip_id_ros.baselines import Baseline
     from lip_id_ros.description.urdf import load_description
-    from lip_id_ros.evaluation.rollout import ForwardArm, roll_out, rollout_json, rollout_tables
-    from lip_id_ros.evaluation.tables import show, show_lines
+    from lip_id_ros.evaluation.rollout import ForwardArm, roll_out, Rollouts
 
     if isinstance(model, Baseline) or model.arm is None:
         raise ModelError(
             '--rollout simulates rigid links, which this model does not have; fit with the '
             'default kernel.'
         )
-    fitted, nominal = roll_out(ForwardArm.fitted(model.arm), dataset), None
-    if urdf is not None:
-        description = load_description(urdf, dataset.joint_names, dataset.joint_types)
-        arm = ForwardArm.nominal(description, dataset.gravity_compensated)
-        nominal = roll_out(arm, dataset)
-    for table in rollout_tables(fitted, nominal, dataset):
-        show(table, console)
-    if model.remainder is not None:
-        show_lines(['The Gaussian processes beside the links are not simulated.'], console)
-    return rollout_json(fitted, nominal)
+    fitted = roll_out(ForwardArm.fitted(model.arm), dataset)
+    if urdf is None:
+        return Rollouts(fitted)
+    description = load_description(urdf, dataset.joint_names, dataset.joint_types)
+    nominal = ForwardArm.nominal(description, dataset.gravity_compensated)
+    return Rollouts(fitted, roll_out(nominal, dataset))
+
+
+def _not_simulated(model: Model) -> list[str]:
+    """Return what of a model a rollout leaves out."""
+    if getattr(model, 'remainder', None) is None:
+        return []
+    return ['The rollout leaves out the Gaussian processes beside the links.']

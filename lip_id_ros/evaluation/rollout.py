@@ -9,9 +9,9 @@ measured torques and a weak feedback, and the simulated motion is compared with 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, interp1d
@@ -20,10 +20,8 @@ from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import DataError
-from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction
 from lip_id_ros.friction.model import FrictionModel, plain_friction
-from lip_id_ros.joint_types import POSITION_UNITS
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.numba_jit import jit
 from lip_id_ros.rigid_body import Chain
@@ -187,6 +185,42 @@ class Rollout:
     velocity: Array
     travel: Array
 
+    @property
+    def title(self) -> str:
+        """What was simulated."""
+        return f'{self.windows} windows of {self.horizon_s:g} s, feedback of {FEEDBACK:g} rad/s'
+
+    def to_json(self) -> dict[str, object]:
+        """Return the errors for a JSON file."""
+        return {
+            'horizon_s': self.horizon_s,
+            'windows': self.windows,
+            'position': self.position.tolist(),
+            'velocity': self.velocity.tolist(),
+            'travel': self.travel.tolist(),
+        }
+
+
+class Rollouts(NamedTuple):
+    """
+    Errors of a model, and of the arm of a URDF where there is one, for each of `HORIZONS_S`.
+
+    Attributes
+    ----------
+    model : tuple of Rollout
+    urdf : tuple of Rollout, or None
+
+    """
+
+    model: tuple[Rollout, ...]
+    urdf: tuple[Rollout, ...] | None = None
+
+    def to_json(self) -> dict[str, object]:
+        """Return the errors for a JSON file."""
+        arms = {name: rollouts for name, rollouts in self._asdict().items() if rollouts}
+        errors = {name: [x.to_json() for x in rollouts] for name, rollouts in arms.items()}
+        return {'feedback_rad_s': FEEDBACK, **errors}
+
 
 def roll_out(arm: ForwardArm, dataset: Dataset) -> tuple[Rollout, ...]:
     """
@@ -303,48 +337,3 @@ def _between(values: Array, at: Array) -> Array:
     left = np.clip(at.astype(np.intp), 0, len(values) - 2)
     share = (at - left)[:, None]
     return np.asarray((1.0 - share) * values[left] + share * values[left + 1])
-
-
-def rollout_tables(
-    fitted: tuple[Rollout, ...], nominal: tuple[Rollout, ...] | None, dataset: Dataset
-) -> Iterator[Table]:
-    """Yield a table for each length of windows; `nominal` is that of a URDF."""
-    units = [POSITION_UNITS[kind] for kind in dataset.joint_types]
-    for k, each in enumerate(fitted):
-        head = ['joint', 'travel', 'position', 'velocity']
-        columns = [each.travel, each.position, each.velocity]
-        if nominal is not None:
-            head += ['position, URDF', 'velocity, URDF']
-            columns += [nominal[k].position, nominal[k].velocity]
-        rows = [
-            (f'{name} [{unit}, {unit}/s]', *(f'{value:.3g}' for value in values))
-            for name, unit, *values in zip(dataset.joint_names, units, *columns, strict=True)
-        ]
-        title = (
-            f'Rollout: root mean square errors of {each.windows} windows of {each.horizon_s:g} s, '
-            f'feedback of {FEEDBACK:g} rad/s'
-        )
-        yield Table(title, tuple(head), rows)
-
-
-def rollout_json(
-    fitted: tuple[Rollout, ...], nominal: tuple[Rollout, ...] | None
-) -> dict[str, object]:
-    """Return the errors for a JSON file."""
-    both = {'model': fitted} if nominal is None else {'model': fitted, 'urdf': nominal}
-    return {
-        'feedback_rad_s': FEEDBACK,
-        **{
-            name: [
-                {
-                    'horizon_s': each.horizon_s,
-                    'windows': each.windows,
-                    'position': each.position.tolist(),
-                    'velocity': each.velocity.tolist(),
-                    'travel': each.travel.tolist(),
-                }
-                for each in rollouts
-            ]
-            for name, rollouts in both.items()
-        },
-    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import math
-from typing import Literal
+from typing import Literal, TYPE_CHECKING
 
 from rich.console import Console
 import rich.table
@@ -13,7 +13,10 @@ from rich.text import Text
 
 from lip_id_ros.escaping import printable
 from lip_id_ros.evaluation.metrics import Evaluation
-from lip_id_ros.joint_types import TORQUE_UNITS
+from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
+
+if TYPE_CHECKING:
+    from lip_id_ros.evaluation.rollout import Rollouts
 
 LEAST_PERCENT = 0.0001
 WIDE = 1000  # more than any table needs
@@ -79,6 +82,26 @@ def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
         if value is not None:
             rows.append((name, percent(value), '', ''))
     return Table(title, ('', 'nMSE [%]', 'RMSE', 'std of torque'), rows)
+
+
+def rollout_tables(
+    rollouts: Rollouts, joint_names: Sequence[str], joint_types: Sequence[str]
+) -> list[Table]:
+    """Return the errors of simulated windows, one table for each of their lengths."""
+    units = [POSITION_UNITS[kind] for kind in joint_types]
+    tables = []
+    for k, each in enumerate(rollouts.model):
+        head = ['joint', 'travel', 'position', 'velocity']
+        columns = [each.travel, each.position, each.velocity]
+        if rollouts.urdf is not None:
+            head += ['position, URDF', 'velocity, URDF']
+            columns += [rollouts.urdf[k].position, rollouts.urdf[k].velocity]
+        rows = [
+            (f'{name} [{unit}, {unit}/s]', *(f'{value:.3g}' for value in values))
+            for name, unit, *values in zip(joint_names, units, *columns, strict=True)
+        ]
+        tables.append(Table(f'Rollout: root mean square errors of {each.title}', head, rows))
+    return tables
 
 
 def notes(evaluation: Evaluation) -> list[str]:

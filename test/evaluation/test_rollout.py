@@ -123,9 +123,13 @@ def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         '--json',
         str(tmp_path / 'a.json'),
     ]
-    assert main(['evaluate', *files, '--rollout', '--urdf', str(panda_urdf())]) == 0
+    report = ['--report', str(tmp_path / 'report')]
+    assert main(['evaluate', *files, '--rollout', '--urdf', str(panda_urdf()), *report]) == 0
     said = ' '.join(capsys.readouterr().out.split())
     assert f'windows of 1 s, feedback of {FEEDBACK:g} rad/s' in said
+    assert (tmp_path / 'report' / 'rollout.png').is_file()
+    page = (tmp_path / 'report' / 'index.html').read_text()
+    assert f'windows of 1 s, feedback of {FEEDBACK:g} rad/s' in page
     rollout = json.loads((tmp_path / 'a.json').read_text())['rollout']
     for ours, nominal in zip(rollout['model'], rollout['urdf'], strict=True):
         assert max(ours['position']) < max(nominal['position'])

@@ -19,7 +19,8 @@ from lip_id_ros.evaluation.cautions import no_better_than_mean
 from lip_id_ros.evaluation.metrics import Evaluation, Outcome, standard_deviation
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.report.page import drawn, page, Picture, write_folder
-from lip_id_ros.evaluation.tables import error_table, notes, Table
+from lip_id_ros.evaluation.rollout import Rollouts
+from lip_id_ros.evaluation.tables import error_table, notes, rollout_tables, Table
 from lip_id_ros.model import DynamicsModel, Prediction, TorqueModel
 from lip_id_ros.progress import Progress, silent
 
@@ -31,6 +32,8 @@ CAPTIONS = {
     'energies': 'Predicted energies of the motion; the true ones, where known, in grey. The '
     'constant of the potential energy is free.',
     'torque_split': 'The predicted torque is the sum of these parts.',
+    'rollout': 'Root mean square errors of simulated positions, driven by the measured torques '
+    'and a weak feedback, beside how far the joints travelled (grey); the axes are logarithmic.',
 }
 
 
@@ -61,6 +64,7 @@ def write_report(
     band: Band | None,
     labels: Labels,
     progress: Progress = silent,
+    rollouts: Rollouts | None = None,
 ) -> Path:
     """
     Write PNG plots and index.html, which embeds them and needs no network.
@@ -77,6 +81,8 @@ def write_report(
     labels : Labels
     progress : Progress
         Called after every picture.
+    rollouts : Rollouts, optional
+        Its forward simulations.
 
     Returns
     -------
@@ -89,11 +95,13 @@ def write_report(
         If the folder cannot be written.
 
     """
-    pictures = _pictures(outcome, evaluation, band, progress)
+    pictures = _pictures(outcome, evaluation, band, progress, rollouts)
+    names, types = evaluation.joint_names, evaluation.joint_types
+    simulated = rollout_tables(rollouts, names, types) if rollouts else []
     text = page(
         labels.title,
         [*labels.warnings, *no_better_than_mean(evaluation.joint_names, evaluation.nmse_percent)],
-        [error_table(evaluation)],
+        [error_table(evaluation), *simulated],
         notes(evaluation),
         pictures,
         Table('Model and data', (), labels.facts),
@@ -102,7 +110,11 @@ def write_report(
 
 
 def _pictures(
-    outcome: Outcome, evaluation: Evaluation, band: Band | None, progress: Progress
+    outcome: Outcome,
+    evaluation: Evaluation,
+    band: Band | None,
+    progress: Progress,
+    rollouts: Rollouts | None,
 ) -> list[Picture]:
     predicted = outcome.prediction
     drawings: dict[str, tuple[str, Callable[[], Figure]]] = {
@@ -118,6 +130,8 @@ def _pictures(
     if isinstance(predicted, Prediction):
         title = 'Parts of the predicted torque'
         drawings['torque_split'] = title, lambda: split(outcome, predicted)
+    if rollouts is not None:
+        drawings['rollout'] = 'Rollout', lambda: rollout(rollouts, evaluation.joint_names)
     return drawn(
         [(name, title, CAPTIONS[name], draw) for name, (title, draw) in drawings.items()],
         progress,
@@ -280,6 +294,35 @@ def errors(evaluation: Evaluation) -> Figure:
     panel.invert_yaxis()
     panel.grid(visible=False, axis='y')
     panel.set_xlabel('normalised mean squared error [%]')
+    return figure
+
+
+def rollout(rollouts: Rollouts, joint_names: Sequence[str]) -> Figure:
+    """Draw errors of simulated positions as bars, one panel for each length of windows."""
+    rows = np.arange(len(joint_names))
+    height = 0.62 * len(rows) + style.LEGEND_HEIGHT + 1.2
+    figure = style.new_figure(height)
+    panels = style.grid(figure, len(rollouts.model), len(rollouts.model))
+    for k, (panel, model) in enumerate(zip(panels, rollouts.model, strict=True)):
+        bars = [
+            ('travel', model.travel, style.MEASURED),
+            ('model', model.position, style.PREDICTED),
+        ]
+        if rollouts.urdf is not None:
+            bars.insert(1, ('URDF', rollouts.urdf[k].position, style.RESIDUAL))
+        for place, (label, values, color) in enumerate(bars):
+            at = rows + 0.8 * ((place + 0.5) / len(bars) - 0.5)
+            drawn = panel.barh(at, values, height=0.7 / len(bars), color=color, label=label)
+            panel.bar_label(drawn, labels=[f'{value:.2g}' for value in values], padding=3)
+        panel.set_title(model.title, loc='left', fontsize=11)
+        panel.set_yticks(rows, [for_plot(name) for name in joint_names] if k == 0 else [])
+        panel.set_xscale('log')
+        panel.margins(x=0.2)
+        panel.invert_yaxis()
+        panel.grid(visible=False, axis='y')
+    figure.supxlabel('root mean square of position [rad or m]')
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc='upper center', ncol=len(labels))
     return figure
 
 
