@@ -33,6 +33,13 @@ from lip_id_ros.friction.primitives import (
 )
 
 TEMPLATE = 'dynamics.h.in'
+REMARKS = (
+    'All that the model has is here: links, rotors and every term of friction, of joints that '
+    'share a motor too. Standard deviations are not, and no Gaussian process: a model that has '
+    'one is not written as C.',
+    'Nothing is checked and nothing is limited: references, torques and their rates are left to '
+    'the controller.',
+)
 
 
 def to_c_header(arm: ArmDescription) -> str:
@@ -76,7 +83,7 @@ def identifier(name: str) -> str:
 
 
 def _comment(arm: ArmDescription) -> str:
-    return '\n'.join(f' * {line}'.rstrip() for line in _safe(header_lines(arm)))
+    return '\n'.join(f' * {line}'.rstrip() for line in _safe(header_lines(arm, REMARKS)))
 
 
 def _safe(lines: Iterable[str]) -> list[str]:

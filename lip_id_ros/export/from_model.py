@@ -24,6 +24,9 @@ NO_GRAVITY = (
     'The recorded efforts leave gravity out: masses and centres of mass have no weight here. '
     'Switch gravity off where this arm is simulated.'
 )
+RECORDED_LOAD = (
+    'What hung on the last link while the arm was recorded, a gripper for instance, is part of it.'
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
             'which no other program evaluates; fit with the default kernel.'
         )
     remainder = _remainder(model)
-    remarks = [BASE_PARAMETERS, RECORDED]
+    remarks = [BASE_PARAMETERS, RECORDED, _load(model), *_efforts(model)]
     remarks += [] if model.has_potential else [NO_GRAVITY]
     remarks += [] if remainder is None else [f'Left out: {remainder}.']
     still = np.zeros(model.n_joints)
@@ -84,6 +87,24 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
         remarks=tuple(remarks),
     )
     return Exported(arm.in_standard_frames(), arm, remainder)
+
+
+def _load(model: InverseDynamicsModel) -> str:
+    mass = model.provenance.get('payload_mass')
+    if not isinstance(mass, float):
+        return RECORDED_LOAD
+    return f'{RECORDED_LOAD} So is a payload of {mass:.4g} kg, identified afterwards.'
+
+
+def _efforts(model: InverseDynamicsModel) -> list[str]:
+    """Return a sentence where efforts were no torques."""
+    scaled = any((each.scale != 1.0).any() for each in model.effort_calibrations)
+    if not scaled:
+        return []
+    return [
+        'Torques are N m or N: recorded efforts times effort_scale. A driver that takes efforts '
+        'in the recorded unit needs them divided by it.'
+    ]
 
 
 def _remainder(model: InverseDynamicsModel) -> str | None:

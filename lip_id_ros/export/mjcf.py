@@ -14,6 +14,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import LipIdError, ModelError
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import (
@@ -25,7 +26,13 @@ from lip_id_ros.export.text import (
     split_friction,
     xml_text,
 )
-from lip_id_ros.export.urdf import centre_of_mass_inertia, link_name, RADIUS
+from lip_id_ros.export.urdf import (
+    centre_of_mass_inertia,
+    JOINT_LENGTH,
+    JOINT_RADIUS,
+    link_name,
+    RADIUS,
+)
 from lip_id_ros.rigid_body.chain import ROTOR
 
 FRICTION = ('viscous', 'quadratic viscous', 'Coulomb', 'joint spring')
@@ -39,11 +46,14 @@ COMPILER = {
     'fusestatic': 'false',
     'inertiafromgeom': 'false',
 }
+SHOWN = {'contype': '0', 'conaffinity': '0', 'group': '2', 'mass': '0'}
+DARK = '0.25 0.3 0.35 1'
 REMARKS = (
     'friction: damping is viscous friction (a second number: in proportion to the square of the '
     'velocity), frictionloss the Coulomb torque, stiffness a spring of the joint; armature is the '
     'inertia of the rotor, seen through its gear.',
-    'The capsules show the links; they have no mass and touch nothing.',
+    'Capsules show the links, cylinders and boxes the axes of the joints; they have no mass and '
+    'touch nothing.',
 )
 
 
@@ -136,13 +146,20 @@ def _body(parent: ET.Element, arm: ArmDescription, i: int, friction: FrictionSpl
     ET.SubElement(body, 'inertial', inertial)
     ET.SubElement(body, 'joint', _joint(arm, i, friction.values[i]))
     end = arm.chain.translations[i + 1] if i + 1 < arm.n_joints else np.zeros(3)
-    if np.linalg.norm(end) > RADIUS:
-        geom = {'type': 'capsule', 'fromto': numbers([0.0, 0.0, 0.0, *end])}
-    else:
-        geom = {'type': 'sphere'}
-    shown = {'size': number(RADIUS), 'contype': '0', 'conaffinity': '0', 'group': '2'}
-    ET.SubElement(body, 'geom', {**geom, **shown, 'mass': '0'})
+    _show(body, arm.chain.prismatic[i], end)
     return body
+
+
+def _show(body: ET.Element, prismatic: bool, end: Array) -> None:
+    """Show the axis of a body's joint, and the link to the next joint."""
+    half = 0.5 * JOINT_LENGTH
+    joint = {'type': 'cylinder', 'size': numbers([JOINT_RADIUS, half])}
+    if prismatic:
+        joint = {'type': 'box', 'size': numbers([JOINT_RADIUS, JOINT_RADIUS, half])}
+    ET.SubElement(body, 'geom', {**joint, **SHOWN, 'rgba': DARK})
+    if np.linalg.norm(end) > RADIUS:
+        capsule = {'type': 'capsule', 'fromto': numbers([0.0, 0.0, 0.0, *end])}
+        ET.SubElement(body, 'geom', {**capsule, 'size': number(RADIUS), **SHOWN})
 
 
 def _joint(arm: ArmDescription, i: int, friction: dict[str, float]) -> dict[str, str]:

@@ -36,6 +36,8 @@ BASE = 'base_link'
 INERTIAS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 RADIUS = 0.02
 """Of the cylinders that show the links [m]."""
+JOINT_RADIUS, JOINT_LENGTH = 0.035, 0.1
+"""Of the cylinders along the axes of revolute joints; prismatic joints are boxes as large [m]."""
 REMARKS = (
     'rotor inertia: URDF has no element for it. The transmissions have it as Drake reads it '
     '(drake:rotor_inertia, gear ratio one): what is added to the diagonal of the inertia matrix. '
@@ -93,8 +95,9 @@ def _link(arm: ArmDescription, i: int) -> ET.Element:
     ET.SubElement(inertial, 'mass', {'value': number(mass)})
     entries = zip(INERTIAS, inertia[np.triu_indices(3)], strict=True)
     ET.SubElement(inertial, 'inertia', {name: number(value) for name, value in entries})
+    _show_joint(link, arm.chain.prismatic[i])
     if i + 1 < arm.n_joints:
-        _cylinder(link, arm.chain.translations[i + 1])
+        _show_link(link, arm.chain.translations[i + 1])
     return link
 
 
@@ -107,8 +110,18 @@ def centre_of_mass_inertia(parameters: Array) -> tuple[float, Array, Array]:
     return mass, centre, about_origin - steiner
 
 
-def _cylinder(link: ET.Element, end: Array) -> None:
-    """Show a link as a cylinder from its joint to the next."""
+def _show_joint(link: ET.Element, prismatic: bool) -> None:
+    """Show the axis of a link's joint, the z axis of its frame."""
+    geometry = ET.SubElement(ET.SubElement(link, 'visual'), 'geometry')
+    if prismatic:
+        size = (2.0 * JOINT_RADIUS, 2.0 * JOINT_RADIUS, JOINT_LENGTH)
+        ET.SubElement(geometry, 'box', {'size': numbers(size)})
+    else:
+        _cylinder(geometry, JOINT_RADIUS, JOINT_LENGTH)
+
+
+def _show_link(link: ET.Element, end: Array) -> None:
+    """Show a link from its joint to the next."""
     length = float(np.linalg.norm(end))
     if length <= RADIUS:
         return
@@ -116,8 +129,11 @@ def _cylinder(link: ET.Element, end: Array) -> None:
     visual = ET.SubElement(link, 'visual')
     place = {'xyz': numbers(0.5 * end), 'rpy': numbers(roll_pitch_yaw(along.as_matrix()))}
     ET.SubElement(visual, 'origin', place)
-    geometry = ET.SubElement(visual, 'geometry')
-    ET.SubElement(geometry, 'cylinder', {'radius': number(RADIUS), 'length': number(length)})
+    _cylinder(ET.SubElement(visual, 'geometry'), RADIUS, length)
+
+
+def _cylinder(geometry: ET.Element, radius: float, length: float) -> None:
+    ET.SubElement(geometry, 'cylinder', {'radius': number(radius), 'length': number(length)})
 
 
 def _joint(arm: ArmDescription, i: int, friction: FrictionSplit) -> ET.Element:

@@ -15,6 +15,7 @@ import pytest
 
 from lip_id_ros.cli import main
 from lip_id_ros.identification import fit
+from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.simulation import JointFriction
 
 pytest.importorskip('pinocchio')
@@ -124,6 +125,36 @@ def test_a_model_without_links_is_refused(
     assert main(['export', str(path), '--urdf', str(tmp_path / 'a.urdf')]) == 1
     assert 'rigid links were expected, but the model has the kernel' in capsys.readouterr().err
     assert not (tmp_path / 'a.urdf').exists()
+
+
+def test_files_say_what_they_stand_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A payload, currents for efforts, and efforts without gravity."""
+    monkeypatch.chdir(tmp_path)
+    described = random_arm('RR')
+    chain = described.chain._replace(gravity=np.zeros(3))
+    scaled = replace(model_of(replace(described, chain=chain)), provenance={'payload_mass': 1.25})
+    calibration = EffortCalibration(np.array([1.0, 12.0]), np.zeros(2))
+    replace(scaled, effort_calibrations=(calibration,)).save('scaled.npz')
+    model_of(described).save('plain.npz')
+    formats = ('urdf', 'mjcf', 'c')
+    for name in ('scaled', 'plain'):
+        files = (x for form in formats for x in (f'--{form}', f'{name}.{form}'))
+        assert main(['export', f'{name}.npz', *files]) == 0
+    sentences = (
+        'So is a payload of 1.25 kg, identified afterwards.',
+        'recorded efforts times effort_scale',
+        'The recorded efforts leave gravity out',
+    )
+    for form in formats:
+        scaled_text, plain_text = (
+            ' '.join(Path(f'{name}.{form}').read_text().replace(' * ', ' ').split())
+            for name in ('scaled', 'plain')
+        )
+        for sentence in sentences:
+            assert sentence in scaled_text
+            assert sentence not in plain_text
+        assert 'What hung on the last link' in plain_text
+    assert 'no Gaussian process: a model that has one is not written as C' in scaled_text
 
 
 def test_a_remainder_is_left_out_of_urdf_and_refused_in_c(
