@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 import json
@@ -14,7 +14,7 @@ from typing import Any, cast, TextIO
 
 from lip_id_ros.acquisition.recording_file import pass_on
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.processes import end
+from lip_id_ros.processes import end, STOP_SECONDS
 from lip_id_ros.recording import JointSamples
 
 
@@ -136,6 +136,7 @@ class Jobs:
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='jobs')
         self._process: subprocess.Popen[str] | None = None
         self._cancelled = False
+        self._work: Future[Mapping[str, Any]] | None = None
         self.state = JobState()
 
     def start(self, task: Task, sections: Sequence[JointSamples]) -> Future[Mapping[str, Any]]:
@@ -163,28 +164,37 @@ class Jobs:
             raise LipIdError(f'a {self.state.task} is running; wait until ~/status shows its end.')
         self._cancelled = False
         self.state = JobState(task.kind, 'running', 'start')
-        return self._pool.submit(self._run, task, sections)
+        self._work = self._pool.submit(self._run, task, sections)
+        return self._work
 
     def cancel(self) -> str:
         """
-        End the job that is running; what it had not saved is not saved.
+        End the job that is running, unless it saves its result already.
 
         Returns
         -------
         str
-            'fit' or 'dataset'.
+            'fit', 'dataset' or 'payload'; nothing of it is saved.
 
         Raises
         ------
         LipIdError
-            If none is running.
+            If none is running, or it has ended by itself.
 
         """
-        task = self.state.task
-        if self.state.state != 'running':
+        if self._work is None or self.state.state != 'running':
             raise LipIdError('no fit or data set is running.')
         self._end()
-        return task
+        wait([self._work], STOP_SECONDS)
+        ended = self.state
+        if ended.state == 'done':
+            raise LipIdError(
+                f'the {ended.task} was done before it could be cancelled; its result is in '
+                f'{ended.result["path"]}.'
+            )
+        if ended.state == 'failed':
+            raise LipIdError(f'the {ended.task} had failed: {ended.error}')
+        return ended.task
 
     def stop(self) -> None:
         """End the job that is running, and take no other."""

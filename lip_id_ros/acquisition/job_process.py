@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import json
 import os
+import signal
 import sys
 from typing import Any, TextIO
 
@@ -68,12 +69,14 @@ def main(requests: TextIO, output: TextIO) -> int:
     """
     request = json.load(requests)
     os.nice(request['niceness'])
+    before = signal.getsignal(signal.SIGTERM)
     try:
-        result = _work(request, _reporter(output))
+        _emit(output, {'result': _work(request, _reporter(output))})
     except (LipIdError, OSError) as error:
         _emit(output, {'error': str(error)})
         return 1
-    _emit(output, {'result': result})
+    finally:
+        signal.signal(signal.SIGTERM, before)
     return 0
 
 
@@ -124,8 +127,6 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
     shown = payload_in_flange(found, *flange)
     text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], flange)
     loaded, rescued = attached(model, found), []
-    if request['payload_model']:
-        rescued = _save(loaded.save, request['payload_model'])['rescue']
     errors = evaluate(loaded, data).nmse_percent
     figures = {
         'mass': shown.mass,
@@ -134,6 +135,8 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
         'centre_of_mass_std': shown.centre_std.tolist(),
         'inertia_about_centre_of_mass': inertias(shown),
     }
+    if request['payload_model']:
+        rescued = _save(loaded.save, request['payload_model'])['rescue']
     saved = _save(lambda place: write_whole(place, text.encode()), request['path'])
     return {
         **saved,
@@ -144,7 +147,13 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _save(save: Callable[[str | os.PathLike[str]], None], path: str) -> dict[str, Any]:
-    """Save a result, elsewhere where the disk fails; return where it is, and a sentence then."""
+    """
+    Save a result, elsewhere where the disk fails; return where it is, and a sentence then.
+
+    From here on the job cannot be cancelled: what is saved is reported as well.
+
+    """
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     places: list[str] = []
 
     def write(place: str | os.PathLike[str]) -> None:

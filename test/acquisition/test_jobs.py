@@ -8,6 +8,8 @@ import io
 import json
 import os
 from pathlib import Path
+import select
+import subprocess
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from lip_id_ros.acquisition.job import advanced, in_words, Jobs, JobState, Task
 from lip_id_ros.acquisition.recording_file import pass_on
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
+from lip_id_ros.processes import end
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import Config, flatten
 
@@ -132,6 +135,37 @@ def test_a_job_that_is_cancelled_says_so_and_another_may_follow(
         jobs.start(Task('dataset', flatten(Config()), path), [samples(500)]).result()['path']
         == path
     )
+    jobs.stop()
+
+
+def test_a_job_that_saves_already_is_not_called_cancelled(
+    jobs: Jobs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / 'data.npz'
+    os.mkfifo(path)  # the process waits in the middle of its result
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    os.set_blocking(reader, True)
+    content: list[bytes] = []
+
+    def end_and_read(process: subprocess.Popen[str]) -> None:
+        process.terminate()
+        with open(reader, 'rb') as file:
+            content.append(file.read())
+        end(process)
+
+    monkeypatch.setattr('lip_id_ros.acquisition.job.end', end_and_read)
+    random = np.random.default_rng(0).normal(size=(20_000, 2))  # more than a pipe holds
+    recorded = replace(samples(20_000), effort=random)
+    jobs.start(Task('dataset', flatten(Config()), str(path)), [recorded])
+    wait_until(lambda: select.select([reader], [], [], 0.0)[0], 'the begin of the result')
+    with pytest.raises(LipIdError) as refused:
+        jobs.cancel()
+    assert str(refused.value) == (
+        f'the dataset was done before it could be cancelled; its result is in {path}.'
+    )
+    assert jobs.state.state == 'done'
+    (tmp_path / 'copy.npz').write_bytes(content[0])
+    assert Dataset.load(tmp_path / 'copy.npz').n_samples == jobs.state.result['n_samples']
     jobs.stop()
 
 
