@@ -93,7 +93,9 @@ class Sections:
 
         """
         stamp = 1e-9 * message.stamp_ns
-        doubt = self._doubt(stamp)
+        # the stamps of another robot are of another clock
+        foreign = self.joint_names and not {*self.joint_names} & {*message.names}
+        doubt = None if foreign else self._doubt(stamp)
         if doubt is not None:
             return self._hold(stamp, message, doubt)
         reason = self._current.add(stamp, *message[1:])
@@ -246,6 +248,12 @@ class Recorder(Sections):
     def n_rejected(self) -> int:
         """How many messages were dropped."""
         return self.counts.total()
+
+    @property
+    def n_alarming(self) -> int:
+        """How many were dropped, without those of other robots where this one has its own."""
+        foreign = self.counts[Reason.FOREIGN_JOINTS] if len(self) else 0
+        return self.n_rejected - foreign
 
     def status(self) -> dict[str, Any]:
         """Return what was done so far, JSON-able."""

@@ -167,9 +167,10 @@ def check_together(values: Mapping[str, Any]) -> None:
                 f'{count}; complete it, or leave it empty.'
             )
     for path in values['bags']:
-        if not Path(path).exists():
+        if not path or not Path(path).exists():
             raise ConfigError(
-                f'bags must be recordings or data sets, but {path} does not exist; correct the '
+                f'bags must be recordings or data sets, but {path or "an empty path"} does not '
+                'exist; correct the '
                 'path, which is relative to the folder in which the node was started.'
             )
     places = {os.path.realpath(path): 'one of the bags' for path in values['bags']}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.signals.joints import ON_PURPOSE
+from lip_id_ros.signals.joints import HARMLESS, Refusal
 from lip_id_ros.signals.status import Tally
 
 
@@ -37,6 +37,7 @@ class ServeCounts:
         self.joint_states = Tally('measured')
         self.torques = Counter(limited=0, rate_limited=0, out_of_range=0, uncertain=0, stale=0)
         self._judged: Counter[str] = Counter()
+        self._measured = 0
 
     def values(self) -> dict[str, Any]:
         """Return all counts, JSON-able."""
@@ -59,10 +60,13 @@ class ServeCounts:
             **{f'joint states: {key}': n for key, n in self.joint_states.refused.items()},
             **{key: self.torques[key] for key in ('out_of_range', 'uncertain')},
         }
-        wanted = {*ON_PURPOSE, *(f'joint states: {key}' for key in ON_PURPOSE)}
-        alarms = Counter({key: n for key, n in counted.items() if key not in wanted})
-        new, self._judged = alarms - self._judged, alarms
-        return new
+        harmless = {*HARMLESS, *(f'joint states: {key}' for key in HARMLESS)}
+        measured = self.joint_states.used['measured']
+        if measured == self._measured:
+            harmless.remove(f'joint states: {Refusal.FOREIGN_JOINTS}')
+        self._measured = measured
+        new, self._judged = Counter(counted) - self._judged, Counter(counted)
+        return Counter({key: n for key, n in new.items() if key not in harmless})
 
 
 class Watch:

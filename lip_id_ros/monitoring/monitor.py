@@ -22,7 +22,7 @@ from lip_id_ros.signals.joint_states import (
     MeasuredState,
     StampWatch,
 )
-from lip_id_ros.signals.joints import by_joint, Refusal, RefusedError, require_joints
+from lip_id_ros.signals.joints import by_joint, HARMLESS, Refusal, RefusedError, require_joints
 from lip_id_ros.signals.status import Level, Tally
 
 LONGEST_GAP_S = 0.2
@@ -167,6 +167,7 @@ class Monitor:
 
         """
         with self._tally.receiving():
+            self._reader.columns(message)
             doubt = self._stamps.doubt(message.stamp_ns)
             if doubt is not None:
                 raise RefusedError(doubt)
@@ -219,7 +220,9 @@ class Monitor:
         return Counter({'received': tally.received, **tally.used, **tally.refused})
 
     def _judgement(self, new: Counter[str], silence: float) -> tuple[Level, str]:
-        refused = ', '.join(f'{key} {new[key]}' for key in sorted(self._tally.refused) if new[key])
+        harmless = HARMLESS if new['watched'] else ()
+        reasons = [key for key in sorted(self._tally.refused) if new[key] and key not in harmless]
+        refused = ', '.join(f'{key} {new[key]}' for key in reasons)
         if silence > SILENCE_S:
             return Level.ERROR, f'blind: no joint states for {silence:.0f} s'
         if self._n_unusable >= CONFIRMED_BY:

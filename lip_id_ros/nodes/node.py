@@ -7,6 +7,7 @@ from dataclasses import replace
 import functools
 import inspect
 import socket
+import time
 import traceback
 from typing import Any
 
@@ -19,9 +20,13 @@ from rclpy.parameter import Parameter
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.nodes import messages, parameters, qos
 from lip_id_ros.settings import Row
+from lip_id_ros.signals.joints import HARMLESS, RefusedError
 from lip_id_ros.signals.status import Level, Status
 
 STATUS_PERIOD_S = 0.5
+
+LONGEST_TAKE_S = 2.0
+"""A topic that never falls silent holds up the node's end no longer."""
 
 
 class NodeBase(Node):
@@ -108,6 +113,19 @@ class NodeBase(Node):
         """Return the present value of every parameter."""
         return parameters.values(self, self._table)
 
+    def take_waiting(self, subscription: Any) -> None:
+        """Run the callback for messages that have arrived and no executor takes any more."""
+        end = time.monotonic() + LONGEST_TAKE_S
+        while time.monotonic() < end:
+            try:
+                taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            except Exception as error:  # of a message of random bytes
+                self.caught(error)
+                continue
+            if taken is None:
+                return
+            subscription.callback(taken[0])
+
     def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
         """Create a timer that goes on where a paused simulation stops the node's clock."""
         self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -124,8 +142,10 @@ class NodeBase(Node):
         diagnostics.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(diagnostics)
 
-    def warn_of_refusal(self, refused: Exception) -> None:
+    def warn_of_refusal(self, refused: RefusedError) -> None:
         """Log a refused message, at most every five seconds."""
+        if refused.reason in HARMLESS:
+            return
         self.get_logger().warning(f'refused: {refused}', throttle_duration_sec=5.0)
 
     # the guard

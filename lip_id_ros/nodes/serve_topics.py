@@ -25,7 +25,7 @@ from lip_id_ros.model import Prediction, Query
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.plans import Planned, PlanWorker
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.signals.joints import ON_PURPOSE, Refusal, RefusedError
+from lip_id_ros.signals.joints import HARMLESS, Refusal, RefusedError
 
 WARNING_PERIOD_S = 5.0
 DELIVERY_S = 5.0
@@ -286,7 +286,7 @@ class Inputs:
         try:
             answer()
         except RefusedError as refused:
-            if refused.reason not in ON_PURPOSE:
+            if refused.reason not in HARMLESS:
                 self._node.get_logger().warning(
                     f'refused a reference ({refused.reason}): {refused}',
                     throttle_duration_sec=WARNING_PERIOD_S,

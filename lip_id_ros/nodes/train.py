@@ -64,7 +64,7 @@ class TrainNode(NodeBase):
 
     def stop(self) -> None:
         """
-        Keep what was recorded, then end the job that is running.
+        Record what has arrived, keep what was recorded, then end the job that is running.
 
         Raises
         ------
@@ -72,6 +72,7 @@ class TrainNode(NodeBase):
             If the recording can be written nowhere.
 
         """
+        self.take_waiting(self._subscription)
         path = self._settings().unsaved_path
         try:
             kept = self._recorder.keep_unsaved(path, self._topic)
@@ -256,7 +257,7 @@ class TrainNode(NodeBase):
         return '; '.join([self._recorder.summary + work, *filter(None, [self._endangered])])
 
     def _level(self, job: JobState) -> Level:
-        rejected = self._recorder.n_rejected
+        rejected = self._recorder.n_alarming
         rose, self._rejected_before = rejected > self._rejected_before, rejected
         if job.state == 'failed':
             return Level.ERROR

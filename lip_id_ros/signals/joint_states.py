@@ -62,6 +62,25 @@ class JointStateReader:
         self._order = JointOrder(joint_names)
         self._calibration = calibration
 
+    def columns(self, message: JointMessage) -> IndexArray:
+        """
+        Find the model's joints in a message.
+
+        To be called before the stamp is judged: that of another robot is of another clock.
+
+        Raises
+        ------
+        RefusedError
+            If a joint of the model is missing or named twice.
+
+        """
+        try:
+            return self._order.columns(message.names)
+        except RefusedError:
+            if not len(message.names) or {*message.names} & {*self._order.joint_names}:
+                raise
+            raise RefusedError(Refusal.FOREIGN_JOINTS) from None
+
     def read(self, message: JointMessage) -> MeasuredState:
         """
         Read a message.
@@ -72,7 +91,7 @@ class JointStateReader:
             If a joint of the model is missing or named twice, or a value missing or not finite.
 
         """
-        columns = self._order.columns(message.names)
+        columns = self.columns(message)
         q = _vector(message.position, message, columns, Refusal.NO_POSITION)
         dq = _vector(message.velocity, message, columns, Refusal.NO_VELOCITY)
         tau = None

@@ -26,6 +26,7 @@ class Refusal(StrEnum):
     REPEATED_NAME = 'joint name repeated'
     MISSING_JOINT = 'joint missing'
     FOREIGN_JOINT = 'foreign joint in a plan'
+    FOREIGN_JOINTS = 'only foreign joints'
     WRONG_LENGTH = 'wrong length'
     NO_POSITION = 'position missing'
     NO_VELOCITY = 'velocity missing'
@@ -41,8 +42,11 @@ class Refusal(StrEnum):
     FAILED = 'failed'
 
 
-ON_PURPOSE = frozenset({Refusal.INACTIVE, Refusal.DISABLED})
-"""Refused because somebody wanted it so: counted, but nothing to warn of."""
+HARMLESS = frozenset({Refusal.INACTIVE, Refusal.DISABLED, Refusal.FOREIGN_JOINTS})
+"""
+Counted, but nothing to warn of: somebody wanted it so, or another robot uses the same topic. A
+node that gets nothing else warns all the same.
+"""
 
 _SENTENCES = {
     Refusal.INACTIVE: 'the node is not active; activate it through its lifecycle',
@@ -59,6 +63,10 @@ _SENTENCES = {
     Refusal.REPEATED_NAME: 'joint names must be unique, one comes twice',
     Refusal.MISSING_JOINT: 'the message must name every joint of the model, one is missing',
     Refusal.FOREIGN_JOINT: 'a plan gets an effort for each of its joints, one is not in the model',
+    Refusal.FOREIGN_JOINTS: (
+        'the joint state has no joint of the model; correct the topic unless another publisher '
+        'has them'
+    ),
     Refusal.WRONG_LENGTH: (
         'every array must be as long as the joint names, and every point of a trajectory needs '
         'positions, velocities and accelerations'

@@ -60,6 +60,17 @@ def test_nothing_is_kept_while_not_recording() -> None:
     }
 
 
+def test_another_robot_on_the_topic_is_no_alarm_beside_this_one() -> None:
+    recorder = Recorder(NAMES, max_rows=9)
+    recorder.recording = True
+    foreign = message(1.0, [0.0])._replace(names=['finger'])
+    recorder.add(foreign)
+    assert recorder.n_alarming == 1
+    recorder.add(message(2.0, [0.0, 0.0]))
+    recorder.add(foreign)
+    assert (recorder.n_rejected, recorder.n_alarming) == (2, 0)
+
+
 def test_memory_is_bounded_and_what_is_left_out_is_counted() -> None:
     recorder = Recorder((), max_rows=2)
     recorder.recording = True

@@ -103,6 +103,17 @@ def test_foreign_messages_with_other_stamps_begin_no_section() -> None:
     assert sections.counts == {'only foreign joints': 4}
 
 
+def test_foreign_messages_hide_no_jump_of_the_clock() -> None:
+    sections = Sections((), 1000)
+    sections.add(message(100.0))
+    for step in range(6):
+        sections.add(message(1.0 + 0.1 * step))
+        foreign = JointMessage(round((500.0 + step) * 1e9), ['finger'], [0.0], [0.0], [0.0])
+        assert sections.add(foreign) is Reason.FOREIGN_JOINTS
+    assert stamps_of(sections) == [[100.0], [1.0, 1.1, 1.2, 1.3, 1.4, 1.5]]
+    assert sections.counts == {'only foreign joints': 6}
+
+
 def test_sections_share_one_bound() -> None:
     stamps = [100.0, 100.1, *np.arange(1.0, 2.0, 0.1)]
     sections = filled(stamps, max_rows=6)

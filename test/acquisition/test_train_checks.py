@@ -41,6 +41,11 @@ DEFAULTS = {name: row.default for name, row in train_parameters().items()}
             'path, which is relative to the folder in which the node was started.',
         ),
         (
+            {'bags': ('',)},
+            'bags must be recordings or data sets, but an empty path does not exist; correct the '
+            'path, which is relative to the folder in which the node was started.',
+        ),
+        (
             {'payload_path': './model.npz'},
             'payload_path must name a file of its own, but ./model.npz is model_path; change one '
             'of them.',

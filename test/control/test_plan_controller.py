@@ -205,6 +205,22 @@ def test_a_clock_that_jumped_ends_the_plan() -> None:
     np.testing.assert_allclose(torques, [2.0, -4.0], atol=1e-6)
 
 
+def test_another_robot_on_the_topic_neither_ends_a_plan_nor_is_warned_of() -> None:
+    controller = following()
+    controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
+    for step in range(5):
+        with pytest.raises(RefusedError, match='has no joint of the model'):
+            controller.torques(measured(1000.0 + step, [0.0], [0.0], ('finger',)))
+    torques = controller.torques(measured(0.5, [0.5, 1.0], [1.0, 0.0]))
+    assert torques is not None
+    np.testing.assert_allclose(torques, [3.0, -4.0], atol=1e-6)
+    assert controller.status().values['refused'] == {'only foreign joints': 5}
+    assert controller.status().level == Level.OK
+    with pytest.raises(RefusedError):
+        controller.torques(measured(1000.0, [0.0], [0.0], ('finger',)))
+    assert controller.status().level == Level.WARN  # nothing else comes
+
+
 def test_a_joint_named_twice_is_refused() -> None:
     twice = replace(SETTINGS, joints=('a', 'a'))
     with pytest.raises(ConfigError, match=r"^joints must name each joint once, but 'a' comes"):

@@ -259,6 +259,17 @@ def test_refused_joint_states_are_warned_of() -> None:
     assert server.judge('', 0.0) == (Level.OK, 'answering')
 
 
+def test_joint_states_of_another_robot_are_warned_of_where_no_others_come() -> None:
+    server = serving()
+    foreign = JointMessage(0, ('finger',), [0.0], [0.0], [])
+    server.measure(foreign, 0.0)
+    sentence = 'messages with trouble: joint states: only foreign joints 1'
+    assert server.judge('', 0.0) == (Level.WARN, sentence)
+    server.measure(foreign, 0.0)
+    server.measure(JointMessage(0, NAMES, [0.0, 0.0], [0.0, 0.0], []), 0.0)
+    assert server.judge('', 0.0) == (Level.OK, 'answering')
+
+
 @given(st.lists(st.integers(0, 5), max_size=30))
 def test_every_message_is_answered_or_refused(kinds: list[int]) -> None:
     server, plan = serving(), [POINT, point([1, 2], [3, 4], [5, 6], 1.0)]

@@ -118,6 +118,7 @@ def test_a_gap_and_a_clock_set_back_begin_anew(path: str, shift_s: float, n_doub
         ({'effort': []}, 'effort missing'),
         ({'velocity': []}, 'velocity missing'),
         ({'names': ('elbow', 'wrist')}, 'joint missing'),
+        ({'names': ('wrist', 'finger')}, 'only foreign joints'),
         ({'position': [np.nan, 0.0]}, 'value not finite'),
         ({'velocity': [1e200, 0.0]}, 'torque not finite'),
     ],
@@ -133,6 +134,25 @@ def test_what_cannot_be_used_is_counted_and_spoils_nothing(
     after = take(watching, range(101, 200))
     assert len(after) >= 98
     assert np.abs([each.external.torque for each in after]).max() < 0.3
+
+
+@pytest.mark.parametrize('shift_s', [0.0, 3600.0])
+def test_another_robot_on_the_same_topic_disturbs_nothing(path: str, shift_s: float) -> None:
+    """Its stamps may be those of this one, or of another clock."""
+    watching = monitor(path)
+    watching.judge(0.0)
+    for row in range(100):
+        with pytest.raises(RefusedError):
+            watching.take(message(row, shift_s=shift_s)._replace(names=('finger', 'thumb')))
+        watching.take(message(row))
+    assert watching.values()['watched'] == 99
+    assert watching.values()['refused'] == {'only foreign joints': 100}
+    assert watching.judge(0.5) == (Level.OK, 'without thresholds')
+    for row in range(3):
+        with pytest.raises(RefusedError):
+            watching.take(message(row)._replace(names=('finger', 'thumb')))
+    level, summary = watching.judge(1.0)
+    assert (level, summary) == (Level.ERROR, 'blind: joint states refused: only foreign joints 3')
 
 
 def test_a_calibration_that_failed_says_why_and_keeps_the_thresholds(path: str) -> None:

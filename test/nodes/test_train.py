@@ -14,6 +14,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 from builtin_interfaces.msg import Time
 from nodes import toy
 import numpy as np
+from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 
 from lip_id_ros.dataset import Dataset
@@ -173,6 +174,43 @@ def test_what_was_recorded_outlives_the_node(
         [tmp_path / 'kept.mcap'], RecordingSettings(joints=('shoulder', 'elbow'))
     )
     np.testing.assert_array_equal(samples.position, toy.motion(50)[1])
+
+
+BUSY = """
+from pathlib import Path
+import time
+from lip_id_ros.nodes import qos, running, train
+
+qos.SENSOR_STREAM = qos.OUTPUT  # so that the publisher knows what has arrived
+make, stopped = running._stop_event, []
+running._stop_event = lambda: stopped.append(make()) or stopped[0]
+
+class Busy(train.TrainNode):
+    def _on_joint_state(self, message):
+        super()._on_joint_state(message)
+        Path('busy').touch()
+        stopped[0].wait()
+        time.sleep(0.02)
+
+raise SystemExit(running.run(Busy))
+"""
+
+
+@pytest.mark.parametrize('executor', ['events', 'single_threaded'])
+def test_messages_that_wait_at_the_end_are_kept(
+    ros: tuple[Graph, Client], tmp_path: Path, executor: str
+) -> None:
+    graph, client = ros
+    options = ['-p', 'record_on_start:=true', '-p', f'executor:={executor}']
+    train = graph.start_program('train', ['-c', BUSY, '--ros-args', *options])
+    publisher = joint_publisher(client)
+    publisher.publish(joint_state(0))
+    client.wait_until((tmp_path / 'busy').exists, 'the first message')
+    for row in range(1, 20):
+        publisher.publish(joint_state(row))
+    assert publisher.wait_for_all_acked(Duration(seconds=60))
+    assert train.end() == 0, train.log
+    assert 'kept 20 unsaved samples in unsaved.mcap' in train.log
 
 
 def test_what_was_recorded_outlives_a_failed_fit_and_one_that_is_cut_off(
