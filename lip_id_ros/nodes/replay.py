@@ -14,19 +14,24 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import heapq
 from pathlib import Path
 import sys
+import threading
 import time
 from typing import Any
 
 import rclpy
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 from rclpy.logging import get_logger
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
+from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import LipIdError, SourceError
 from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes.running import RCLError
 from lip_id_ros.recording import Bag, Topic
 
 KINDS: Mapping[str, tuple[Any, Callable[[Any], Any]]] = {
@@ -35,6 +40,7 @@ KINDS: Mapping[str, tuple[Any, Callable[[Any], Any]]] = {
 }
 SUBSCRIBER_SECONDS = 30.0
 FLUSH_SECONDS = 5.0
+PAUSE_SECONDS = 10.0
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -54,18 +60,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(remove_ros_args(argv))
     if not arguments.speed > 0:
         parser.error(f'--speed must be above 0, not {arguments.speed:g}')
-    rclpy.init(args=argv)
-    node = rclpy.create_node('replay')
     try:
+        # Ctrl-C and SIGTERM end a pause of the recording too
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+        node = rclpy.create_node('replay')
         count = replay(Path(arguments.bag), node, arguments.speed)
         node.get_logger().info(f'published {count} messages of {arguments.bag}')
-    except (LipIdError, OSError) as error:
+    except (LipIdError, OSError, RCLError) as error:
         get_logger('lip_id_ros').fatal(str(error))
         return 1
     except KeyboardInterrupt:
         return 1
     finally:
-        node.destroy_node()
         rclpy.try_shutdown()
     return 0
 
@@ -96,15 +102,17 @@ def replay(path: Path, node: Node, speed: float) -> int:
         If it cannot be opened.
 
     """
-    topics = _topics(path)
+    topics = [topic for topic in _topics(path) if _is_ros_name(node, topic.name)]
     publishers = {
         topic.name: node.create_publisher(KINDS[topic.type][0], topic.name, qos.OUTPUT)
         for topic in topics
     }
+    if not publishers:
+        raise SourceError(f'{path} must have a topic that ROS 2 can name, but has none.')
     _wait_for_subscribers(node, list(publishers.values()))
     count = 0
     merged = heapq.merge(*(_stream(path, topic) for topic in topics))
-    for topic, message in _paced(merged, speed):
+    for topic, message in _paced(merged, speed, node.get_logger().info):
         publishers[topic].publish(message)
         count += 1
     for publisher in publishers.values():
@@ -121,6 +129,17 @@ def _topics(path: Path) -> list[Topic]:
     return topics
 
 
+def _is_ros_name(node: Node, name: str) -> bool:
+    """Return whether ROS 2 takes the name of a topic; warn where it does not."""
+    try:
+        validate_topic_name(name)
+    except NameValidationException as error:
+        reason = str(error).splitlines()[0]
+        node.get_logger().warning(f'{name!r} is left out: {reason}')
+        return False
+    return True
+
+
 def _stream(path: Path, topic: Topic) -> Iterator[tuple[int, str, int, Any]]:
     """Yield time [ns], topic, number (so that messages are never compared) and message."""
     convert = KINDS[topic.type][1]
@@ -130,14 +149,18 @@ def _stream(path: Path, topic: Topic) -> Iterator[tuple[int, str, int, Any]]:
                 yield receive_ns, topic.name, number, convert(recorded)
 
 
-def _paced(stream: Iterator[tuple[int, str, int, Any]], speed: float) -> Iterator[tuple[str, Any]]:
+def _paced(
+    stream: Iterator[tuple[int, str, int, Any]], speed: float, inform: Callable[[str], Any]
+) -> Iterator[tuple[str, Any]]:
     first_ns: int | None = None
     begun = time.monotonic()
     for receive_ns, topic, _, message in stream:
         first_ns = receive_ns if first_ns is None else first_ns
         ahead = 1e-9 * (receive_ns - first_ns) / speed - (time.monotonic() - begun)
+        if ahead > PAUSE_SECONDS:
+            inform(f'the recording pauses, the next message is due in {ahead:.0f} s')
         if ahead > 0:
-            time.sleep(ahead)
+            time.sleep(min(ahead, threading.TIMEOUT_MAX))
         yield topic, message
 
 

@@ -1,0 +1,72 @@
+"""`replay` publishes what ROS 2 can name, and ends when it is asked to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from sensor_msgs.msg import JointState
+
+from lip_id_ros.recording.bag_writer import JointStateTrack, write_mcap
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph, Process
+
+pytestmark = pytest.mark.ros
+
+
+def bag(folder: Path, *topics: str, gap_s: float = 0.1) -> str:
+    """Write a bag of two messages on each topic."""
+    t, values = 1e9 + gap_s * np.arange(2.0), np.ones((2, 1))
+    tracks = [JointStateTrack(topic, ('a',), t, values, values, values) for topic in topics]
+    write_mcap(folder / 'bag.mcap', tracks)
+    return 'bag.mcap'
+
+
+def replay(graph: Graph, *arguments: str) -> Process:
+    return graph.start_program('replay', ['-m', 'lip_id_ros.nodes.replay', *arguments])
+
+
+def test_a_topic_that_ros_cannot_name_is_left_out(
+    ros: tuple[Graph, Client], tmp_path: Path
+) -> None:
+    graph, client = ros
+    received = client.await_topic(JointState, '/left/joint_states')
+    player = replay(graph, bag(tmp_path, '/right arm/joint_states', '/left/joint_states'))
+    assert player.wait() == 0, player.log
+    client.wait_until(lambda: len(received) == 2, 'the messages of the other topic')
+    assert "'/right arm/joint_states' is left out: " in player.log
+
+
+@pytest.mark.parametrize(
+    ('options', 'sentence'),
+    [
+        ([], 'bag.mcap must have a topic that ROS 2 can name, but has none.'),
+        (['--ros-args', '-r', 'nonsense'], "Couldn't parse"),
+    ],
+)
+def test_what_cannot_be_published_gives_one_line(
+    options: list[str], sentence: str, ros: tuple[Graph, Client], tmp_path: Path
+) -> None:
+    player = replay(ros[0], bag(tmp_path, '/right arm/joint_states'), *options)
+    assert player.wait() == 1
+    assert sentence in player.log
+    assert 'Traceback' not in player.log
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_pause_of_the_recording_is_said_and_can_be_ended(
+    number: int, ros: tuple[Graph, Client], tmp_path: Path
+) -> None:
+    graph, client = ros
+    client.await_topic(JointState, '/joint_states')
+    player = replay(graph, bag(tmp_path, '/joint_states', gap_s=1e5), '--speed', '1e-9')
+    client.wait_until(lambda: 'the next message is due in 100000000000000 s' in player.log, 'note')
+    assert player.end(number) != 0
+    assert 'Traceback' not in player.log
