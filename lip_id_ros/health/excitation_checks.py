@@ -17,7 +17,7 @@ LEAST_ACCELERATION = {REVOLUTE: 0.5, PRISMATIC: 0.05}
 LEAST_RETURN = 0.1
 TOGETHER = 0.97
 LEAST_SAMPLES = 100
-MOST_RANGE = 10.0 * np.pi
+MOST_RANGE = {REVOLUTE: 10.0 * np.pi, PRISMATIC: 20.0}
 MOST_REST = 0.5
 AT_REST = 0.02
 
@@ -37,12 +37,12 @@ TIP = ('gripper', 'finger')
 @joint_check(
     'position_unit',
     Severity.WARNING,
-    'see whether positions are in degrees, and publish them in rad',
+    'see whether positions are in degrees or mm, and publish them in rad and m',
 )
 def position_unit(joint: Joint) -> Iterator[str]:
-    """A revolute joint turns by more than five turns."""
-    if joint.kind == REVOLUTE and joint.reach > MOST_RANGE:
-        yield f'{joint.name} turns by {joint.reach:.3g} rad'
+    """A revolute joint turns by more than five turns, or a prismatic one moves by over 20 m."""
+    if joint.reach > MOST_RANGE[joint.kind]:
+        yield f'{joint.name} moves by {joint.reach:.3g} {joint.unit}'
 
 
 @joint_check(

@@ -73,6 +73,21 @@ def test_a_joint_that_stands_still_hides_nothing_of_the_others() -> None:
     assert codes(times('effort', -1.0)(still)) == {'still', 'effort_sign'}
 
 
+def test_a_prismatic_joint_in_millimetres_is_found() -> None:
+    samples = moved(
+        sound(), JOINT, 1e3 * sound().position[:, JOINT], 1e3 * sound().velocity[:, JOINT]
+    )
+    prismatic = RecordingSettings(joint_types=('prismatic',) * 7)
+    units = [
+        each for each in examine(evidence_of(samples, prismatic)) if each.code == 'position_unit'
+    ]
+    (finding,) = units
+    assert finding.joint == NAMES[JOINT]
+    assert finding.text.endswith(
+        ' m; see whether positions are in degrees or mm, and publish them in rad and m.'
+    )
+
+
 @pytest.mark.parametrize('delay', [-0.08, -0.04, 0.04, 0.08])
 def test_delay_of_the_efforts_is_measured(delay: float) -> None:
     explanation = evidence_of(delayed(sound(seconds=60.0), 'effort', delay)).explanation
