@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 
 MODELS = (
     *('articulated', 'recursive', 'lip'),
@@ -18,13 +19,18 @@ def add_sources(parser: argparse.ArgumentParser) -> None:
 
 def add_model(parser: argparse.ArgumentParser) -> None:
     """Add the model to use."""
-    parser.add_argument('model', metavar='MODEL', help='model file, as `lip_id fit` writes it')
+    parser.add_argument(
+        'model', type=source, metavar='MODEL', help='model file, as `lip_id fit` writes it'
+    )
 
 
 def add_config(parser: argparse.ArgumentParser, default: str) -> None:
     """Add the settings file; `default` names the settings without one."""
     parser.add_argument(
-        '--config', metavar='FILE', help=f'settings in YAML, see docs/interfaces.md ({default})'
+        '--config',
+        type=source,
+        metavar='FILE',
+        help=f'settings in YAML, see docs/interfaces.md ({default})',
     )
 
 
@@ -79,6 +85,25 @@ def count(text: str) -> int:
 def counts(text: str) -> tuple[int, ...]:
     """Read whole numbers above zero, separated by commas; return them in rising order."""
     return tuple(sorted({count(part.strip()) for part in text.split(',')}))
+
+
+def days(text: str) -> float:
+    """
+    Read a number of days, zero or more.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is anything else.
+
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < math.inf:
+        raise argparse.ArgumentTypeError(f'expected a number of days, 0 or more, got {text!r}')
+    return value
 
 
 def share(text: str) -> float:

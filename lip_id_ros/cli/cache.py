@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from lip_id_ros.fleet.cache import Entry
 
+from lip_id_ros.cli import arguments
+from lip_id_ros.errors import ConfigError
+
 HELP = 'show or prune what fits of fleets keep'
 EPILOG = """\
 examples:
@@ -33,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     parser.add_argument(
         '--cache',
+        type=arguments.source,
         metavar='DIR',
         help='folder (default: lip_id_ros/fleet in $XDG_CACHE_HOME or ~/.cache)',
     )
@@ -43,8 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--unused-days',
-        type=float,
-        default=0.0,
+        type=arguments.days,
         metavar='D',
         help='with --prune: only results that no fit used for so many days',
     )
@@ -56,6 +59,8 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation.tables import show, show_lines, Table
     from lip_id_ros.fleet import cache
 
+    if args.unused_days is not None and args.prune is None:
+        raise ConfigError('--unused-days limits --prune, which is missing; add it.')
     folder = args.cache or cache.default_folder()
     console = output.console()
     entries = list(cache.entries(folder))

@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='N,M,...',
         help='numbers of training samples, evenly spaced (default: all)',
     )
-    parser.add_argument('--urdf', metavar='FILE', help='robot description')
+    parser.add_argument('--urdf', type=arguments.source, metavar='FILE', help='robot description')
     arguments.add_config(parser, 'default settings')
     arguments.add_joints(parser)
     parser.add_argument(

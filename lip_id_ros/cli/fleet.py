@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ UNSEEN = (
     'Only data that the model has not seen show how good it is: evaluate it on a recording that '
     'is not among these.'
 )
+JOBS_PER_PROCESSOR = 8
 MOST_LISTED = 20
 """Recordings that are listed with their reasons; the report has all."""
 
@@ -54,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     fleet.add_argument(
         '--cache',
+        type=arguments.source,
         metavar='DIR',
         help='where results of recordings are kept for later fits (default: that of lip_id cache)',
     )
@@ -78,6 +81,7 @@ def run(args: argparse.Namespace) -> None:
 
     _check(args)
     inputs = [*args.sources, *filter(None, (args.config, args.urdf))]
+    output.check_distinct(args.output, args.report)
     output.check_file(args.output, inputs, is_model, 'a model', args.force)
     output.check_file(args.report, inputs, _is_report, 'a report', args.force)
     config = models.fit_config(args)
@@ -127,6 +131,13 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigError(
             '--jobs is for engines on this machine, but --address names a cluster, which has its '
             'own number of workers; leave out one of them.'
+        )
+
+    most = JOBS_PER_PROCESSOR * (os.cpu_count() or 1)
+    if args.jobs is not None and args.jobs > most:
+        raise ConfigError(
+            f'--jobs must be at most {most}, {JOBS_PER_PROCESSOR} for each processor of this '
+            f'machine, not {args.jobs}; give a smaller number.'
         )
 
 

@@ -162,7 +162,12 @@ class _Worker:
         context = get_context('spawn')  # a fork would share the locks of threads
         self.connection, theirs = context.Pipe()
         self._process = context.Process(target=_work, args=(theirs,), daemon=True)
-        self._process.start()
+        # inherited: Ctrl-C reaches the processes only through this one, while they start too
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
 
     @property
@@ -190,7 +195,6 @@ class _Worker:
 
 
 def _work(connection: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent gets it too, and ends this process
     with threadpool_limits(1):
         while True:
             try:

@@ -76,6 +76,8 @@ def test_a_fleet_is_fitted_kept_and_reported(bags: Path, here: Path, capsys: Cap
         (['--address', 'auto'], '--address names a Ray cluster, but the engine is local'),
         (['--engine', 'ray', '--address', 'auto', '--jobs', '2'], '--jobs is for engines on this'),
         (['--group-by', 'robot'], '--group-by must have one group in parentheses'),
+        (['--jobs', '1000000000'], '--jobs must be at most '),
+        (['--jobs', '2', '--report', './arm.npz'], 'arm.npz and ./arm.npz are one'),
         (['--jobs', '2', '--kernel', 'lip'], 'a fleet is fitted with fit.kernel articulated'),
     ],
 )
@@ -85,6 +87,18 @@ def test_options_that_do_not_go_together_are_refused(
     assert main(['fit', str(bags), '-o', 'arm.npz', *options]) == 1
     assert message in capsys.readouterr().err
     assert not Path('arm.npz').exists()
+
+
+@pytest.mark.parametrize('days', ['-1', 'nan', 'inf', 'two'])
+def test_what_is_no_number_of_days_is_refused(days: str, here: Path, capsys: Capture) -> None:
+    with pytest.raises(SystemExit):
+        main(['cache', '--cache', 'kept', '--prune', 'all', '--unused-days', days])
+    assert 'expected a number of days, 0 or more, got' in capsys.readouterr().err
+
+
+def test_days_without_prune_are_refused(here: Path, capsys: Capture) -> None:
+    assert main(['cache', '--cache', 'kept', '--unused-days', '3']) == 1
+    assert '--unused-days limits --prune, which is missing' in capsys.readouterr().err
 
 
 def test_a_page_that_is_not_ours_is_not_replaced(bags: Path, here: Path, capsys: Capture) -> None:

@@ -132,6 +132,17 @@ def test_a_process_that_dies_between_maps_is_replaced() -> None:
     assert [each.value[0] for each in outcomes] == [0, 1, 4, 9]
 
 
+@pytest.mark.slow
+def test_a_process_that_starts_is_not_interrupted() -> None:
+    """Ctrl-C while it imports what it needs would print a traceback."""
+    with LocalEngine(2) as engine:
+        for each in engine.map(square, range(4), silent, ignore):
+            status = Path(f'/proc/{each.value[1]}/status').read_text()
+            blocked = int(status.partition('SigBlk:')[2].split()[0], 16)
+            assert blocked & 1 << (signal.SIGINT - 1)
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
 INTERRUPTED = """
 import sys
 from fleet.tasks import waits
