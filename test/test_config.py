@@ -10,6 +10,7 @@ import re
 
 from hypothesis import given
 from hypothesis import strategies as st
+import numpy as np
 import pytest
 
 from lip_id_ros.errors import ConfigError, SourceError
@@ -94,6 +95,19 @@ def test_values_take_the_type_of_their_setting() -> None:
     assert example == Example(rate=4.0, names=('a', 'b'), gains=(1.0, 2.0))
     assert isinstance(example.rate, float)
     assert isinstance(example.names, tuple)
+
+
+def test_numbers_and_arrays_of_numpy_are_taken() -> None:
+    example = Example(
+        count=np.int64(4),  # type: ignore[arg-type]
+        rate=np.float32(2.5),  # type: ignore[arg-type]
+        gains=np.array([1, 2]),  # type: ignore[arg-type]
+    )
+    assert example == Example(count=4, rate=2.5, gains=(1.0, 2.0))
+    assert type(example.count) is int
+    assert type(example.rate) is float
+    with pytest.raises(ConfigError, match=r'cutoff_hz must be a number .* not array\(\['):
+        PreprocessingSettings(cutoff_hz=np.array([1.0, 2.0]))  # type: ignore[arg-type]
 
 
 def test_rows_carry_the_documentation() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from lip_id_ros.joint_types import JOINT_TYPES
 PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless')
 PER_SAMPLE = ('t', 'kinetic', 'potential')
 INDICES = ('segment', 'recording')
+LARGEST_INDEX = 2**53  # beyond it, floats are not all the whole numbers
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -36,7 +37,7 @@ def checked(fields: Mapping[str, Any]) -> dict[str, Any]:
         recording = np.zeros(arrays['q'].shape[:1], np.int64)
     arrays['segment'] = integers('segment', fields['segment'])
     arrays['recording'] = integers('recording', recording)
-    names, types = (tuple(map(str, fields[each])) for each in ('joint_names', 'joint_types'))
+    names, types = (_texts(each, fields[each]) for each in ('joint_names', 'joint_types'))
     check_shapes(arrays, joint_names=names, joint_types=types)
     check_joints(names, types)
     check_finite(arrays, names)
@@ -44,9 +45,16 @@ def checked(fields: Mapping[str, Any]) -> dict[str, Any]:
     return {**arrays, 'joint_names': names, 'joint_types': types}
 
 
+def _texts(name: str, values: Any) -> tuple[str, ...]:
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise DataError(f'{name} must be a list with one text per joint, not {values!r}.')
+    return tuple(map(str, values))
+
+
 def floats(name: str, value: Any) -> Array:
     """Return a read-only float64 copy; DataError where there are other things than numbers."""
-    array = _numbers(name, value).astype(np.float64)
+    with np.errstate(over='ignore'):  # longer floats become infinite, which is refused
+        array = _numbers(name, value).astype(np.float64)
     array.setflags(write=False)
     return array
 
@@ -54,7 +62,7 @@ def floats(name: str, value: Any) -> Array:
 def integers(name: str, value: Any) -> IntArray:
     """Return a read-only int64 copy; DataError where there are other things than whole numbers."""
     numbers = _numbers(name, value)
-    if not np.isfinite(numbers).all() or (numbers != np.round(numbers)).any():
+    if (np.abs(numbers) > LARGEST_INDEX).any() or (numbers != np.round(numbers)).any():
         raise DataError(f'{name} must hold whole numbers; number {name}s 0, 1, 2 and so on.')
     array = numbers.astype(np.int64)
     array.setflags(write=False)
@@ -66,6 +74,10 @@ def _numbers(name: str, value: Any) -> NDArray[Any]:
         array = np.array(value)
     except ValueError as error:
         raise ShapeError(f'{name} must have rows of equal length ({error}).') from error
+    except Exception as error:  # whatever the array of another library raises
+        raise DataError(f'{name} must become an array of numpy, but cannot ({error}).') from error
+    if np.ma.is_masked(value):
+        raise DataError(f'{name} must have every value, but some are masked; select the others.')
     if array.dtype.kind not in 'iuf':
         raise DataError(f'{name} must hold numbers, not {array.dtype}; convert it first.')
     return array

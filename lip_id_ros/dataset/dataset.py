@@ -158,10 +158,17 @@ class Dataset:
         Raises
         ------
         DataError
-            If nothing is selected.
+            If nothing is selected, or there is no such row.
 
         """
-        rows = np.unique(np.arange(self.n_samples)[np.asarray(indices)])
+        chosen = np.asarray(indices)
+        try:
+            rows = np.unique(np.arange(self.n_samples)[chosen if chosen.size else []])
+        except IndexError as error:
+            raise DataError(
+                f'rows must be numbers below {self.n_samples} or a mask of so many values; '
+                f'{error}.'
+            ) from error
         if rows.size == 0:
             raise DataError(f'at least one of {self.n_samples} samples must be selected, not 0.')
         some = {name: array[rows] for name, array in self._arrays().items()}
@@ -178,7 +185,7 @@ class Dataset:
 
         """
         rows = np.arange(self.n_samples)
-        cut = round(fraction * self.n_samples)
+        cut = round(fraction * self.n_samples) if 0 < fraction < 1 else 0
         if not 0 < cut < self.n_samples:
             raise DataError(
                 f'a share {fraction:g} of {self.n_samples} samples leaves one part of the split '

@@ -241,15 +241,22 @@ def evaluate(model: TorqueModel, dataset: Dataset, progress: Progress = silent) 
     ----------
     model : TorqueModel
     dataset : Dataset
-        Of the model's joints, in its order (`matched`).
+        Of the model's joints, in any order.
     progress : Progress
 
     Returns
     -------
     Evaluation
 
+    Raises
+    ------
+    DataError
+        If a joint of the model is missing.
+    ModelError
+        If a joint has another type than the model's.
+
     """
-    return score(run(model, dataset, progress))
+    return score(run(model, matched(dataset, model), progress))
 
 
 def score(outcome: Outcome) -> Evaluation:

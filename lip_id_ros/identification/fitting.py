@@ -66,8 +66,8 @@ def fit(
         If the data are not finite, or a Gram matrix cannot be factorised.
 
     """
-    settings = settings or FitSettings()
-    _check(dataset)
+    settings = FitSettings() if settings is None else settings
+    _check(dataset, settings)
     started = time.monotonic()
     parts, report = _fitted(dataset, settings, progress)
     report['seconds_total'] = round(time.monotonic() - started, 3)
@@ -192,7 +192,17 @@ def _range(dataset: Dataset) -> tuple[Array, Array]:
     return stack.min(axis=1), stack.max(axis=1)
 
 
-def _check(dataset: Dataset) -> None:
+def _check(dataset: Dataset, settings: FitSettings) -> None:
+    if not isinstance(dataset, Dataset):
+        raise DataError(
+            f'a fit needs a Dataset, not {type(dataset).__name__}; use load_dataset for files and '
+            'Dataset.from_arrays for arrays.'
+        )
+    if not isinstance(settings, FitSettings):
+        raise ConfigError(
+            f'the settings of a fit must be FitSettings, not {type(settings).__name__}; write '
+            'FitSettings(name=value).'
+        )
     if dataset.n_samples < LEAST_SAMPLES:
         raise DataError(
             f'a fit needs at least {LEAST_SAMPLES} samples, but the data set has '
@@ -208,7 +218,7 @@ def _still(dataset: Dataset, changes: BoolArray) -> str:
     named = list(zip(dataset.joint_names, changes, strict=True))
     still = ', '.join(repr(name) for name, moves in named if not moves)
     rest = [name for name, moves in named if moves]
-    option = f': --joints {" ".join(rest)}, or recording.joints in a configuration' if rest else ''
+    option = f': --joints {",".join(rest)}, or recording.joints in a configuration' if rest else ''
     return (
         f'efforts that change were expected, but in all {dataset.n_samples} samples those of '
         f'{still} are the same; check the effort signal, or leave out what is no joint of the arm '

@@ -150,11 +150,10 @@ class _Loading:
         if recording.joints:
             data = data.with_joints(recording.joints)
         if Path(path).suffix == CSV_SUFFIX:  # which holds neither
-            data = replace(
-                data,
-                joint_types=recording.joint_types or data.joint_types,
-                gravity_compensated=recording.gravity_compensated,
-            )
+            data = replace(data, gravity_compensated=recording.gravity_compensated)
+            data = _with_types(data, recording.joint_types)
+        elif 'joint_types' in data.provenance.get('sources', [{}])[0].get('defaults', ()):
+            data = _with_types(data, recording.joint_types)
         fresh = self._fresh(os.fspath(path), data.joint_names, data.q, data.tau)
         if fresh.any():
             yield data if fresh.all() else data.select(np.flatnonzero(fresh))
@@ -168,6 +167,11 @@ class _Loading:
             self.copies.append({'source': source, 'samples': len(repeated), 'repeated': count})
         fresh: BoolArray = ~repeated
         return fresh
+
+
+def _with_types(data: Dataset, joint_types: Sequence[str]) -> Dataset:
+    """Give joints the types of the settings, where there are any."""
+    return replace(data, joint_types=joint_types) if joint_types else data
 
 
 def elected_config(

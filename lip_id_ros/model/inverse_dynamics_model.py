@@ -185,7 +185,7 @@ class InverseDynamicsModel:
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques, shape (N, n) [N m or N]; zero where the model has no potential."""
-        return self._unaccelerated(q, np.zeros_like(q, dtype=np.float64)).gravity
+        return self._at_rest(q).gravity
 
     def friction(self, dq: ArrayLike, q: ArrayLike | None = None) -> Array:
         """
@@ -214,8 +214,11 @@ class InverseDynamicsModel:
 
     def potential_energy(self, q: ArrayLike) -> Array:
         """Potential energy relative to the reference, shape (N,) [J]; nan without potential."""
-        still = np.zeros_like(q, dtype=np.float64)
-        return self._unaccelerated(q, still).potential - self._potential_offset
+        return self._at_rest(q).potential - self._potential_offset
+
+    def _at_rest(self, q: ArrayLike) -> Parts:
+        (positions,) = self._checked(q)
+        return self._unaccelerated(positions, np.zeros_like(positions))
 
     def _unaccelerated(self, q: ArrayLike, dq: ArrayLike) -> Parts:
         positions, velocities = self._checked(q, dq)
@@ -339,7 +342,12 @@ class InverseDynamicsModel:
 
     def _checked(self, *arrays: ArrayLike) -> list[Array]:
         # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
-        out = [np.array(x, dtype=np.float64, order='C') for x in arrays]
+        try:
+            out = [np.array(x, dtype=np.float64, order='C') for x in arrays]
+        except (TypeError, ValueError) as error:
+            raise ShapeError(
+                f'joint states must be arrays of numbers with rows of equal length; {error}.'
+            ) from error
         for x in out:
             if x.ndim != 2 or x.shape != out[0].shape or x.shape[1] != self.n_joints:
                 raise ShapeError(

@@ -12,6 +12,7 @@ import dataclasses
 from dataclasses import dataclass, replace
 import difflib
 import math
+from numbers import Integral, Real
 from typing import Any, get_type_hints, TypeVar
 
 from lip_id_ros.errors import ConfigError
@@ -128,7 +129,7 @@ class Row:
             If the type or the range is wrong.
 
         """
-        if self.kind == 'float' and value in self.choices:
+        if self.kind == 'float' and isinstance(value, str) and value in self.choices:
             return value
         try:
             converted = _CONVERTERS[self.kind](value)
@@ -229,13 +230,13 @@ def _boolean(value: object) -> bool:
 
 
 def _integer(value: object) -> int:
-    if isinstance(value, bool) or not isinstance(value, int):
+    if isinstance(value, bool) or not isinstance(value, Integral):  # those of numpy too
         raise TypeError
-    return value
+    return int(value)
 
 
 def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError
     return float(value)
 
@@ -247,6 +248,8 @@ def _text(value: object) -> str:
 
 
 def _elements(value: object) -> Sequence[object]:
+    if hasattr(value, 'tolist'):  # an array
+        value = value.tolist()
     if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
         raise TypeError
     return value

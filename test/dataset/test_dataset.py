@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 from dataset.examples import dataset, N_JOINTS, N_SAMPLES
@@ -19,6 +20,13 @@ def with_nan(shape: tuple[int, ...], at: tuple[int, ...]) -> np.ndarray[Any, Any
     array = np.zeros(shape)
     array[at] = np.nan
     return array
+
+
+class NotAnArray:
+    """As a tensor of torch behaves that keeps its gradient."""
+
+    def __array__(self, *arguments: object, **options: object) -> None:
+        raise RuntimeError('it requires a gradient')
 
 
 @pytest.mark.parametrize(
@@ -43,6 +51,19 @@ def with_nan(shape: tuple[int, ...], at: tuple[int, ...]) -> np.ndarray[Any, Any
         ({'kinetic': np.zeros(5)}, ShapeError, r'^kinetic must have shape \(6,\) .*not \(5,\).$'),
         ({'segment': [0]}, ShapeError, r'^segment must have shape \(6,\) like q, not \(1,\).$'),
         ({'segment': [0.5] * 6}, DataError, r'^segment must hold whole numbers; number segments'),
+        ({'segment': [1e300] * 6}, DataError, r'^segment must hold whole numbers; number segment'),
+        ({'joint_names': 'ab'}, DataError, r"^joint_names must be a list with one .* not 'ab'\.$"),
+        ({'joint_types': 5}, DataError, r'^joint_types must be a list with one .*, not 5\.$'),
+        (
+            {'q': np.ma.masked_less(np.arange(12.0).reshape(6, 2), 3.0)},
+            DataError,
+            r'^q must have every value, but some are masked; select the others\.$',
+        ),
+        (
+            {'q': NotAnArray()},
+            DataError,
+            r'^q must become an array of numpy, but cannot \(it requires a gradient\)\.$',
+        ),
         ({'joint_names': ('a',)}, ShapeError, r'^joint_names must name the 2 joints .*not 1.$'),
         ({'joint_types': ()}, ShapeError, r'^joint_types must name the 2 joints of q, not 0.$'),
         ({'joint_names': ('a', 'a')}, DataError, r"^joint_names .* unique, but 'a' comes twice.$"),
@@ -101,9 +122,18 @@ def test_select_keeps_the_order_of_time(indices: list[int]) -> None:
     np.testing.assert_array_equal(some.kinetic, [1.0, 4.0])
 
 
-def test_select_refuses_nothing() -> None:
+@pytest.mark.parametrize('indices', [np.zeros(6, bool), []])
+def test_select_refuses_nothing(indices: Any) -> None:
     with pytest.raises(DataError, match=r'^at least one of 6 samples must be selected, not 0.$'):
-        dataset().select(np.zeros(6, bool))
+        dataset().select(indices)
+
+
+@pytest.mark.parametrize('indices', [[6], [0.5], [True] * 5, None])
+def test_select_refuses_what_are_no_rows(indices: Any) -> None:
+    with pytest.raises(
+        DataError, match=r'^rows must be numbers below 6 or a mask of so many values; '
+    ):
+        dataset().select(indices)
 
 
 @given(st.floats(min_value=0.1, max_value=0.9))
@@ -114,7 +144,7 @@ def test_split_cuts_once_in_time(fraction: float) -> None:
     np.testing.assert_array_equal(np.concatenate([first.tau, rest.tau]), data.tau)
 
 
-@pytest.mark.parametrize('fraction', [0.0, 1.0, 0.01, -1.0, 7.0])
+@pytest.mark.parametrize('fraction', [0.0, 1.0, 0.01, -1.0, 7.0, math.nan, math.inf])
 def test_split_refuses_an_empty_part(fraction: float) -> None:
     with pytest.raises(
         DataError, match=r'of 6 samples leaves one part of the split empty; choose'

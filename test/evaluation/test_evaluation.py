@@ -29,6 +29,14 @@ KEYS = {
 }
 
 
+def test_evaluate_takes_joints_in_any_order() -> None:
+    names = Knowing.joint_names
+    evaluation = evaluate(Knowing(torque_error=0.2), swing(1).with_joints(names[::-1]))
+    assert evaluation.to_json() == evaluate(Knowing(torque_error=0.2), swing(1)).to_json()
+    with pytest.raises(DataError, match='is not in the data set'):
+        evaluate(Knowing(), swing(1).with_joints(names[1:]))
+
+
 def test_the_truth_has_no_error() -> None:
     evaluation = evaluate(Knowing(), swing(1))
 

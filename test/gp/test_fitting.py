@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.errors import DataError
+from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.evaluation import fit_cautions
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
@@ -34,6 +34,13 @@ def quick(dataset: Dataset, **settings: Any) -> InverseDynamicsModel:
         dataset,
         FitSettings(**{'kernel': 'recursive', 'iterations': 3, **settings}),
     )
+
+
+def test_other_things_than_a_data_set_and_settings_are_refused() -> None:
+    with pytest.raises(DataError, match=r'^a fit needs a Dataset, not str; use load_dataset'):
+        fit('arm.csv')  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=r'^the settings of a fit must be FitSettings, not dict'):
+        fit(samples(), {'kernel': 'lip'})  # type: ignore[arg-type]
 
 
 def test_too_few_samples() -> None:

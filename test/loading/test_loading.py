@@ -71,6 +71,15 @@ def test_data_set_is_taken_as_it_is_but_for_its_joints(bag: Path, tmp_path: Path
     np.testing.assert_array_equal(load_dataset([file]).tau, original.tau)
 
 
+def test_a_bare_data_set_has_the_joint_types_of_the_settings(tmp_path: Path) -> None:
+    arrays = dict.fromkeys(('q', 'dq', 'ddq', 'tau'), np.arange(20.0).reshape(10, 2))
+    np.savez(tmp_path / 'bare.npz', **arrays)
+    types = ('prismatic', 'revolute')
+    config = Config(recording=RecordingSettings(joint_types=types))
+    assert load_dataset(tmp_path / 'bare.npz', config).joint_types == types
+    assert load_dataset(tmp_path / 'bare.npz').joint_types == ('revolute',) * 2
+
+
 def test_other_joints_are_told(bag: Path, tmp_path: Path) -> None:
     other = write_bag(tmp_path / 'other', ('a', 'b'))
     with pytest.raises(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from gp.processes import process_of
 from kernels.cases import ARMS, MEMBERS, random_states
@@ -253,6 +254,17 @@ def test_no_queries_have_no_answers() -> None:
     deviation = predictor.standard_deviation(empty, empty, empty)
     assert deviation.tau.shape == (0, 3)
     assert deviation.kinetic.shape == (0,)
+
+
+@pytest.mark.parametrize('states', [[['a', 'b', 'c']], [[0.0], [0.0, 1.0]], [[None] * 3, 2.0]])
+def test_states_that_are_no_numbers(states: Any) -> None:
+    predictor = random_model('recursive')
+    sentence = r'^joint states must be arrays of numbers with rows of equal length; '
+    for query in (predictor.gravity, predictor.potential_energy, predictor.inertia_matrix):
+        with pytest.raises(ShapeError, match=sentence):
+            query(states)
+    with pytest.raises(ShapeError, match=sentence):
+        predictor.predict(states, states, states)
 
 
 @pytest.mark.parametrize('shapes', [((5, 2),) * 3, ((5, 3), (4, 3), (5, 3)), ((3,),) * 3])
