@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+import io
 import os
 import sys
 
@@ -45,6 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     with 2 for wrong usage, 0 for help.
 
     """
+    _prepare_streams()
     arguments = _parser().parse_args(argv)
     try:
         arguments.run(arguments)
@@ -59,6 +61,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f'lip_id: error: {one_line(error)}', file=sys.stderr)
         return FAILED
     return 0
+
+
+def _prepare_streams() -> None:
+    """Replace closed streams, and escape what the encoding of the terminal lacks."""
+    for name in ('stdout', 'stderr'):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, 'w'))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors='backslashreplace')
 
 
 def one_line(error: Exception) -> str:

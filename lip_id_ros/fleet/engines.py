@@ -199,9 +199,9 @@ def _work(connection: Connection) -> None:
         while True:
             try:
                 function, item = connection.recv()
-            except EOFError:  # the parent is gone
+                connection.send(attempt(function, item))
+            except (EOFError, ConnectionError):  # the parent is gone
                 return
-            connection.send(attempt(function, item))
 
 
 class RayEngine(Engine):

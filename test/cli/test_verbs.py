@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 import importlib
 import json
+import os
 from pathlib import Path
 import subprocess
 import sys
@@ -282,6 +283,19 @@ def test_a_model_goes_through_a_pipe_of_the_shell(workshop: Workshop, here: Path
     subprocess.run(f'{command} | cat > out.npz', shell=True, check=True)
     arrays, _ = read_npz(here / 'out.npz')
     assert {'tau', 'tau_std', 'gravity'} <= set(arrays)
+
+
+@pytest.mark.parametrize('streams', ['>&-', '2>&- >/dev/null', '>&- 2>&-'])
+def test_closed_streams_end_no_verb(streams: str, here: Path) -> None:
+    command = f'{sys.executable} -m lip_id_ros.cli cache --cache kept {streams}'
+    assert subprocess.run(command, shell=True, capture_output=True, check=True).stderr == b''
+
+
+def test_a_terminal_of_few_characters_shows_escapes(here: Path) -> None:
+    command = [sys.executable, '-m', 'lip_id_ros.cli', 'cache', '--cache', 'gelenk_\xe4']
+    ascii_only = {**os.environ, 'PYTHONIOENCODING': 'ascii'}
+    shown = subprocess.run(command, env=ascii_only, capture_output=True, check=True).stdout
+    assert b'gelenk_\\xe4' in shown
 
 
 @pytest.mark.slow
