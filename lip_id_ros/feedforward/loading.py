@@ -192,6 +192,7 @@ def load_models(settings: ServeSettings, before: LoadedModel | None) -> dict[str
         If one is not a model, or has other joints, or no payload has the name that is set.
 
     """
+    require_consistent(settings)
     require_payload(settings, settings.payload_models)
     if before is None:
         models = {'': load_model(settings, settings.joints)}

@@ -317,10 +317,16 @@ def require_consistent(settings: ServeSettings) -> None:
     Raises
     ------
     ConfigError
-        If a joint is named twice, or the check of standard deviations has no limits.
+        If a joint is named twice, a model has no name, or the check of standard deviations has no
+        limits.
 
     """
     require_unique('joints', settings.joints)
+    if not all(settings.payload_models):
+        raise ConfigError(
+            'payload_models must name a file each, but one is empty; the empty name is that of '
+            'model_path.'
+        )
     if settings.std_policy != Policy.OFF and not settings.std_limits:
         raise ConfigError(
             'std_limits must hold a largest standard deviation where std_policy is '

@@ -79,6 +79,13 @@ def test_a_joint_named_twice_is_refused(settings: ServeSettings) -> None:
         require_rules(twice, load_model(settings, ()))
 
 
+def test_a_payload_without_a_name_is_refused(settings: ServeSettings) -> None:
+    nameless = replace(settings, payload_models=('',))
+    for use in (lambda: load_models(nameless, None), lambda: require_rules(nameless, None)):
+        with pytest.raises(ConfigError, match=r'^payload_models must name a file each, but one'):
+            use()
+
+
 def test_a_payload_named_twice_is_loaded_once(settings: ServeSettings) -> None:
     before = len(os.listdir('/proc/self/fd'))
     path = settings.model_path
