@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import heapq
 from pathlib import Path
 import sys
-import threading
 import time
 from typing import Any
 
@@ -41,6 +40,7 @@ KINDS: Mapping[str, tuple[Any, Callable[[Any], Any]]] = {
 SUBSCRIBER_SECONDS = 30.0
 FLUSH_SECONDS = 5.0
 PAUSE_SECONDS = 10.0
+LONGEST_SLEEP_SECONDS = 1e8  # the system refuses much longer ones
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -57,10 +57,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='replay', description=__doc__)
     parser.add_argument('bag', help='rosbag2 folder, .mcap, .db3 or ROS 1 .bag')
     parser.add_argument('--speed', type=float, default=1.0, help='times the recorded speed')
-    arguments = parser.parse_args(remove_ros_args(argv))
-    if not arguments.speed > 0:
-        parser.error(f'--speed must be above 0, not {arguments.speed:g}')
     try:
+        arguments = parser.parse_args(remove_ros_args(argv))
+        if not arguments.speed > 0:
+            parser.error(f'--speed must be above 0, not {arguments.speed:g}')
         # Ctrl-C and SIGTERM end a pause of the recording too
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
         node = rclpy.create_node('replay')
@@ -160,7 +160,7 @@ def _paced(
         if ahead > PAUSE_SECONDS:
             inform(f'the recording pauses, the next message is due in {ahead:.0f} s')
         if ahead > 0:
-            time.sleep(min(ahead, threading.TIMEOUT_MAX))
+            time.sleep(min(ahead, LONGEST_SLEEP_SECONDS))
         yield topic, message
 
 

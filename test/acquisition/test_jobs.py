@@ -166,6 +166,7 @@ def test_a_job_that_saves_already_is_not_called_cancelled(
     assert jobs.state.state == 'done'
     (tmp_path / 'copy.npz').write_bytes(content[0])
     assert Dataset.load(tmp_path / 'copy.npz').n_samples == jobs.state.result['n_samples']
+    monkeypatch.undo()
     jobs.stop()
 
 

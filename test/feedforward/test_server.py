@@ -197,7 +197,7 @@ def test_references_outside_the_training_range(policy: str, expected: float, cou
 
 def test_measured_states_that_cannot_be_used_are_counted() -> None:
     server = serving()
-    assert server.measure(JointMessage(0, ('gripper',), [0.0], [0.0], []), 0.0) is None
+    assert server.measure(JointMessage(0, ('a',), [0.0], [0.0], []), 0.0) is None
     assert server.values()['unmeasured'] == {Refusal.MISSING_JOINT: 1}
     assert server.values()['refused'] == {}
 

@@ -106,5 +106,5 @@ def test_measured_joint_states_give_energies_and_a_torque_residual(
     heard = [list(each.effort) for each in list(residuals)]
     assert residuals[0].header.stamp.nanosec > 0
     np.testing.assert_allclose(heard, np.tile([0.0, 2.0], (len(heard), 1)), atol=0.5)
-    publisher.publish(JointState(name=['gripper'], position=[0.0]))
+    publisher.publish(JointState(name=['elbow'], position=[0.0]))
     client.status('serve', lambda status: status['unmeasured'] == {'joint missing': 1})

@@ -203,6 +203,7 @@ def test_messages_that_wait_at_the_end_are_kept(
     graph, client = ros
     options = ['-p', 'record_on_start:=true', '-p', f'executor:={executor}']
     train = graph.start_program('train', ['-c', BUSY, '--ros-args', *options])
+    client.status('train', lambda status: status['recording'])
     publisher = joint_publisher(client)
     publisher.publish(joint_state(0))
     client.wait_until((tmp_path / 'busy').exists, 'the first message')
