@@ -171,7 +171,7 @@ class _Loading:
 
 def _with_types(data: Dataset, joint_types: Sequence[str]) -> Dataset:
     """Give joints the types of the settings, where there are any."""
-    return replace(data, joint_types=joint_types) if joint_types else data
+    return replace(data, joint_types=tuple(joint_types)) if joint_types else data
 
 
 def elected_config(

@@ -72,8 +72,8 @@ def test_data_set_is_taken_as_it_is_but_for_its_joints(bag: Path, tmp_path: Path
 
 
 def test_a_bare_data_set_has_the_joint_types_of_the_settings(tmp_path: Path) -> None:
-    arrays = dict.fromkeys(('q', 'dq', 'ddq', 'tau'), np.arange(20.0).reshape(10, 2))
-    np.savez(tmp_path / 'bare.npz', **arrays)
+    columns = np.arange(20.0).reshape(10, 2)
+    np.savez(tmp_path / 'bare.npz', q=columns, dq=columns, ddq=columns, tau=columns)
     types = ('prismatic', 'revolute')
     config = Config(recording=RecordingSettings(joint_types=types))
     assert load_dataset(tmp_path / 'bare.npz', config).joint_types == types
