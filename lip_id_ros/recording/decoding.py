@@ -129,15 +129,9 @@ def message_blocks(
 ) -> list[MessageBlock]:
     """Sort serialised joint messages of one type into blocks; broken ones are in none of them."""
     if kind != JOINT_STATE:
-        extract = EXTRACTORS[kind]
-        decoded = [(row, decode(data)) for row, data in enumerate(messages)]
-        return _grouped(
-            [
-                (row, message.header.frame_id, extract(message))
-                for row, message in decoded
-                if message is not None
-            ]
-        )
+        decoded = ((row, decode(data)) for row, data in enumerate(messages))
+        read = (_extracted(EXTRACTORS[kind], row, message) for row, message in decoded)
+        return _grouped([one for one in read if one is not None])
     found: list[MessageBlock] = []
     by_length: dict[int, list[int]] = {}
     for row, data in enumerate(messages):
@@ -217,6 +211,21 @@ def _block(matrix: NDArray[np.uint8], rows: IndexArray, layout: _Layout) -> Mess
     parts = [cut(*place, 'f8').astype(np.float64, copy=False) for place in layout.numbers]
     position, velocity, effort = parts
     return MessageBlock(rows, layout.names, stamp_ns, position, velocity, effort, layout.frame_id)
+
+
+def _extracted(
+    extract: Callable[[Any], JointMessage], row: int, message: Any
+) -> tuple[int, str, JointMessage] | None:
+    """Take row, frame and joints of a message; None where it is broken, or has other fields."""
+    try:
+        stamp_ns, names, *values = extract(message)
+        arrays = [np.asarray(each, np.float64) for each in values]
+        frame = str(message.header.frame_id)
+    except (AttributeError, TypeError, ValueError):  # a bag may define a type in its own way
+        return None
+    if not all(isinstance(name, str) for name in names) or any(each.ndim != 1 for each in arrays):
+        return None
+    return row, frame, JointMessage(stamp_ns, names, *arrays)
 
 
 def _grouped(read: Sequence[tuple[int, str, JointMessage]]) -> list[MessageBlock]:

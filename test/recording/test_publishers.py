@@ -14,11 +14,13 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from recording.bag_files import (
+    CONTROLLER,
     JOINT_STATE,
     moving,
     State,
     STEP_NS,
     write_controller_states,
+    write_defined,
     write_folder,
     write_mcap,
 )
@@ -253,3 +255,22 @@ def _turned(state: State) -> State:
     parts = ('names', 'position', 'velocity', 'effort')
     values: dict[str, Any] = {name: getattr(state, name)[::-1] for name in parts}
     return replace(state, **values)
+
+
+@pytest.mark.parametrize(
+    ('definition', 'fields'),
+    [
+        ('string[] joint_names', {'joint_names': ['a']}),
+        (
+            'string[] joint_names\nfloat64[] feedback',
+            {'joint_names': ['a'], 'feedback': np.ones(1)},
+        ),
+        ('float64[] joint_names', {'joint_names': np.ones(1)}),
+    ],
+)
+def test_controller_states_with_other_fields_are_unreadable(
+    tmp_path: Path, definition: str, fields: dict[str, Any]
+) -> None:
+    text = f'std_msgs/Header header\n{definition}'
+    with pytest.raises(SourceError, match=r'can be used \(3 message unreadable\)'):
+        read_bag(write_defined(tmp_path / 'bag', CONTROLLER, text, **fields))
