@@ -218,14 +218,12 @@ def _extracted(
 ) -> tuple[int, str, JointMessage] | None:
     """Take row, frame and joints of a message; None where it is broken, or has other fields."""
     try:
-        stamp_ns, names, *values = extract(message)
-        arrays = [np.asarray(each, np.float64) for each in values]
-        frame = str(message.header.frame_id)
+        found, frame = extract(message), str(message.header.frame_id)
+        arrays = [np.asarray(values, np.float64) for values in found[2:]]
     except (AttributeError, TypeError, ValueError):  # a bag may define a type in its own way
         return None
-    if not all(isinstance(name, str) for name in names) or any(each.ndim != 1 for each in arrays):
-        return None
-    return row, frame, JointMessage(stamp_ns, names, *arrays)
+    is_named = all(isinstance(name, str) for name in found.names)
+    return (row, frame, found) if is_named and all(each.ndim == 1 for each in arrays) else None
 
 
 def _grouped(read: Sequence[tuple[int, str, JointMessage]]) -> list[MessageBlock]:
