@@ -79,7 +79,8 @@ def main(arguments: list[str]) -> int:
 def measured(folder: Path, eigen: Path, flags: str, blocks: int) -> dict[str, str]:
     """Compile the program, run it, and return its medians."""
     includes = [f'-I{x}' for x in (folder, eigen, PREFIX / 'include')]
-    command = ['g++', '-std=c++17', '-w', '-DNDEBUG', *LIMITS, *includes, PROGRAM]
+    compiler = ['g++', '-std=c++17', '-w', '-DNDEBUG']
+    command: list[str | Path] = [*compiler, *LIMITS, *includes, PROGRAM]
     program = folder / 'program'
     subprocess.run([*command, *shlex.split(flags), '-o', program], check=True)
     with open(folder / 'joints', encoding='utf-8') as joints:
