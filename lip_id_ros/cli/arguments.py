@@ -44,6 +44,18 @@ def add_joints(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_output(parser: argparse.ArgumentParser, metavar: str, what: str) -> None:
+    """Add the file or folder to write."""
+    parser.add_argument('-o', '--output', required=True, metavar=metavar, help=what)
+
+
+def add_seed(parser: argparse.ArgumentParser) -> None:
+    """Add the seed."""
+    parser.add_argument(
+        '--seed', type=int, metavar='K', help='seed of every random choice (default: 0)'
+    )
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add the file for machine-readable figures."""
     parser.add_argument(

@@ -42,7 +42,7 @@ out/cells: the same command continues an interrupted comparison.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     arguments.add_sources(parser)
-    parser.add_argument('-o', '--output', required=True, metavar='DIR', help='folder to write')
+    arguments.add_output(parser, 'DIR', 'folder to write')
     parser.add_argument(
         '--models',
         type=arguments.joint_names,
@@ -74,9 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--urdf', type=arguments.source, metavar='FILE', help='robot description')
     arguments.add_config(parser, 'default settings')
     arguments.add_joints(parser)
-    parser.add_argument(
-        '--seed', type=int, metavar='K', help='seed of every random choice (default: 0)'
-    )
+    arguments.add_seed(parser)
     arguments.add_force(parser)
 
 

@@ -19,12 +19,8 @@ The data set holds t, q, dq, ddq, tau, joint_names, joint_types and segment; num
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     arguments.add_sources(parser)
-    parser.add_argument(
-        '-o',
-        '--output',
-        required=True,
-        metavar='DATA',
-        help='file to write: .npz or .csv; - for standard output, as .npz',
+    arguments.add_output(
+        parser, 'DATA', 'file to write: .npz or .csv; - for standard output, as .npz'
     )
     arguments.add_config(parser, 'default settings')
     arguments.add_joints(parser)

@@ -23,13 +23,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     arguments.add_sources(parser)
-    parser.add_argument(
-        '-o',
-        '--output',
-        required=True,
-        metavar='MODEL.npz',
-        help='file to write; - for standard output',
-    )
+    arguments.add_output(parser, 'MODEL.npz', 'file to write; - for standard output')
     arguments.add_config(parser, 'default settings')
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument(
@@ -58,9 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='device of the fit: cuda needs torch, and falls back to the CPU without a device '
         '(default: cpu)',
     )
-    parser.add_argument(
-        '--seed', type=int, metavar='K', help='seed of every random choice (default: 0)'
-    )
+    arguments.add_seed(parser)
     parser.add_argument(
         '--holdout',
         type=arguments.share,

@@ -24,12 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         'source', type=arguments.source, metavar='SOURCE', help=arguments.SOURCE_HELP
     )
-    parser.add_argument(
-        '-o',
-        '--output',
-        required=True,
-        metavar='OUT',
-        help='file to write: .npz or .mcap; - for standard output, as .npz',
+    arguments.add_output(
+        parser, 'OUT', 'file to write: .npz or .mcap; - for standard output, as .npz'
     )
     arguments.add_config(parser, "the settings of the model's fit")
     arguments.add_force(parser)
