@@ -1,0 +1,61 @@
+"""Models of real recordings in all formats, read by other programs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+import shutil
+
+import numpy as np
+import pytest
+
+from benchmarks._real import ARMS
+from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.description.robot import RobotDescription
+from lip_id_ros.description.urdf import load_description
+from lip_id_ros.export.check import COMPILERS
+from lip_id_ros.export.formats import FORMATS, write
+from lip_id_ros.export.from_model import describe
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_prior import DescriptionSettings
+from lip_id_ros.identification.laplace import posterior
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.effort_calibration import EffortCalibration
+
+pytest.importorskip('pinocchio')
+pytest.importorskip('mujoco')
+pytestmark = pytest.mark.slow
+SAMPLES = 200
+
+
+def fitted(data: Dataset, description: RobotDescription) -> InverseDynamicsModel:
+    """Fit links and friction near a URDF, which saves the search; no format has a remainder."""
+    fitter = ArmFitter(data, (description, DescriptionSettings()))
+    start = fitter.best_start([description.chain], fitter.elected(description.chain))
+    states = np.stack([data.q, data.dq, data.ddq])
+    return InverseDynamicsModel(
+        joint_names=data.joint_names,
+        joint_types=data.joint_types,
+        potential_reference=data.q.mean(axis=0),
+        training_range=(states.min(axis=1), states.max(axis=1)),
+        largest_torque=np.abs(data.tau).max(axis=0),
+        n_samples=data.n_samples,
+        effort_calibrations=(EffortCalibration.identity(data.n_joints),),
+        arm=posterior(fitter, fitter.converged(data, start))[1],
+    )
+
+
+@pytest.mark.skipif(not any(map(shutil.which, COMPILERS)), reason='needs a C compiler')
+@pytest.mark.parametrize('name', ['UR10', 'Panda, 30 Hz', 'TIAGo'])
+def test_all_formats_give_the_torques_of_the_model(
+    name: str, shared_data: Path, tmp_path: Path
+) -> None:
+    """The last one has a prismatic torso."""
+    arm = ARMS[name]
+    data = concatenate(arm.datasets(shared_data))
+    rows = np.linspace(0, data.n_samples - 1, SAMPLES).astype(np.intp)
+    data = replace(data.select(rows), joint_names=arm.joints)
+    model = fitted(data, load_description(shared_data / arm.urdf, arm.joints, data.joint_types))
+    exported = describe(model, 'arm')
+    for form in FORMATS:
+        write(form, tmp_path / form, exported).check(model, 10_000).require(1e-9)
