@@ -30,7 +30,7 @@ from lip_id_ros.export.payload import (
     attached,
     inertias,
     payload_in_flange,
-    remainder_caution,
+    remainder_cautions,
     require_links,
     to_yaml,
 )
@@ -141,7 +141,7 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
     return {
         **saved,
         'rescue': [*saved['rescue'], *rescued],
-        'cautions': remainder_caution(model) + no_better_than_mean(model.joint_names, errors),
+        'cautions': remainder_cautions(model) + no_better_than_mean(model.joint_names, errors),
         'payload': figures,
     }
 

@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> None:
         attached,
         is_payload,
         payload_in_flange,
-        remainder_caution,
+        remainder_cautions,
         require_links,
         to_yaml,
     )
@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> None:
     _show(shown, console)
     loaded = attached(model, found)
     errors = evaluate(loaded, dataset).nmse_percent
-    cautions = remainder_caution(model) + no_better_than_mean(model.joint_names, errors)
+    cautions = remainder_cautions(model) + no_better_than_mean(model.joint_names, errors)
     show_lines(cautions, console)
     if args.yaml is not None:
         text = to_yaml(shown, args.sources, args.flange)

@@ -26,7 +26,7 @@ HEAD = '# payload found by lip_id_ros'
 
 def require_links(model: InverseDynamicsModel, place: str) -> None:
     """
-    Check that a payload can be added to a model: it has links at every joint.
+    Check that a payload can be added to a model.
 
     Parameters
     ----------
@@ -37,8 +37,7 @@ def require_links(model: InverseDynamicsModel, place: str) -> None:
     Raises
     ------
     ModelError
-        If it has none, or a Gaussian process in their place at some joint, which would not bear
-        the payload.
+        If it has no rigid links.
 
     """
     if model.arm is None:
@@ -46,23 +45,25 @@ def require_links(model: InverseDynamicsModel, place: str) -> None:
             f'a payload is added to rigid links, but {place} has none; fit with the default '
             'kernel.'
         )
-    if model.remainder is not None and model.remainder.replaces.any():
-        names = ', '.join(np.array(model.joint_names)[model.remainder.replaces].tolist())
-        raise ModelError(
-            f'a payload is added to rigid links, but {place} has Gaussian processes instead of '
-            f'them at {names}; fit with more data.'
-        )
 
 
-def remainder_caution(model: InverseDynamicsModel) -> list[str]:
-    """Return a sentence on Gaussian processes beside links, which do not know the payload."""
+def remainder_cautions(model: InverseDynamicsModel) -> list[str]:
+    """Return sentences on Gaussian processes of a model, which do not know the payload."""
     if model.remainder is None:
         return []
-    names = ', '.join(np.array(model.joint_names)[model.remainder.joints].tolist())
-    return [
-        f'The Gaussian processes beside the links at {names} were learned without the payload, '
-        'and correct the arm with it as they do without.'
-    ]
+    names, instead = np.array(model.joint_names), model.remainder.replaces
+    cautions = []
+    if beside := names[model.remainder.joints & ~instead].tolist():
+        cautions.append(
+            f'The Gaussian processes beside the links at {", ".join(beside)} were learned without '
+            'the payload, and correct the arm with it as they do without.'
+        )
+    if replaced := names[instead].tolist():
+        cautions.append(
+            f'The Gaussian processes in place of the links at {", ".join(replaced)} would not '
+            'bear the payload: with it, links and friction give the torques there.'
+        )
+    return cautions
 
 
 def payload_in_flange(loaded: LoadedArm, shift: float, turn: float) -> Payload:
@@ -102,7 +103,7 @@ def payload_in_flange(loaded: LoadedArm, shift: float, turn: float) -> Payload:
 
 def attached(model: InverseDynamicsModel, loaded: LoadedArm) -> InverseDynamicsModel:
     """
-    Return a model of the arm with a payload.
+    Return a model of the arm with a payload, in which every joint has links.
 
     Parameters
     ----------
@@ -117,7 +118,8 @@ def attached(model: InverseDynamicsModel, loaded: LoadedArm) -> InverseDynamicsM
     root[first : first + BODY] += loaded.body_root
     arm = compacted(replace(arm, covariance_root=root), model.training_range)
     noted = {**model.provenance, 'payload_mass': float(loaded.body[0])}
-    return replace(model, arm=arm, provenance=noted)
+    beside = None if model.remainder is None else model.remainder.beside_links()
+    return replace(model, arm=arm, remainder=beside, provenance=noted)
 
 
 def to_yaml(payload: Payload, sources: Sequence[str], flange: tuple[float, float]) -> str:

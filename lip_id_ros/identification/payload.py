@@ -116,12 +116,13 @@ def identify_payload(model: InverseDynamicsModel, dataset: Dataset) -> LoadedArm
     A learned arm is uncertain too, above all in where its light last links turn. So it is fitted
     along: its torques at random states, with their standard deviations, stand for the recordings
     that it was learned from. A Gaussian process beside the links corrects the arm, whatever it
-    carries: its posterior mean is subtracted from the recorded torques.
+    carries: its posterior mean is subtracted from the recorded torques. One in place of a joint's
+    links would not bear the payload: there the links explain the torque.
 
     Parameters
     ----------
     model : InverseDynamicsModel
-        Of the arm without the payload, with links at every joint.
+        Of the arm without the payload.
     dataset : Dataset
         Of the arm with its payload, in the order of time; at most `MOST_SAMPLES` are used.
 
@@ -147,8 +148,9 @@ def identify_payload(model: InverseDynamicsModel, dataset: Dataset) -> LoadedArm
     dataset = dataset.select(rows.astype(np.intp))
     q, dq, ddq = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
     tau = dataset.tau
-    if model.remainder is not None:
-        tau = tau - model.remainder.torque(q, dq, ddq)
+    beside = None if model.remainder is None else model.remainder.beside_links()
+    if beside is not None:
+        tau = tau - beside.torque(q, dq, ddq)
     least = LEAST_STD * np.maximum(tau.std(axis=0), np.finfo(float).tiny)
     bare = _bare(arm, model.training_range, least)
     std = np.maximum(arm.noise.std, least) / np.sqrt(arm.noise.weights(dataset.dq))

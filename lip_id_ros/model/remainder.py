@@ -9,7 +9,7 @@ velocities and accelerations with one length scale for each of them
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -109,6 +109,19 @@ class Remainder:
     def joints(self) -> BoolArray:
         """Which joints have a process, shape (n,)."""
         return np.asarray(self.lengths.any(axis=1))
+
+    def beside_links(self) -> Remainder | None:
+        """Return the processes beside links, without those in their place; None without any."""
+        beside = self.joints & ~self.replaces
+        if not beside.any():
+            return None
+        return replace(
+            self,
+            lengths=beside[:, None] * self.lengths,
+            replaces=np.zeros_like(self.replaces),
+            alpha=beside * self.alpha,
+            friction=beside[:, None] * self.friction,
+        )
 
     @cached_property
     def _factors(self) -> dict[int, tuple[Array, bool]]:

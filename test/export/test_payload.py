@@ -178,22 +178,28 @@ def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_processes_of_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Beside links they stay; instead of links they would not bear the payload."""
+    """Those beside links stay; where they stand instead of links, the links bear the payload."""
     motion().save(tmp_path / 'run.npz')
     files = [str(tmp_path / 'arm.npz'), str(tmp_path / 'run.npz')]
-    remainder = remainder_of(arm())
+    remainder = remainder_of(arm())  # beside the links of the first joint, instead at the second
     model = replace(model_of(arm()), remainder=remainder)
     model.save(files[0])
-    assert main(['payload', *files]) == 1
-    assert 'has Gaussian processes instead of them at joint_2; fit' in capsys.readouterr().err
-    beside = replace(remainder, replaces=np.zeros(N, dtype=bool))
-    replace(model, remainder=beside).save(files[0])
     assert main(['payload', *files, '-o', str(tmp_path / 'loaded.npz')]) == 0
     said = ' '.join(capsys.readouterr().out.split())
-    assert 'beside the links at joint_1, joint_2 were learned without the payload' in said
+    assert 'beside the links at joint_1 were learned without the payload' in said
+    assert 'in place of the links at joint_2 would not bear the payload' in said
     loaded = InverseDynamicsModel.load(tmp_path / 'loaded.npz')
     assert loaded.remainder is not None
-    np.testing.assert_array_equal(loaded.remainder.joints, beside.joints)
+    assert loaded.arm is not None
+    assert loaded.remainder.joints.tolist() == [True, *[False] * 5]
+    assert not loaded.remainder.replaces.any()
+    q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 10, N))
+    links = loaded.arm.torque(q, dq, ddq)
+    found = loaded.predict(q, dq, ddq).tau - links
+    expected = np.where(np.arange(N) == 0, remainder.torque(q, dq, ddq), 0.0)
+    np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
+    only = replace(remainder, replaces=remainder.joints)
+    assert attached(replace(model, remainder=only), known()).remainder is None
 
 
 def test_outputs_of_the_verb(
