@@ -42,16 +42,17 @@ def show(table: Table, console: Console) -> None:
         Plain text in lines as long as necessary where it is not a terminal.
 
     """
-    drawn = rich.table.Table(title=_cell(table.title), title_justify='left', title_style='bold')
+    drawn = rich.table.Table()
     for number, name in enumerate(table.header):
         justify: Literal['left', 'right'] = 'right' if number else 'left'
         drawn.add_column(_cell(name), justify=justify, no_wrap=number == 0, overflow='fold')
     for row in table.rows:
         drawn.add_row(*(_cell(text) for text in row))
-    if console.is_terminal:
-        console.print(drawn)
-    else:
-        Console(file=console.file, width=WIDE, highlight=False).print(drawn)
+    if not console.is_terminal:
+        console = Console(file=console.file, width=WIDE, highlight=False)
+    if table.title:  # above the table, which would wrap it to its own width
+        console.print(Text(printable(table.title), style='bold'))
+    console.print(drawn)
 
 
 def show_lines(texts: Iterable[str], console: Console) -> None:

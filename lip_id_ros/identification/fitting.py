@@ -24,6 +24,9 @@ from lip_id_ros.rigid_body.denavit_hartenberg import table, with_standard_frames
 from lip_id_ros.settings import FitSettings
 
 LEAST_SAMPLES = 10
+LARGEST = 1e9
+"""No position, velocity, acceleration or torque of an arm is larger, in SI units."""
+
 ROUNDING = 1e-9
 """Share of the largest torque below which a change is none."""
 
@@ -208,6 +211,13 @@ def _check(dataset: Dataset, settings: FitSettings) -> None:
             f'a fit needs at least {LEAST_SAMPLES} samples, but the data set has '
             f'{dataset.n_samples}; record longer or keep more samples in preprocessing.'
         )
+    for name in ('q', 'dq', 'ddq', 'tau'):
+        largest = float(np.abs(getattr(dataset, name)).max())
+        if largest > LARGEST:
+            raise DataError(
+                f'{name} must be at most {LARGEST:g} as that of any arm, but goes up to '
+                f'{largest:.3g}; correct its unit, or leave such samples out.'
+            )
     changes = np.ptp(dataset.tau, axis=0) > ROUNDING * np.abs(dataset.tau).max()
     if not changes.all():
         raise DataError(_still(dataset, changes))

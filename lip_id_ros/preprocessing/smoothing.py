@@ -40,6 +40,7 @@ BRIDGED_PERIODS = 0.25
 """Longest hole that is interpolated over whatever the rate, in periods of the cut-off."""
 
 _ORDER = 4
+_LONGEST_EDGE = 1e12  # samples, more than any recording has
 _ROUNDING = 1e-6
 _WINDOW = 50_000
 _SETTLED_PERIODS = 20.0
@@ -102,7 +103,7 @@ def edge_length(
 
     """
     lead_in = periods * rate_hz / cutoff_hz if is_filtered(rate_hz, cutoff_hz) else 0.0
-    return round(lead_in) + 2 * HALF_STENCIL + math.ceil(delay_s * rate_hz)
+    return round(min(lead_in, _LONGEST_EDGE)) + 2 * HALF_STENCIL + math.ceil(delay_s * rate_hz)
 
 
 def uniform_times(t: Array, rate_hz: float, first: int = 0, last: int | None = None) -> Array:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from io import StringIO
 import json
 import math
 
 from evaluation.stubs import Knowing
 import numpy as np
 import pytest
+from rich.console import Console
 from simulation.pendulums import swing
 
 from lip_id_ros.errors import DataError, ModelError
 from lip_id_ros.evaluation import evaluate, matched, run
 from lip_id_ros.evaluation.metrics import standard_deviation
-from lip_id_ros.evaluation.tables import error_table, notes, percent
+from lip_id_ros.evaluation.tables import error_table, notes, percent, show, Table
 
 KEYS = {
     'joint_names',
@@ -176,3 +178,10 @@ def test_table_shows_every_joint_and_energy() -> None:
 )
 def test_percent(value: float, text: str) -> None:
     assert percent(value) == text
+
+
+def test_a_title_is_one_line_however_narrow_its_table() -> None:
+    printed = StringIO()
+    title = 'a title of more words than the table is wide'
+    show(Table(title, ('',), [('x',)]), Console(file=printed))
+    assert printed.getvalue().splitlines()[0].rstrip() == title

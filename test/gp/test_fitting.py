@@ -43,6 +43,15 @@ def test_other_things_than_a_data_set_and_settings_are_refused() -> None:
         fit(samples(), {'kernel': 'lip'})  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize('name', ['q', 'ddq', 'tau'])
+def test_numbers_of_no_arm_are_refused(name: str) -> None:
+    absurd = replace(samples(), **{name: 1e12 * getattr(samples(), name)})
+    with pytest.raises(
+        DataError, match=rf'^{name} must be at most 1e\+09 as that of any arm, but'
+    ):
+        fit(absurd)
+
+
 def test_too_few_samples() -> None:
     with pytest.raises(DataError, match=r'at least 10 samples, but the data set has 9; record'):
         fit(samples().select(np.arange(9)))

@@ -53,6 +53,10 @@ def test_no_low_pass_where_there_is_nothing_to_remove(cutoff: float) -> None:
     assert edge_length(30.0, cutoff) == 4
 
 
+def test_an_endless_edge_is_longer_than_any_recording() -> None:
+    assert edge_length(30.0, 4.0, periods=1e308) > 10**11
+
+
 def test_low_pass_is_the_same_backward() -> None:
     noise = np.random.default_rng(0).normal(size=(1000, 2))
     forward, backward = low_pass(noise, 100.0, 4.0), low_pass(noise[::-1], 100.0, 4.0)[::-1]
