@@ -153,7 +153,8 @@ def energies(n_joints: int, n_seeds: int) -> Iterator[Case]:
     return generalization((n_joints,), n_seeds)
 
 
-FRICTION = ('se', 'gip', 'lip', 'recursive', 'articulated', 'rigid_body', 'semiparametric')
+KNOWN_KINEMATICS = ('rigid_body', 'rigid_body_friction', 'semiparametric')
+FRICTION = ('se', 'gip', 'lip', 'recursive', 'articulated', *KNOWN_KINEMATICS)
 WITH_ENERGIES = ('lse', 'delan', 'lip', 'recursive', 'articulated')
 EXPERIMENTS: dict[str, tuple[Form, Form]] = {
     'generalization': (

@@ -8,12 +8,12 @@ Arms of three joints; `docs/accuracy.md` has the counts of 20 seeds.
 from __future__ import annotations
 
 import argparse
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 import time
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from benchmarks._drives import (
     coupled,
@@ -35,21 +35,26 @@ from lip_id_ros.identification.friction_election import elect_friction
 LINK_STD = np.tile([5.0, *[2.0] * 3, *[1.0] * 7], (N_JOINTS, 1))
 PLAIN = {'viscous', 'Coulomb', 'offset'}
 
+Expected = list[set[str]]
+
 
 def main(arguments: list[str]) -> int:
-    """Count, and print both tables."""
+    """Print a line for each term, each fault, and each real recording."""
     parser = argparse.ArgumentParser(prog='benchmarks elections', description=__doc__)
-    parser.add_argument('--seeds', type=int, default=20)
-    parser.add_argument('--only', choices=('friction', 'efforts'))
-    parser.add_argument('--data', type=Path, help='folder of real recordings, for false alarms')
+    parser.add_argument('--seeds', type=int, nargs='+', default=list(range(20)))
+    parser.add_argument('--only', choices=('friction', 'efforts', 'alarms'))
+    parser.add_argument('--cases', nargs='+', help='only these terms, faults or recordings')
+    parser.add_argument('--data', type=Path, default=Path('../shared/data'))
     options = parser.parse_args(arguments)
-    console = Console(width=100)
-    if options.only != 'efforts':
-        console.print(_friction(options.seeds))
-    if options.only != 'friction':
-        console.print(_efforts(options.seeds))
-    if options.data is not None:
-        console.print(_alarms(options.data))
+    tables = {
+        'friction': lambda: _friction(options.seeds, options.cases),
+        'efforts': lambda: _efforts(options.seeds, options.cases),
+        'alarms': lambda: _alarms(options.data, options.cases),
+    }
+    for name, lines in tables.items():
+        if options.only in (None, name):
+            for line in lines():
+                print(line, flush=True)
     return 0
 
 
@@ -60,45 +65,60 @@ def elected(seed: int, extra: Terms) -> list[set[str]]:
     return [set(names) - PLAIN for names in got.friction.names()]
 
 
-def _friction(n_seeds: int) -> Table:
-    table = Table('present', 'elected', 'others elected', 'CPU s', title=f'{n_seeds} seeds')
-    others: list[set[str]] = [set() for _ in range(N_JOINTS)]
-    cases: dict[str, tuple[Terms, list[set[str]]]] = {'nothing': ([], others)}
+def _cases() -> dict[str, tuple[Terms, Expected]]:
+    """Return terms that are there, and what should be elected for each joint."""
+    cases: dict[str, tuple[Terms, Expected]] = {'nothing': ([], [set()] * N_JOINTS)}
     for name in PRESENT:
         cases[name] = present(name), [{name} if j == JOINT else set() for j in range(N_JOINTS)]
     pair = [{f'{term} coupled with joint {k}' for term in ('viscous', 'Coulomb')} for k in (3, 2)]
     cases['coupled motor'] = coupled(), [set(), *pair]
     cases['coupled efforts'] = coupled_efforts(), [set(), {'torque coupled with joint 3'}, set()]
-    for name, (extra, expected) in cases.items():
+    return cases
+
+
+def _friction(seeds: list[int], only: list[str] | None) -> Iterator[str]:
+    for name, (extra, expected) in _cases().items():
+        if only and name not in only:
+            continue
         started = time.process_time()
-        found = [elected(seed, extra) for seed in range(n_seeds)]
-        pairs = [list(zip(names, expected, strict=True)) for names in found]
-        right = sum(all(there <= mine for mine, there in each) for each in pairs)
-        wrong = sum(len(mine - there) for each in pairs for mine, there in each)
-        table.add_row(name, f'{right}', f'{wrong}', f'{time.process_time() - started:.0f}')
-    return table
+        missed, others = [], Counter[str]()
+        for seed in seeds:
+            pairs = list(zip(elected(seed, extra), expected, strict=True))
+            if not all(there <= mine for mine, there in pairs):
+                missed.append(seed)
+            for mine, there in pairs:
+                others.update(mine - there)
+        yield _line(name, len(seeds) - len(missed), len(seeds), missed, dict(others), started)
 
 
-def _efforts(n_seeds: int) -> Table:
-    table = Table('fault', 'diagnosed', 'missed', 'CPU s', title=f'{n_seeds} seeds')
+def _efforts(seeds: list[int], only: list[str] | None) -> Iterator[str]:
     for fault, codes in FAULTS.items():
+        name = fault.__name__.replace('_', ' ')
+        if only and name not in only:
+            continue
         started = time.process_time()
         missed = {}
-        for seed in range(n_seeds):
+        for seed in seeds:
             findings = diagnose_effort(faulty(fault, seed))
             if (got := tuple(each.code for each in findings)) != codes:
                 missed[seed] = ', '.join(got) or 'nothing'
-        seconds = time.process_time() - started
-        name = fault.__name__.replace('_', ' ')
-        table.add_row(name, f'{n_seeds - len(missed)}', f'{missed or ""}', f'{seconds:.0f}')
-    return table
+        yield _line(name, len(seeds) - len(missed), len(seeds), missed, {}, started)
 
 
-def _alarms(folder: Path) -> Table:
-    table = Table('recording', 'findings', 'CPU s')
+def _alarms(folder: Path, only: list[str] | None) -> Iterator[str]:
     for name, arm in ARMS.items():
+        if only and name not in only:
+            continue
         started = time.process_time()
         findings = diagnose_effort(concatenate(arm.datasets(folder)))
-        codes = ', '.join(each.code for each in findings)
-        table.add_row(name, codes, f'{time.process_time() - started:.0f}')
-    return table
+        yield f'{name}: {[each.text for each in findings]}; {_cpu(started)}'
+
+
+def _line(
+    name: str, right: int, of: int, missed: object, others: dict[str, int], started: float
+) -> str:
+    return f'{name}: {right} of {of}; missed {missed}; others {others}; {_cpu(started)}'
+
+
+def _cpu(started: float) -> str:
+    return f'{time.process_time() - started:.0f} CPU s'

@@ -16,23 +16,22 @@ import numpy as np
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.health.finding import Finding, Severity
-from lip_id_ros.identification.effort_scale import as_recorded, EffortScale, find_effort_scale
+from lip_id_ros.identification.effort_scale import (
+    alike,
+    as_recorded,
+    EffortScale,
+    find_effort_scale,
+)
 from lip_id_ros.progress import Progress, silent
 
-WELL, EACH_WELL = 0.05, 0.2
-"""
-Geometric mean over joints of residuals, and the largest one, as shares of the efforts, below which
-links explain them.
-"""
-
 BETTER = 2.0
-"""By this factor residuals must be smaller for another reading of the efforts to be proposed."""
+"""
+By this factor residuals must be smaller for another reading of the efforts to be proposed: in the
+geometric mean over joints, or at one joint where the reading then explains all of them well.
+"""
 
 NO_WORSE = 1.05
 """By this factor they may be larger without gravity for gravity to be missing."""
-
-ALIKE = 1.1
-"""Ratio of the largest to the smallest scale up to which efforts have one scale."""
 
 
 def diagnose_effort(
@@ -59,25 +58,41 @@ def diagnose_effort(
 def _readings(
     dataset: Dataset, recorded: EffortScale, seed: int, progress: Progress
 ) -> Iterator[Finding]:
-    """Try other scales, signs and orders where links explain the efforts badly."""
+    """Try other scales, signs and orders where links explain the efforts badly, or oddly."""
     if np.all(recorded.scale < 0.0) and np.sum(recorded.friction) < 0.0:
         yield _turned(dataset, range(dataset.n_joints), recorded, recorded)
-    if recorded.mean_residual < WELL and np.max(recorded.residual) < EACH_WELL:
+        if recorded.explains:
+            return
+    if recorded.explains and not recorded.is_odd:
         return
     scaled = find_effort_scale(dataset, recorded, seed, progress)
-    order, ordered = _best_order(dataset, seed, progress)
-    best = min(scaled.mean_residual, ordered.mean_residual)
-    if BETTER * best > recorded.mean_residual:
+    if recorded.explains and not _is_better(scaled, recorded):
         return
-    if ordered.mean_residual <= scaled.mean_residual:
-        yield _order(order, ordered, recorded)
-        return
+    if not (scaled.explains and alike(np.abs(scaled.scale))):
+        order, ordered = _best_order(dataset, seed, progress)
+        if ordered.mean_residual <= scaled.mean_residual:
+            if _is_better(ordered, recorded):
+                yield _order(order, ordered, recorded)
+            return
+    if _is_better(scaled, recorded):
+        yield from _signs_and_scales(dataset, scaled, recorded)
+
+
+def _signs_and_scales(
+    dataset: Dataset, scaled: EffortScale, recorded: EffortScale
+) -> Iterator[Finding]:
     turned = np.flatnonzero(scaled.scale < 0.0)
     if turned.size:
         yield _turned(dataset, turned.tolist(), scaled, recorded)
-    sizes = np.abs(scaled.scale)
-    if sizes.max() > ALIKE * sizes.min():
+    if not alike(np.abs(scaled.scale)):
         yield _scaled(dataset, scaled, recorded)
+
+
+def _is_better(other: EffortScale, recorded: EffortScale) -> bool:
+    """Return whether another reading explains the efforts so much better that it is proposed."""
+    if BETTER * other.mean_residual <= recorded.mean_residual:
+        return True
+    return other.explains and recorded.gain(other) > BETTER
 
 
 def orders(names: Sequence[str]) -> list[tuple[str, ...]]:

@@ -29,8 +29,18 @@ SIGN_WIDTH = 0.05
 INITIAL_NOISE = 0.05
 LEAST_NOISE = 1e-4
 ALTERNATIONS, NOISE_ROUNDS = 30, 2
-SEARCHES = 4
-CONVERGED = 0.01
+SEARCHES = 8
+CONVERGED, LEAST_DECREASE = 0.01, 0.02
+"""Of scales from 1, and of residuals from one search to the next."""
+
+WELL, EACH_WELL = 0.05, 0.2
+"""
+Geometric mean over joints of residuals, and the largest one, as shares of the efforts, below which
+links explain them.
+"""
+
+ALIKE = 1.1
+"""Ratio of the largest to the smallest scale up to which efforts have one scale."""
 
 CLEARLY = 5.0
 """Torque of weight, in residuals, that links have on some joint only if there is weight."""
@@ -52,6 +62,8 @@ class EffortScale:
         Friction at the usual speed, likewise; negative where it would drive a joint.
     gravity : array, shape (n,)
         Root mean squares of the torques of the links' weight, likewise.
+    free_scale : array, shape (n,)
+        Scales that explain the efforts best with the joints in the same places.
 
     """
 
@@ -59,11 +71,26 @@ class EffortScale:
     residual: Array
     friction: Array
     gravity: Array
+    free_scale: Array
 
     @property
     def bears_weight(self) -> bool:
         """Whether the weight of the links explains more than it could by chance."""
         return bool(np.any(self.gravity > CLEARLY * self.residual))
+
+    @property
+    def explains(self) -> bool:
+        """Whether links and friction explain the effort of every joint well."""
+        return self.mean_residual < WELL and bool(np.max(self.residual) < EACH_WELL)
+
+    @property
+    def is_odd(self) -> bool:
+        """Whether friction drives a joint or other scales explain more: links may absorb both."""
+        return bool(np.any(self.friction < 0.0)) or not alike(self.free_scale)
+
+    def gain(self, other: EffortScale) -> float:
+        """Return the product over joints of how many times smaller another's residuals are."""
+        return float(np.prod(self.residual / other.residual))
 
     @property
     def mean_residual(self) -> float:
@@ -73,7 +100,14 @@ class EffortScale:
 
 def as_recorded(dataset: Dataset, seed: int, progress: Progress = silent) -> EffortScale:
     """Explain efforts as they are, by links in places that are searched for; scales are 1."""
-    return _searched(dataset, seed, progress, 1)
+    chain, link_std = _placed(dataset, seed, progress)
+    free = fit_scale(dataset, chain, link_std)
+    return replace(fit_scale(dataset, chain, link_std, 1), free_scale=free.scale)
+
+
+def alike(scale: Array) -> bool:
+    """Return whether scales are those of one unit and sign."""
+    return bool(np.min(scale) * ALIKE > np.max(scale) or np.max(scale) * ALIKE < np.min(scale))
 
 
 def find_effort_scale(
@@ -94,19 +128,23 @@ def find_effort_scale(
 
     """
     scale = np.where(recorded.friction < 0.0, -1.0, 1.0)
+    best = recorded
     for search in range(SEARCHES):
         scaled = replace(dataset, tau=dataset.tau / scale)
-        found = _searched(scaled, seed + search, progress, ALTERNATIONS)
+        found = fit_scale(scaled, *_placed(scaled, seed + search, progress))
         scale = scale * found.scale
-        if np.allclose(np.abs(found.scale), 1.0, atol=CONVERGED):
+        lower = found.mean_residual < (1.0 - LEAST_DECREASE) * best.mean_residual
+        if found.mean_residual < best.mean_residual:
+            best = replace(found, scale=scale)
+        if np.allclose(np.abs(found.scale), 1.0, atol=CONVERGED) or (search and not lower):
             break
-    return replace(found, scale=scale)
+    return best
 
 
-def _searched(dataset: Dataset, seed: int, progress: Progress, alternations: int) -> EffortScale:
+def _placed(dataset: Dataset, seed: int, progress: Progress) -> tuple[Chain, Array]:
+    """Search for the places of the joints; return them with the prior deviations of the links."""
     fitter = ArmFitter(dataset)
-    chain = fitter.calibrated(seed, progress).placements.chain
-    return fit_scale(dataset, chain, fitter.link_std, alternations)
+    return fitter.calibrated(seed, progress).placements.chain, fitter.link_std
 
 
 def fit_scale(
@@ -151,9 +189,8 @@ def fit_scale(
     still = np.zeros_like(dataset.q)
     weight = torque_regressor(chain, np.ascontiguousarray(dataset.q), still, still)
     gravity = scale * (weight @ (links * link_std.ravel()))
-    return EffortScale(
-        positive * scale, noise / size, usual / spread, gravity.std(axis=0) / spread
-    )
+    scale = positive * scale
+    return EffortScale(scale, noise / size, usual / spread, gravity.std(axis=0) / spread, scale)
 
 
 def _factors(dataset: Dataset, chain: Chain, link_std: Array) -> tuple[list[Array], int]:

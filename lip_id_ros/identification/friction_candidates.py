@@ -25,15 +25,14 @@ from lip_id_ros.friction.terms import (
     Stribeck,
     Viscous,
 )
+from lip_id_ros.identification.left_out import LEAST_GAIN
 from lip_id_ros.joint_types import REVOLUTE
 
-COMMON_GAIN = 0.05
-"""
-Least relative decrease of left-out mean squares, summed over joints, for a term that gears have.
-"""
-
 RARE_GAIN = 0.5
-"""The same for terms that few drives have, or for which the links' parameters can stand in."""
+"""
+Least relative decrease of left-out mean squares, summed over joints, for terms that few drives
+have, or for which the links' parameters can stand in.
+"""
 
 COUPLING_GAIN = float(np.log(4.0))
 """
@@ -56,7 +55,7 @@ class Candidate:
     """
 
     terms: tuple[DriveTerm, ...]
-    least_gain: float = field(default=COMMON_GAIN, compare=False)
+    least_gain: float = field(default=LEAST_GAIN, compare=False)
 
 
 def plain_candidates(widths: Array) -> list[Candidate]:

@@ -45,9 +45,6 @@ LOAD_ROUNDS = 3
 NOISE_ROUNDS = 2
 MOST_TERMS = 40
 
-LEAST_ERRORS = 2.0
-"""Least gain in standard errors over the left-out blocks."""
-
 
 @dataclass(frozen=True, eq=False)
 class ElectedFriction:
@@ -277,9 +274,8 @@ class _Ballot:
 
 def _gain(now: LeftOutFit, fit: LeftOutFit, candidate: Candidate) -> float:
     """Return what a candidate gains, or zero where that may be chance."""
-    mean, least, error = now.gain(fit)
-    convincing = mean > max(candidate.least_gain, LEAST_ERRORS * error) and least > 0.0
-    return mean if convincing else 0.0
+    gain = now.gain(fit)
+    return gain.mean if gain.is_sure(candidate.least_gain) else 0.0
 
 
 def _prior_std(basis: FrictionBasis, features: Sequence[Array], torque_std: Array) -> Array:

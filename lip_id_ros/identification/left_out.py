@@ -30,8 +30,57 @@ LEAST_NOISE = 1e-4
 
 NOISE_ROUNDS = 3
 
+LEAST_GAIN = 0.05
+"""Least relative decrease of left-out mean squares, summed over joints, that is worth a change."""
+
+LEAST_ERRORS = 2.0
+"""Least gain in standard errors over the left-out blocks."""
+
 INDEFINITE = (0.0, 1e-12, 1e-10, 1e-8, 1e-6)
 """Relative increases of the diagonal of normal equations that rounding has made indefinite."""
+
+
+@dataclass(frozen=True)
+class Gain:
+    """
+    How much better one model predicts left-out blocks than another.
+
+    Attributes
+    ----------
+    mean, least : float
+        Decrease of the logarithms of mean squared residuals, summed over joints: the mean over
+        schemes of folds, and the least of them.
+    error : float
+        Standard error over the blocks of the first scheme.
+
+    """
+
+    mean: float
+    least: float
+    error: float
+
+    @classmethod
+    def between(cls, now: Sequence[Array], other: Sequence[Array]) -> Gain:
+        """
+        Return what one model gains over another.
+
+        Parameters
+        ----------
+        now, other : sequences of arrays, shapes (K_s, n)
+            For every scheme of folds, mean squared residuals of K_s left-out parts.
+
+        """
+        gains = [
+            float(np.log(mine.mean(axis=0) / its.mean(axis=0)).sum())
+            for mine, its in zip(now, other, strict=True)
+        ]
+        change = ((now[0] - other[0]) / now[0].mean(axis=0)).sum(axis=1)
+        error = float(change.std(ddof=1) / np.sqrt(change.size))
+        return cls(float(np.mean(gains)), min(gains), error)
+
+    def is_sure(self, least: float = LEAST_GAIN, errors: float = LEAST_ERRORS) -> bool:
+        """Return whether it is large enough, and more than chance may do."""
+        return self.mean > max(least, errors * self.error) and self.least > 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,24 +109,9 @@ class LeftOutFit:
         """Mean squared residuals over single left-out blocks, shape (n,)."""
         return self.squares[0].mean(axis=0)
 
-    def gain(self, other: LeftOutFit) -> tuple[float, float, float]:
-        """
-        Compare with a fit that has more terms.
-
-        Returns
-        -------
-        mean, least, error : floats
-            Relative decrease of mean squares, summed over joints: the mean over schemes of folds,
-            the least of them, and the standard error over the blocks of the first scheme.
-
-        """
-        gains = [
-            float(np.log(mine.mean(axis=0) / its.mean(axis=0)).sum())
-            for mine, its in zip(self.squares, other.squares, strict=True)
-        ]
-        change = ((self.squares[0] - other.squares[0]) / self.mean_squares).sum(axis=1)
-        error = float(change.std(ddof=1) / np.sqrt(len(change)))
-        return float(np.mean(gains)), min(gains), error
+    def gain(self, other: LeftOutFit) -> Gain:
+        """Return what another fit gains over this one."""
+        return Gain.between(self.squares, other.squares)
 
 
 class LeftOutBlocks:

@@ -14,13 +14,12 @@ import numpy as np
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.identification.friction_candidates import (
     Candidate,
-    COMMON_GAIN,
     has_width,
     plain_candidates,
     saturating_candidates,
     with_width,
 )
-from lip_id_ros.identification.left_out import LeftOutBlocks
+from lip_id_ros.identification.left_out import Gain, LeftOutBlocks
 
 Gather = Callable[[Sequence[Candidate], Array], tuple[LeftOutBlocks, list[IndexArray]]]
 """Statistics by blocks of some terms at given loads, and the parameters of every candidate."""
@@ -33,9 +32,6 @@ WIDEST = 0.2
 The same of dry friction as a rule. A wider sign is taken only where it gains for sure: it stands
 in for other friction, and few samples do not show which.
 """
-
-LEAST_ERRORS = 2.0
-"""Least gain of such in standard errors over the left-out blocks."""
 
 FINER_STEPS = (0.2, 0.06)
 """
@@ -83,8 +79,8 @@ class SignWidths:
             for j in np.flatnonzero(widths > usual)
         }
         out = usual.copy()
-        for j, _, (gain, least, error) in self._exchanged(usual, others, wide, options, load):
-            if gain > max(COMMON_GAIN, LEAST_ERRORS * error) and least > 0.0:
+        for j, _, gain in self._exchanged(usual, others, wide, options, load):
+            if gain.is_sure():
                 out[j] = widths[j]
         return out
 
@@ -102,8 +98,8 @@ class SignWidths:
             if not _among(offer, chosen)
         }
         out = widths.copy()
-        for j, best, (gain, least, _) in self._exchanged(widths, others, wide, options, load):
-            if gain > COMMON_GAIN and least > 0.0:
+        for j, best, gain in self._exchanged(widths, others, wide, options, load):
+            if gain.is_sure(errors=0.0):
                 out[j] = self._tried[best, j]
         return out
 
@@ -114,7 +110,7 @@ class SignWidths:
         wide: Sequence[Candidate],
         options: Mapping[int, Sequence[Candidate]],
         load: Array,
-    ) -> Iterator[tuple[int, int, tuple[float, float, float]]]:
+    ) -> Iterator[tuple[int, int, Gain]]:
         """Yield joints, their best option instead of their widths, and what that one gains."""
         if not options:
             return

@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.identification.arm_fit import ArmFitter
-from lip_id_ros.loading.delay_election import convincing, DelayElection, REACH_S, Squares
+from lip_id_ros.identification.left_out import Gain
+from lip_id_ros.loading.delay_election import DelayElection, REACH_S
 from lip_id_ros.loading.left_out_torques import LeftOutTorques, Stretch, stretches_of
 from lip_id_ros.preprocessing.pipeline import preprocess
 from lip_id_ros.preprocessing.segments import Segments, segments_of
@@ -35,9 +37,6 @@ HIGHEST = 0.4
 
 LEAST_LEFT = 0.5
 """Share of a recording that the edges of the lowest cut-off must leave."""
-
-LEAST_ERRORS = 2.0
-"""Least gain in standard errors over the left-out blocks."""
 
 ROUNDS = 2
 """With joints placed by usual samples, then by those that were elected."""
@@ -192,20 +191,20 @@ def _smoothing(
 ) -> tuple[PreprocessingSettings, dict[str, float]]:
     """Elect the cut-off, then the derivative; return the errors of all cut-offs too [%]."""
 
-    def squares(settings: PreprocessingSettings) -> Squares:
+    def squares(settings: PreprocessingSettings) -> Array:
         return judge.squares(judge.grams(judge.smoothed(settings)))
 
     errors = {c: squares(replace(usual, cutoff_hz=c)) for c in cutoffs}
     now = errors[usual.cutoff]
     best = min(errors.values(), key=lambda each: float(np.log(each).mean()))
     elected = usual
-    if convincing(now, best, LEAST_ERRORS):
-        level = [c for c in cutoffs if not convincing(errors[c], best, 1.0)]
+    if Gain.between([now], [best]).is_sure():
+        level = [c for c in cutoffs if not Gain.between([errors[c]], [best]).is_sure(errors=1.0)]
         nearest = min(level, key=lambda c: abs(np.log(c / usual.cutoff)))
         elected = replace(usual, cutoff_hz=nearest)
     for derivative in DERIVATIVES:
         other = replace(elected, derivative=derivative)
-        if convincing(errors[elected.cutoff], squares(other), LEAST_ERRORS):
+        if Gain.between([errors[elected.cutoff]], [squares(other)]).is_sure():
             elected = other
     return elected, {f'{c:g}': judge.percent(each) for c, each in errors.items()}
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.identification.left_out import bounded_solution, LeftOutBlocks
+from lip_id_ros.identification.left_out import bounded_solution, Gain, LeftOutBlocks
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
     TorqueStatistics,
@@ -96,11 +96,28 @@ def test_a_term_that_is_there_gains() -> None:
     blocks, selected = blocks_of(features, tau), np.array([1, 2, 4, 5, 6])
     now = blocks.fit(selected, NOISE)
     there, absent = blocks.with_each(selected, [np.array([0]), np.array([3])], NOISE)
-    mean, least, error = now.gain(there)
-    assert mean > 1.0
-    assert least > 1.0
-    assert mean > 3.0 * error
-    assert abs(now.gain(absent)[0]) < 0.03
+    gain = now.gain(there)
+    assert gain.least > 1.0
+    assert gain.mean > 3.0 * gain.error
+    assert gain.is_sure()
+    assert abs(now.gain(absent).mean) < 0.03
+    assert not now.gain(absent).is_sure()
+
+
+def test_a_gain_must_be_larger_than_chance() -> None:
+    now = np.exp(0.3 * np.random.default_rng(0).standard_normal((8, 3)))
+
+    def sure(*pairs: tuple[Array, Array], errors: float = 2.0) -> bool:
+        return Gain.between(*zip(*pairs, strict=True)).is_sure(errors=errors)
+
+    assert not sure((now, now))
+    assert sure((now, 0.9 * now))
+    assert not sure((0.9 * now, now))
+    assert not sure((now, 0.99 * now))  # in every block, and too small
+    mixed = now * np.tile([0.2, 1.2], 4)[:, None]
+    assert sure((now, mixed), errors=1.0)
+    assert not sure((now, mixed))
+    assert not sure((now, 0.5 * now), (now[::2], 1.1 * now[::2]))  # in one scheme of folds
 
 
 @given(seed=st.integers(0, 1000), n_free=st.integers(0, 4))

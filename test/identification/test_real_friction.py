@@ -58,5 +58,5 @@ def test_predicts_unseen_motion_of_a_ur10(shared_data: Path) -> None:
 
 
 def test_no_false_alarm(shared_data: Path) -> None:
-    """`python -m benchmarks elections --data` looks at the other recordings too."""
+    """`python -m benchmarks elections --only alarms` looks at the other recordings too."""
     assert diagnose_effort(loaded(shared_data / PANDA, ())) == ()
