@@ -91,6 +91,7 @@ class DelayElection:
         """Return the most likely delays of the joints, and their standard errors, (n,) [s]."""
         delays = np.full(self._n, common)
         for _ in range(OWN_STEPS):
+            self._judge.estimate_noise(self._grams(delays))
             delays, error = self._step(delays, np.eye(self._n))
         far = np.abs(delays - common) > FARTHEST_S
         return np.where(far, common, delays), np.where(far, np.inf, error)
@@ -145,8 +146,11 @@ class DelayElection:
         return np.asarray(np.sum(self._squares(delays) / self._judge.noise_std**2, axis=1))
 
     def _squares(self, delays: Array) -> Array:
+        return self._judge.squares(self._grams(delays))
+
+    def _grams(self, delays: Array) -> Array:
         grams = [self._at(delay)[:, joint] for joint, delay in enumerate(delays.tolist())]
-        return self._judge.squares(np.stack(grams, axis=1))
+        return np.stack(grams, axis=1)
 
     def _at(self, delay: float) -> Array:
         key = round(delay, 7)

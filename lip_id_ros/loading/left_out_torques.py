@@ -59,6 +59,7 @@ LAGS_S = (-0.03, 0.0, 0.03, 0.06, 0.1)
 PER_JOINT = 2 * len(LAGS_S) + 1
 """Columns of friction: viscous and Coulomb at every lag, and an offset."""
 
+NOISE_ROUNDS = 2
 INITIAL_NOISE, LEAST_NOISE = 0.05, 1e-4
 """Noise of the first fit, and least noise, as shares of each effort's standard deviation."""
 
@@ -197,15 +198,18 @@ class LeftOutTorques:
         motion = self.smoothed(usual)
         self._speed = _positive(np.sqrt(np.mean(motion.state(0.0)[1] ** 2, axis=0)))
         self.noise_std = INITIAL_NOISE * self._size
-        grams = self.grams(motion)
-        for _ in range(2):
-            errors = np.sqrt(self.squares(grams).mean(axis=0))
-            self.noise_std = np.maximum(errors, LEAST_NOISE * self._size)
+        self.estimate_noise(self.grams(motion))
 
     @property
     def n_samples(self) -> int:
         """Number of samples that are compared."""
         return len(self._target)
+
+    def estimate_noise(self, grams: Array) -> None:
+        """Take the noise, by which joints are weighted, from left-out errors."""
+        for _ in range(NOISE_ROUNDS):
+            errors = np.sqrt(self.squares(grams).mean(axis=0))
+            self.noise_std = np.maximum(errors, LEAST_NOISE * self._size)
 
     def smoothed(self, settings: PreprocessingSettings) -> Smoothed:
         """Return motions and efforts as settings make them."""
