@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 import time
 
@@ -46,7 +46,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--cases', nargs='+', help='only these terms, faults or recordings')
     parser.add_argument('--data', type=Path, default=Path('../shared/data'))
     options = parser.parse_args(arguments)
-    tables = {
+    tables: dict[str, Callable[[], Iterator[str]]] = {
         'friction': lambda: _friction(options.seeds, options.cases),
         'efforts': lambda: _efforts(options.seeds, options.cases),
         'alarms': lambda: _alarms(options.data, options.cases),

@@ -83,7 +83,9 @@ class DelayElection:
         costs = [self._costs(np.full(self._n, delay)).sum() for delay in COMMON_S]
         delay = float(COMMON_S[int(np.argmin(costs))])
         for _ in range(COMMON_STEPS):
-            found, error = self._step(np.full(self._n, delay), all_joints)
+            every = np.full(self._n, delay)
+            self._judge.estimate_noise(self._grams(every))
+            found, error = self._step(every, all_joints)
             delay = float(np.clip(found[0], COMMON_S[0], COMMON_S[-1]))
         return delay, float(error[0])
 

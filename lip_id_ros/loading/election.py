@@ -115,6 +115,11 @@ def elect_preprocessing(
         data, now = concatenate([preprocess(each, elected, recording) for each in used]), elected
     progress(STAGE, ROUNDS, ROUNDS + 1)
     delays, delay_report = DelayElection(judge, judge.smoothed(elected)).elected()
+    if delays.any():  # late efforts have placed the joints a little wrongly
+        early = replace(recording, effort_delay_s=tuple(delays.tolist()))
+        data = concatenate([preprocess(each, elected, early) for each in used])
+        judge = _judge(data, stretches, elected)
+        delays, delay_report = DelayElection(judge, judge.smoothed(elected)).elected()
     progress(STAGE, ROUNDS + 1, ROUNDS + 1)
     report = {
         'samples': judge.n_samples,
