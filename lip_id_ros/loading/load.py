@@ -152,7 +152,7 @@ class _Loading:
         if Path(path).suffix == CSV_SUFFIX:  # which holds neither
             data = replace(data, gravity_compensated=recording.gravity_compensated)
             data = _with_types(data, recording.joint_types)
-        elif 'joint_types' in data.provenance.get('sources', [{}])[0].get('defaults', ()):
+        elif _has_default_types(data):
             data = _with_types(data, recording.joint_types)
         fresh = self._fresh(os.fspath(path), data.joint_names, data.q, data.tau)
         if fresh.any():
@@ -167,6 +167,12 @@ class _Loading:
             self.copies.append({'source': source, 'samples': len(repeated), 'repeated': count})
         fresh: BoolArray = ~repeated
         return fresh
+
+
+def _has_default_types(data: Dataset) -> bool:
+    """Return whether the types of joints were not given where the data were read."""
+    first = next(iter(data.provenance.get('sources', ())), None)  # those of arrays are names
+    return isinstance(first, Mapping) and 'joint_types' in first.get('defaults', ())
 
 
 def _with_types(data: Dataset, joint_types: Sequence[str]) -> Dataset:
