@@ -29,6 +29,7 @@ from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.export.payload import (
     attached,
     inertias,
+    mass_cautions,
     payload_in_flange,
     remainder_cautions,
     require_links,
@@ -141,7 +142,11 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
     return {
         **saved,
         'rescue': [*saved['rescue'], *rescued],
-        'cautions': remainder_cautions(model) + no_better_than_mean(model.joint_names, errors),
+        'cautions': [
+            *mass_cautions(shown),
+            *remainder_cautions(model),
+            *no_better_than_mean(model.joint_names, errors),
+        ],
         'payload': figures,
     }
 

@@ -76,6 +76,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.export.payload import (
         attached,
         is_payload,
+        mass_cautions,
         payload_in_flange,
         remainder_cautions,
         require_links,
@@ -100,8 +101,8 @@ def run(args: argparse.Namespace) -> None:
     _show(shown, console)
     loaded = attached(model, found)
     errors = evaluate(loaded, dataset).nmse_percent
-    cautions = remainder_cautions(model) + no_better_than_mean(model.joint_names, errors)
-    show_lines(cautions, console)
+    useless = no_better_than_mean(model.joint_names, errors)
+    show_lines([*mass_cautions(shown), *remainder_cautions(model), *useless], console)
     if args.yaml is not None:
         text = to_yaml(shown, args.sources, args.flange)
         write_whole(output.destination(args.yaml), text.encode())

@@ -22,6 +22,9 @@ from lip_id_ros.rigid_body.pseudo_inertia import in_other_frames
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 HEAD = '# payload found by lip_id_ros'
+HALF = 0.5
+LEAST_MASS = 0.1
+"""A mass is identified where its deviation is below half of it, or below this [kg]."""
 
 
 def require_links(model: InverseDynamicsModel, place: str) -> None:
@@ -64,6 +67,16 @@ def remainder_cautions(model: InverseDynamicsModel) -> list[str]:
             'bear the payload: with it, links and friction give the torques there.'
         )
     return cautions
+
+
+def mass_cautions(payload: Payload) -> list[str]:
+    """Return a sentence where the torques do not show the mass, as on a single vertical axis."""
+    if payload.mass_std <= max(HALF * payload.mass, LEAST_MASS):
+        return []
+    return [
+        f'The mass is not identified: its standard deviation is {payload.mass_std:.3g} kg; '
+        'move joints that lift the payload.'
+    ]
 
 
 def payload_in_flange(loaded: LoadedArm, shift: float, turn: float) -> Payload:

@@ -18,9 +18,9 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import moved
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription
-from lip_id_ros.export.payload import attached, payload_in_flange
+from lip_id_ros.export.payload import attached, mass_cautions, payload_in_flange
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.identification.payload import LoadedArm
+from lip_id_ros.identification.payload import LoadedArm, Payload
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.regressor import torque_regressor
@@ -65,6 +65,16 @@ def test_the_model_has_the_payload() -> None:
     assert std is not None
     load = np.linalg.norm(columns @ loaded.body_root, axis=2)
     assert (std.tau > 0.99 * load).all()  # the load-dependent friction adds to it
+
+
+@pytest.mark.parametrize(
+    ('mass', 'std', 'is_said'),
+    [(1.0, 10.0, True), (1.0, 0.4, False), (0.001, 0.01, False), (0.3, 0.2, True)],
+)
+def test_a_mass_that_is_not_identified_is_said(mass: float, std: float, is_said: bool) -> None:
+    covariance = np.diag([std**2, *[1e-6] * 9])
+    found = mass_cautions(Payload(np.array([mass, *[0.0] * 9]), covariance))
+    assert [each[:28] for each in found] == ['The mass is not identified: '] * is_said
 
 
 def test_the_frame_of_the_flange() -> None:
