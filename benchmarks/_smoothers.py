@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 import math
 
 import numpy as np
-from scipy.interpolate import CubicSpline, make_smoothing_spline, make_splrep
+from scipy.interpolate import CubicSpline, make_splrep
 from scipy.optimize import minimize_scalar
 
 from lip_id_ros.arrays import Array
@@ -20,7 +20,7 @@ MOST_HZ = 200.0
 ORDER = 4
 """Of the Kalman filter: position, velocity, acceleration and jerk, which is a random walk."""
 
-UNKNOWN = 1e8
+UNKNOWN = 1e10
 """Variance of the first state, in those of a measurement."""
 
 DECADES = (-16.0, 4.0)
@@ -42,14 +42,6 @@ def grouped(t: Array, position: Array) -> tuple[Array, Array, float]:
     variance = step**2 / 12.0 if step > 0.0 else max(noise, 1e-12) ** 2
     means = [each[: count * size].reshape(count, size).mean(axis=1) for each in (t, position)]
     return means[0], means[1], variance / size
-
-
-def cross_validated_spline(
-    t: Array, position: Array, variance: float, times: Array
-) -> tuple[Array, Array, Array]:
-    """Evaluate the cubic smoothing spline of generalised cross-validation."""
-    spline = make_smoothing_spline(t, position)
-    return spline(times), spline.derivative(1)(times), spline.derivative(2)(times)
 
 
 def fitted_spline(
@@ -82,7 +74,6 @@ def rauch_tung_striebel(
 
 
 SMOOTHERS: Mapping[str, Smoother] = {
-    'smoothing spline, cross-validated': cross_validated_spline,
     'quintic spline, by quantisation': fitted_spline,
     'Rauch-Tung-Striebel': rauch_tung_striebel,
 }
@@ -117,7 +108,9 @@ def _filter(steps: Array, values: Array, walk: float) -> tuple[float, Array, Arr
         variance = covariance[0, 0] + 1.0
         gain, error = covariance[:, 0] / variance, values[row] - state[0]
         state = state + gain * error
-        covariance = covariance - variance * np.outer(gain, gain)
+        left = np.eye(ORDER)
+        left[:, 0] -= gain
+        covariance = left @ covariance @ left.T + np.outer(gain, gain)  # Joseph's form
         likelihood -= 0.5 * (error * error / variance + np.log(variance))
         states[row], covariances[row] = state, covariance
     return likelihood, states, covariances, walk

@@ -43,7 +43,7 @@ from lip_id_ros.settings import AUTO, FitSettings, PreprocessingSettings, Record
 SLOW_HZ = 2.0
 DELAY_S, LARGEST_ERROR_S = 0.008, 0.001
 
-STEPS, SEEDS = (1e-5, 1e-4, 1e-3), 5
+STEPS, SEEDS = (1e-5, 1e-4, 1e-3), 3
 """Of the simulated trial of smoothers: quantisation [rad], and recordings."""
 
 Settings = tuple[PreprocessingSettings, RecordingSettings]
