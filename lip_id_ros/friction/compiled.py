@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray, IntArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.friction.model import Drive, FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
@@ -132,7 +132,7 @@ def add_friction(friction: CompiledFriction, q: Array, dq: Array, load: Array, o
     """
     first = 0
     for m in range(len(friction.ends)):
-        torque = _torque_of_drive(friction, m, first, q, dq, load)
+        torque = _torque_of_drive(friction, m, first, q, dq, load[friction.bearing[m]])
         first = friction.ends[m]
         for j in range(len(q)):
             out[j] += friction.shares[m, j] * torque
@@ -153,10 +153,45 @@ def set_features(features: CompiledFriction, q: Array, dq: Array, load: Array, o
     """
     first = 0
     for k in range(len(features.ends)):
-        feature = _torque_of_drive(features, k, first, q, dq, load)
+        feature = _torque_of_drive(features, k, first, q, dq, load[features.bearing[k]])
         first = features.ends[k]
         for j in range(len(q)):
             out[j, k] = features.shares[k, j] * feature
+
+
+@jit
+def set_load_slopes(
+    features: CompiledFriction,
+    loaded: IndexArray,
+    coefficients: Array,
+    q: Array,
+    dq: Array,
+    load: Array,
+    out: Array,
+) -> None:
+    """
+    Differentiate the friction torques of one state by the loads, as `FrictionModel.load_slopes`.
+
+    Parameters
+    ----------
+    features : CompiledFriction
+        By `CompiledFriction.features_of`.
+    loaded : int array
+        The features that depend on a load.
+    coefficients : array, shape (K,)
+    q, dq, load : arrays, shape (n,)
+    out : array, shape (n, n)
+
+    """
+    out[:] = 0.0
+    for k in loaded:
+        bearing = features.bearing[k]
+        sign = -1.0 if load[bearing] < 0.0 else 1.0
+        first = features.ends[k - 1] if k > 0 else 0
+        change = _torque_of_drive(features, k, first, q, dq, sign)
+        change -= _torque_of_drive(features, k, first, q, dq, 0.0)
+        for j in range(len(q)):
+            out[j, bearing] += features.shares[k, j] * coefficients[k] * sign * change
 
 
 @jit
@@ -187,14 +222,13 @@ def friction_features(basis: FrictionBasis, q: Array, dq: Array, load: Array) ->
 
 @jit
 def _torque_of_drive(
-    friction: CompiledFriction, m: int, first: int, q: Array, dq: Array, load: Array
+    friction: CompiledFriction, m: int, first: int, q: Array, dq: Array, load: float
 ) -> float:
     position = speed = 0.0
     for j in range(len(q)):
         position += friction.ratios[m, j] * q[j]
         speed += friction.ratios[m, j] * dq[j]
-    own = load[friction.bearing[m]]
-    return drive_friction(friction, first, friction.ends[m], position, speed, own)
+    return drive_friction(friction, first, friction.ends[m], position, speed, load)
 
 
 @jit

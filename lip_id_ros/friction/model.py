@@ -260,6 +260,31 @@ class FrictionModel:
             out[:, joint] = rows @ self.coefficients[column]
         return out
 
+    def load_slopes(self, q: Array, dq: Array, load: Array) -> Array:
+        """
+        Differentiate the friction torques by the loads.
+
+        Every term is affine in a load of one sign, so that a unit of load shows the slope.
+
+        Parameters
+        ----------
+        q, dq, load : arrays, shape (N, n)
+            As for `torque`.
+
+        Returns
+        -------
+        array, shape (N, n, n)
+            Of the torque of joint i by the load of joint j.
+
+        """
+        sign = np.where(load < 0.0, -1.0, 1.0)
+        without = self.torque(q, dq, np.zeros_like(load))
+        slopes = np.empty((*load.shape, self.n_joints))
+        for j in range(self.n_joints):
+            unit = sign * (np.arange(self.n_joints) == j)
+            slopes[:, :, j] = sign[:, j, None] * (self.torque(q, dq, unit) - without)
+        return slopes
+
     def names(self) -> tuple[tuple[str, ...], ...]:
         """Return the names of the terms of every joint, in the words of the literature."""
         own: list[list[str]] = [[] for _ in range(self.n_joints)]

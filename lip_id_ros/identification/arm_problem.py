@@ -179,7 +179,7 @@ class ArmProblem:
         return np.asarray(regressor @ self.links(state).ravel() + friction)
 
     def jacobian(self, state: ArmState) -> Array:
-        """Differentiate the torques of all samples by a step, shape (N, n, m) [N m or N]."""
+        """Differentiate the torques by a step at given loads, shape (N, n, m) [N m or N]."""
         return self._jacobian(state, slice(None))
 
     def _jacobian(self, state: ArmState, rows: slice) -> Array:

@@ -152,12 +152,31 @@ def block_statistics(fitter: ArmFitter, fit: ArmFit) -> list[TorqueStatistics]:
     return blocks
 
 
+def linearised(fitter: ArmFitter, dataset: Dataset, fit: ArmFit) -> tuple[Array, Array]:
+    """
+    Return how the torques of samples change with a step from a fit, and its residuals.
+
+    Returns
+    -------
+    jacobian : array, shape (N, n, m)
+        The loads that friction bears change with the links.
+    residual : array, shape (N, n)
+        [N m or N].
+
+    """
+    problem = fitter.problem(dataset, fit)
+    jacobian = problem.jacobian(fit.state)
+    if fit.friction.basis.is_loaded.any():
+        load = links_torque(fit.chain, fit.links, dataset)
+        loads = jacobian[..., : problem.size - fit.friction.basis.size]
+        loads += fit.friction.load_slopes(dataset.q, dataset.dq, load) @ loads
+    return jacobian, dataset.tau - problem.torque(fit.state)
+
+
 def _updated(
     statistics: TorqueStatistics, fitter: ArmFitter, fit: ArmFit, dataset: Dataset
 ) -> TorqueStatistics:
-    problem = fitter.problem(dataset, fit)
-    jacobian = problem.jacobian(fit.state)
-    residual = dataset.tau - problem.torque(fit.state)
+    jacobian, residual = linearised(fitter, dataset, fit)
     features = list(jacobian.transpose(1, 0, 2))
     return statistics.update(features, residual, fit.noise.weights(dataset.dq))
 

@@ -27,7 +27,6 @@ from lip_id_ros.rigid_body.pseudo_inertia import (
     moved,
     scale_of,
 )
-from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 BODY = LINK_PARAMETERS - 1
@@ -159,8 +158,9 @@ class PayloadProblem:
         to_parameters = self.parameter_map(at)
         own = len(to_parameters) - BODY
         bare = at.arm.jacobian(*self.bare.state) / self.bare.std[..., None]
-        body = torque_regressor(at.arm.chain, *self.loaded.state)[:, :, -LINK_PARAMETERS:-1]
         loaded = with_body(at.arm, at.body).jacobian(*self.loaded.state)
+        last = (DIRECTIONS + LINK_PARAMETERS) * len(at.numbers)
+        body = loaded[:, :, last - LINK_PARAMETERS : last - 1]  # it is part of the last link
         loaded = np.concatenate([loaded, body], axis=2) / self.loaded.std[..., None]
         return np.concatenate(
             [

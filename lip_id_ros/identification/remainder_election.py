@@ -20,6 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
+from lip_id_ros.identification.laplace import linearised
 from lip_id_ros.identification.length_scales import likeliest
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.identification.statistics import contiguous_blocks
@@ -329,8 +330,7 @@ def left_out_fits(
     """Fit links and friction without each fold, by one Gauss-Newton step from the fit to all."""
     some = fitter.dataset.select(rows)
     problem = fitter.problem(some, fit)
-    jacobian = problem.jacobian(fit.state)
-    residual = some.tau - problem.torque(fit.state)
+    jacobian, residual = linearised(fitter, some, fit)
     # These samples stand for all of them.
     share = np.sqrt(fitter.dataset.n_samples / rows.size)
     scale = share * np.sqrt(fit.noise.weights(some.dq)) / fit.noise.std

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray, IntArray
-from lip_id_ros.friction.compiled import CompiledFriction, set_features
+from lip_id_ros.friction.compiled import CompiledFriction, set_features, set_load_slopes
 from lip_id_ros.model.arm_mean import pack, unpack_friction
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.threads import in_threads
@@ -36,7 +36,12 @@ class ArmDeviation:
         self._root = np.ascontiguousarray(arm.covariance_root[self._used])
         reversed_rows = self._root[:, ::-1] != 0.0
         self._ends = self._root.shape[1] - np.argmax(reversed_rows, axis=1)
-        self._packed = pack(arm, CompiledFriction.features_of(arm.friction.basis))
+        basis = arm.friction.basis
+        self._packed = (
+            *pack(arm, CompiledFriction.features_of(basis)),
+            np.flatnonzero(basis.is_loaded),
+            arm.friction.coefficients,
+        )
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return standard deviations of the noiseless torques, (N, n) [N m or N]."""
@@ -69,6 +74,8 @@ def used_jacobian(
     ddq: Array,
     floats: Array,
     integers: IntArray,
+    loaded: IndexArray,
+    coefficients: Array,
     used: IndexArray,
 ) -> None:
     """
@@ -81,6 +88,10 @@ def used_jacobian(
     q, dq, ddq : arrays, shape (N, n)
     floats, integers : arrays
         By `pack`, with the features of friction.
+    loaded : int array
+        The features that depend on a load.
+    coefficients : array, shape (K,)
+        Of friction.
     used : int array, shape (p,)
         The coordinates.
 
@@ -92,6 +103,7 @@ def used_jacobian(
     regressor = torque_regressor(chain, q, dq, ddq)
     first, last = DIRECTIONS * n, (DIRECTIONS + LINK_PARAMETERS) * n
     own, load = np.empty((n, len(features.ends))), np.empty(n)
+    slopes, by_load = np.empty((n, n)), np.empty(n)
     parameters = links.ravel()
     for t in range(len(out)):
         for i in range(n):
@@ -99,6 +111,7 @@ def used_jacobian(
             for c in range(LINK_PARAMETERS * n):
                 load[i] += regressor[t, i, c] * parameters[c]
         set_features(features, q[t], dq[t], load, own)
+        set_load_slopes(features, loaded, coefficients, q[t], dq[t], load, slopes)
         for k in range(len(used)):
             at = used[k]
             for i in range(n):
@@ -108,6 +121,11 @@ def used_jacobian(
                     out[t, i, k] = regressor[t, i, at - first]
                 else:
                     out[t, i, k] = own[i, at - last]
+            if at < last and len(loaded) > 0:
+                by_load[:] = out[t, :, k]
+                for i in range(n):
+                    for j in range(n):
+                        out[t, i, k] += slopes[i, j] * by_load[j]
 
 
 @jit
@@ -118,6 +136,8 @@ def spread_by_rows(
     ddq: Array,
     floats: Array,
     integers: IntArray,
+    loaded: IndexArray,
+    coefficients: Array,
     used: IndexArray,
     root: Array,
     ends: IndexArray,
@@ -129,7 +149,7 @@ def spread_by_rows(
 
     """
     jacobian = np.empty((*out.shape, len(used)))
-    used_jacobian(jacobian, q, dq, ddq, floats, integers, used)
+    used_jacobian(jacobian, q, dq, ddq, floats, integers, loaded, coefficients, used)
     spread = np.empty(root.shape[1])
     for t in range(len(out)):
         for i in range(out.shape[1]):

@@ -83,8 +83,10 @@ class ArmPosterior:
         regressor = torque_regressor(self.chain, *state)
         placements = placement_derivatives(self.chain, self.links, *state)
         load = regressor @ self.links.ravel()
+        loads = np.concatenate([placements.reshape(*dq.shape, -1), regressor], axis=2)
+        loads += self.friction.load_slopes(q, dq, load) @ loads
         friction = friction_features(self.friction.basis, q, dq, load)
-        return np.concatenate([placements.reshape(*dq.shape, -1), regressor, friction], axis=2)
+        return np.concatenate([loads, friction], axis=2)
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return standard deviations of the noiseless torques, shape (N, n) [N m or N]."""

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.compiled import add_friction, CompiledFriction
+from lip_id_ros.friction.compiled import add_friction, CompiledFriction, set_load_slopes
 from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, Offset, Stribeck, Viscous
 from lip_id_ros.numba_jit import jit
@@ -41,6 +41,23 @@ def test_same_as_in_numpy(seed: int) -> None:
     np.testing.assert_allclose(
         evaluated(model, q, dq, load), model.torque(q, dq, load), atol=1e-12
     )
+
+
+@given(seed=st.integers(0, 10_000))
+def test_slopes_by_loads_by_differences(seed: int) -> None:
+    model = everything(seed)
+    q, dq, load = np.random.default_rng(seed).standard_normal((3, 4, 3))
+    load += np.copysign(0.1, load)  # away from zero, where the slope jumps
+    found = model.load_slopes(q, dq, load)
+    for j, step in enumerate(1e-4 * np.eye(3)):
+        change = model.torque(q, dq, load + step) - model.torque(q, dq, load - step)
+        np.testing.assert_allclose(found[:, :, j], change / 2e-4, atol=1e-9)
+    features, loaded = CompiledFriction.features_of(model.basis), model.basis.is_loaded
+    fast = np.empty_like(found)
+    for row in range(len(q)):
+        state = q[row], dq[row], load[row]
+        set_load_slopes(features, np.flatnonzero(loaded), model.coefficients, *state, fast[row])
+    np.testing.assert_allclose(fast, found, atol=1e-12)
 
 
 def test_added_to_what_is_there() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 from gp.arms import dataset_of
@@ -11,8 +12,11 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.coupling_terms import LoadTorque
+from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
+from lip_id_ros.friction.terms import LoadCoulomb
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
-from lip_id_ros.identification.laplace import posterior
+from lip_id_ros.identification.laplace import linearised, posterior
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.sample_selection import covering
 from lip_id_ros.model.arm_posterior import ArmPosterior
@@ -111,6 +115,34 @@ def test_the_jacobian_by_differences(k: int) -> None:
     np.testing.assert_allclose(found, expected, atol=2e-5 * scale)
 
 
+def test_loads_follow_the_links_by_differences() -> None:
+    """Friction that grows with the load, and a torque in the effort of the joint beside it."""
+    fitter, fit = fitted()
+    loaded = DriveTerm(Drive.of_joint(0), LoadCoulomb(0.1))
+    coupled = DriveTerm(Drive.transmitted(2, to=1), LoadTorque())
+    basis = FrictionBasis(3, (*fit.friction.basis.terms, loaded, coupled))
+    friction = FrictionModel(basis, np.append(fit.friction.coefficients, [0.2, 0.7]))
+    fit = replace(fit, friction=friction)
+    some = fitter.some(20)
+    numbers = np.append(fit.state.friction, [np.log(0.2), 0.7])
+    fit = replace(fit, state=replace(fit.state, friction=numbers))
+    problem, (found, residual) = fitter.problem(some, fit), linearised(fitter, some, fit)
+    np.testing.assert_allclose(residual, some.tau - torque_of(fit, some), atol=1e-9)
+    for k, step in enumerate(1e-6 * np.eye(problem.size)):
+        up, down = (
+            torque_of(fitter.at(fit, problem, problem.stepped(fit.state, way)), some)
+            for way in (step, -step)
+        )
+        expected = (up - down) / 2e-6
+        scale = max(float(np.abs(expected).max()), 1e-3)
+        np.testing.assert_allclose(found[:, :, k], expected, atol=2e-5 * scale)
+
+
+def torque_of(fit: ArmFit, dataset: Dataset) -> Array:
+    load = links_torque(fit.chain, fit.links, dataset)
+    return load + fit.friction.torque(dataset.q, dataset.dq, load)
+
+
 def test_two_standard_deviations_cover_the_truth() -> None:
     covered, measured = [], []
     for seed in range(4):
@@ -143,9 +175,8 @@ def test_a_step_takes_in_samples_that_the_descent_left_out(
     stepped, _, _ = posterior(fitter, some)
 
     def mean_squares(fit: ArmFit) -> float:
-        torque = links_torque(fit.chain, fit.links, fitter.dataset)
-        torque += fit.friction.torque(fitter.dataset.q, fitter.dataset.dq, torque)
-        return float(np.mean((fitter.dataset.tau - torque) ** 2, axis=0).sum())
+        error = fitter.dataset.tau - torque_of(fit, fitter.dataset)
+        return float(np.mean(error**2, axis=0).sum())
 
     gained = mean_squares(some) - mean_squares(stepped)
     assert gained > 0.5 * (mean_squares(some) - mean_squares(best))
