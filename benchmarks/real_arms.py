@@ -72,11 +72,9 @@ def _measured(
 
 def _coverage(model: InverseDynamicsModel, test: Dataset) -> Any:
     """Return the share [%] of measured torques within two standard deviations, per joint."""
-    assert model.arm is not None
-    state = test.q, test.dq, test.ddq
-    error = np.abs(model.predict(*state).tau - test.tau)
-    std = np.hypot(model.torque_std(*state), model.arm.noise.std_at(test.dq))
-    return 100.0 * np.mean(error < 2.0 * std, axis=0)
+    found = model.predict(test.q, test.dq, test.ddq, return_std=True)
+    assert found.std is not None
+    return 100.0 * np.mean(np.abs(found.tau - test.tau) < 2.0 * found.std.measurement, axis=0)
 
 
 def _summarise(results: dict[str, Any]) -> None:

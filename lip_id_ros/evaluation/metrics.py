@@ -12,11 +12,18 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError
-from lip_id_ros.model import DynamicsModel, StandardDeviation, TorqueModel, TorquePrediction
+from lip_id_ros.model import (
+    DynamicsModel,
+    InverseDynamicsModel,
+    StandardDeviation,
+    TorqueModel,
+    TorquePrediction,
+)
 from lip_id_ros.progress import Progress, silent
 
 BLOCK = 500
 STD_BLOCK = 50  # standard deviations need far more memory per sample
+MOST_COVERED = 500  # samples of which a coverage is the share
 
 Blocks = TypeVar('Blocks', bound=Any)
 
@@ -73,12 +80,16 @@ class Outcome:
         At the same N samples.
     smallest_eigenvalue : ndarray, shape (N,), or None
         Of the predicted inertia matrix [kg m^2 or kg]; None where the model has none.
+    within_two_std_percent : ndarray, shape (n,), or None
+        Share of measured torques within two standard deviations of a measurement; None where the
+        model is no arm.
 
     """
 
     dataset: Dataset
     prediction: TorquePrediction
     smallest_eigenvalue: Array | None = None
+    within_two_std_percent: Array | None = None
 
     @property
     def reference(self) -> Array:
@@ -113,7 +124,7 @@ def matched(dataset: Dataset, model: TorqueModel | Dataset) -> Dataset:
 
 def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Outcome:
     """
-    Predict torques, energies and, where the model has it, the inertia matrix at every sample.
+    Predict torques, energies and, where the model has them, inertia matrix and coverage.
 
     Parameters
     ----------
@@ -130,7 +141,19 @@ def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Ou
         if isinstance(model, DynamicsModel):
             eigenvalues.append(np.linalg.eigvalsh(model.inertia_matrix(q))[:, 0])
     smallest = np.concatenate(eigenvalues) if eigenvalues else None
-    return Outcome(dataset, _joined(predictions), smallest)
+    joined = _joined(predictions)
+    return Outcome(dataset, joined, smallest, _within_two_std(model, dataset, joined.tau))
+
+
+def _within_two_std(model: TorqueModel, dataset: Dataset, tau: Array) -> Array | None:
+    """Return the share [percent] of measurements that two standard deviations cover, (n,)."""
+    if not isinstance(model, InverseDynamicsModel) or model.arm is None:
+        return None  # deviations of a Gaussian process on energies take seconds
+    count = min(MOST_COVERED, dataset.n_samples)
+    rows = np.linspace(0, dataset.n_samples - 1, count).astype(np.intp)
+    some = dataset.select(rows)
+    std = model.standard_deviation(some.q, some.dq, some.ddq).measurement
+    return np.asarray(100.0 * np.mean(np.abs(some.tau - tau[rows]) <= 2.0 * std, axis=0))
 
 
 def standard_deviation(
@@ -198,6 +221,8 @@ class Evaluation:
         where the model has none.
     inertia_min_eigenvalue : float or None
         Smallest eigenvalue of that matrix over all samples [kg m^2 or kg].
+    within_two_std_percent : tuple of float or None
+        As in `Outcome`.
 
     """
 
@@ -212,6 +237,7 @@ class Evaluation:
     potential_nmse_percent: float | None
     inertia_not_pd_percent: float | None = None
     inertia_min_eigenvalue: float | None = None
+    within_two_std_percent: tuple[float, ...] | None = None
 
     @property
     def nmse_percent_mean(self) -> float:
@@ -220,6 +246,7 @@ class Evaluation:
 
     def to_json(self) -> dict[str, Any]:
         """Return the keys of docs/interfaces.md; nan becomes None."""
+        covered = self.within_two_std_percent
         return {
             'joint_names': list(self.joint_names),
             'n_samples': self.n_samples,
@@ -230,6 +257,7 @@ class Evaluation:
             'potential_nmse_percent': _number(self.potential_nmse_percent),
             'inertia_not_pd_percent': self.inertia_not_pd_percent,
             'inertia_min_eigenvalue': self.inertia_min_eigenvalue,
+            'within_two_std_percent': covered and list(covered),
         }
 
 
@@ -268,6 +296,7 @@ def score(outcome: Outcome) -> Evaluation:
 
     """
     dataset, estimate, reference = outcome.dataset, outcome.prediction, outcome.reference
+    covered = outcome.within_two_std_percent
     kinetic = potential = not_pd = smallest = None
     if dataset.kinetic is not None and estimate.kinetic is not None:
         kinetic = float(nmse_percent(estimate.kinetic, dataset.kinetic))
@@ -288,6 +317,7 @@ def score(outcome: Outcome) -> Evaluation:
         potential_nmse_percent=potential,
         inertia_not_pd_percent=not_pd,
         inertia_min_eigenvalue=smallest,
+        within_two_std_percent=None if covered is None else tuple(covered.tolist()),
     )
 
 

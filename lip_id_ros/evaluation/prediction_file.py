@@ -21,12 +21,17 @@ from lip_id_ros.recording.bag_writer import JointStateTrack, NumberTrack, Track,
 FORMAT = 'lip_id_ros prediction'
 VERSION = 1
 SUMMARY_BYTES = 2**16
-MEASURED_TOPIC, PREDICTED_TOPIC, STD_TOPIC = '/measured', '/predicted', '/predicted_std'
+MEASURED_TOPIC, PREDICTED_TOPIC = '/measured', '/predicted'
+TORQUE_TOPICS = {
+    'tau': PREDICTED_TOPIC,
+    'tau_std': '/predicted_std',
+    'measurement_std': '/measurement_std',
+}
 TORQUES = ('tau', 'inertial', 'coriolis', 'gravity', 'friction')
 ENERGIES = ('kinetic', 'potential')
 UNITS = {
     't': 's',
-    **dict.fromkeys((*TORQUES, 'tau_std', 'tau_measured'), 'N m or N'),
+    **dict.fromkeys((*TORQUES, 'tau_std', 'measurement_std', 'tau_measured'), 'N m or N'),
     **dict.fromkeys((*ENERGIES, 'kinetic_std', 'potential_std'), 'J'),
 }
 
@@ -74,7 +79,7 @@ def predicted_values(model: TorqueModel, outcome: Outcome, progress: Progress = 
     found = {name: getattr(outcome.prediction, name, None) for name in (*TORQUES, *ENERGIES)}
     if isinstance(model, DynamicsModel):
         std = standard_deviation(model, outcome.dataset, progress)
-        found |= {f'{name}_std': getattr(std, name) for name in ('tau', *ENERGIES)}
+        found |= {f'{name}_std': getattr(std, name) for name in ('tau', 'measurement', *ENERGIES)}
     return {name: values for name, values in found.items() if values is not None}
 
 
@@ -107,7 +112,7 @@ def write_prediction_mcap(path: str | os.PathLike[str], data: Dataset, found: Va
     """
     names, t = data.joint_names, data.t - min(0.0, float(data.t.min()))
     tracks: list[Track] = [JointStateTrack(MEASURED_TOPIC, names, t, data.q, data.dq, data.tau)]
-    for name, topic in (('tau', PREDICTED_TOPIC), ('tau_std', STD_TOPIC)):
+    for name, topic in TORQUE_TOPICS.items():
         if (torques := found.get(name)) is not None:
             tracks.append(JointStateTrack(topic, names, t, effort=torques))
     for name in ENERGIES:

@@ -62,7 +62,7 @@ def show_lines(texts: Iterable[str], console: Console) -> None:
 
 
 def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
-    """Return the errors of every joint, their mean and those of the energies."""
+    """Return errors and coverage of every joint, the mean error and errors of the energies."""
     columns = zip(
         evaluation.joint_names,
         evaluation.nmse_percent,
@@ -72,17 +72,23 @@ def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
         strict=True,
     )
     rows = [
-        (name, percent(nmse), f'{rmse:.3g} {unit}', f'{std:.3g} {unit}')
+        [name, percent(nmse), f'{rmse:.3g} {unit}', f'{std:.3g} {unit}']
         for name, nmse, unit, rmse, std in columns
     ]
-    rows.append(('mean of the joints', percent(evaluation.nmse_percent_mean), '', ''))
+    header = ['', 'nMSE [%]', 'RMSE', 'std of torque']
+    if evaluation.within_two_std_percent is not None:
+        header.append('within 2 std [%]')
+        for row, covered in zip(rows, evaluation.within_two_std_percent, strict=True):
+            row.append(f'{covered:.3g}')
+    rest = [''] * (len(header) - 2)
+    rows.append(['mean of the joints', percent(evaluation.nmse_percent_mean), *rest])
     for name, value in (
         ('kinetic energy', evaluation.kinetic_nmse_percent),
         ('potential energy', evaluation.potential_nmse_percent),
     ):
         if value is not None:
-            rows.append((name, percent(value), '', ''))
-    return Table(title, ('', 'nMSE [%]', 'RMSE', 'std of torque'), rows)
+            rows.append([name, percent(value), *rest])
+    return Table(title, header, rows)
 
 
 def rollout_tables(

@@ -92,13 +92,8 @@ class InverseDynamicsModel:
 
     @property
     def noise_std(self) -> Array:
-        """Standard deviation of each torque's measurement noise, shape (n,) [N m or N]."""
-        if self.process is not None:
-            return self.process.noise_std
-        std = self._known_arm.noise.std
-        if self.remainder is None:
-            return std
-        return np.where(self.remainder.joints, self.remainder.left_out_std, std)
+        """Standard deviation of the noise of a measured torque in motion, (n,) [N m or N]."""
+        return self._known_arm.noise.std if self.process is None else self.process.noise_std
 
     @property
     def has_potential(self) -> bool:
@@ -141,7 +136,8 @@ class InverseDynamicsModel:
         ----------
         q, dq, ddq : array-likes, shape (N, n)
         return_std : bool
-            Whether to compute standard deviations.
+            Whether to compute standard deviations: of noiseless and of measured torques, and of
+            both energies.
 
         Raises
         ------
@@ -325,10 +321,12 @@ class InverseDynamicsModel:
         reference = self.potential_reference
         if self.process is not None:
             tau, kinetic, potential = map(np.sqrt, self.process.variances(q, dq, ddq, reference))
+            noise = self.process.noise_std
         else:
-            tau = self.torque_std(q, dq, ddq)
+            tau, noise = self.torque_std(q, dq, ddq), self._known_arm.noise.std_at(dq)
             kinetic, potential = self._known_arm.energy_std(q, dq, reference)
-        return StandardDeviation(tau, kinetic, potential if self.has_potential else None)
+        known = potential if self.has_potential else None
+        return StandardDeviation(tau, np.hypot(tau, noise), kinetic, known)
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return deviations of noiseless torques, no checks, all of shape (N, n) [N m or N]."""

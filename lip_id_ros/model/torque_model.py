@@ -11,12 +11,14 @@ from lip_id_ros.arrays import Array
 @dataclass(frozen=True)
 class StandardDeviation:
     """
-    Posterior standard deviations of noiseless torques and of the energies.
+    Posterior standard deviations of torques and of the energies.
 
     Attributes
     ----------
     tau : array, shape (N, n)
-        [N m or N].
+        Of noiseless torques [N m or N].
+    measurement : array, shape (N, n)
+        Of measured torques: those of noiseless torques and of the noise together [N m or N].
     kinetic : array, shape (N,)
         [J].
     potential : array, shape (N,), or None
@@ -26,6 +28,7 @@ class StandardDeviation:
     """
 
     tau: Array
+    measurement: Array
     kinetic: Array
     potential: Array | None
 
@@ -154,7 +157,7 @@ class DynamicsModel(TorqueModel, Protocol):
 
     @property
     def noise_std(self) -> Array:
-        """Standard deviation of the measured torques' noise, shape (n,) [N m or N]."""
+        """Standard deviation of a measured torque's noise in motion, shape (n,) [N m or N]."""
 
     @property
     def training_range(self) -> tuple[Array, Array]:

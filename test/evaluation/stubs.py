@@ -68,6 +68,7 @@ class Knowing:
         energy = 0.1 * np.ones(len(q))
         return StandardDeviation(
             tau=0.3 * np.ones_like(q),
+            measurement=0.5 * np.ones_like(q),
             kinetic=energy,
             potential=None if self.offset is None else energy,
         )

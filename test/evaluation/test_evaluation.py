@@ -8,15 +8,17 @@ import json
 import math
 
 from evaluation.stubs import Knowing
+from model.models import random_model
 import numpy as np
 import pytest
 from rich.console import Console
 from simulation.pendulums import swing
 
 from lip_id_ros.errors import DataError, ModelError
-from lip_id_ros.evaluation import evaluate, matched, run
+from lip_id_ros.evaluation import evaluate, matched, run, score
 from lip_id_ros.evaluation.metrics import standard_deviation
 from lip_id_ros.evaluation.tables import error_table, notes, percent, show, Table
+from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 
 KEYS = {
     'joint_names',
@@ -28,6 +30,7 @@ KEYS = {
     'potential_nmse_percent',
     'inertia_not_pd_percent',
     'inertia_min_eigenvalue',
+    'within_two_std_percent',
 }
 
 
@@ -135,6 +138,25 @@ def test_deviations_are_joined_too() -> None:
     assert std.potential is not None
     assert std.potential.shape == (120,)
     assert standard_deviation(Knowing(offset=None), data).potential is None
+
+
+def test_the_share_within_two_deviations_is_that_of_measured_torques() -> None:
+    """Half of the torques of the first joint are three deviations away, the others one."""
+    model, data = random_model(ARTICULATED), swing(1).select(range(40))
+    found = model.predict(data.q, data.dq, data.ddq, return_std=True)
+    assert found.std is not None
+    away = np.ones_like(data.q)
+    away[::2, 0] = -3.0
+    evaluation = score(run(model, replace(data, tau=found.tau + away * found.std.measurement)))
+
+    assert evaluation.within_two_std_percent == (50.0, 100.0, 100.0)
+    assert evaluation.to_json()['within_two_std_percent'] == [50.0, 100.0, 100.0]
+    assert [row[-1] for row in error_table(evaluation).rows[:3]] == ['50', '100', '100']
+
+
+def test_a_model_without_links_has_no_coverage() -> None:
+    outcome = run(random_model('lip'), swing(1).select([0]))
+    assert score(outcome).within_two_std_percent is None
 
 
 def test_joints_are_matched_by_name() -> None:

@@ -87,7 +87,7 @@ def test_npz_holds_everything_predicted(tmp_path: Path) -> None:
     deviation = estimator.predict(data.q, data.dq, data.ddq, return_std=True).std
     assert deviation is not None
     assert deviation.potential is not None
-    for name in ('tau', 'kinetic', 'potential'):
+    for name in ('tau', 'measurement', 'kinetic', 'potential'):
         np.testing.assert_array_equal(arrays[f'{name}_std'], getattr(deviation, name))
     assert arrays['joint_names'].tolist() == list(data.joint_names)
 
@@ -141,14 +141,15 @@ def test_mcap_has_energies_and_standard_deviations(tmp_path: Path) -> None:
         '/potential_energy_std': std.potential,
     }
     assert {topic for topic, _ in found} == {
-        '/measured', '/predicted', '/predicted_std', *numbers
+        '/measured', '/predicted', '/predicted_std', '/measurement_std', *numbers
     }  # fmt: skip
     for name, values in numbers.items():
         assert values is not None
         shown = [message.data for topic, message in found if topic == name]
         np.testing.assert_allclose(shown, values, err_msg=name)
-    spread = [list(message.effort) for topic, message in found if topic == '/predicted_std']
-    np.testing.assert_allclose(spread, std.tau)
+    for topic, values in {'/predicted_std': std.tau, '/measurement_std': std.measurement}.items():
+        spread = [list(message.effort) for name, message in found if name == topic]
+        np.testing.assert_allclose(spread, values)
 
 
 def test_mcap_without_potential_energy(tmp_path: Path) -> None:

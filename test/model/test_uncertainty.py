@@ -47,10 +47,11 @@ def textbook(model: InverseDynamicsModel, x: States) -> StandardDeviation:
     potential = prior.energies(prior.energy.potential_row, here, training) - prior.energies(
         prior.energy.potential_row, rest, training
     )
+    own = np.diagonal(prior.torques(here, here))
+    tau = remaining(own, prior.torques(here, training)).reshape(x[0].shape)
     return StandardDeviation(
-        remaining(np.diagonal(prior.torques(here, here)), prior.torques(here, training)).reshape(
-            x[0].shape
-        ),
+        tau,
+        np.sqrt(tau**2 + process.prior.hyperparameters.noise_variance),
         remaining(
             np.array(
                 [float(prior.energy.kinetic(q, dq, q, dq)) for q, dq, _ in zip(*here, strict=True)]
@@ -114,6 +115,7 @@ def test_against_the_textbook(member: str, friction: bool) -> None:
     assert got.potential is not None
     assert expected.potential is not None
     np.testing.assert_allclose(got.tau, expected.tau, rtol=1e-7)
+    np.testing.assert_allclose(got.measurement, expected.measurement, rtol=1e-7)
     np.testing.assert_allclose(got.kinetic, expected.kinetic, rtol=1e-7)
     np.testing.assert_allclose(got.potential, expected.potential, rtol=1e-7)
 
@@ -163,8 +165,9 @@ def test_queries_are_independent_of_their_block() -> None:
 def test_deviations_of_an_arm_by_differences_of_the_mean() -> None:
     """Torques and energies change along each column of the covariance's root as they should."""
     model = random_model(ARTICULATED, remainder=False)
-    arm = without_load(model)
-    model = replace(model, arm=arm)
+    arm = model.arm
+    assert arm is not None
+    assert arm.friction.basis.is_loaded.sum() == 2
     x, step = queries(4), 1e-6
     up, down = (
         np.array([answers(model, moved(arm, by * column), x) for column in arm.covariance_root.T])
@@ -175,6 +178,18 @@ def test_deviations_of_an_arm_by_differences_of_the_mean() -> None:
     assert got.potential is not None
     found = np.column_stack([got.tau, got.kinetic, got.potential])
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * expected.max())
+
+
+def test_a_measurement_of_an_arm_has_its_noise_too() -> None:
+    """Noise of the samples' velocities, more of it near rest, beside that of the torque."""
+    model, (q, _, ddq) = random_model(ARTICULATED), queries(2)
+    assert model.arm is not None
+    noise, dq = model.arm.noise, np.stack([np.zeros(3), np.full(3, 1e3)])
+    std = model.predict(q, dq, ddq, return_std=True).std
+    assert std is not None
+    ratios = np.stack([np.sqrt(1.0 + noise.ratio**2), np.ones(3)])
+    expected = np.sqrt(std.tau**2 + (noise.std * ratios) ** 2)
+    np.testing.assert_allclose(std.measurement, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize('count', [1, 3 * FEW])
@@ -201,18 +216,6 @@ def test_a_compact_posterior_has_the_deviations_of_the_whole(seed: int) -> None:
     energies = zip(few.energy_std(*x[:2], x[0][0]), whole.energy_std(*x[:2], x[0][0]), strict=True)
     for got, expected in energies:
         np.testing.assert_allclose(got, expected, rtol=1e-3, atol=1e-9)
-
-
-def without_load(model: InverseDynamicsModel) -> ArmPosterior:
-    """Return a model's arm without terms by load, whose change the posterior leaves out."""
-    arm = model.arm
-    assert arm is not None
-    basis = arm.friction.basis
-    loaded = basis.is_loaded
-    friction = FrictionModel(basis, np.where(loaded, 0.0, arm.friction.coefficients))
-    root = arm.covariance_root.copy()
-    root[-loaded.size :][loaded] = 0.0
-    return replace(arm, friction=friction, covariance_root=root)
 
 
 def moved(arm: ArmPosterior, by: Array) -> ArmPosterior:

@@ -183,7 +183,7 @@ def band(model: TorqueModel, outcome: Outcome, progress: Progress = silent) -> B
     spread = np.linspace(0, n_samples - 1, min(MOST_SAMPLES, n_samples))
     rows = spread.round().astype(np.int64)
     std = standard_deviation(model, outcome.dataset.select(rows), progress)
-    return Band(rows, np.hypot(std.tau, model.noise_std), std.kinetic, std.potential)
+    return Band(rows, std.measurement, std.kinetic, std.potential)
 
 
 def _shade(
