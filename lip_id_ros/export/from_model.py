@@ -115,7 +115,7 @@ def _remainder(model: InverseDynamicsModel) -> str | None:
     beside = names[remainder.joints & ~remainder.replaces].tolist()
     instead = names[remainder.replaces].tolist()
     parts = [f'beside links and friction at {", ".join(beside)}'] if beside else []
-    parts += [f'instead of them at {", ".join(instead)}'] if instead else []
+    parts += [f'in place of links and friction at {", ".join(instead)}'] if instead else []
     return f'Gaussian processes {" and ".join(parts)}'
 
 
