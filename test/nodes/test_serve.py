@@ -213,6 +213,7 @@ def test_the_last_word_reaches_a_controller_that_is_late(
     listener.send(signal.SIGSTOP)
     serve.send(signal.SIGINT)
     client.wait_until(lambda: WAITS in serve.log or not serve.alive, 'end of the node')
+    assert serve.alive  # what the other process hears depends on it
     listener.send(signal.SIGCONT)
     client.wait_until(lambda: 'heard [0.0, 0.0]' in listener.log, 'zero torque')
     assert serve.wait() == 0, serve.log
