@@ -33,6 +33,12 @@ UNKNOWN = '_NODE_NAME_UNKNOWN_'
 SIMULATED = ('simulated_panda', 'simulated_arm', 'reference')
 
 
+def _heed_signals() -> None:
+    """Under nohup or in the background the tests ignore these, and what they start would too."""
+    for number in (signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_DFL)
+
+
 class Process:
     """A node of the package in a process of its own."""
 
@@ -47,8 +53,7 @@ class Process:
                 env=environment,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                # under nohup the tests ignore it, and what they start would too
-                preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+                preexec_fn=_heed_signals,
             )
 
     @property
