@@ -152,7 +152,8 @@ def _kinematics(found: Identified) -> dict[str, list[float]]:
             f'angle{ending}_deg': np.degrees(values.angle),
             f'offset{ending}_m': values.offset,
         }
-    return {name: np.round(each, 5).tolist() for name, each in report.items()}
+    # the sum makes 0 of -0
+    return {name: (np.round(each, 5) + 0.0).tolist() for name, each in report.items()}
 
 
 def described_arm(

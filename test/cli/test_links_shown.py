@@ -80,3 +80,4 @@ def test_an_elected_length_keeps_its_deviation() -> None:
     model = fit(dataset_of(arm, motion, tau + noise_of(tau, 0.001)))
     report = model.summary['denavit_hartenberg']
     assert report['length_std_m'][1] > 0.0
+    assert '-0.0' not in [str(number) for numbers in report.values() for number in numbers]
