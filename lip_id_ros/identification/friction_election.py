@@ -57,16 +57,12 @@ class ElectedFriction:
     link_parameters : array, shape (n, 11)
     noise : TorqueNoise
         Of left-out samples.
-    plain_std : array, shape (n,)
-        Root mean squares of left-out residuals in motion with viscous and Coulomb friction and
-        offsets alone [N m or N].
 
     """
 
     friction: FrictionModel
     link_parameters: Array
     noise: TorqueNoise
-    plain_std: Array
 
     def weights(self, dataset: Dataset, chain: Chain) -> Array:
         """
@@ -105,8 +101,7 @@ def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFr
     for _ in range(NOISE_ROUNDS):
         widths = election.widths.beside([], election.no_load)
         plain = plain_candidates(widths)
-        plain_fit = election.fitted(plain, election.no_load)
-        election.reweight(plain, plain_fit, election.no_load)
+        election.reweight(plain, election.fitted(plain, election.no_load), election.no_load)
     fit, chosen = election.fitted(plain, election.no_load), list[Candidate]()
     for _ in range(LOAD_ROUNDS):
         load, before = election.links_torque(fit), chosen
@@ -119,7 +114,7 @@ def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFr
         if chosen == before:
             break
     fit = election.fitted([*plain, *chosen], load)
-    return election.outcome([*plain, *chosen], fit, plain_fit, noise)
+    return election.outcome([*plain, *chosen], fit, noise)
 
 
 class _Election:
@@ -185,7 +180,6 @@ class _Election:
         self,
         terms: Sequence[Candidate],
         fit: LeftOutFit,
-        plain: LeftOutFit,
         noise: TorqueNoise,
     ) -> ElectedFriction:
         """Return what was fitted to all samples."""
@@ -194,7 +188,6 @@ class _Election:
             FrictionModel(basis, np.maximum(fit.parameters[self.n_links :], basis.lower)),
             fit.parameters[: self.n_links].reshape(self._link_std.shape),
             noise,
-            np.sqrt(plain.mean_squares),
         )
 
     def _basis(self, terms: Sequence[Candidate]) -> FrictionBasis:

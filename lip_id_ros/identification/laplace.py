@@ -152,9 +152,16 @@ def block_statistics(fitter: ArmFitter, fit: ArmFit) -> list[TorqueStatistics]:
     return blocks
 
 
-def linearised(fitter: ArmFitter, dataset: Dataset, fit: ArmFit) -> tuple[Array, Array]:
+def linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Array, Array]:
     """
     Return how the torques of samples change with a step from a fit, and its residuals.
+
+    Parameters
+    ----------
+    problem : ArmProblem
+        Of the samples, around the fit.
+    dataset : Dataset
+    fit : ArmFit
 
     Returns
     -------
@@ -164,7 +171,6 @@ def linearised(fitter: ArmFitter, dataset: Dataset, fit: ArmFit) -> tuple[Array,
         [N m or N].
 
     """
-    problem = fitter.problem(dataset, fit)
     jacobian = problem.jacobian(fit.state)
     if fit.friction.basis.is_loaded.any():
         load = links_torque(fit.chain, fit.links, dataset)
@@ -176,7 +182,7 @@ def linearised(fitter: ArmFitter, dataset: Dataset, fit: ArmFit) -> tuple[Array,
 def _updated(
     statistics: TorqueStatistics, fitter: ArmFitter, fit: ArmFit, dataset: Dataset
 ) -> TorqueStatistics:
-    jacobian, residual = linearised(fitter, dataset, fit)
+    jacobian, residual = linearised(fitter.problem(dataset, fit), dataset, fit)
     features = list(jacobian.transpose(1, 0, 2))
     return statistics.update(features, residual, fit.noise.weights(dataset.dq))
 

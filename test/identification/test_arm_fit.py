@@ -126,7 +126,8 @@ def test_loads_follow_the_links_by_differences() -> None:
     some = fitter.some(20)
     numbers = np.append(fit.state.friction, [np.log(0.2), 0.7])
     fit = replace(fit, state=replace(fit.state, friction=numbers))
-    problem, (found, residual) = fitter.problem(some, fit), linearised(fitter, some, fit)
+    problem = fitter.problem(some, fit)
+    found, residual = linearised(problem, some, fit)
     np.testing.assert_allclose(residual, some.tau - torque_of(fit, some), atol=1e-9)
     for k, step in enumerate(1e-6 * np.eye(problem.size)):
         up, down = (
