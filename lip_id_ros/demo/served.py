@@ -149,7 +149,8 @@ def outcome_of(served: Served, arm: Dynamics, predictor: TorqueModel) -> Outcome
     answered = replace(
         computed.prediction, tau=served.tau, kinetic=served.kinetic, potential=served.potential
     )
-    return replace(computed, prediction=answered)
+    # efforts are not filtered here, while the noise of the model is that of filtered ones
+    return replace(computed, within_two_std_percent=None, prediction=answered)
 
 
 def _by_stamp(bag: Bag, topic: str) -> dict[int, tuple[Any, ...]]:
