@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.model import DriveTerm, FrictionModel
+from lip_id_ros.friction.drives import DriveTerm
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.regressor import potential_regressor, torque_regressor

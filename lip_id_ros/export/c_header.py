@@ -18,7 +18,7 @@ import numpy as np
 
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import COLUMNS, header_lines
-from lip_id_ros.friction.model import Drive
+from lip_id_ros.friction.drives import Drive
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
     Column,

@@ -18,7 +18,8 @@ from lip_id_ros.errors import LipIdError, ModelError
 from lip_id_ros.export import mjcf, urdf
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import split_friction, term_name
-from lip_id_ros.friction.model import DriveTerm, FrictionModel
+from lip_id_ros.friction.drives import DriveTerm
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.regressor import torque_regressor
 

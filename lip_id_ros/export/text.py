@@ -11,7 +11,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription
-from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.rigid_body.denavit_hartenberg import table
 
 ROUNDING = 1e-15

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -12,103 +12,9 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError, ShapeError
-from lip_id_ros.friction import terms
-from lip_id_ros.friction.coupling_terms import LoadTorque, SharedFriction
+from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
 from lip_id_ros.friction.primitives import LOAD
-from lip_id_ros.friction.terms import (
-    Coulomb,
-    DriveState,
-    FrictionTerm,
-    Offset,
-    Viscous,
-)
-
-_TERMS: dict[str, type[FrictionTerm]] = {
-    each.__name__: each
-    for each in (
-        terms.Viscous,
-        terms.Coulomb,
-        terms.Offset,
-        terms.Stribeck,
-        terms.SaturatingViscous,
-        terms.QuadraticViscous,
-        terms.LoadCoulomb,
-        terms.LoadViscous,
-        terms.Asymmetric,
-        terms.PositionCoulomb,
-        terms.Ripple,
-        terms.Spring,
-        LoadTorque,
-        SharedFriction,
-    )
-}
-"""All terms by the name of their class, as model files have it."""
-
-
-@dataclass(frozen=True)
-class Drive:
-    """
-    A motor that turns with one joint, or with several that are coupled.
-
-    Its speed is the sum of `ratios` times the joints' velocities; by virtual work its torque acts
-    on each joint times that joint's ratio. Efforts of coupled motors that are not those of the
-    joints have other shares in it.
-
-    Attributes
-    ----------
-    joints : tuple of int
-        From 0; the first is the joint whose load the drive bears.
-    ratios : tuple of float
-    shares : tuple of float
-        Of the drive's torque in the effort of each joint; empty for `ratios`.
-
-    """
-
-    joints: tuple[int, ...]
-    ratios: tuple[float, ...]
-    shares: tuple[float, ...] = ()
-
-    @classmethod
-    def of_joint(cls, joint: int) -> Drive:
-        """Return the drive of one joint alone."""
-        return cls((joint,), (1.0,))
-
-    @classmethod
-    def transmitted(cls, joint: int, to: int) -> Drive:
-        """Return the drive of one joint, as far as the effort of another one contains it."""
-        return cls((joint, to), (1.0, 0.0), (0.0, 1.0))
-
-    @property
-    def efforts(self) -> tuple[tuple[int, float], ...]:
-        """The joints whose efforts contain its torque, each with its share."""
-        shares = zip(self.joints, self.shares or self.ratios, strict=True)
-        return tuple((joint, share) for joint, share in shares if share != 0.0)
-
-    def state(self, q: Array, dq: Array, load: Array) -> DriveState:
-        """Return the state of the drive at joint states and loads of shape (N, n)."""
-        joints, ratios = list(self.joints), np.array(self.ratios)
-        return DriveState(q[:, joints] @ ratios, dq[:, joints] @ ratios, load[:, joints[0]])
-
-
-@dataclass(frozen=True)
-class DriveTerm:
-    """
-    One term of one drive.
-
-    Attributes
-    ----------
-    drive : Drive
-    term : FrictionTerm
-
-    """
-
-    drive: Drive
-    term: FrictionTerm
-
-    @property
-    def size(self) -> int:
-        """Number of coefficients."""
-        return len(self.term.lower)
+from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
 
 
 @dataclass(frozen=True)
@@ -297,15 +203,7 @@ class FrictionModel:
 
     def to_json(self) -> dict[str, Any]:
         """Return the friction for a model file."""
-        terms = [
-            {
-                'joints': list(part.drive.joints),
-                'ratios': list(part.drive.ratios),
-                'shares': list(part.drive.shares),
-                **_term_to_json(part.term),
-            }
-            for part in self.basis.terms
-        ]
+        terms = [part.to_json() for part in self.basis.terms]
         values = self.coefficients.tolist()
         return {'n_joints': self.n_joints, 'terms': terms, 'coefficients': values}
 
@@ -322,7 +220,7 @@ class FrictionModel:
         """
         try:
             n_joints = int(entry['n_joints'])
-            terms = tuple(_part(each, n_joints) for each in entry['terms'])
+            terms = tuple(DriveTerm.from_json(each, n_joints) for each in entry['terms'])
             coefficients = np.array(entry['coefficients'], dtype=np.float64)
             return cls(FrictionBasis(n_joints, terms), coefficients)
         except (KeyError, TypeError, ValueError, ShapeError) as error:
@@ -330,19 +228,6 @@ class FrictionModel:
                 f'friction terms with coefficients were expected, but the file is damaged '
                 f'({error}); fit the model again.'
             ) from error
-
-
-def _part(entry: Mapping[str, Any], n_joints: int) -> DriveTerm:
-    joints = tuple(int(joint) for joint in entry['joints'])
-    ratios = tuple(float(ratio) for ratio in entry['ratios'])
-    shares = tuple(float(share) for share in entry.get('shares', ()))
-    if not joints or len(joints) != len(ratios) or not set(joints) <= set(range(n_joints)):
-        raise ValueError('joints and ratios of a drive do not fit')
-    if shares and len(shares) != len(joints):
-        raise ValueError('joints and shares of a drive do not fit')
-    of_drive = ('joints', 'ratios', 'shares')
-    rest = {name: value for name, value in entry.items() if name not in of_drive}
-    return DriveTerm(Drive(joints, ratios, shares), _term_from_json(rest))
 
 
 def plain_friction(n_joints: int, widths: Array) -> FrictionBasis:
@@ -353,28 +238,3 @@ def plain_friction(n_joints: int, widths: Array) -> FrictionBasis:
         for term in (Viscous(), Coulomb(float(widths[joint])), Offset())
     )
     return FrictionBasis(n_joints, terms)
-
-
-def _term_to_json(term: FrictionTerm) -> dict[str, float | str]:
-    """Return the term for a model file."""
-    return {'term': type(term).__name__, **vars(term)}
-
-
-def _term_from_json(entry: dict[str, float | str]) -> FrictionTerm:
-    """
-    Return the term that `_term_to_json` gave.
-
-    Raises
-    ------
-    ModelError
-        If the term is unknown or its parameters are not those of the term.
-
-    """
-    parameters = {name: value for name, value in entry.items() if name != 'term'}
-    kind = _TERMS.get(str(entry.get('term')))
-    if kind is None or set(parameters) != {each.name for each in fields(kind)}:  # type: ignore[arg-type]
-        raise ModelError(
-            f'a friction term of this version was expected, but the file has {entry}; '
-            'fit the model again.'
-        )
-    return kind(**parameters)

@@ -9,8 +9,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.coupling_terms import LoadTorque, SharedFriction
-from lip_id_ros.friction.model import Drive, DriveTerm, plain_friction
+from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
+from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.friction.terms import (
     Asymmetric,
     Coulomb,

@@ -7,14 +7,8 @@ from rigid_body.arms import links_of, random_bodies, random_chain
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription, JointRanges
-from lip_id_ros.friction.coupling_terms import LoadTorque, SharedFriction
-from lip_id_ros.friction.model import (
-    Drive,
-    DriveTerm,
-    FrictionBasis,
-    FrictionModel,
-    plain_friction,
-)
+from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import (
     Asymmetric,

@@ -11,7 +11,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction, set_load_slopes
-from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, Offset, Stribeck, Viscous
 from lip_id_ros.numba_jit import jit
 

@@ -9,9 +9,9 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError, ShapeError
-from lip_id_ros.friction import coupling_terms, terms
-from lip_id_ros.friction.coupling_terms import LoadTorque, SharedFriction
-from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
+from lip_id_ros.friction import drives, terms
+from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
     COSINE,
@@ -95,7 +95,7 @@ def primitive_value(primitive: Primitive, state: DriveState) -> Array:
 def test_every_term_is_tested() -> None:
     assert {type(term).__name__ for term in EVERY} == {
         name
-        for name, kind in (*vars(terms).items(), *vars(coupling_terms).items())
+        for name, kind in (*vars(terms).items(), *vars(drives).items())
         if isinstance(kind, type) and hasattr(kind, 'columns') and name != 'FrictionTerm'
     }
 

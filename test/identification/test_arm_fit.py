@@ -12,8 +12,8 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.coupling_terms import LoadTorque
-from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
+from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import LoadCoulomb
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.laplace import linearised, posterior

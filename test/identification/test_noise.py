@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lip_id_ros.friction.model import Drive, DriveTerm, FrictionBasis, FrictionModel
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import (
     estimate_noise,
     leverage_weights,

@@ -11,14 +11,8 @@ from kernels.cases import MEMBERS, R, random_chain, random_states
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.coupling_terms import LoadTorque
-from lip_id_ros.friction.model import (
-    Drive,
-    DriveTerm,
-    FrictionBasis,
-    FrictionModel,
-    plain_friction,
-)
+from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import LoadCoulomb, Viscous
 from lip_id_ros.kernels import TorquePosterior, TorquePrior

@@ -18,7 +18,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
-from lip_id_ros.friction.coupling_terms import LoadTorque
+from lip_id_ros.friction.drives import LoadTorque
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED

@@ -1,0 +1,187 @@
+"""Terms of the drives of an arm, coupled motors included (docs/maths.md, section 12)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ModelError
+from lip_id_ros.friction import terms
+from lip_id_ros.friction.primitives import Column, LOAD, Primitive, SIGN, VELOCITY
+from lip_id_ros.friction.terms import DriveState, FREE, FrictionTerm
+
+
+@dataclass(frozen=True)
+class Drive:
+    """
+    A motor that turns with one joint, or with several that are coupled.
+
+    Its speed is the sum of `ratios` times the joints' velocities; by virtual work its torque acts
+    on each joint times that joint's ratio. Efforts of coupled motors that are not those of the
+    joints have other shares in it.
+
+    Attributes
+    ----------
+    joints : tuple of int
+        From 0; the first is the joint whose load the drive bears.
+    ratios : tuple of float
+    shares : tuple of float
+        Of the drive's torque in the effort of each joint; empty for `ratios`.
+
+    """
+
+    joints: tuple[int, ...]
+    ratios: tuple[float, ...]
+    shares: tuple[float, ...] = ()
+
+    @classmethod
+    def of_joint(cls, joint: int) -> Drive:
+        """Return the drive of one joint alone."""
+        return cls((joint,), (1.0,))
+
+    @classmethod
+    def transmitted(cls, joint: int, to: int) -> Drive:
+        """Return the drive of one joint, as far as the effort of another one contains it."""
+        return cls((joint, to), (1.0, 0.0), (0.0, 1.0))
+
+    @property
+    def efforts(self) -> tuple[tuple[int, float], ...]:
+        """The joints whose efforts contain its torque, each with its share."""
+        shares = zip(self.joints, self.shares or self.ratios, strict=True)
+        return tuple((joint, share) for joint, share in shares if share != 0.0)
+
+    def state(self, q: Array, dq: Array, load: Array) -> DriveState:
+        """Return the state of the drive at joint states and loads of shape (N, n)."""
+        joints, ratios = list(self.joints), np.array(self.ratios)
+        return DriveState(q[:, joints] @ ratios, dq[:, joints] @ ratios, load[:, joints[0]])
+
+
+@dataclass(frozen=True)
+class DriveTerm:
+    """
+    One term of one drive.
+
+    Attributes
+    ----------
+    drive : Drive
+    term : FrictionTerm
+
+    """
+
+    drive: Drive
+    term: FrictionTerm
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.term.lower)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the term for a model file."""
+        drive = {name: list(value) for name, value in vars(self.drive).items()}
+        return {**drive, 'term': type(self.term).__name__, **vars(self.term)}
+
+    @classmethod
+    def from_json(cls, entry: Mapping[str, Any], n_joints: int) -> DriveTerm:
+        """
+        Return the term that `to_json` gave.
+
+        Raises
+        ------
+        ModelError
+            If the term is unknown or its parameters are not those of the term.
+        KeyError, TypeError, ValueError
+            If the drive is damaged.
+
+        """
+        joints = tuple(int(joint) for joint in entry['joints'])
+        ratios = tuple(float(ratio) for ratio in entry['ratios'])
+        shares = tuple(float(share) for share in entry.get('shares', ()))
+        if not joints or len(joints) != len(ratios) or not set(joints) <= set(range(n_joints)):
+            raise ValueError('joints and ratios of a drive do not fit')
+        if shares and len(shares) != len(joints):
+            raise ValueError('joints and shares of a drive do not fit')
+        of_drive = {each.name for each in fields(Drive)}
+        rest = {name: value for name, value in entry.items() if name not in of_drive}
+        return cls(Drive(joints, ratios, shares), _term_from_json(rest))
+
+
+@dataclass(frozen=True)
+class LoadTorque:
+    """
+    A share of the torque of another joint's links.
+
+    Efforts are those of motors that turn more than one joint each, as in a coupled wrist: the
+    coupling matrix times the torques of the joints. The drive is `Drive.transmitted`.
+
+    """
+
+    name: ClassVar[str] = 'torque'
+    lower: ClassVar[tuple[float, ...]] = (FREE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        return state.load[:, None]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return (((1.0, Primitive(LOAD)),),)
+
+
+@dataclass(frozen=True)
+class SharedFriction:
+    """
+    Shares of the viscous and Coulomb friction of another joint, of any sign (see `LoadTorque`).
+
+    Such a share may drive the joint: it is part of the coupling, not friction of that joint.
+
+    """
+
+    width: float
+    name: ClassVar[str] = 'friction'
+    lower: ClassVar[tuple[float, ...]] = (FREE, FREE)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 2)."""
+        return np.column_stack([state.dq, np.tanh(state.dq / self.width)])
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return ((1.0, Primitive(VELOCITY)),), ((1.0, Primitive(SIGN, self.width)),)
+
+
+_TERMS: dict[str, type[FrictionTerm]] = {
+    each.__name__: each
+    for each in (
+        terms.Viscous,
+        terms.Coulomb,
+        terms.Offset,
+        terms.Stribeck,
+        terms.SaturatingViscous,
+        terms.QuadraticViscous,
+        terms.LoadCoulomb,
+        terms.LoadViscous,
+        terms.Asymmetric,
+        terms.PositionCoulomb,
+        terms.Ripple,
+        terms.Spring,
+        LoadTorque,
+        SharedFriction,
+    )
+}
+"""All terms by the name of their class, as model files have it."""
+
+
+def _term_from_json(entry: dict[str, float | str]) -> FrictionTerm:
+    parameters = {name: value for name, value in entry.items() if name != 'term'}
+    kind = _TERMS.get(str(entry.get('term')))
+    if kind is None or set(parameters) != {each.name for each in fields(kind)}:  # type: ignore[arg-type]
+        raise ModelError(
+            f'a friction term of this version was expected, but the file has {entry}; '
+            'fit the model again.'
+        )
+    return kind(**parameters)
