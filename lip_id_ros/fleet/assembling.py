@@ -20,12 +20,7 @@ from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import ArmState
 from lip_id_ros.identification.identify import prediction_noise
-from lip_id_ros.identification.remainder_election import (
-    Choice,
-    conditioned_remainder,
-    elect_processes,
-    Errors,
-)
+from lip_id_ros.identification.remainder_election import conditioned_remainder, elect_processes
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
@@ -64,15 +59,7 @@ def with_processes(
     """
     excluded = dict(placed.excluded)
     fitter = _measured(placed, [each for each in surveys if each.key not in excluded], described)
-    return replace(
-        placed,
-        processes=tuple(
-            (each.replaces, tuple(each.lengths.tolist()), each.noise, each.errors.block_std)
-            if each
-            else ()
-            for each in elect_processes(fitter, _fit(placed, solution, fitter.prior))
-        ),
-    )
+    return placed.with_remainder(elect_processes(fitter, _fit(placed, solution, fitter.prior)))
 
 
 def model_of(
@@ -126,19 +113,12 @@ def _remainder(
     surveys: Sequence[Survey],
     described: Described | None,
 ) -> Remainder | None:
-    """Return the elected processes, conditioned on what links and friction leave."""
-    if not any(placed.processes):
+    """Return the elected processes, conditioned on the residual of links and friction."""
+    processes = placed.remainder
+    if not any(processes):
         return None
-    choices: list[Choice | None] = []
-    for each in placed.processes:
-        if not each:
-            choices.append(None)
-            continue
-        replaces, lengths, noise, block_std = each
-        errors = Errors(np.zeros(0), block_std, np.nan)
-        choices.append(Choice(replaces, np.array(lengths), noise, errors))
     fitter = _measured(placed, surveys, described)
-    return conditioned_remainder(fitter, _fit(placed, solution, fitter.prior), choices)
+    return conditioned_remainder(fitter, _fit(placed, solution, fitter.prior), processes)
 
 
 def _measured(

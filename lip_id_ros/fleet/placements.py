@@ -32,6 +32,7 @@ from lip_id_ros.identification.arm_fit import ArmFitter, Described
 from lip_id_ros.identification.fitting import description_report, fit_report
 from lip_id_ros.identification.identify import identify
 from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.remainder_election import RemainderProcess
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.progress import Progress, silent
@@ -86,8 +87,7 @@ class PlacedArm(Packable):
     excluded : tuple of pairs of str
         Key and reason of the recordings that contradict the fleet.
     processes : tuple of n tuples
-        Of the joints that have a Gaussian process: whether it replaces the links, its length
-        scales, its noise, and the error of left-out blocks; empty where a joint has none.
+        Fields of the Gaussian process of every joint; empty where it has none.
     t, q, dq, ddq, tau, segment, recording, gravity_compensated
         Samples that the arm was identified with.
 
@@ -142,6 +142,24 @@ class PlacedArm(Packable):
     def geometry(self) -> Geometry:
         """What of the placements was elected to be simple."""
         return Geometry(self.twists, self.meets, self.rigid)
+
+    @property
+    def remainder(self) -> list[RemainderProcess | None]:
+        """Gaussian process of every joint; None where it has none."""
+        return [
+            RemainderProcess(each[0], np.array(each[1]), *each[2:]) if each else None
+            for each in self.processes
+        ]
+
+    def with_remainder(self, processes: Sequence[RemainderProcess | None]) -> PlacedArm:
+        """Return the arm with Gaussian processes."""
+        fields = tuple(
+            (each.replaces, tuple(each.lengths.tolist()), each.noise, each.left_out_std)
+            if each
+            else ()
+            for each in processes
+        )
+        return replace(self, processes=fields)
 
     def sizes(self, fitter: ArmFitter) -> Sizes:
         """Return what the solution of a fleet begins with."""

@@ -116,23 +116,27 @@ class Errors:
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class RemainderProcess:
     """
-    A process of one joint, and how well left-out samples are predicted with it.
+    A Gaussian process of one joint.
 
     Attributes
     ----------
     replaces : bool
+        Whether it takes the place of the links.
     lengths : array, shape (d,)
+        Length scales of the inputs.
     noise : float
-    errors : Errors
+        Variance of the noise, in variances of the process.
+    left_out_std : float
+        Root mean square error of left-out blocks of time [N m or N].
 
     """
 
     replaces: bool
     lengths: Array
     noise: float
-    errors: Errors
+    left_out_std: float
 
 
 def fold_masks(q: Array, number_of_samples: int, rows: IndexArray) -> list[tuple[BoolArray, int]]:
@@ -194,24 +198,24 @@ class Targets:
         own = self.friction[:, joint] * float(replaces)
         return np.asarray(FRICTION_VARIANCE * own @ own.T)
 
-    def conditioned(self, choices: Sequence[Choice | None]) -> Remainder | None:
+    def conditioned(self, processes: Sequence[RemainderProcess | None]) -> Remainder | None:
         """Return the processes of the joints that have one; None if there are none."""
         n = self.tau.shape[1]
         noise, variance, left_out_std = np.zeros((3, n))
         replaces = np.zeros(n, dtype=bool)
         lengths, alpha = np.zeros((n, self.x.shape[1])), np.zeros_like(self.tau)
         friction = np.zeros((n, 3))
-        for joint, choice in enumerate(choices):
-            if choice is None:
+        for joint, each in enumerate(processes):
+            if each is None:
                 continue
-            lengths[joint], noise[joint] = choice.lengths, choice.noise
-            replaces[joint], left_out_std[joint] = choice.replaces, choice.errors.block_std
-            target = self.of_joint(joint, choice.replaces)
-            gram = correlation(self.x, self.x, choice.lengths) + self.known(joint, choice.replaces)
-            gram[np.diag_indices_from(gram)] += choice.noise
+            lengths[joint], noise[joint] = each.lengths, each.noise
+            replaces[joint], left_out_std[joint] = each.replaces, each.left_out_std
+            target = self.of_joint(joint, each.replaces)
+            gram = correlation(self.x, self.x, each.lengths) + self.known(joint, each.replaces)
+            gram[np.diag_indices_from(gram)] += each.noise
             alpha[:, joint] = stored_weights(cho_solve(cho_factor(gram, lower=True), target))
             variance[joint] = float(target @ alpha[:, joint]) / len(target)
-            if choice.replaces:
+            if each.replaces:
                 friction[joint] = FRICTION_VARIANCE * self.friction[:, joint].T @ alpha[:, joint]
         if not lengths.any():
             return None
@@ -233,34 +237,37 @@ class RemainderElection:
     def __init__(self, targets: Targets, folds: Sequence[Fold]) -> None:
         self._targets, self._folds = targets, folds
 
-    def elect(self) -> list[Choice | None]:
+    def elect(self) -> list[RemainderProcess | None]:
         """Return the process of every joint; None where it predicts better without."""
         return [self.chosen(joint) for joint in range(self._targets.tau.shape[1])]
 
-    def chosen(self, joint: int) -> Choice | None:
+    def chosen(self, joint: int) -> RemainderProcess | None:
         """Return the process of one joint; None where it is better off without."""
         folds = [fold for fold in self._folds if fold.joint in (-1, joint)]
         alone = Errors.of(folds, [fold.residual[fold.out, joint] for fold in folds])
         if alone.block_std < NOTHING * self._targets.tau[:, joint].std():
             return None
-        beside, instead = (
-            min(self._choices(joint, replaces, folds), key=lambda each: each.errors.score)
+        (beside, errors_beside), (instead, errors_instead) = (
+            min(self._candidates(joint, replaces, folds), key=lambda each: each[1].score)
             for replaces in (False, True)
         )
         # Links have to earn their place where a process does without them.
-        better = instead.errors.score < beside.errors.score + LEAST_GAIN
-        best = instead if better else beside
-        gains = best.errors.score < alone.score - LEAST_GAIN
-        return best if gains and best.errors.gain_over(alone) >= LEAST_ERRORS else None
+        better = errors_instead.score < errors_beside.score + LEAST_GAIN
+        best, errors = (instead, errors_instead) if better else (beside, errors_beside)
+        gains = errors.score < alone.score - LEAST_GAIN
+        return best if gains and errors.gain_over(alone) >= LEAST_ERRORS else None
 
-    def _choices(self, joint: int, replaces: bool, folds: Sequence[Fold]) -> Iterator[Choice]:
+    def _candidates(
+        self, joint: int, replaces: bool, folds: Sequence[Fold]
+    ) -> Iterator[tuple[RemainderProcess, Errors]]:
         """Yield processes with the errors of left-out samples."""
         x, known = self._targets.x, self._targets.known(joint, replaces)
         for lengths, noises in self._offers(joint, replaces, known):
             gram = correlation(x, x, lengths) + known
             for noise in noises:
-                errors = [self._left_out(fold, joint, replaces, gram, noise) for fold in folds]
-                yield Choice(replaces, lengths, noise, Errors.of(folds, errors))
+                left_out = [self._left_out(fold, joint, replaces, gram, noise) for fold in folds]
+                errors = Errors.of(folds, left_out)
+                yield RemainderProcess(replaces, lengths, noise, errors.block_std), errors
 
     def _offers(
         self, joint: int, replaces: bool, known: Array
@@ -299,7 +306,7 @@ def elect_remainder(fitter: ArmFitter, fit: ArmFit) -> Remainder | None:
     return conditioned_remainder(fitter, fit, elect_processes(fitter, fit))
 
 
-def elect_processes(fitter: ArmFitter, fit: ArmFit) -> list[Choice | None]:
+def elect_processes(fitter: ArmFitter, fit: ArmFit) -> list[RemainderProcess | None]:
     """Return the process of every joint; None where links and friction predict better alone."""
     count = fitter.dataset.n_samples
     rows = evenly(count, ELECTION_SAMPLES)
@@ -309,13 +316,13 @@ def elect_processes(fitter: ArmFitter, fit: ArmFit) -> list[Choice | None]:
 
 
 def conditioned_remainder(
-    fitter: ArmFitter, fit: ArmFit, choices: Sequence[Choice | None]
+    fitter: ArmFitter, fit: ArmFit, processes: Sequence[RemainderProcess | None]
 ) -> Remainder | None:
-    """Return elected processes, conditioned on what a fit leaves; None if there are none."""
-    if not any(choices):
+    """Return elected processes, conditioned on the residual of a fit; None if there are none."""
+    if not any(processes):
         return None
     rows = evenly(fitter.dataset.n_samples, MOST_SAMPLES)
-    return _targets(fitter, fit, rows).conditioned(choices)
+    return _targets(fitter, fit, rows).conditioned(processes)
 
 
 def _targets(fitter: ArmFitter, fit: ArmFit, rows: IndexArray) -> Targets:
