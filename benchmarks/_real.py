@@ -11,10 +11,11 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.recording import JointSamples, read_sources
 from lip_id_ros.recording.reading import read_log
-from lip_id_ros.settings import FitSettings, PreprocessingSettings, RecordingSettings
+from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 UNSEEN = 0.3
 SPLITS = ('last', 'first')
@@ -24,7 +25,9 @@ UR10_JOINTS = (
     *('shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint'),
     *('wrist_1_joint', 'wrist_2_joint', 'wrist_3_joint'),
 )
-MED7_RATE_HZ = 100.0
+MED7_RATE_HZ, MED7_SCALE = 100.0, (-1.0,) * 7
+"""Its efforts are minus the torques of the joints, as `lip_id inspect --efforts` diagnoses."""
+
 TIAGO_SCALE = (1.0, 13.6, 13.6, -8.7, -8.7)
 
 
@@ -62,9 +65,18 @@ class RealArm:
         return [preprocess(each, recording=raw.recording) for each in raw.samples]
 
     def split(
-        self, folder: Path, unseen: str, settings: PreprocessingSettings | None = None
+        self,
+        folder: Path,
+        unseen: str,
+        kernel: str = ARTICULATED,
+        settings: PreprocessingSettings | None = None,
     ) -> tuple[Dataset, Dataset]:
-        """Return samples for the default fit and unseen ones, joints named as in the URDF."""
+        """
+        Return samples for a fit and unseen ones, joints named as in the URDF.
+
+        By default kernels other than `articulated` learn from no samples near rest.
+
+        """
         data = self.datasets(folder)
         if len(data) == 1:
             first, last = data[0].split(1.0 - UNSEEN if unseen == 'last' else UNSEEN)
@@ -72,7 +84,7 @@ class RealArm:
             cut = _recordings_cut(len(data), unseen)
             first, last = concatenate(data[:cut]), concatenate(data[cut:])
         train, test = (first, last) if unseen == 'last' else (last, first)
-        train = for_training(train, settings or PreprocessingSettings(), FitSettings().kernel)
+        train = for_training(train, settings or PreprocessingSettings(), kernel)
         return self._named(train), self._named(test)
 
     def raw_split(self, folder: Path, unseen: str) -> tuple[RawRecordings, RawRecordings]:
@@ -121,7 +133,7 @@ def _med7(folder: Path) -> RawRecordings:
     columns = {'t': np.arange(len(table)) / MED7_RATE_HZ}
     columns |= {f'q_{k}': table[:, k] for k in range(7)}
     columns |= {f'tau_{k}': table[:, 7 + k] for k in range(7)}
-    return _log(columns, RecordingSettings())
+    return _log(columns, RecordingSettings(effort_scale=MED7_SCALE))
 
 
 def _tiago(folder: Path) -> RawRecordings:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 import json
 from pathlib import Path
+import time
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,6 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks._panda import run_pair
-from benchmarks._timing import seconds
 from lip_id_ros.evaluation import evaluate
 from lip_id_ros.identification import fit
 from lip_id_ros.kernels import FAMILY
@@ -56,6 +57,17 @@ def measure(kernel: str, n_joints: int, seed: int) -> dict[str, Any]:
         'query_us_p99': 1e6 * query[int(0.99 * len(query))],
         'nmse_percent': [float(value) for value in evaluation.nmse_percent],
     }
+
+
+def seconds(call: Callable[[], object], repeats: int = 5) -> list[float]:
+    """Return the sorted times of several calls, after one that compiles and warms up [s]."""
+    call()
+    times = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - started)
+    return sorted(times)
 
 
 def _check_against_plain(model: InverseDynamicsModel) -> None:

@@ -4,29 +4,22 @@ Usual and elected preprocessing of real recordings: ``python -m benchmarks prepr
 Each is elected and fitted on 70 % of a recording. Both predict the efforts of the other 30 %, at
 the same times and with the same low-pass: far above the motion, and at 2 Hz, below all cut-offs.
 ``--seeds 20`` counts the delays that are recovered in simulated recordings instead.
-
-``--smoothers`` compares smoothers of positions, with velocities hidden. Their positions,
-velocities and accelerations go through the low-pass that the torques go through; rigid links with
-true kinematics and elected friction are fitted to them and predict the unseen torques.
+docs/accuracy.md has both.
 
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks._real import ARMS, RawRecordings, RealArm, SPLITS
+from benchmarks._real import ARMS, RawRecordings, SPLITS
 from benchmarks._simulated_recordings import N_JOINTS, simulated
-from benchmarks._smoothers import grouped, Smoother, SMOOTHERS
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines import method
-from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.identification import fit
 from lip_id_ros.loading.delay_election import REACH_S
 from lip_id_ros.loading.election import CUTOFFS_HZ, elect_preprocessing, HIGHEST
@@ -34,32 +27,23 @@ from lip_id_ros.loading.left_out_torques import Stretch, stretches_of
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.pipeline import smooth_motion
-from lip_id_ros.preprocessing.segments import Segments, segments_of
-from lip_id_ros.preprocessing.smoothing import is_long_enough, low_pass, uniform_times
-from lip_id_ros.progress import silent
-from lip_id_ros.recording import JointSamples
-from lip_id_ros.settings import AUTO, FitSettings, PreprocessingSettings, RecordingSettings
+from lip_id_ros.preprocessing.segments import segments_of
+from lip_id_ros.preprocessing.smoothing import low_pass
+from lip_id_ros.settings import AUTO, PreprocessingSettings, RecordingSettings
 
 SLOW_HZ = 2.0
 DELAY_S, LARGEST_ERROR_S = 0.008, 0.001
-
-STEPS, SEEDS = (1e-5, 1e-4, 1e-3), 3
-"""Of the simulated trial of smoothers: quantisation [rad], and recordings."""
 
 Settings = tuple[PreprocessingSettings, RecordingSettings]
 
 
 def main(arguments: list[str]) -> int:
     """Print one line per recording and split."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog='benchmarks preprocessing', description=__doc__)
     parser.add_argument('--data', type=Path, default=Path('../shared/data'))
     parser.add_argument('--arms', nargs='*', default=list(ARMS))
     parser.add_argument('--seeds', type=int, default=0)
-    parser.add_argument('--smoothers', action='store_true')
     args = parser.parse_args(arguments)
-    if args.smoothers:
-        _compare_smoothers(args.data, args.arms)
-        return 0
     if args.seeds:
         _counted(args.seeds)
         return 0
@@ -91,89 +75,6 @@ def _delays(seed: int, true: Array) -> Array:
     auto = PreprocessingSettings(cutoff_hz=AUTO)
     found = elect_preprocessing([samples], auto, RecordingSettings()).recording.effort_delay_s
     return np.array(found or np.zeros(N_JOINTS))
-
-
-def _compare_smoothers(data: Path, arms: Sequence[str]) -> None:
-    """Print errors of every smoother, in those of the low-pass with Savitzky-Golay."""
-    for step in STEPS:
-        mean = np.mean([_simulated_errors(seed, step) for seed in range(SEEDS)], axis=0)
-        print(f'simulated, steps of {step:g} rad: {np.round(mean, 3)} %', flush=True)
-    ratios = []
-    for name in arms:
-        for unseen in SPLITS:
-            errors = _held_out_errors(data, ARMS[name], unseen)
-            ratios.append([np.exp(np.log(each / errors[0]).mean()) for each in errors])
-            print(f'{name}, {unseen} 30 %: {np.round(ratios[-1], 3)}', flush=True)
-            print(np.round(errors, 3))
-    names = ('low-pass, Savitzky-Golay', *SMOOTHERS)
-    means = np.exp(np.log(np.array(ratios)).mean(axis=0))
-    print(dict(zip(names, np.round(means, 3).tolist(), strict=True)))
-
-
-def _simulated_errors(seed: int, step: float) -> list[float]:
-    """Return errors of true torques at states that are found in quantised positions [%]."""
-    recorded = simulated(seed, np.zeros(N_JOINTS), coulomb=0.0)
-    position = step * np.round(recorded.samples.position / step)
-    samples = replace(recorded.samples, position=position)
-    errors = []
-    for data in _smoothed([samples], RecordingSettings()):
-        truth = recorded.torque(*recorded.motion.sample(data.t))
-        found = recorded.torque(data.q, data.dq, data.ddq)
-        errors.append(float(100.0 * np.mean(np.std(found - truth, axis=0) / truth.std(axis=0))))
-    return errors
-
-
-def _held_out_errors(data: Path, arm: RealArm, unseen: str) -> list[Array]:
-    """Return nMSE of unseen torques for every smoother, shape (n,) each [%]."""
-    errors = []
-    parts = [_smoothed(raw.samples, raw.recording) for raw in arm.raw_split(data, unseen)]
-    for train, test in zip(*parts, strict=True):
-        train, test = (replace(each, joint_names=arm.joints) for each in (train, test))
-        model = method('rigid_body_friction', data / arm.urdf).fit(train, FitSettings(), silent)
-        errors.append(nmse_percent(model.predict(test.q, test.dq, test.ddq).tau, test.tau))
-    return errors
-
-
-def _smoothed(recordings: Sequence[JointSamples], recording: RecordingSettings) -> list[Dataset]:
-    """Return the data sets that positions alone give, by the usual derivative and by smoothers."""
-    hidden = [replace(each, velocity=np.full_like(each.velocity, np.nan)) for each in recordings]
-    usual = preprocess(hidden, recording=recording)
-    found = [usual]
-    for smoother in SMOOTHERS.values():
-        segments = [
-            _states(segment, raw.rate_hz, smoother, usual.t[usual.segment == number])
-            for number, (segment, raw) in enumerate(_long_segments(hidden, recording))
-        ]
-        q, dq, ddq = (np.concatenate(each) for each in zip(*segments, strict=True))
-        found.append(replace(usual, q=q, dq=dq, ddq=ddq))
-    return found
-
-
-def _long_segments(
-    recordings: Sequence[JointSamples], recording: RecordingSettings
-) -> Iterator[tuple[JointSamples, Segments]]:
-    usual = PreprocessingSettings()
-    for samples in recordings:
-        raw = segments_of(samples, usual, recording)
-        for segment in raw.segments:
-            if is_long_enough(segment.t, raw.rate_hz, usual):
-                yield segment, raw
-
-
-def _states(
-    segment: JointSamples, rate_hz: float, smoother: Smoother, kept: Array
-) -> tuple[Array, Array, Array]:
-    """Return positions, velocities and accelerations at some times, low-passed as usual."""
-    times = uniform_times(segment.t, rate_hz)
-    rows = np.searchsorted(times, kept - 0.5 / rate_hz)
-    columns = []
-    for position in segment.position.T:
-        t, means, variance = grouped(segment.t, position)
-        columns.append(smoother(t, means, variance, np.clip(times, t[0], t[-1])))
-    signals = [np.stack(each, axis=1) for each in zip(*columns, strict=True)]
-    cutoff = PreprocessingSettings().cutoff
-    q, dq, ddq = (low_pass(each, rate_hz, cutoff)[rows] for each in signals)
-    return q, dq, ddq
 
 
 def _compared(title: str, train: RawRecordings, test: RawRecordings) -> tuple[float, float]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import re
 
 from evaluation.models import small_model
 import numpy as np
 import pytest
 
-from benchmarks import c_against_pinocchio, long_recording, panda_monte_carlo
+from benchmarks import c_against_pinocchio, long_recording, panda_monte_carlo, real_arms
 from benchmarks.__main__ import available, main
+from benchmarks._results import Results, Row
 from benchmarks.query_million import ALLOWED_BLOCKS
 from lip_id_ros.recording import read_bag
 
@@ -18,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 pytest.importorskip('pinocchio', reason='the simulated arm needs pinocchio')
 
-SMALL = ['--joints', '3', '--kernels', 'recursive', '--set', 'subset=30', 'iterations=3']
+SMALL = ['--joints', '3', '--models', 'recursive', '--set', 'subset=30', 'iterations=3']
 
 
 def test_finished_cells_are_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -33,19 +35,51 @@ def test_finished_cells_are_kept(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert first in cells.values()
 
 
-def test_summary_compares_medians_with_the_papers_kernel() -> None:
-    def cell(*errors: float) -> panda_monte_carlo.Cell:
+def test_nothing_is_measured_twice(tmp_path: Path) -> None:
+    counted: list[int] = []
+
+    def measure() -> Row:
+        counted.append(1)
+        return {'value': 0.5}
+
+    for _ in range(2):
+        assert Results(tmp_path / 'results.json').row('a', measure) == {'value': 0.5}
+    assert len(counted) == 1
+
+
+def test_summary_compares_medians_with_the_first_model() -> None:
+    def row(*errors: float) -> Row:
         energies = ('kinetic_nmse_percent', 'potential_nmse_percent', 'inertia_not_pd_percent')
-        return {'nmse_percent': list(errors), 'fit_s': 1.0, **dict.fromkeys(energies, 0.0)}
+        return {'nmse_percent': list(errors), 'cpu_s': 1.0, **dict.fromkeys(energies, None)}
 
     chosen = {
-        'lip': [cell(1.0, 4.0), cell(2.0, 8.0), cell(9.0, 9.0)],
-        'recursive': [cell(0.5, 0.5), cell(1.0, 2.0), cell(1.0, 3.0)],
+        'lip': [row(1.0, 4.0), row(2.0, 8.0), row(9.0, 9.0)],
+        'recursive': [row(0.5, 0.5), row(1.0, 2.0), row(1.0, 3.0)],
     }
     table = panda_monte_carlo.summarise(2, chosen)
     (*_, ratios) = table.columns
     expected = np.sqrt(1.0 / 2.0 * 2.0 / 8.0)
-    assert list(ratios.cells) == ['1.00', f'{expected:.2f}']
+    assert list(ratios.cells) == ['1', f'{expected:.2g}']
+
+
+def test_rows_of_real_arms_are_those_of_the_pages() -> None:
+    rows: dict[str, Row] = {
+        'UR10, last | articulated': {'nmse': [1.0, 4.0], 'coverage': [95.4, 100.0], 'cpu_s': 9.7},
+        'UR10, last | rigid_body': {'nmse': [2.0, 4.0]},
+        'UR10, first | rigid_body': {'error': 'of no use'},
+    }
+    assert list(real_arms.accuracy(rows)) == ['| UR10, last 30 % | 1 4 | 2.5 | 2 | 95 100 | 10 |']
+    assert list(real_arms.comparison(rows)) == [
+        '| UR10, last | 2.5 | 2 | rigid_body | 3 | 2.8 | 0.71 | 0.83 |',
+        '| all joints | rigid_body | 0.71 |',
+    ]
+
+
+def test_a_page_has_the_result_of_every_benchmark() -> None:
+    root = Path(__file__).parents[1]
+    pages = [page.read_text() for page in (*root.glob('*.md'), *root.glob('docs/*.md'))]
+    named = set(re.findall(r'benchmarks\s+(\w+)', ' '.join(pages)))
+    assert sorted(set(available()) - named) == []
 
 
 def test_reading_is_measured_in_processes_of_its_own(tmp_path: Path) -> None:

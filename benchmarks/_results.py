@@ -1,0 +1,41 @@
+"""Figures that are measured once, in a file that a benchmark resumes from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+import sys
+from typing import Any
+
+from lip_id_ros.files import write_whole
+
+Row = dict[str, Any]
+
+
+class Results:
+    """
+    Rows by name, in a JSON file that is written after each measurement.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file, which need not exist.
+
+    Attributes
+    ----------
+    rows : dict
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.rows: dict[str, Row] = json.loads(path.read_text()) if path.exists() else {}
+
+    def row(self, name: str, measure: Callable[[], Row]) -> Row:
+        """Return a row, which is measured if the file lacks it."""
+        if name not in self.rows:
+            self.rows[name] = measure()
+            write_whole(self._path, json.dumps(self.rows, indent=1, sort_keys=True).encode())
+            print(name, json.dumps(self.rows[name]), file=sys.stderr, flush=True)
+        return self.rows[name]
