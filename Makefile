@@ -2,8 +2,9 @@ SHELL := /bin/bash
 ENV := . scripts/env.sh &&
 # more arguments for the tool behind a target: make test ARGS='-k bags'
 ARGS ?=
-# one worker more than cores, since tests of nodes wait; a worker needs 2 GB of memory
-WORKERS ?= -n $(shell expr $$(nproc) + 1) --maxprocesses 5 --dist loadgroup
+# one worker more than cores, since tests of nodes wait; a worker needs 2 GB of memory.
+# nproc obeys OMP_NUM_THREADS, which is about threads and not about cores
+WORKERS ?= -n $(shell expr $$(env -u OMP_NUM_THREADS nproc) + 1) --maxprocesses 5 --dist loadgroup
 
 .PHONY: help setup setup-run demo test test-fast check mutants bench clean distclean
 
