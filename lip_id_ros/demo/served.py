@@ -149,8 +149,7 @@ def outcome_of(served: Served, arm: Dynamics, predictor: TorqueModel) -> Outcome
     answered = replace(
         computed.prediction, tau=served.tau, kinetic=served.kinetic, potential=served.potential
     )
-    # efforts are not filtered here, while the noise of the model is that of filtered ones
-    return replace(computed, within_two_std_percent=None, prediction=answered)
+    return replace(computed, prediction=answered)
 
 
 def _by_stamp(bag: Bag, topic: str) -> dict[int, tuple[Any, ...]]:

@@ -105,8 +105,7 @@ class InverseDynamicsModel:
     @property
     def size(self) -> int:
         """Number of numbers that the model keeps in order to predict."""
-        arrays, _ = self._contents()
-        return int(sum(values.size for values in arrays.values()))
+        return int(sum(values.size for values in self._contents()[0].values()))
 
     @property
     def effort_calibration(self) -> EffortCalibration:
@@ -148,7 +147,7 @@ class InverseDynamicsModel:
         x = self._checked(q, dq, ddq)
         parts = self._mean.many(*x)
         potential = parts.potential - self._potential_offset if self.has_potential else None
-        std = self._standard_deviation(*x) if return_std else None
+        std = self.standard_deviation(*x) if return_std else None
         return Prediction(**{**parts._asdict(), 'potential': potential}, std=std)
 
     def inertia_matrix(self, q: ArrayLike) -> Array:
@@ -232,7 +231,15 @@ class InverseDynamicsModel:
             If the shapes are not (N, n) with the model's n.
 
         """
-        return self._standard_deviation(*self._checked(q, dq, ddq))
+        x, reference = self._checked(q, dq, ddq), self.potential_reference
+        if self.process is not None:
+            tau, kinetic, potential = map(np.sqrt, self.process.variances(*x, reference))
+            noise = self.process.noise_std
+        else:
+            tau, noise = self.torque_std(*x), self._known_arm.noise.std_at(x[1])
+            kinetic, potential = self._known_arm.energy_std(*x[:2], reference)
+        known = potential if self.has_potential else None
+        return StandardDeviation(tau, np.hypot(tau, noise), kinetic, known)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """
@@ -314,19 +321,7 @@ class InverseDynamicsModel:
     def _potential_offset(self) -> float:
         if not self.has_potential:
             return np.nan
-        still = np.zeros(self.n_joints)
-        return self._mean.one(self.potential_reference, still, still)[3]
-
-    def _standard_deviation(self, q: Array, dq: Array, ddq: Array) -> StandardDeviation:
-        reference = self.potential_reference
-        if self.process is not None:
-            tau, kinetic, potential = map(np.sqrt, self.process.variances(q, dq, ddq, reference))
-            noise = self.process.noise_std
-        else:
-            tau, noise = self.torque_std(q, dq, ddq), self._known_arm.noise.std_at(dq)
-            kinetic, potential = self._known_arm.energy_std(q, dq, reference)
-        known = potential if self.has_potential else None
-        return StandardDeviation(tau, np.hypot(tau, noise), kinetic, known)
+        return self._mean.one(self.potential_reference, *np.zeros((2, self.n_joints)))[3]
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return deviations of noiseless torques, no checks, all of shape (N, n) [N m or N]."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 from io import StringIO
 import json
 import math
+from typing import Any
 
 from evaluation.stubs import Knowing
 from model.models import random_model
@@ -157,6 +158,35 @@ def test_the_share_within_two_deviations_is_that_of_measured_torques() -> None:
 def test_a_model_without_links_has_no_coverage() -> None:
     outcome = run(random_model('lip'), swing(1).select([0]))
     assert score(outcome).within_two_std_percent is None
+
+
+def smoothed(cutoff_hz: float, filtered: bool = True) -> dict[str, Any]:
+    return {'preprocessing': {'cutoff_hz': cutoff_hz}, 'filtered': filtered}
+
+
+@pytest.mark.parametrize(
+    ('of_fit', 'of_data', 'covered'),
+    [
+        ([smoothed(4.0)], [smoothed(4.0)], True),
+        ([smoothed(4.0)], [smoothed(8.0)], False),
+        ([smoothed(4.0)], [smoothed(4.0, filtered=False)], False),
+        ([smoothed(8.0, filtered=False)], [smoothed(4.0, filtered=False)], True),
+        ([smoothed(4.0)], [{'source': 'bare.npz'}], False),
+        ([smoothed(4.0)], [smoothed(4.0), {'source': 'bare.npz'}], False),
+        ([smoothed(4.0)], [], False),
+        ([{'source': 'bare.npz'}], [{'source': 'bare.npz'}], True),
+        (['simulation'], ['simulation'], True),
+        ([{'source': 'bare.npz'}], [smoothed(4.0)], False),
+        ([smoothed(4.0), {'source': 'of a fleet'}], [smoothed(4.0)], True),
+        ([smoothed(4.0), {'source': 'of a fleet'}], [{'source': 'bare.npz'}], False),
+    ],
+)
+def test_coverage_is_left_out_where_efforts_had_another_low_pass(
+    of_fit: list[Any], of_data: list[Any], covered: bool
+) -> None:
+    model = replace(random_model(ARTICULATED), provenance={'sources': of_fit})
+    data = replace(swing(1).select(range(5)), provenance={'sources': of_data})
+    assert (score(run(model, data)).within_two_std_percent is not None) == covered
 
 
 def test_joints_are_matched_by_name() -> None:
