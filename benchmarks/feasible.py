@@ -10,14 +10,16 @@ import numpy as np
 
 from benchmarks._cells import show
 from benchmarks._real import ARMS, SPLITS
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.export.formats import FORMATS
 from lip_id_ros.export.from_model import describe
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.identification import fit
+from lip_id_ros.identification.left_out import bounded_solution
 from lip_id_ros.identification.link_torques import link_prior_std, links_torque
+from lip_id_ros.identification.statistics import triangular
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body.regressor import torque_regressor
@@ -29,8 +31,10 @@ COLUMNS = {
     'arm': 'recording, unseen',
     'smallest': f'smallest eigenvalue of M at {POSITIONS} q',
     'condition': 'median condition of M',
-    'ratio': 'error / unconstrained',
-    'worst': 'at the worst joint',
+    'links': 'error / any links, the same friction',
+    'links_worst': 'at the worst joint',
+    'both': 'error / any links and friction',
+    'both_worst': 'at the worst joint ',
     **{name: name for name in FORMATS},
 }
 
@@ -49,13 +53,15 @@ def main(arguments: list[str]) -> int:
             model = fit(training)
             eigenvalues = _eigenvalues(model)
             indefinite |= bool(eigenvalues[:, 0].min() <= 0.0)
-            errors = _price(model, training, unseen)
+            links, both = _prices(model, training, unseen)
             row = {
                 'arm': f'{name}, {split}',
                 'smallest': f'{eigenvalues[:, 0].min():.2g}',
                 'condition': f'{np.median(eigenvalues[:, -1] / eigenvalues[:, 0]):.2g}',
-                'ratio': f'{np.exp(np.log(errors).mean()):.3f}',
-                'worst': f'{errors.max():.2f}',
+                'links': f'{np.exp(np.log(links).mean()):.3f}',
+                'links_worst': f'{links.max():.2f}',
+                'both': f'{np.exp(np.log(both).mean()):.3f}',
+                'both_worst': f'{both.max():.2f}',
                 **_agreements(model),
             }
             print(row, flush=True)
@@ -73,25 +79,46 @@ def _eigenvalues(model: InverseDynamicsModel) -> Array:
     return np.linalg.eigvalsh(model.inertia_matrix(q))
 
 
-def _price(model: InverseDynamicsModel, training: Dataset, unseen: Dataset) -> Array:
-    """Return errors of links and friction in those of the linear fit at the same placements."""
+def _prices(
+    model: InverseDynamicsModel, training: Dataset, unseen: Dataset
+) -> tuple[Array, Array]:
+    """Return errors of links and friction in those of links, and of both, without constraints."""
     arm = model.arm
     assert arm is not None, 'the default fit of so many samples is an arm'
-    solution = _unconstrained(arm, training)
-    found = arm.torque(unseen.q, unseen.dq, unseen.ddq), _features(arm, unseen) @ solution
-    errors = [nmse_percent(tau, unseen.tau) for tau in found]
-    return np.asarray(errors[0] / errors[1])
+    rows, prior = _weighted_rows(arm, training)
+    bounded = np.flatnonzero(arm.friction.basis.is_positive) + arm.links.size
+    features, own = _features(arm, unseen), arm.torque(unseen.q, unseen.dq, unseen.ddq)
+    errors = [
+        nmse_percent(features @ (prior * _least_squares(rows, some)), unseen.tau)
+        for some in (bounded, bounded[:0])
+    ]
+    mine = nmse_percent(own, unseen.tau)
+    return np.asarray(mine / errors[0]), np.asarray(mine / errors[1])
 
 
-def _unconstrained(arm: ArmPosterior, data: Dataset) -> Array:
-    """Return the link and friction parameters of weighted linear least squares, any signs."""
+def _weighted_rows(arm: ArmPosterior, data: Dataset) -> tuple[Array, Array]:
+    """
+    Return the triangular factor of [features, torques] and prior, and the prior's deviations.
+
+    Rows are in units of the noise, parameters in units of their deviations a priori; placements,
+    friction terms and noise are those of the arm.
+
+    """
     features, weights = _features(arm, data), 1.0 / arm.noise.std_at(data.dq)
     friction = FRICTION_STD * data.tau.std(axis=0).max() * np.ones(arm.friction.basis.size)
     prior = np.concatenate([link_prior_std(data).ravel(), friction])
-    rows = (features * weights[..., None]).reshape(-1, prior.size) * prior
-    stacked = np.concatenate([rows, np.eye(prior.size)])
-    target = np.concatenate([(data.tau * weights).ravel(), np.zeros(prior.size)])
-    return np.asarray(prior * np.linalg.lstsq(stacked, target, rcond=None)[0])
+    rows = np.concatenate([features * prior, data.tau[..., None]], axis=2) * weights[..., None]
+    return triangular(rows.reshape(-1, prior.size + 1), np.eye(prior.size, prior.size + 1)), prior
+
+
+def _least_squares(rows: Array, bounded: IndexArray) -> Array:
+    """Return the parameters that fit best, of which some are not negative."""
+    size = rows.shape[1] - 1
+    order = np.append(np.setdiff1d(np.arange(size), bounded), bounded)
+    root = triangular(rows[:, np.append(order, size)])
+    found = np.empty(size)
+    found[order] = bounded_solution(root, size - bounded.size)
+    return found
 
 
 def _features(arm: ArmPosterior, data: Dataset) -> Array:
