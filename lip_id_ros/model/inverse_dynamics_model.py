@@ -170,8 +170,7 @@ class InverseDynamicsModel:
         (positions,) = self._checked(q)
         still = np.zeros_like(positions)
         units = (np.broadcast_to(unit, still.shape).copy() for unit in np.eye(self.n_joints))
-        columns = [self._mean.many(positions, still, unit).inertial for unit in units]
-        matrix = np.stack(columns, axis=-1)
+        matrix = np.stack([self._mean.many(positions, still, u).inertial for u in units], axis=-1)
         return np.asarray(0.5 * (matrix + matrix.transpose(0, 2, 1)))
 
     def coriolis(self, q: ArrayLike, dq: ArrayLike) -> Array:
@@ -231,13 +230,14 @@ class InverseDynamicsModel:
             If the shapes are not (N, n) with the model's n.
 
         """
-        x, reference = self._checked(q, dq, ddq), self.potential_reference
+        at, rate, change = self._checked(q, dq, ddq)
         if self.process is not None:
-            tau, kinetic, potential = map(np.sqrt, self.process.variances(*x, reference))
+            variances = self.process.variances(at, rate, change, self.potential_reference)
+            tau, kinetic, potential = map(np.sqrt, variances)
             noise = self.process.noise_std
         else:
-            tau, noise = self.torque_std(*x), self._known_arm.noise.std_at(x[1])
-            kinetic, potential = self._known_arm.energy_std(*x[:2], reference)
+            tau, noise = self.torque_std(at, rate, change), self._known_arm.noise.std_at(rate)
+            kinetic, potential = self._known_arm.energy_std(at, rate, self.potential_reference)
         known = potential if self.has_potential else None
         return StandardDeviation(tau, np.hypot(tau, noise), kinetic, known)
 
