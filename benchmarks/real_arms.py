@@ -48,8 +48,8 @@ def main(arguments: list[str]) -> int:
     for model, name, split in product(options.models, options.arms, options.splits):
         measure = partial(_measured, ARMS[name], options.data, split, model, preprocessing)
         results.row(f'{name}, {split} | {model}', measure)
-    for line in (*accuracy(results.rows), *comparison(results.rows)):
-        print(line)
+    for table in (accuracy, known_kinematics, plain):
+        print(*table(results.rows), '', sep='\n')
     return 0
 
 
@@ -88,24 +88,36 @@ def accuracy(rows: Mapping[str, Row]) -> Iterator[str]:
         yield _line(f'{name} 30 %', errors, *_means(row), covered, f'{row["cpu_s"]:.0f}')
 
 
-def comparison(rows: Mapping[str, Row]) -> Iterator[str]:
+def known_kinematics(rows: Mapping[str, Row]) -> Iterator[str]:
     """
-    Yield a line for each recording and rival: means, and ratios of the default's errors to these.
+    Yield a line for each recording, and one for all joints.
 
-    The first ratio is the geometric mean over the joints, the second that of the means.
+    Both means of the default; for each rival both means, and the geometric mean of the ratio of
+    the default's errors to its errors.
 
     """
-    ours = _of(rows, ARTICULATED)
-    for rival in (*KNOWN, *PLAIN):
-        logs = []
-        for name, row in _of(rows, rival).items():
-            if name in ours:
-                logs.append(np.log(np.array(ours[name]['nmse']) / np.array(row['nmse'])))
-                of_means = np.mean(ours[name]['nmse']) / np.mean(row['nmse'])
-                ratios = f'{np.exp(logs[-1].mean()):.2f}', f'{of_means:.2f}'
-                yield _line(name, *_means(ours[name]), rival, *_means(row), *ratios)
-        if logs:
-            yield _line('all joints', rival, f'{np.exp(np.concatenate(logs).mean()):.2f}')
+    rivals = {rival: _of(rows, rival) for rival in KNOWN}
+    logs: dict[str, list[Array]] = {rival: [] for rival in KNOWN}
+    for name, ours in _of(rows, ARTICULATED).items():
+        cells = [name, *_means(ours)]
+        for rival, found in rivals.items():
+            if name in found:
+                logs[rival].append(np.log(np.array(ours['nmse']) / np.array(found[name]['nmse'])))
+                cells += [*_means(found[name]), f'{np.exp(logs[rival][-1].mean()):.2f}']
+        yield _line(*cells)
+    for rival, each in logs.items():
+        if each:
+            yield _line('all joints', rival, f'{np.exp(np.concatenate(each).mean()):.2f}')
+
+
+def plain(rows: Mapping[str, Row]) -> Iterator[str]:
+    """Yield a line for each recording: means of all models, and the default's in the least."""
+    rivals = {rival: _of(rows, rival) for rival in PLAIN}
+    for name, ours in _of(rows, ARTICULATED).items():
+        means = [np.mean(found[name]['nmse']) for found in rivals.values() if name in found]
+        cells = [_means(found[name])[0] if name in found else '' for found in rivals.values()]
+        ratio = [f'{np.mean(ours["nmse"]) / min(means):.2f}'] if means else []
+        yield _line(name, _means(ours)[0], *cells, *ratio)
 
 
 def _of(rows: Mapping[str, Row], model: str) -> dict[str, Row]:
