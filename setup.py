@@ -43,13 +43,15 @@ setup(
         'sim': ['pin>=3.0', 'example-robot-data>=4.1'],
         'torch': ['torch>=2.1'],
         'test': [
-            'gcp-storage-emulator>=2024.8',
-            'gcsfs>=2024.2',
+            'flask>=3.0',
+            'flask-cors>=4.0',
             'hypothesis>=6.98',
             'mcap>=1.1',
             'mcap-ros2-support>=0.5',
+            'moto[s3]>=5.0',
             'psutil>=5.9',
             'pytest>=7.4,<9',
+            's3fs>=2024.2',
         ],
     },
     package_data={

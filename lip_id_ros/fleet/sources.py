@@ -180,6 +180,9 @@ def find(patterns: Sequence[str], group_by: str | None = None) -> list[StoredRec
     return [found[name] for name in sorted(found)]
 
 
+Details = dict[str, Any]
+"""Of a file, as its file system gives them."""
+
 Grouping = Callable[[Any, str, str], str]
 """Group by file system, path of the bag and address."""
 
@@ -192,41 +195,50 @@ def _matching(pattern: str, group_of: Grouping) -> list[StoredRecording]:
             f'{pattern} must be a path or a URL that fsspec can open, but it cannot ({error}); '
             'install what it names, or correct the address.'
         ) from error
+    try:
+        files, named = _listed(system, path, pattern)
+    except FileNotFoundError:
+        return []
+    except Exception as error:  # every store has its own kinds
+        if _is_local(system):
+            raise
+        reason = ' '.join(f'{type(error).__name__}: {error}'.split())
+        raise TransferError(
+            f'{pattern} must be in a store that can be listed, but it cannot ({reason}); check '
+            'the address, the credentials and the network.'
+        ) from error
+    return _recordings(system, files, named, group_of, pattern)
+
+
+def _listed(system: Any, path: str, pattern: str) -> tuple[dict[str, Details], set[str]]:
+    """Return details of the files that a pattern names or its folders hold, and those it names."""
     has_magic = any(letter in pattern for letter in '*?[')
     if has_magic and not (_is_local(system) and os.path.exists(pattern)):
         matches = system.glob(path, detail=True)
     else:
-        try:
-            matches = {path: system.info(path)}
-        except FileNotFoundError:
-            return []
-    files: dict[str, dict[str, Any]] = {}
-    for place, details in matches.items():
-        if details['type'] == 'directory':
-            files |= system.find(place, detail=True)
-        else:
-            files[place] = details
-    named = {place for place, details in matches.items() if details['type'] != 'directory'}
-    return _recordings(system, files, named, group_of, pattern)
+        matches = {path: system.info(path)}
+    files = {place: each for place, each in matches.items() if each['type'] != 'directory'}
+    named = set(files)
+    for folder in matches.keys() - named:
+        files |= system.find(folder, detail=True)
+    return files, named
 
 
 def _recordings(
-    system: Any,
-    files: dict[str, dict[str, Any]],
-    named: set[str],
-    group_of: Grouping,
-    pattern: str,
+    system: Any, files: dict[str, Details], named: set[str], group_of: Grouping, pattern: str
 ) -> list[StoredRecording]:
     """Put the files of a bag together; files that were named themselves stay alone."""
-    bags = {str(PurePosixPath(path).parent) for path in files if _is_metadata(path)} - {
-        str(PurePosixPath(path).parent) for path in named if _is_metadata(path)
+    folders = {path: str(PurePosixPath(path).parent) for path in files}
+    bags = {
+        folder
+        for path, folder in folders.items()
+        if PurePosixPath(path).name == METADATA and path not in named
     }
     members: dict[str, list[str]] = {}
     for path in sorted(files):
-        folder = str(PurePosixPath(path).parent)
-        if path not in named and folder in bags:
-            members.setdefault(folder, []).append(path)
-        elif _is_recording(path):
+        if path not in named and folders[path] in bags:
+            members.setdefault(folders[path], []).append(path)
+        elif is_storage(Path(path)) or Path(path).suffix in (DATASET_SUFFIX, CSV_SUFFIX):
             members[path] = [path]
     return [
         _recording(system, path, [files[each] for each in some], group_of, pattern)
@@ -235,7 +247,7 @@ def _recordings(
 
 
 def _recording(
-    system: Any, path: str, details: list[dict[str, Any]], group_of: Grouping, pattern: str
+    system: Any, path: str, details: list[Details], group_of: Grouping, pattern: str
 ) -> StoredRecording:
     is_folder = [each['name'] for each in details] != [path]
     name = _address(system, path, pattern)
@@ -260,7 +272,7 @@ def _address(system: Any, path: str, pattern: str) -> str:
     return path if os.path.isabs(pattern) else os.path.relpath(path)
 
 
-def _fingerprint(system: Any, details: dict[str, Any]) -> str:
+def _fingerprint(system: Any, details: Details) -> str:
     """
     Return a text that changes with the content of a file.
 
@@ -270,8 +282,11 @@ def _fingerprint(system: Any, details: dict[str, Any]) -> str:
     """
     size = details.get('size')
     if _is_local(system):
-        with open(details['name'], 'rb') as file:
-            return f'{size} {details["mtime"]} {_probed(file, int(size or 0))}'
+        try:
+            with open(details['name'], 'rb') as file:
+                return f'{size} {details["mtime"]} {_probed(file, int(size or 0))}'
+        except OSError as error:  # of this file alone, as whoever reads it will report
+            return str(error)
     known = [f'{key}={details[key]}' for key in _CONTENT if details.get(key)]
     return f'{size} {" ".join(known)}' if known else str(system.ukey(details['name']))
 
@@ -330,12 +345,3 @@ def _of_metadata(system: Any, folder: str, name: str, key: str) -> str:
 
 def _is_local(system: Any) -> bool:
     return isinstance(system, LocalFileSystem)
-
-
-def _is_metadata(path: str) -> bool:
-    return PurePosixPath(path).name == METADATA
-
-
-def _is_recording(path: str) -> bool:
-    place = Path(path)
-    return is_storage(place) or place.suffix in (DATASET_SUFFIX, CSV_SUFFIX)

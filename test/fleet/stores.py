@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+import json
+import logging
 from pathlib import Path
 from typing import Any
 import uuid
@@ -14,20 +16,20 @@ import pytest
 
 @contextmanager
 def object_store() -> Iterator[str]:
-    """Run a server of Google's protocol; give the URL of an empty bucket."""
-    name = uuid.uuid4().hex
+    """Run a server of the S3 protocol; give the URL of an empty bucket."""
+    pytest.importorskip('s3fs', reason='s3fs is not installed')
+    server = pytest.importorskip('moto.server', reason='no S3 server is installed')
+    logging.getLogger('werkzeug').setLevel(logging.ERROR)  # a line for each request
+    running: Any = server.ThreadedMotoServer('127.0.0.1', port=0, verbose=False)
+    running.start()
+    host, port = running.get_host_and_port()
+    options = {'endpoint_url': f'http://{host}:{port}', 'key': 'key', 'secret': 'secret'}
     with pytest.MonkeyPatch.context() as patch:
-        # else gcsfs asks over gRPC, when it is imported, what the server does not answer
-        patch.setenv('GCSFS_EXPERIMENTAL_ZB_HNS_SUPPORT', 'false')
-        pytest.importorskip('gcsfs', reason='gcsfs is not installed')
-        server = pytest.importorskip('gcp_storage_emulator.server', reason='no object store')
-        running: Any = server.create_server('localhost', 0, in_memory=True, default_bucket=name)
-        running.start()
-        port = running._api._httpd.server_address[1]
-        patch.setenv('STORAGE_EMULATOR_HOST', f'http://localhost:{port}')
-        patch.setenv('FSSPEC_GS', '{"token": "anon"}')  # for processes started meanwhile
-        patch.setitem(fsspec.config.conf, 'gs', {'token': 'anon'})
-        yield f'gs://{name}'
+        patch.setenv('FSSPEC_S3', json.dumps(options))  # for processes started meanwhile
+        patch.setitem(fsspec.config.conf, 's3', options)
+        name = uuid.uuid4().hex
+        fsspec.filesystem('s3').mkdir(name)
+        yield f's3://{name}'
         running.stop()
 
 

@@ -58,7 +58,7 @@ def test_a_fit_from_a_store_on_ray_is_that_from_the_disk(
         with RayEngine(jobs=2) as engine:
             stored = fit_fleet(find([f'{url}/'], GROUP), Config(), engine, cache)
     assert [each.status for each in stored.recordings] == [FITTED] * 6
-    assert all(each.name.startswith('gs://') for each in stored.recordings)
+    assert all(each.name.startswith('s3://') for each in stored.recordings)
     assert_allclose(parameters(stored), parameters(disk), rtol=1e-9, atol=1e-12)
 
 

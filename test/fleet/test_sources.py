@@ -13,8 +13,9 @@ import fsspec
 import pytest
 from simulation.pendulums import swing
 
-from lip_id_ros.errors import ConfigError, SourceError
+from lip_id_ros.errors import ConfigError, SourceError, TransferError
 from lip_id_ros.fleet import sources
+from lip_id_ros.fleet.engines import attempt
 from lip_id_ros.fleet.sources import ATTEMPTS, fetch, find, StoredRecording
 from lip_id_ros.recording import read_bag
 from lip_id_ros.simulation import write_bag
@@ -82,6 +83,22 @@ def test_a_pattern_that_names_nothing_is_refused(bags: Path, pattern: str) -> No
 def test_an_unknown_kind_of_store_is_refused() -> None:
     with pytest.raises(ConfigError, match=r'nonsense://a must be a path or a URL that fsspec'):
         find(['nonsense://a'])
+
+
+def test_a_store_that_does_not_answer_is_named() -> None:
+    system = type(fsspec.filesystem('memory'))
+    failing = patch.object(system, 'info', side_effect=RuntimeError('no credentials'))
+    message = r'memory://a must be in a store that can be listed, .*RuntimeError: no cred.*check'
+    with failing, pytest.raises(TransferError, match=message):
+        find(['memory://a'])
+
+
+def test_a_file_that_cannot_be_opened_fails_alone(bags: Path) -> None:
+    (bags / 'arm1/gone.mcap').symlink_to(bags / 'nothing.mcap')
+    found = find([str(bags / 'arm1')])
+    assert names(found, bags) == ['arm1/gone.mcap', 'arm1/run']
+    outcome = attempt(read_bag, found[0].name)
+    assert 'gone.mcap' in outcome.reason
 
 
 def test_groups_are_searched_for_in_the_address(bags: Path) -> None:
@@ -182,7 +199,7 @@ class Broken:
 
 
 @pytest.mark.parametrize('breaks', [0, 2, ATTEMPTS - 1, ATTEMPTS])
-def test_a_connection_that_breaks_is_continued_and_told(tmp_path: Path, breaks: int) -> None:
+def test_a_connection_that_breaks_is_continued_and_logged(tmp_path: Path, breaks: int) -> None:
     content = bytes(range(100))
     system = fsspec.filesystem('memory')
     system.pipe_file('/broken/run.mcap', content)
