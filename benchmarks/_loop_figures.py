@@ -68,16 +68,16 @@ class Timeline:
 
         """
         times = self._answered - self._asked
-        heard = times[~np.isnan(times)]
+        answered = times[~np.isnan(times)]
         intervals = np.diff(self._answered[~np.isnan(self._answered)])
         return {
             'ticks': self.n_ticks,
             'lost': int(np.isnan(times).sum()),
             **{f'missed_percent_{ticks}': self._missed(times, ticks) for ticks in AHEAD},
             'unsafe': self._unsafe,
-            'answer_ms_median': 1e3 * float(np.median(heard)),
-            'answer_ms_p99': 1e3 * float(np.quantile(heard, 0.99)),
-            'answer_ms_max': 1e3 * float(heard.max()),
+            'answer_ms_median': 1e3 * float(np.median(answered)),
+            'answer_ms_p99': 1e3 * float(np.quantile(answered, 0.99)),
+            'answer_ms_max': 1e3 * float(answered.max()),
             'interval_ms_std': 1e3 * float(intervals.std()),
             'interval_ms_p99': 1e3 * float(np.quantile(intervals, 0.99)),
             'robot_late_percent': 100

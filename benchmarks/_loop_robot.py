@@ -89,7 +89,7 @@ def run(route: Route, timeline: Timeline, trajectory: SinusoidTrajectory) -> flo
 
 
 class Stream:
-    """Every millisecond a reference goes to `serve`; the robot adds feedback to what came last."""
+    """`serve` answers a reference every millisecond; the robot adds feedback to the newest."""
 
     def __init__(
         self, node: Node, timeline: Timeline, trajectory: SinusoidTrajectory, seconds: float
@@ -100,7 +100,9 @@ class Stream:
         self._publisher = node.create_publisher(
             JointTrajectory, '/serve/desired_trajectory', qos.REFERENCE
         )
-        node.create_subscription(JointState, '/serve/feedforward_torque', self._hear, qos.OUTPUT)
+        node.create_subscription(
+            JointState, '/serve/feedforward_torque', self._receive, qos.OUTPUT
+        )
 
     def begin(self) -> None:
         """Send the first reference until it is answered."""
@@ -121,8 +123,8 @@ class Stream:
         message.header.stamp = stamp(number)
         self._publisher.publish(message)
 
-    def _hear(self, message: JointState) -> None:
-        self._newest = heard(self._timeline, message, self._newest)
+    def _receive(self, message: JointState) -> None:
+        self._newest = accepted(self._timeline, message, self._newest)
 
 
 class PlanThroughNode:
@@ -139,10 +141,10 @@ class PlanThroughNode:
         self._forward = node.create_publisher(
             JointTrajectory, '/computed_torque/joint_trajectory', qos.REFERENCE
         )
-        node.create_subscription(JointState, '/computed_torque/command', self._hear, qos.OUTPUT)
+        node.create_subscription(JointState, '/computed_torque/command', self._receive, qos.OUTPUT)
 
     def begin(self) -> None:
-        """Hand the plan on, and wait for the first torque; the plan's clock stands until then."""
+        """Publish the plan, and wait for the first torque; the plan's clock stands until then."""
         answered = self._plan.answered()
         wait_for(lambda: self._forward.get_subscription_count() > 0, lambda: None)
         self._forward.publish(answered)
@@ -161,8 +163,8 @@ class PlanThroughNode:
         message.velocity = messages.doubles(measured.dq)
         self._states.publish(message)
 
-    def _hear(self, message: JointState) -> None:
-        self._newest = heard(self._timeline, message, self._newest)
+    def _receive(self, message: JointState) -> None:
+        self._newest = accepted(self._timeline, message, self._newest)
 
 
 class PlanInLoop:
@@ -247,7 +249,7 @@ def stamp(number: int) -> Any:
     return messages.stamp_at(tick_ns(number))
 
 
-def heard(timeline: Timeline, message: JointState, before: Array) -> Array:
+def accepted(timeline: Timeline, message: JointState, before: Array) -> Array:
     """Note an answer; return its torque, or the one before where it must not reach a robot."""
     effort = np.array(message.effort)
     # a comparison with nan is false

@@ -20,7 +20,7 @@ SECONDS, RATE_HZ = 50.0, 200.0
 @dataclass(frozen=True)
 class Sensors:
     """
-    White noise and steps of what is read.
+    White noise and quantisation of the readings.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""One cell of `serve_rate`: a stream of references to `serve`, and what came back."""
+"""One cell of `serve_rate`: a stream of references to `serve`, and the answers."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def main(request: dict[str, Any]) -> dict[str, Any]:
 
 class Client:
     """
-    Publishes references whose stamps are their numbers, and hears the torques.
+    Publishes references whose stamps are their numbers, and receives the torques.
 
     Both as serialized messages, read after the last: what is measured is `serve` and the
     middleware, with a client that costs as little as a controller in C++.
@@ -64,11 +64,11 @@ class Client:
             JointTrajectory, '/serve/desired_trajectory', qos.REFERENCE
         )
         node.create_subscription(
-            JointState, '/serve/feedforward_torque', self._hear, qos.OUTPUT, raw=True
+            JointState, '/serve/feedforward_torque', self._receive, qos.OUTPUT, raw=True
         )
         self._references = [bytearray(serialize_message(each)) for each in references()]
         self._sent: list[float] = []
-        self._heard: list[tuple[float, bytes]] = []
+        self._answers: list[tuple[float, bytes]] = []
         self._warm = threading.Event()
 
     def wait_for_answer(self) -> None:
@@ -93,9 +93,9 @@ class Client:
 
     def figures(self, elapsed: float) -> dict[str, Any]:
         """Return what was lost, how long answers took, and whether they were safe."""
-        answers = [(at, deserialize_message(each, JointState)) for at, each in self._heard]
+        answers = [(at, deserialize_message(each, JointState)) for at, each in self._answers]
         found = {number_of(answer): at for at, answer in answers}
-        # serve speaks at other times too: while warming up, and after the last reference
+        # serve also publishes at other times: while warming up, and after the last reference
         ms = [1e3 * (found[n] - at) for n, at in enumerate(self._sent) if n in found]
         return {
             'sent': len(self._sent),
@@ -107,8 +107,8 @@ class Client:
             'answer_ms_max': max(ms),
         }
 
-    def _hear(self, message: bytes) -> None:
-        self._heard.append((time.perf_counter(), message))
+    def _receive(self, message: bytes) -> None:
+        self._answers.append((time.perf_counter(), message))
         self._warm.set()
 
 
@@ -137,7 +137,7 @@ def number_of(answer: JointState) -> int:
 
 
 def safe(answer: JointState) -> bool:
-    """Tell whether torques are finite, complete and within the limits."""
+    """Return whether torques are finite, complete and within the limits."""
     effort = np.asarray(answer.effort)
     return effort.shape == (len(LIMITS),) and bool((np.abs(effort) <= LIMITS).all())  # nan, too
 

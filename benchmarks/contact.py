@@ -117,7 +117,7 @@ def measure(
 
 
 def learned(setup: Setup, runs: Sequence[Tracking], settings: FitSettings) -> InverseDynamicsModel:
-    """Learn from what the sensors said."""
+    """Fit the arm to measured motions."""
     samples = [JointSamples(run.t, run.q, run.dq, run.tau, setup.arm.joint_names) for run in runs]
     recorded = preprocess(samples, PREPROCESSING)
     return fit(for_training(recorded, PREPROCESSING, settings.kernel), settings)

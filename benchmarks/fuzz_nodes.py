@@ -45,8 +45,8 @@ Status = Mapping[str, Any]
 
 
 @dataclass
-class Heard:
-    """What came back from the nodes."""
+class Answers:
+    """Messages of the nodes, counted."""
 
     statuses: dict[str, Status] = field(default_factory=dict)
     torques: int = 0
@@ -87,16 +87,16 @@ def main(arguments: list[str]) -> int:
 
 def report(fuzzer: Fuzzer, ended: list[str]) -> int:
     """Print the counters of every node; return 1 where they do not add up, or a node ended."""
-    wrong = len(ended) + fuzzer.heard.unsafe
+    wrong = len(ended) + fuzzer.answers.unsafe
     for name, sent in fuzzer.sent.items():
-        status = fuzzer.heard.statuses[name]
+        status = fuzzer.answers.statuses[name]
         received, accounted = counts(name, status)
         print(f'{name}: sent {sent}, lost on the way {sent - received}, received {received},')
         print(f'  of which used or refused for a reason: {accounted}')
         print(f'  exceptions caught by the guard: {status["faults"]} {status["last_fault"]}')
         wrong += received != accounted or received > sent
-    heard = fuzzer.heard
-    print(f'torques {heard.torques}, unsafe {heard.unsafe}; requests {fuzzer.n_requests}')
+    answers = fuzzer.answers
+    print(f'torques {answers.torques}, unsafe {answers.unsafe}; requests {fuzzer.n_requests}')
     print(f'nodes that ended: {ended or "none"}')
     return int(wrong > 0)
 
@@ -142,7 +142,7 @@ class Fuzzer:
 
     Attributes
     ----------
-    heard : Heard
+    answers : Answers
     sent : dict
         Messages by node.
     n_requests : int
@@ -151,18 +151,18 @@ class Fuzzer:
 
     def __init__(self, node: Node, rng: np.random.Generator) -> None:
         self._node, self._rng = node, rng
-        self.heard = Heard()
+        self.answers = Answers()
         self.sent = dict.fromkeys(USES, 0)
         self.n_requests = 0
         for name in USES:
             node.create_subscription(
                 DiagnosticStatus,
                 f'/{name}/status',
-                lambda message, name=name: self.heard.status(name, message),
+                lambda message, name=name: self.answers.status(name, message),
                 qos.LATCHED,
             )
         for topic in ('/serve/feedforward_torque', '/computed_torque/command'):
-            node.create_subscription(JointState, topic, self.heard.torque, qos.OUTPUT)
+            node.create_subscription(JointState, topic, self.answers.torque, qos.OUTPUT)
         self._reference = node.create_publisher(
             JointTrajectory, '/serve/desired_trajectory', qos.REFERENCE
         )
@@ -186,7 +186,7 @@ class Fuzzer:
 
     def run(self, n_messages: int) -> None:
         """Send that many messages in all, and requests in between."""
-        self._until(lambda: len(self.heard.statuses) == len(USES), START_SECONDS)
+        self._until(lambda: len(self.answers.statuses) == len(USES), START_SECONDS)
         self._until(lambda: self._states.get_subscription_count() == len(USES), START_SECONDS)
         self._until(lambda: self._active(), START_SECONDS)
         states = hostile_states(self._rng, NAMES)
@@ -212,11 +212,12 @@ class Fuzzer:
 
     def _all_counted(self) -> bool:
         return all(
-            counts(name, self.heard.statuses[name])[1] >= sent for name, sent in self.sent.items()
+            counts(name, self.answers.statuses[name])[1] >= sent
+            for name, sent in self.sent.items()
         )
 
     def _active(self) -> bool:
-        return bool(self.heard.statuses.get('serve', {}).get('state') == 'active')
+        return bool(self.answers.statuses.get('serve', {}).get('state') == 'active')
 
     def _request(self) -> None:
         """Call a service with something absurd; leave `serve` active and enabled."""

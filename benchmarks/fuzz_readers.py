@@ -78,7 +78,7 @@ def broken(rng: np.random.Generator, files: list[Case]) -> Case:
 
 
 def outcome(case: Case, findings: Path) -> str:
-    """Read a file; return what came of it, with ! where that should not be."""
+    """Read a file; return the outcome, which begins with ! where it is a fault."""
     suffix, data = case
     with tempfile.TemporaryDirectory(dir='/dev/shm') as folder:
         path = Path(folder) / f'bag{suffix}'
