@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 import tempfile
 
@@ -60,9 +61,8 @@ class RealArm:
     joints: tuple[str, ...]
 
     def datasets(self, folder: Path) -> list[Dataset]:
-        """Return the preprocessed recordings."""
-        raw = self.load(folder)
-        return [preprocess(each, recording=raw.recording) for each in raw.samples]
+        """Return the preprocessed recordings, which are read once."""
+        return list(_datasets(self, folder))
 
     def split(
         self,
@@ -100,6 +100,12 @@ class RealArm:
 
     def _named(self, dataset: Dataset) -> Dataset:
         return replace(dataset, joint_names=self.joints)
+
+
+@cache
+def _datasets(arm: RealArm, folder: Path) -> tuple[Dataset, ...]:
+    raw = arm.load(folder)
+    return tuple(preprocess(each, recording=raw.recording) for each in raw.samples)
 
 
 def _recordings_cut(count: int, unseen: str) -> int:
