@@ -54,11 +54,11 @@ def main(arguments: list[str]) -> int:
 
 def write(path: Path, count: int) -> None:
     """Write a bag of so many JointStates of an arm that moves at 1 kHz."""
-    template, places = _template()
+    content, places = template()
     with RawBag(path, {TOPIC: JOINT_STATE}) as bag:
         for begin in range(0, count, BATCH):
             numbers = np.arange(begin, min(begin + BATCH, count))
-            messages = np.tile(np.frombuffer(template, np.uint8), (numbers.size, 1))
+            messages = np.tile(np.frombuffer(content, np.uint8), (numbers.size, 1))
             time_ns = numbers * (10**9 // RATE_HZ)
             stamps = np.column_stack([time_ns // 10**9, time_ns % 10**9]).astype('<u4')
             messages[:, 4:12] = stamps.view(np.uint8)
@@ -105,8 +105,8 @@ def measured(verb: list[str], folder: str) -> dict[str, Any]:
     return {'code': code, 'seconds': time.perf_counter() - started, 'peak_mb': peak_kb / 1e3}
 
 
-def _template() -> tuple[bytes, list[int]]:
-    """Return a message, and where its three arrays are."""
+def template() -> tuple[bytes, list[int]]:
+    """Return a message, and where its positions, velocities and efforts are."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
     stamp = types['builtin_interfaces/msg/Time'](sec=0, nanosec=0)

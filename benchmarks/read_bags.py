@@ -17,14 +17,14 @@ from rich.table import Table
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_typestore, Stores
 
+from benchmarks.long_recording import JOINT_STATE, N_JOINTS, template
 from lip_id_ros.recording import read_bag
 from lip_id_ros.recording.bag_writer import RawBag
 
-JOINT_STATE, IMAGE = 'sensor_msgs/msg/JointState', 'sensor_msgs/msg/CompressedImage'
+IMAGE = 'sensor_msgs/msg/CompressedImage'
 JOINTS, CAMERA = '/joint_states', '/camera'
 STEP_NS = 1_000_000
 IMAGE_EVERY = 33
-N_JOINTS = 7
 
 
 def main(arguments: list[str]) -> int:
@@ -51,9 +51,10 @@ def main(arguments: list[str]) -> int:
 
 def write(path: Path, count: int, camera_mb: int) -> None:
     """Write a bag of so many JointStates, and images that sum up to about so many megabytes."""
-    first, rng = _template(), np.random.default_rng(0)
-    message = np.frombuffer(first, np.uint8).copy()
-    stamp, values = message[4:12].view('<u4'), _values(message)
+    first, places = template()
+    message, rng = np.frombuffer(first, np.uint8).copy(), np.random.default_rng(0)
+    stamp = message[4:12].view('<u4')
+    values = [message[place : place + 8 * N_JOINTS] for place in places]
     image = rng.bytes(camera_mb * 10**6 * IMAGE_EVERY // max(count, 1))
     with RawBag(path, {JOINTS: JOINT_STATE, CAMERA: IMAGE}) as bag:
         for number in range(count):
@@ -133,29 +134,6 @@ def _figures(seconds: float, before_mb: float, messages: int) -> dict[str, Any]:
         'peak_mb': peak_mb(),
         'before_mb': before_mb,
     }
-
-
-def _template() -> bytes:
-    store = get_typestore(Stores.ROS2_JAZZY)
-    types, zeros = store.types, np.zeros(N_JOINTS)
-    stamp = types['builtin_interfaces/msg/Time'](sec=0, nanosec=0)
-    message = types[JOINT_STATE](
-        header=types['std_msgs/msg/Header'](stamp=stamp, frame_id=''),
-        name=[f'panda_joint{number + 1}' for number in range(N_JOINTS)],
-        position=zeros + 1.0,
-        velocity=zeros + 2.0,
-        effort=zeros + 3.0,
-    )
-    return bytes(store.serialize_cdr(message, JOINT_STATE))
-
-
-def _values(message: np.ndarray[Any, np.dtype[np.uint8]]) -> list[Any]:
-    """Find where the numbers of the template are."""
-    parts = []
-    for value in (1.0, 2.0, 3.0):
-        start = message.tobytes().index(np.full(N_JOINTS, value).tobytes())
-        parts.append(message[start : start + 8 * N_JOINTS])
-    return parts
 
 
 def _print(rows: list[dict[str, Any]], messages: int) -> None:
