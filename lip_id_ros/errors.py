@@ -7,6 +7,11 @@ as `OSError`.
 
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+import difflib
+
 
 class LipIdError(Exception):
     """Base of every error that this package raises on purpose."""
@@ -38,3 +43,26 @@ class ModelError(LipIdError):
 
 class FitError(LipIdError):
     """Fitting failed for numerical reasons."""
+
+
+def closest(names: Iterable[str], known: Iterable[str]) -> list[str]:
+    """Return the known name that is most like each of some unknown ones, where any is."""
+    known = list(known)
+    found = (difflib.get_close_matches(name, known, n=1) for name in names)
+    return list(dict.fromkeys(name for names in found for name in names))
+
+
+def missing_joints(missing: Iterable[str], where: str, known: Iterable[str]) -> str:
+    """Return the sentence on joints that are not where they were looked for."""
+    missing, known = list(missing), list(known)
+    alike = closest(missing, known)
+    remedy = (
+        f'did you mean {", ".join(alike)}?'
+        if len(alike) == len(missing)
+        else 'correct the names, or give a recording of this arm.'
+    )
+    subject = 'joint' if len(missing) == 1 else 'joints'
+    return (
+        f'{subject} {", ".join(missing)} expected in {where}, which has '
+        f'{", ".join(known) or "none"}; {remedy}'
+    )

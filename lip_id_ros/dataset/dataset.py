@@ -17,7 +17,7 @@ from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import formats
 from lip_id_ros.dataset.checks import checked, floats, INDICES, PER_JOINT, PER_SAMPLE
 from lip_id_ros.dataset.subsets import farthest_points, GUARD, left_out_blocks, LeftOutBlock
-from lip_id_ros.errors import DataError
+from lip_id_ros.errors import DataError, missing_joints
 from lip_id_ros.joint_types import is_prismatic
 
 _NO_NUMBERS: IntArray = np.empty(0, np.int64)
@@ -213,10 +213,7 @@ class Dataset:
         """Return the data set with its joints in this order; DataError if one is missing."""
         missing = [name for name in joint_names if name not in self.joint_names]
         if missing:
-            raise DataError(
-                f'joint {missing[0]!r} is not in the data set, which has '
-                f'{", ".join(self.joint_names)}; name the joints as recorded.'
-            )
+            raise DataError(missing_joints(missing, 'the data set', self.joint_names))
         columns = [self.joint_names.index(name) for name in joint_names]
         values = {name: getattr(self, name) for name in PER_JOINT}
         some = {name: value[:, columns] for name, value in values.items() if value is not None}

@@ -9,7 +9,7 @@ import os
 import numpy as np
 
 from lip_id_ros.csv_table import check_columns, joints_of, read_table
-from lip_id_ros.errors import SourceError
+from lip_id_ros.errors import missing_joints, SourceError
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.assembling import assembled
 from lip_id_ros.recording.bags import Bag, choose_topics, Topic
@@ -234,10 +234,7 @@ def _why_empty(samples: JointSamples) -> str:
         return f'{where} must hold messages, but is empty{notes}; record while the arm moves.'
     absent = [name for name in samples.joint_names if name not in samples.seen_joints]
     if absent:
-        return (
-            f'recording.joints must be joints of {where}, but {", ".join(absent)} is not among '
-            f'{", ".join(samples.seen_joints[:_SHOWN_JOINTS]) or "none"}; correct the names.'
-        )
+        return missing_joints(absent, where, samples.seen_joints[:_SHOWN_JOINTS])
     return (
         f'no message of {where} can be used ({_reasons(samples)}); record position, velocity and '
         'effort of every joint, or choose other joints with recording.joints.'

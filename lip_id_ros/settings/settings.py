@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 import dataclasses
 from dataclasses import dataclass, replace
-import difflib
 import math
 from numbers import Integral, Real
 from typing import Any, get_type_hints, TypeVar
 
-from lip_id_ros.errors import ConfigError
+from lip_id_ros.errors import closest, ConfigError
 
 _KEY = 'lip_id_ros.setting'
 MOST_SHOWN = 100  # characters of a value in a message
@@ -218,7 +217,7 @@ def shortened(value: object) -> str:
 
 def unknown_name(label: str, name: str, known: Mapping[str, object], origin: str) -> str:
     """Say that a name is unknown, and which known one comes closest."""
-    close = difflib.get_close_matches(str(name), known, n=1)
+    close = closest([str(name)], known)
     remedy = f'did you mean {close[0]!r}?' if close else f'known are {", ".join(known)}.'
     return f'{label} in {origin} is not a setting; {remedy}'
 

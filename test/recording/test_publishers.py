@@ -102,7 +102,7 @@ def test_other_rates_are_interpolated_and_nothing_crosses_a_gap(tmp_path: Path) 
 
 def test_joints_that_never_come_are_told(tmp_path: Path) -> None:
     states = [alone(state, 0) for state in moving(5)]
-    sentence = r'but elbow is not among shoulder; correct the names\.$'
+    sentence = r'^joint elbow expected in .*, which has shoulder; correct the names, '
     with pytest.raises(SourceError, match=sentence):
         read_bag(write_folder(tmp_path / 'bag', states), BOTH)
 

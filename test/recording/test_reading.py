@@ -234,11 +234,13 @@ def test_topic_without_messages(tmp_path: Path, suffix: str) -> None:
 def test_missing_joint_is_told(tmp_path: Path) -> None:
     path = write_folder(tmp_path / 'bag', moving(3))
     sentence = (
-        r'^recording.joints must be joints of /joint_states in .*bag, but wrist is not among '
-        r'shoulder, elbow; correct the names.$'
+        r'^joint wrist expected in /joint_states in .*bag, which has shoulder, elbow; correct the '
+        r'names, or give a recording of this arm.$'
     )
     with pytest.raises(SourceError, match=sentence):
         read(path, joints=('shoulder', 'wrist'))
+    with pytest.raises(SourceError, match=r'shoulder, elbow; did you mean shoulder, elbow\?$'):
+        read(path, joints=('shuolder', 'ebow'))
 
 
 def test_nan_everywhere_is_told(tmp_path: Path) -> None:
@@ -256,17 +258,24 @@ def test_other_files_are_refused_by_name(tmp_path: Path, name: str) -> None:
 
 def test_folder_without_a_bag(tmp_path: Path) -> None:
     (tmp_path / 'notes.txt').write_text('nothing')
-    sentence = (
-        r'must hold a bag, but there is no .mcap, .db3, .bag file in it \(metadata.yaml is m'
-    )
+    sentence = r'must hold .mcap, .db3, .bag files of one bag, but has no such file; give the fo'
     with pytest.raises(SourceError, match=sentence):
         read_bag(tmp_path)
     folder = write_folder(tmp_path / 'bag', moving(3))
     next(folder.glob('*.db3')).unlink()
     with pytest.raises(
-        SourceError, match=r'must hold .* in it \(metadata.yaml names bag.db3\); give the folder'
+        SourceError, match=r'must hold .* but has none of bag.db3, which metadata.yaml names; giv'
     ):
         read_bag(folder)
+
+
+def test_a_folder_of_recordings_names_them(tmp_path: Path) -> None:
+    for name in ('monday', 'friday'):
+        write_folder(tmp_path / name, moving(3))
+    (tmp_path / 'log.csv').write_text('t,q_a,tau_a\n')
+    sentence = r'but has recordings: friday/, monday/, log.csv; give one or several of these by'
+    with pytest.raises(SourceError, match=sentence):
+        read_bag(tmp_path)
 
 
 @pytest.mark.parametrize('name', ['bag.mcap', 'bag.db3', 'bag.bag'])

@@ -33,6 +33,7 @@ ACTIVE = '.active'
 METADATA = 'metadata.yaml'
 
 _LONGEST_METADATA = 2**20
+_SHOWN = 5
 
 
 def is_storage(path: Path) -> bool:
@@ -98,11 +99,7 @@ def files_of(folder: Path) -> tuple[list[Path], list[str]]:
     there = {file.name: file for file in sorted(files, key=_by_number)}
     named, notes = _named(folder / METADATA)
     if not there:
-        raise SourceError(
-            f'{folder} must hold a bag, but there is no {", ".join(SUFFIXES)} file in it '
-            f'({"; ".join(notes) or "metadata.yaml names " + ", ".join(named)}); give the folder '
-            'or file that was recorded.'
-        )
+        raise SourceError(_no_bag(folder, named))
     notes += [
         f'{METADATA} names {name}, which is not there' for name in named if name not in there
     ]
@@ -116,6 +113,19 @@ def files_of(folder: Path) -> tuple[list[Path], list[str]]:
         notes += [f'{METADATA} does not name {f.name}' for f in chosen if f.name not in named]
     notes += [f'{file.name} was left aside' for file in there.values() if file not in chosen]
     return chosen, notes
+
+
+def _no_bag(folder: Path, named: list[str]) -> str:
+    # a folder of recordings is a frequent mistake
+    inside = sorted({f'{file.parent.name}/' for file in folder.glob('*/*') if is_storage(file)})
+    inside += sorted(file.name for file in folder.glob('*.csv'))
+    found = f'none of {", ".join(named)}, which {METADATA} names' if named else 'no such file'
+    remedy = 'give the folder or file that was recorded'
+    if inside:
+        more = ', ...' if len(inside) > _SHOWN else ''
+        found = f'recordings: {", ".join(inside[:_SHOWN])}{more}'
+        remedy = 'give one or several of these by name'
+    return f'{folder} must hold {", ".join(SUFFIXES)} files of one bag, but has {found}; {remedy}.'
 
 
 def _named(path: Path) -> tuple[list[str], list[str]]:
