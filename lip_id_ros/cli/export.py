@@ -67,8 +67,10 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.export.c_header import identifier
     from lip_id_ros.export.formats import FORMATS, write
     from lip_id_ros.export.from_model import describe
+    from lip_id_ros.export.kinematics import model_kinematics
     from lip_id_ros.export.urdf_template import template_remarks
     from lip_id_ros.model import InverseDynamicsModel
+    from lip_id_ros.model.serialization import contradictions
 
     targets = _targets(args, FORMATS)
     output.check_distinct(*targets.values())
@@ -77,6 +79,8 @@ def run(args: argparse.Namespace) -> None:
         kind = f'an arm exported as {format_name}'
         output.check_file(target, inputs, _is_exported, kind, args.force)
     model = InverseDynamicsModel.load(args.model)
+    with contradictions(args.model):
+        model_kinematics(model)
     name = identifier(Path(args.model).stem if args.name is None else args.name)
     exported = describe(model, name)
     console = output.console(*targets.values())

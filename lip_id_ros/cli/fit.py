@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> None:
             output.destination(args.output), lambda path: models.save(path, model)
         )
     console = output.console(args.output)
-    show.fitted(model, training, console)
+    show.fitted(model, console, training)
     if evaluation is not None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
         show.evaluated(evaluation, title, console)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from lip_id_ros.cli import arguments
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from lip_id_ros.health import Finding
     from lip_id_ros.progress import Progress
 
@@ -48,46 +50,71 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Describe and show."""
-    from pathlib import Path
-
-    from lip_id_ros.cli import models, output, show
-    from lip_id_ros.dataset import DATASET_SUFFIX
-    from lip_id_ros.evaluation.recording_health import RecordingHealth
-    from lip_id_ros.evaluation.tables import show_lines
-    from lip_id_ros.loading import election_lines
-    from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
-    from lip_id_ros.model.serialization import contradictions
-    from lip_id_ros.preprocessing import describe
+    from lip_id_ros.cli import output
 
     output.check_file(args.json, [args.file], output.is_json, 'a JSON object', args.force)
     output.check_folder(args.report, args.force)
+    console = output.console(args.json)
+    description = _model(args, console) if _is_model(args.file) else _recording(args, console)
+    output.write_json(args.json, description)
+
+
+def _is_model(file: str) -> bool:
+    from pathlib import Path
+
+    from lip_id_ros.dataset import DATASET_SUFFIX
+    from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
+
+    return Path(file).suffix == DATASET_SUFFIX and schema_of(file) in (MODEL, COMPARED)
+
+
+def _model(args: argparse.Namespace, console: Console) -> dict[str, Any]:
+    """Show a model and return its description."""
+    from lip_id_ros.cli import models, show
+    from lip_id_ros.errors import ConfigError
+    from lip_id_ros.evaluation.tables import show_lines
+    from lip_id_ros.loading import election_lines
+    from lip_id_ros.model.serialization import contradictions
+
+    for option in ('report', 'efforts', 'config'):
+        if getattr(args, option):
+            raise ConfigError(
+                f'--{option} is about recordings, but {args.file} is a model; leave it out, or '
+                'see lip_id evaluate.'
+            )
+    model = models.load(args.file)
+    with contradictions(args.file):
+        description = {'file': args.file, 'kind': 'model', **show.described_model(model)}
+        cautions = [*models.cautions(model), *election_lines(model.provenance)]
+        show.inspected_model(model, description, console)
+    show_lines(cautions, console)
+    return description
+
+
+def _recording(args: argparse.Namespace, console: Console) -> dict[str, Any]:
+    """Show a recording or data set and return its description."""
+    from lip_id_ros.cli import models, output, show
+    from lip_id_ros.evaluation.recording_health import RecordingHealth
+    from lip_id_ros.evaluation.tables import show_lines
+    from lip_id_ros.preprocessing import describe
+
     recording = models.chosen_config(args.config, {}).recording
     health = RecordingHealth(recording, keep_samples=args.report is not None)
-    cautions = []
+    lines: list[str] = []
     with output.progress_display() as progress:
-        if Path(args.file).suffix == DATASET_SUFFIX and schema_of(args.file) in (MODEL, COMPARED):
-            model = models.load(args.file)
-            cautions = models.cautions(model)
-            with contradictions(args.file):
-                described = show.described_model(model)
-                cautions += election_lines(model.provenance)
-            description = {'file': args.file, 'kind': 'model', **described}
-        else:
-            description = describe(args.file, progress, health)
+        description = describe(args.file, progress, health)
         if args.efforts:
-            efforts, elected = _effort_findings(args, progress)
-            cautions += elected
-            cautions += [finding.text for finding in efforts] or [UNDISPUTED]
+            findings, lines = _effort_findings(args, progress)
+            description['efforts'] = [finding.to_json() for finding in findings]
+            lines += [finding.text for finding in findings] or [UNDISPUTED]
         if args.report:
             from lip_id_ros.evaluation.report.recording_report import write_recording_report
 
             write_recording_report(args.report, args.file, health.seen, progress, health.units)
-    console = output.console(args.json)
-    show.described(description, console)
-    show_lines(cautions, console)
-    if args.efforts:
-        description['efforts'] = [finding.to_json() for finding in efforts]
-    output.write_json(args.json, description)
+    shown = {name: value for name, value in description.items() if name != 'efforts'}
+    show.described(shown, console)
+    show_lines(lines, console)
+    return description
 
 
 def _effort_findings(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from dataclasses import asdict
+from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.text import Text
 
@@ -24,25 +24,34 @@ from lip_id_ros.evaluation.tables import (
     show_lines,
     Table,
 )
+from lip_id_ros.export.kinematics import HEADER, model_kinematics, TRANSFORM, UNIDENTIFIED
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.rigid_body.chain import angles_between, distances_between
+from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 UNSEEN = (
     'Only data that the model has not seen show how good it is: fit with --holdout, or evaluate '
     'it on another recording.'
 )
-UNIDENTIFIED = (
-    'A distance that is not identified may be anything: other links with the same torques fit as '
-    'well. The torques are not affected.'
+RANGES, HEALTH, KINEMATICS = 'ranges', 'health', 'kinematics'
+NOTES, RECORDINGS = 'notes', 'recordings'
+NO_RECORDINGS = 'No topic has joint samples: sensor_msgs/JointState, or the state of a controller.'
+AS_TABLES = (
+    'denavit_hartenberg',
+    'friction',
+    'friction_between_recordings',
+    'noise_std',
+    'remainder',
 )
-RANGES, HEALTH = 'ranges', 'health'
+"""What of a fit is shown by tables, or by its effect."""
 UNITS = 'rad or m and per second; effort as recorded, tau in N m or N'
 INDENT = '  '
+MOST_BESIDE = 3
+DEFAULTS = {'recording': RecordingSettings(), 'preprocessing': PreprocessingSettings()}
 
 
-def fitted(model: Model, training: Dataset, console: Console) -> None:
-    """Show the result of a fit."""
+def fitted(model: Model, console: Console, training: Dataset | None = None) -> None:
+    """Show what a fit found; with the deviations of the torques that it was fitted to."""
     if isinstance(model, Baseline):
         record = model.record
         text = (
@@ -51,83 +60,42 @@ def fitted(model: Model, training: Dataset, console: Console) -> None:
         )
         show_lines([text], console)
         return
-    show(_noise_table(model, training), console)
+    show(_joint_table(model, training), console)
     if model.arm is not None:
         show_links(model, console)
 
 
-def _noise_table(model: InverseDynamicsModel, training: Dataset) -> Table:
-    rows = [
-        (name, kind, f'{noise:.3g} {TORQUE_UNITS[kind]}', f'{tau.std():.3g} {TORQUE_UNITS[kind]}')
-        for name, kind, noise, tau in zip(
-            model.joint_names, model.joint_types, model.noise_std, training.tau.T, strict=True
-        )
-    ]
-    seconds = model.summary['seconds_total']
-    title = f'{model.kernel} kernel, {model.n_samples} samples, fitted in {seconds:.3g} s'
-    return Table(title, ('', 'type', 'noise', 'std of torque'), rows)
+def _joint_table(model: InverseDynamicsModel, training: Dataset | None) -> Table:
+    units = [TORQUE_UNITS[kind] for kind in model.joint_types]
+    header = ['', 'type', 'noise']
+    columns = [model.joint_names, model.joint_types, _with_units(model.noise_std, units)]
+    if training is not None:
+        header.append('std of torque')
+        columns.append(_with_units(training.tau.std(axis=0), units))
+    if model.arm is not None:
+        header.append('friction')
+        columns.append([', '.join(names) for names in model.arm.friction.names()])
+    title = f'{model.kernel} kernel, {model.n_samples} samples'
+    if (seconds := model.summary.get('seconds_total')) is not None:
+        title += f', fitted in {seconds:.3g} s'
+    return Table(title, header, list(zip(*columns, strict=True)))
+
+
+def _with_units(values: Array, units: Sequence[str]) -> list[str]:
+    return [f'{value:.3g} {unit}' for value, unit in zip(values, units, strict=True)]
 
 
 def show_links(model: InverseDynamicsModel, console: Console) -> None:
     """Show the placements that a fit found, and whether anything else explains torques."""
-    rows = [(axis.joint, f'{axis.angle_deg:.1f} deg', axis.distance) for axis in axes(model)]
-    if rows:
-        header = ('', 'angle', 'distance')
-        show(Table('each axis to the previous one, found in the data', header, rows), console)
-    if any(axis.distance_m is not None and not axis.identified for axis in axes(model)):
-        show_lines([UNIDENTIFIED], console)
+    kinematics = model_kinematics(model)
+    assert kinematics is not None, 'the model has links'
+    show(Table(f'Denavit-Hartenberg: {TRANSFORM}', ('', *HEADER), kinematics.cells()), console)
     joints = _remainder_joints(model)
     if joints:
         text = f'Gaussian processes model the residual of {", ".join(joints)}.'
     else:
         text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
-    show_lines([text], console)
-
-
-class Axis(NamedTuple):
-    """
-    A joint's axis relative to the previous one.
-
-    The distance is None at prismatic joints, its deviation where the fit did not report one.
-
-    """
-
-    joint: str
-    angle_deg: float
-    distance_m: float | None
-    distance_std_m: float | None
-
-    @property
-    def identified(self) -> bool:
-        """Whether the distance is known to half of itself, or to 5 cm, at three deviations."""
-        if self.distance_m is None or self.distance_std_m is None:
-            return self.distance_m is not None
-        return 3.0 * self.distance_std_m < max(0.5 * self.distance_m, 0.05)
-
-    @property
-    def distance(self) -> str:
-        """The distance as text."""
-        if self.distance_m is None:
-            return ''
-        if not self.identified:
-            return 'not identified'
-        std = '' if self.distance_std_m is None else f' (std {1e3 * self.distance_std_m:.1f} mm)'
-        return f'{self.distance_m:.3f} m{std}'
-
-
-def axes(model: InverseDynamicsModel) -> list[Axis]:
-    """Return the axis of each joint but the first, where the model has rigid links."""
-    names = model.joint_names[1:]
-    if model.arm is None:
-        return []
-    kinematics = model.summary.get('denavit_hartenberg', {})
-    stds = kinematics.get('length_std_m', [None] * model.n_joints)[1:]
-    chain = model.arm.chain
-    angles = np.degrees(angles_between(chain)).tolist()
-    distances = [
-        None if np.isnan(distance) else float(distance) for distance in distances_between(chain)
-    ]
-    return [Axis(*each) for each in zip(names, angles, distances, stds, strict=True)]
+    show_lines([UNIDENTIFIED] * (not kinematics.identified.all()) + [text], console)
 
 
 def _remainder_joints(model: InverseDynamicsModel) -> list[str]:
@@ -154,27 +122,23 @@ def described_model(model: Model) -> dict[str, Any]:
             'numbers_kept': model.size,
             'fit': {'seconds_total': record.seconds},
         }
+    links = {}
+    if (kinematics := model_kinematics(model)) is not None:
+        links = {'remainder': _remainder_joints(model), KINEMATICS: kinematics.to_json()}
     return {
         'kernel': model.kernel,
         'samples': model.n_samples,
         **common,
-        **_links(model),
+        **links,
         'fit': dict(model.summary),
     }
 
 
-def _links(model: InverseDynamicsModel) -> dict[str, Any]:
-    if model.arm is None:
-        return {}
-    found = {
-        axis.joint: {
-            'angle_deg': axis.angle_deg,
-            'distance_m': axis.distance_m and round(axis.distance_m, 7),
-            'identified': axis.identified,
-        }
-        for axis in axes(model)
-    }
-    return {'remainder': _remainder_joints(model), 'axis_to_the_one_before': found}
+def inspected_model(model: Model, description: Mapping[str, Any], console: Console) -> None:
+    """Show the description of a model, and what its fit found as tables."""
+    fit = {name: value for name, value in description['fit'].items() if name not in AS_TABLES}
+    described({**description, KINEMATICS: None, 'remainder': None, 'fit': fit}, console)
+    fitted(model, console)
 
 
 def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:
@@ -229,21 +193,57 @@ def _span(values: Array) -> str:
 
 
 def described(description: Mapping[str, Any], console: Console, indent: str = '') -> None:
-    """Show a JSON-able, nested description, as `lip_id_ros.preprocessing.describe` returns it."""
+    """
+    Show a JSON-able, nested description, as `lip_id_ros.preprocessing.describe` returns it.
+
+    What is empty is left out, and so are settings with their defaults.
+
+    """
     for name, value in description.items():
         if name == RANGES:
             show(ranges(value), console)
         elif name == HEALTH:
             _health(value, console)
+        elif name == NOTES:
+            for note in value:
+                _print(f'{indent}note: {note}', console)
+        elif name == RECORDINGS and not value:
+            _print(NO_RECORDINGS, console)
         elif _is_list_of_mappings(value):
             for number, entry in enumerate(value, start=1):
-                _print(f'{indent}{name} {number}:', console)
-                described(entry, console, indent + INDENT)
-        elif isinstance(value, Mapping) and value:
-            _print(f'{indent}{name}:', console)
-            described(value, console, indent + INDENT)
-        else:
+                _nested(f'{name} {number} of {len(value)}', entry, console, indent)
+        elif isinstance(value, Mapping):
+            _nested(name, _changed(name, value), console, indent)
+        elif not _is_empty(value):
             _print(f'{indent}{name}: {_text(value)}', console)
+
+
+def _nested(name: str, values: Mapping[str, Any], console: Console, indent: str) -> None:
+    """Show entries below a name, or beside it where they are few."""
+    there = {key: value for key, value in values.items() if not _is_empty(value)}
+    if there and len(there) <= MOST_BESIDE and not any(map(_is_nested, there.values())):
+        entries = ', '.join(f'{key} {_text(value)}' for key, value in there.items())
+        _print(f'{indent}{name}: {entries}', console)
+    elif there:
+        _print(f'{indent}{name}:', console)
+        described(there, console, indent + INDENT)
+
+
+def _changed(name: str, values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the settings that are not at their defaults."""
+    if name not in DEFAULTS:
+        return values
+    defaults = asdict(DEFAULTS[name])  # tuples, which JSON has as lists
+    plain = {key: list(x) if isinstance(x, tuple) else x for key, x in defaults.items()}
+    return {key: value for key, value in values.items() if value != plain.get(key)}
+
+
+def _is_nested(value: Any) -> bool:
+    return isinstance(value, Mapping) or _is_list_of_mappings(value)
+
+
+def _is_empty(value: Any) -> bool:
+    return value is None or (isinstance(value, str | list | dict) and not value)
 
 
 def _health(health: Mapping[str, Any], console: Console) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,9 @@ class ArmDescription:
     potential_reference : array, shape (n,)
         Positions at which the potential energy is zero [rad or m].
     remarks : tuple of str
-        Sentences on what the data could not tell and what is left out.
+        Sentences on what the data do not determine and what is left out.
+    summary : mapping
+        Of the fit, with the standard deviations of the placements.
 
     """
 
@@ -75,6 +78,7 @@ class ArmDescription:
     ranges: JointRanges
     potential_reference: Array
     remarks: tuple[str, ...] = ()
+    summary: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def n_joints(self) -> int:

@@ -85,6 +85,7 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
         ranges=_ranges(model),
         potential_reference=model.potential_reference if model.has_potential else still,
         remarks=tuple(remarks),
+        summary=model.summary,
     )
     return Exported(arm.in_standard_frames(), arm, remainder)
 

@@ -11,15 +11,13 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.export.kinematics import kinematics_of, UNIDENTIFIED
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
-from lip_id_ros.rigid_body.denavit_hartenberg import table
 
 ROUNDING = 1e-15
 """Below it a number is rounding of sums of numbers around one, and is written as zero."""
 COLUMNS = 92
-TILTED = 1e-6
-"""Tilt of a frame that is worth a column of the table [rad]."""
 
 
 class FrictionSplit(NamedTuple):
@@ -86,15 +84,21 @@ def header_lines(arm: ArmDescription, remarks: Iterable[str] = ()) -> list[str]:
     """Return what stands at the beginning of a file: remarks, and the table of the joints."""
     lines = [f'{arm.name}: inverse dynamics of an arm, identified by lip_id_ros', '']
     for remark in (*arm.remarks, *remarks):
-        lines += textwrap.wrap(
-            remark,
-            COLUMNS,
-            initial_indent='- ',
-            subsequent_indent='  ',
-            break_on_hyphens=False,
-            break_long_words=False,
-        )
-    return [*lines, '', *dh_lines(arm)]
+        lines += _wrapped(remark, '- ')
+    kinematics = kinematics_of(arm.joint_names, arm.chain, arm.summary)
+    marked = [] if kinematics.identified.all() else _wrapped(UNIDENTIFIED)
+    return [*lines, '', *kinematics.lines(), *marked]
+
+
+def _wrapped(text: str, begin: str = '') -> list[str]:
+    return textwrap.wrap(
+        text,
+        COLUMNS,
+        initial_indent=begin,
+        subsequent_indent=' ' * len(begin),
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
 
 
 def left_out_remark(arm: ArmDescription, terms: tuple[DriveTerm, ...], name: str) -> list[str]:
@@ -107,36 +111,6 @@ def left_out_remark(arm: ArmDescription, terms: tuple[DriveTerm, ...], name: str
         return []
     listed = '; '.join(f'{term} ({", ".join(joints)})' for term, joints in by_term.items())
     return [f'Left out, since {name} cannot express it: {listed}.']
-
-
-def dh_lines(arm: ArmDescription) -> list[str]:
-    """Return the table of an arm in standard frames as lines of text."""
-    found = table(arm.chain)
-    tilted = bool((np.abs(found.tilt) > TILTED).any())
-    turn = ' Rot_y(tilt)' * tilted
-    head = f'Denavit-Hartenberg: Rot_x(twist) Trans_x(length){turn} Rot_z(angle) Trans_z(offset)'
-    width = max(len(name) for name in arm.joint_names)
-    columns = 'twist [deg]  length [m]  angle [deg]  offset [m]' + '  tilt [deg]' * tilted
-    lines = [head, f'{"":{width}}  {columns}']
-    rows: Array = np.column_stack(
-        [
-            np.degrees(found.twist),
-            found.length,
-            np.degrees(found.angle),
-            found.offset,
-            np.degrees(found.tilt),
-        ]
-    )
-    for name, row in zip(arm.joint_names, _rounded(rows), strict=True):
-        twist, length, angle, offset, tilt = row
-        line = f'{name:{width}}  {twist:11.3f}  {length:10.5f}  {angle:11.3f}  {offset:10.5f}'
-        lines.append(f'{line}  {tilt:10.3f}' if tilted else line)
-    return lines
-
-
-def _rounded(values: Array) -> Array:
-    """Round, and write minus zero as zero."""
-    return np.round(values, 5) + 0.0
 
 
 def roll_pitch_yaw(rotation: Array) -> Array:

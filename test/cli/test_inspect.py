@@ -12,6 +12,7 @@ from simulation.pendulums import swing
 
 from benchmarks._drives import recording
 from lip_id_ros.cli import main
+from lip_id_ros.recording.bag_writer import write_bag_folder
 from lip_id_ros.simulation import write_bag
 
 
@@ -91,3 +92,22 @@ def test_inspect_shows_what_a_model_was_fitted_on(workshop: Workshop, capsys: Ca
     output = capsys.readouterr().out
     assert 'kernel: articulated' in output
     assert f'source: {workshop.bag}' in output
+    assert 'preprocessing: cutoff_hz 8\n' in output
+    assert 'savitzky_golay' not in output  # a default
+    assert 'viscous, Coulomb' in output
+
+
+def test_a_bag_without_recordings_is_described(here: Path, capsys: Capture) -> None:
+    write_bag_folder('bag', [])
+
+    lip_id('inspect', 'bag')
+
+    assert 'No topic has joint samples' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('option', [('--report', 'out'), ('--efforts',), ('--config', 'a.yaml')])
+def test_options_of_recordings_are_refused_for_models(
+    option: tuple[str, ...], workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    assert main(['inspect', str(workshop.model), *option]) == 1
+    assert f'{option[0]} is about recordings, but ' in capsys.readouterr().err

@@ -10,10 +10,11 @@ from model.models import random_model
 import pytest
 
 from lip_id_ros.cli import main
-from lip_id_ros.cli.show import axes, Axis
+from lip_id_ros.export.kinematics import model_kinematics
 from lip_id_ros.identification import fit
 
 Capture = pytest.CaptureFixture[str]
+LENGTH = 1
 
 
 def run(*arguments: str | Path) -> None:
@@ -30,24 +31,19 @@ def test_a_fit_tells_the_length_of_a_link(tmp_path: Path, capsys: Capture) -> No
     run('fit', tmp_path / 'arm.npz', '-o', tmp_path / 'model.npz')
     output = ' '.join(capsys.readouterr().out.split())
     assert 'articulated kernel' in output
-    assert 'each axis to the previous one, found in the data' in output
-    assert re.search(r' 0\.(499|50[01]) m', output)
+    assert re.search(r' 0\.(499|50[01])\d ± 0.00', output)
     assert 'a Gaussian process would not improve it' in output
 
     run('inspect', tmp_path / 'model.npz')
     output = ' '.join(capsys.readouterr().out.split())
-    assert 'remainder: none' in output
-    assert output.count('distance_m') == 1
+    assert re.search(r' 0\.(499|50[01])\d ± 0.00', output)
+    assert 'marks a number that the data do not identify' not in output
 
 
-def test_a_slide_is_no_distance_away(tmp_path: Path, capsys: Capture) -> None:
-    types = ('revolute', 'revolute', 'prismatic')
-    random_model('articulated', types=types).save(tmp_path / 'model.npz')
+def test_processes_beside_links_are_named(tmp_path: Path, capsys: Capture) -> None:
+    random_model('articulated').save(tmp_path / 'model.npz')
     run('inspect', tmp_path / 'model.npz')
-    output = ' '.join(capsys.readouterr().out.split())
-    assert 'remainder: joint_1, joint_3' in output
-    assert output.count('angle_deg') == 2
-    assert output.count('distance_m: none') == 1
+    assert 'model the residual of joint_1, joint_3.' in ' '.join(capsys.readouterr().out.split())
 
 
 @pytest.mark.slow
@@ -57,18 +53,12 @@ def test_noise_decides_what_is_identified(noise: float, identified: bool) -> Non
     motion = random_motion(arm, 200, seed=4)
     tau = arm.torque(*motion)
     model = fit(dataset_of(arm, motion, tau + noise_of(tau, noise)))
-    (axis,) = axes(model)
-    assert axis.identified == identified
+    kinematics = model_kinematics(model)
+    assert kinematics is not None
+    assert kinematics.identified[1, LENGTH] == identified
     if identified:
-        assert axis.distance_std_m is not None
-        assert axis.distance_m == pytest.approx(0.5, abs=3.0 * axis.distance_std_m)
-
-
-def test_a_length_elected_to_be_zero_may_be_unknown() -> None:
-    """Axes that meet because nothing speaks against it; the deviation is that of no election."""
-    assert Axis('wrist', 90.0, 0.0, 0.04).distance == 'not identified'
-    assert Axis('wrist', 90.0, 0.0, 0.001).distance == '0.000 m (std 1.0 mm)'
-    assert Axis('slider', 90.0, None, 0.001).distance == ''
+        length, std = kinematics.values[1, LENGTH], kinematics.std[1, LENGTH]
+        assert length == pytest.approx(0.5, abs=3.0 * std)
 
 
 @pytest.mark.slow

@@ -183,13 +183,17 @@ def test_every_verb_warns_of_a_model_that_explains_nothing(
 
 def test_distances_that_are_not_identified_are_marked(here: Path, capsys: Capture) -> None:
     model = random_model('articulated', types=('revolute',) * 3)
-    kinematics = {'length_std_m': [0.0, 1e-3, 10.0]}
+    std = {'twist_std_deg': [0.0] * 3, 'angle_std_deg': [0.0] * 3, 'offset_std_m': [0.0] * 3}
+    kinematics = {**std, 'length_std_m': [0.0, 1e-3, 10.0]}
     summary = {**model.summary, 'denavit_hartenberg': kinematics}
     replace(model, summary=summary).save(here / 'm.npz')
-    lip_id('inspect', 'm.npz')
-    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
-    assert lines.count('identified: yes') == 1
-    assert lines.count('identified: no') == 1
+    lip_id('inspect', 'm.npz', '--json', 'm.json')
+    output = capsys.readouterr().out
+    assert output.count('± 10.0000 ?') == 1
+    assert output.count('± 0.0010 ') == 1
+    assert '? marks a number that the data do not identify' in output
+    found = json.loads((here / 'm.json').read_text())['kinematics']
+    assert [each['not_identified'] for each in found.values()] == [[], [], ['length']]
 
 
 @pytest.mark.parametrize('value', [5, 'text', None, [1], {'a': 1}])

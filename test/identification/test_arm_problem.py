@@ -8,13 +8,13 @@ from gp.chains import P, R
 from identification.arms import samples_of
 import numpy as np
 import pytest
+from rigid_body.arms import angles_between, distances_between
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.rigid_body.chain import angles_between, distances_between
 from lip_id_ros.rigid_body.pseudo_inertia import scale_of
 
 SCALE = scale_of(2.0, 0.2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rigid_body.arms import angles_between, distances_between
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
@@ -15,7 +16,6 @@ from lip_id_ros.identification.simple_geometry import (
     together,
 )
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.chain import angles_between, distances_between
 
 N = 4
 DOWN = np.array([0.0, 0.0, -9.81])

@@ -4,10 +4,10 @@ from kernels.cases import P, R
 from kernels.cases import random_chain as random_chain_of
 import numpy as np
 import pytest
+from rigid_body.arms import angles_between, distances_between
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.chain import angles_between, distances_between
 from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
