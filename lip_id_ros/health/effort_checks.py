@@ -32,10 +32,13 @@ def effort_missing(evidence: Evidence) -> Iterator[JointText]:
     'let the driver publish it, or leave the joint out by recording.joints',
 )
 def effort_constant(joint: Joint) -> Iterator[str]:
-    """An effort never changes."""
+    """An effort never changes, or by a hundred thousandth at the most."""
     if 'effort' in joint.signals and joint.t.size > 1 and not joint.varies('effort'):
-        value, moves = joint.signals['effort'].ends[0], ', although the joint moves'
-        yield f'the effort of {joint.name} is {value:g} throughout{moves if joint.moves else ""}'
+        effort, moves = joint.signals['effort'], ', although the joint moves' * joint.moves
+        value = f'changes by {effort.range:.1g} only'
+        if effort.range == 0.0:
+            value = f'is {effort.ends[0]:g} throughout'
+        yield f'the effort of {joint.name} {value}{moves}'
 
 
 @joint_check(
@@ -115,7 +118,7 @@ def effort_delay(evidence: Evidence) -> Iterator[JointText]:
 )
 def effort_small(evidence: Evidence) -> Iterator[JointText]:
     """No effort of the arm exceeds 5."""
-    efforts = [each.signals['effort'] for each in evidence.joints if 'effort' in each.signals]
+    efforts = [each.signals['effort'] for each in evidence.joints if each.varies('effort')]
     largest = max((effort.largest for effort in efforts), default=0.0)
     if 0.0 < largest < SMALL and len(efforts) > 1:
         yield '', f'no effort exceeds {largest:.3g}, which is little for torques of an arm'

@@ -27,6 +27,9 @@ from lip_id_ros.recording.spill import extent, marked, thinned
 STILL = 1e-3
 """Joints whose velocity stays below this root mean square [rad/s or m/s] do not move."""
 
+CONSTANT = 1e-5
+"""Range of a signal that is constant, over its largest value or 1 [rad/s, N m, A]."""
+
 _MOST_VALUES = 2**18
 _TOP_WIDTH = 0.002
 _LEAST_TOP = 0.005
@@ -50,6 +53,11 @@ class Signal:
     def range(self) -> float:
         """Largest minus least value."""
         return self.ends[1] - self.ends[0]
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it changes by rounding or the noise of a converter at the most."""
+        return self.range <= CONSTANT * max(1.0, self.largest)
 
     @property
     def largest(self) -> float:
@@ -179,8 +187,8 @@ class Joint:
         return POSITION_UNITS[self.kind]
 
     def varies(self, signal: str) -> bool:
-        """Whether a signal was recorded and takes more than one value."""
-        return signal in self.signals and self.signals[signal].range > 0.0
+        """Whether a signal was recorded and is more than a constant with noise of its digits."""
+        return signal in self.signals and not self.signals[signal].is_constant
 
 
 @dataclass(frozen=True, eq=False)

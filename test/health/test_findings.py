@@ -112,6 +112,16 @@ def test_settings_say_what_efforts_and_joints_are() -> None:
     assert 'little_range' not in {each.code for each in examine(evidence_of(little, prismatic))}
 
 
+@pytest.mark.parametrize(('value', 'noise'), [(0.0, 1e-7), (0.0, 0.0), (40.0, 1e-5)])
+def test_a_constant_effort_with_noise_is_constant(value: float, noise: float) -> None:
+    """The motion explains nothing of such noise, which need not belong to another joint."""
+    draws = np.random.default_rng(0).uniform(-1.0, 1.0, sound().n_samples)
+    (finding,) = found(column(sound(), 'effort', JOINT, value + noise * draws))
+    assert finding.code == 'effort_constant'
+    assert (f'is {value:g} throughout' in finding.text) == (noise == 0.0)
+    assert (f'changes by {2.0 * noise:.1g} only' in finding.text) == (noise > 0.0)
+
+
 def test_settings_for_other_joints_are_told() -> None:
     with pytest.raises(ConfigError, match=r'^recording.effort_scale must have one value for each'):
         evidence_of(sound(), RecordingSettings(effort_scale=(1.0,)))
