@@ -13,16 +13,12 @@ from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import RecordingSettings
 
 COLUMNS = {
-    'range': 'range',
-    'velocity_rms': 'velocity rms',
-    'acceleration_p99': 'acceleration',
-    'velocity_scale': 'velocity / dq',
+    'velocity_rms': 'RMS velocity',
+    'acceleration_p99': 'acceleration, 99 %',
+    'velocity_scale': 'dq / differentiated q',
     'effort_explained': 'effort explained',
 }
-TITLE = (
-    'motion in rad (revolute) or m (prismatic) and seconds; share of the effort that a crude '
-    'model explains'
-)
+TITLE = 'motion in rad or m and s; share of the variance of the effort that a regression explains'
 MOST_LINES = 2
 UNKNOWN_UNITS = dict.fromkeys(POSITION_UNITS, 'rad or m')
 """Units of positions where the types of the joints are not known."""

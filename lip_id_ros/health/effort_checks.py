@@ -32,7 +32,7 @@ def effort_missing(evidence: Evidence) -> Iterator[JointText]:
     'let the driver publish it, or leave the joint out by recording.joints',
 )
 def effort_constant(joint: Joint) -> Iterator[str]:
-    """An effort never changes, or by a hundred thousandth at the most."""
+    """An effort never changes, or by no more than 1e-5 of its size."""
     if 'effort' in joint.signals and joint.t.size > 1 and not joint.varies('effort'):
         effort, moves = joint.signals['effort'], ', although the joint moves' * joint.moves
         value = f'changes by {effort.range:.1g} only'
@@ -59,7 +59,7 @@ def effort_clipped(joint: Joint) -> Iterator[str]:
 @joint_check(
     'effort_sign',
     Severity.WARNING,
-    'see whether gravity has the right sign, and turn the sign by a negative value in '
+    'compare its sign with that of gravity, and reverse it by a negative value in '
     'recording.effort_scale',
 )
 def effort_sign(joint: Joint) -> Iterator[str]:
@@ -68,7 +68,7 @@ def effort_sign(joint: Joint) -> Iterator[str]:
     if is_turned and joint.moves and joint.varies('effort'):
         yield (
             f'the effort of {joint.name} contains friction that would drive the motion instead of '
-            'braking it, as if its sign was turned round'
+            'braking it, as if its sign were reversed'
         )
 
 
@@ -87,14 +87,15 @@ def effort_unrelated(joint: Joint) -> Iterator[str]:
 @check(
     'effort_delay',
     Severity.WARNING,
-    'see whether the driver filters one of them, and record both with the same delay',
+    'see whether the driver filters one of them, and record both with the same delay, or set '
+    'recording.effort_delay_s',
 )
 def effort_delay(evidence: Evidence) -> Iterator[JointText]:
     """
     Efforts fit the motion clearly better when they are shifted in time.
 
-    Only friction, gravity and inertia of each joint by itself are asked, so that a delay below one
-    sample or of an arm without friction may not be seen.
+    Judged by friction, gravity and inertia of each joint by itself, so that a delay below one
+    sample, or of an arm without friction, may not be found.
 
     """
     explanation = evidence.explanation
@@ -105,8 +106,8 @@ def effort_delay(evidence: Evidence) -> Iterator[JointText]:
         side = 'behind' if lag > 0 else 'ahead of'
         yield (
             '',
-            f'the efforts are about {1e3 * abs(lag):.2g} ms {side} the motion (as far as a crude '
-            f'model shows: its residual variance falls by {100 * explanation.lag_gain:.2g} %)',
+            f'the efforts are about {1e3 * abs(lag):.2g} ms {side} the motion (by a crude '
+            f'model, whose residual variance falls by {100 * explanation.lag_gain:.2g} %)',
         )
 
 

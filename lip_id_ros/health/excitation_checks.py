@@ -83,15 +83,10 @@ def slow(joint: Joint) -> Iterator[str]:
     'accelerate more, or its inertia is not identified (slow motions are not harmed)',
 )
 def gentle(joint: Joint) -> Iterator[str]:
-    """
-    The acceleration of a joint hardly ever exceeds 0.5 rad/s^2 or 0.05 m/s^2.
-
-    It does so in less than a hundredth of the samples.
-
-    """
+    """An acceleration stays below 0.5 rad/s^2 or 0.05 m/s^2 in 99 % of the samples."""
     if joint.moves and joint.acceleration < LEAST_ACCELERATION[joint.kind]:
         high = f'{joint.acceleration:.2g} {joint.unit}/s^2'
-        yield f'{joint.name} accelerates with {high} at the most'
+        yield f'the acceleration of {joint.name} stays below {high} in 99 % of the samples'
 
 
 @joint_check(

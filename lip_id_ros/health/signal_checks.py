@@ -245,7 +245,8 @@ def velocity_constant(joint: Joint) -> Iterator[str]:
 @joint_check(
     'velocity_sign',
     Severity.WARNING,
-    'set preprocessing.velocity to differentiated, and ask which of the two signs the effort has',
+    'set preprocessing.velocity to differentiated, and check which of the two signs fits the '
+    'effort',
 )
 def velocity_sign(joint: Joint) -> Iterator[str]:
     """A velocity has the other sign than the change of position."""

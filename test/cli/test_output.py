@@ -107,7 +107,7 @@ def test_outline_of_a_nested_description(capsys: Capture) -> None:
 
 
 def test_findings_of_one_kind_share_a_line(capsys: Capture) -> None:
-    joints = {name: {'range': 1.0, 'velocity_rms': None} for name in 'abc'}
+    joints = {name: {'velocity_scale': 1.0, 'velocity_rms': None} for name in 'abc'}
     findings = [
         {'code': 'slow', 'severity': 'warning', 'joint': name, 'text': f'{name} is slow; hurry.'}
         for name in 'abc'
