@@ -93,7 +93,7 @@ class ServedArm:
         """Joints of the model, base to tip."""
         return self.loaded.joint_names
 
-    def adjust(self, settings: ServeSettings, now: float) -> None:
+    def adjust(self, settings: ServeSettings) -> None:
         """
         Use other settings; what the robot holds stays, and ramps go on.
 
@@ -103,7 +103,7 @@ class ServedArm:
             If they do not fit the joints.
 
         """
-        self.shaper.adjust(make_rules(settings, self.joint_names), now)
+        self.shaper.adjust(make_rules(settings, self.joint_names))
         self._known = self._trained.widened(self.shaper.rules.margins)
         if settings.residual_cutoff_hz != self._settings.residual_cutoff_hz:
             self._low_pass = LowPass(settings.residual_cutoff_hz)

@@ -68,7 +68,7 @@ class Server:
 
     # the model and its rules
 
-    def use(self, loaded: LoadedModel, settings: ServeSettings, now: float) -> None:
+    def use(self, loaded: LoadedModel, settings: ServeSettings) -> None:
         """
         Answer with this model from now on, beginning at what the robot holds.
 
@@ -77,8 +77,6 @@ class Server:
         loaded : LoadedModel
             Of the joints served before, in their order, if there were any.
         settings : ServeSettings
-        now : float
-            [s].
 
         Raises
         ------
@@ -88,9 +86,9 @@ class Server:
         """
         sent = self._arm.shaper.sent if self._arm else Sent(np.zeros(len(loaded.joint_names)))
         self._arm = ServedArm(loaded, settings, self.counts.torques, sent)
-        self._arm.shaper.begin(now)
+        self._arm.shaper.begin()
 
-    def adjust(self, settings: ServeSettings, now: float) -> None:
+    def adjust(self, settings: ServeSettings) -> None:
         """
         Use other settings.
 
@@ -101,7 +99,7 @@ class Server:
 
         """
         if self._arm is not None:
-            self._arm.adjust(settings, now)
+            self._arm.adjust(settings)
 
     def release(self) -> None:
         """Forget the model, after zero torque was published."""
@@ -109,11 +107,11 @@ class Server:
         self.enabled = False
         self._watch = Watch()
 
-    def enable(self, now: float) -> None:
+    def enable(self) -> None:
         """Answer references from now on, beginning at what the robot holds."""
         self.enabled = True
         if self._arm is not None:
-            self._arm.shaper.begin(now)
+            self._arm.shaper.begin()
 
     def disable(self) -> None:
         """Answer no more, after zero torque was published."""
@@ -121,10 +119,10 @@ class Server:
         self.rest()
 
     def rest(self) -> None:
-        """Note that zero torque was published: the next reference begins there."""
+        """Note that zero torque was published: the next reference is ramped in from there."""
         self._watch.stop()
         if self._arm is not None:
-            self._arm.shaper.sent = Sent(np.zeros(len(self.joint_names)))
+            self._arm.shaper.rest()
 
     # messages
 
@@ -157,10 +155,7 @@ class Server:
 
         """
         with self.counts.references.refusing(), np.errstate(all='ignore'):
-            arm = self.ready_arm()
-            if self._watch.stale:
-                arm.shaper.begin(now)
-            served = arm.sample(names, points, now, tag)
+            served = self.ready_arm().sample(names, points, now, tag)
             self._watch.feed(now, served.state[0])
         self.counts.references.used['samples'] += 1
         return served
@@ -235,7 +230,6 @@ class Server:
         if not self._watch.stale:
             self._watch.stale = True
             self.counts.torques['stale'] += 1
-            arm.shaper.begin(now)
         with np.errstate(all='ignore'):
             return arm.safe_torque(self._watch.position(now, timeout_s), now)
 

@@ -122,31 +122,27 @@ class Sent:
 
 class Ramp:
     """
-    A linear blend from one torque to whatever is wanted.
+    A linear blend from the torque that the robot holds to whatever is wanted.
 
     The share of the wanted torque grows with time at a slope of one over the present duration.
     Another duration changes the slope from here on, not the share.
 
-    Parameters
-    ----------
-    origin : ndarray, shape (n,)
-        The torque at share 0 [N m or N].
-
     """
 
-    def __init__(self, origin: Array) -> None:
-        self._origin = origin
-        self._share = 1.0
-        self._at = -np.inf
+    def __init__(self) -> None:
+        self._origin: Array | None = None
+        self._share, self._at = 1.0, -np.inf
 
-    def begin(self, origin: Array, now: float) -> None:
-        """Start again at share 0 from this torque, at this time [s]."""
-        self._origin, self._share, self._at = origin, 0.0, now
+    def begin(self) -> None:
+        """Start again at share 0 with the next torque, whenever it comes."""
+        self._origin, self._share = None, 0.0
 
-    def blend(self, wanted: Array, now: float, duration_s: float) -> Array:
+    def blend(self, held: Array, wanted: Array, now: float, duration_s: float) -> Array:
         """Return the torque at this time [s], for a ramp that takes `duration_s` in all."""
         if self._share >= 1.0:
             return wanted
+        if self._origin is None:
+            self._origin, self._at = held, now
         elapsed, self._at = max(now - self._at, 0.0), now
         self._share += elapsed / duration_s if duration_s > 0.0 else 1.0
         if self._share >= 1.0:
@@ -172,21 +168,27 @@ class Shaper:
         self.rules = rules
         self.sent = sent
         self._counts = counts
-        self._ramp = Ramp(sent.tau)
+        self._ramp = Ramp()
+        self._is_safe = False
 
-    def begin(self, now: float) -> None:
-        """Ramp in from what the robot holds."""
-        self._ramp.begin(self.sent.tau, now)
+    def begin(self) -> None:
+        """Ramp the next torque in from what the robot holds."""
+        self._ramp.begin()
 
-    def adjust(self, rules: Rules, now: float) -> None:
+    def rest(self) -> None:
+        """Note that zero torque was published: the next one is ramped in from there."""
+        self.sent = Sent(np.zeros_like(self.sent.tau))
+        self.begin()
+
+    def adjust(self, rules: Rules) -> None:
         """Use other rules of the same joints; a torque that they change is ramped to."""
         if not self.rules.same_torque(rules):
-            self.begin(now)
+            self.begin()
         self.rules = rules
 
     def sample(self, tau: Array, now: float) -> Array:
         """
-        Shape one torque of a stream.
+        Shape one torque of a stream; the first after safe torques begins a ramp.
 
         Parameters
         ----------
@@ -206,11 +208,11 @@ class Shaper:
             If a torque is not finite.
 
         """
-        return self._shape(tau, now, self.rules.ramp_s)
+        return self._shape(tau, now, is_safe=False)
 
     def safe(self, tau: Array, now: float) -> Array:
-        """Shape the safe torque of shape (n,) [N m or N]; `begin` when references have stopped."""
-        return self._shape(tau, now, self.rules.safe_ramp_s)
+        """Shape the safe torque of shape (n,) [N m or N]; the first begins a ramp."""
+        return self._shape(tau, now, is_safe=True)
 
     def plan(self, tau: Array, t: Array) -> Array:
         """
@@ -235,9 +237,13 @@ class Shaper:
             self._counts['rate_limited'] += _slow_down(safe, t, self.rules.rates)
         return safe
 
-    def _shape(self, tau: Array, now: float, duration_s: float) -> Array:
+    def _shape(self, tau: Array, now: float, is_safe: bool) -> Array:
         wanted, limited = self._scaled(tau)
-        ramped = self._ramp.blend(wanted, now, duration_s)
+        if is_safe != self._is_safe:  # only here, where nothing is refused any more
+            self._is_safe = is_safe
+            self.begin()
+        duration_s = self.rules.safe_ramp_s if is_safe else self.rules.ramp_s
+        ramped = self._ramp.blend(self.sent.tau, wanted, now, duration_s)
         elapsed = min(max(now - self.sent.at, 1e-6), LONGEST_STEP_S)
         rated = _toward(self.sent.tau, ramped, elapsed * self.rules.rates)
         # again, since the limits may have become narrower than what was sent last

@@ -124,7 +124,7 @@ class ServeNode(NodeBase, LifecycleNode):
     def apply_change(self, values: Mapping[str, Any]) -> None:
         """Use the new settings at once; a torque that they change is ramped to."""
         settings = self._settings()
-        self._server.adjust(settings, time.monotonic())
+        self._server.adjust(settings)
         self._inputs.adjust(settings)
         if self._models and self._models[settings.payload] is not self._loaded:
             self._serve(self._models[settings.payload], settings)
@@ -136,7 +136,7 @@ class ServeNode(NodeBase, LifecycleNode):
         self._loaded = loaded
         self._inputs.use(loaded, settings)
         if self._server.active:
-            self._server.use(loaded, settings, time.monotonic())
+            self._server.use(loaded, settings)
 
     def _settings(self) -> ServeSettings:
         return ServeSettings(**self.values())
@@ -175,7 +175,7 @@ class ServeNode(NodeBase, LifecycleNode):
         warning = unbounded(settings)
         if warning:
             self.get_logger().warning(warning)
-        self._server.use(self._loaded, settings, time.monotonic())
+        self._server.use(self._loaded, settings)
         result = super().on_activate(state)
         self._enable(settings.enabled)
         return result
@@ -228,7 +228,7 @@ class ServeNode(NodeBase, LifecycleNode):
 
     def _enable(self, enabled: bool) -> None:
         if enabled:
-            self._server.enable(time.monotonic())
+            self._server.enable()
         else:
             self._inputs.publish_zero()
             self._server.disable()

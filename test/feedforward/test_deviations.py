@@ -73,8 +73,8 @@ def test_what_cannot_be_told_is_beyond_the_limit(tmp_path: Path) -> None:
     arm = load_model(settings, ())
     assert arm.deviations is not None
     server = Server()
-    server.use(arm, settings, 0.0)
-    server.enable(0.0)
+    server.use(arm, settings)
+    server.enable()
     rest = [0.1] * model.n_joints
     points = [point(rest, rest, rest)]
     try:

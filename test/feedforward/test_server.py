@@ -24,8 +24,8 @@ PLAIN: dict[str, Any] = {'ramp_s': 0.0, 'safe_ramp_s': 0.0, 'rate_limits': (1e9,
 
 def serving(**settings: Any) -> Server:
     server = Server()
-    server.use(arm(), ServeSettings(**{**PLAIN, **settings}), 0.0)
-    server.enable(0.0)
+    server.use(arm(), ServeSettings(**{**PLAIN, **settings}))
+    server.enable()
     return server
 
 
@@ -75,7 +75,7 @@ def test_plan_with_a_foreign_joint_is_refused_and_counted() -> None:
 
 def test_torque_that_is_not_finite_never_leaves() -> None:
     server = serving()
-    server.use(arm(np.nan), ServeSettings(**PLAIN), 0.0)
+    server.use(arm(np.nan), ServeSettings(**PLAIN))
     with pytest.raises(RefusedError, match='not be finite'):
         server.sample(NAMES, [POINT], 0.0)
     with pytest.raises(RefusedError, match='not be finite'):
@@ -119,7 +119,7 @@ def test_nothing_is_answered_while_disabled_or_inactive() -> None:
 def test_another_model_is_ramped_in_and_counts_go_on() -> None:
     server = serving(output_scale=0.5)
     server.sample(NAMES, [POINT], 1.0)
-    server.use(arm(2.0), ServeSettings(ramp_s=1.0), 2.0)
+    server.use(arm(2.0), ServeSettings(ramp_s=1.0))
     np.testing.assert_allclose(server.sample(NAMES, [POINT], 2.0).tau, 0.5 * TAU)
     np.testing.assert_allclose(server.sample(NAMES, [POINT], 3.0).tau, 2 * TAU)
     assert server.values()['answered'] == {'samples': 3, 'plans': 0, 'measured': 0}
@@ -129,7 +129,7 @@ def test_enable_begins_at_zero() -> None:
     server = serving(ramp_s=1.0)
     server.sample(NAMES, [POINT], 5.0)
     server.disable()
-    server.enable(6.0)
+    server.enable()
     np.testing.assert_allclose(server.sample(NAMES, [POINT], 6.0).tau, 0.0)
     np.testing.assert_allclose(server.sample(NAMES, [POINT], 6.5).tau, 0.5 * TAU)
 
@@ -155,6 +155,36 @@ def test_a_silent_stream_gets_a_safe_torque_and_comes_back_by_a_ramp() -> None:
     assert server.safe_torque(200.0) is None
 
 
+def test_a_stream_that_begins_late_is_ramped_in_all_the_same() -> None:
+    """From a call on, the ramp was over before a planner was ready: the whole torque at once."""
+    server = serving(ramp_s=1.0)
+    for begun in (100.0, 200.0, 300.0):
+        np.testing.assert_allclose(server.sample(NAMES, [POINT], begun).tau, 0.0)
+        np.testing.assert_allclose(server.sample(NAMES, [POINT], begun + 0.5).tau, 0.5 * TAU)
+        np.testing.assert_allclose(server.sample(NAMES, [POINT], begun + 1.0).tau, TAU)
+        if begun == 100.0:
+            server.disable()
+            server.enable()
+        else:
+            server.rest()  # after a fault of a callback
+
+
+@pytest.mark.parametrize('refused', [([1], [1], [1]), ([1e308, 0], [1e308, 0], [1e308, 0])])
+def test_refused_references_do_not_hold_a_torque(refused: tuple[list[float], ...]) -> None:
+    """Each began the ramp to the safe torque anew: a planner of NaN kept the arm at its last."""
+    server = serving(stale_timeout_s=0.5, safe_ramp_s=0.1, range_policy='off')
+    server.sample(NAMES, [POINT], 0.0)
+    safe = []
+    for tick in range(8):
+        now = 0.6 + 0.02 * tick
+        for _ in range(20):
+            with pytest.raises(RefusedError):
+                server.sample(NAMES, [point(*refused)], now)
+        safe.append(server.safe_torque(now))
+    shares = [1.0, 0.8, 0.6, 0.4, 0.2, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(safe, np.outer(shares, TAU), atol=1e-9)
+
+
 def test_the_safe_torque_of_gravity_is_that_of_where_the_arm_is() -> None:
     server = serving(stale_timeout_s=0.5, stale_policy='gravity', torque_limits=[50.0])
     server.sample(NAMES, [POINT], 1.0)
@@ -163,7 +193,7 @@ def test_the_safe_torque_of_gravity_is_that_of_where_the_arm_is() -> None:
     np.testing.assert_array_equal(server.safe_torque(2.2), [3.0, 50.0])
     np.testing.assert_array_equal(server.safe_torque(2.7), [1.0, 2.0])
     without = ServeSettings(stale_timeout_s=0.5, stale_policy='gravity', gravity=False, **PLAIN)
-    server.adjust(without, 2.75)
+    server.adjust(without)
     np.testing.assert_array_equal(server.safe_torque(2.8), [0.0, 0.0])
 
 
@@ -184,10 +214,9 @@ def test_the_safe_torque_keeps_to_the_rate() -> None:
 )
 def test_references_outside_the_training_range(policy: str, expected: float, count: int) -> None:
     server = Server()
-    server.use(
-        arm(reach=4.0), ServeSettings(range_policy=policy, range_margin=(0.0,), **PLAIN), 0.0
-    )
-    server.enable(0.0)
+    settings = ServeSettings(range_policy=policy, range_margin=(0.0,), **PLAIN)
+    server.use(arm(reach=4.0), settings)
+    server.enable()
     np.testing.assert_array_equal(server.sample(NAMES, [POINT], 0.0).tau, expected * TAU)
     np.testing.assert_array_equal(server.plan(NAMES, [POINT]), [expected * TAU])
     assert server.values()['out_of_range'] == count
@@ -206,7 +235,7 @@ def test_the_safe_torque_is_reached_in_its_own_time_and_the_diagnostics_say_the_
     server = serving(stale_timeout_s=0.5, ramp_s=30.0, safe_ramp_s=0.2)
     for now in np.arange(0.0, 40.0, 0.1):
         server.sample(NAMES, [POINT], float(now))
-    server.adjust(ServeSettings(**{**PLAIN, 'ramp_s': 60.0, 'safe_ramp_s': 0.2}), 39.9)
+    server.adjust(ServeSettings(**{**PLAIN, 'ramp_s': 60.0, 'safe_ramp_s': 0.2}))
     for now, share in ((40.5, 1.0), (40.6, 0.5), (40.7, 0.0), (47.0, 0.0)):
         safe = server.safe_torque(now)
         assert safe is not None
@@ -222,11 +251,11 @@ def test_disable_ends_the_watch_over_the_stream() -> None:
     assert server.safe_torque(1.0) is not None
     server.disable()
     assert server.judge('', 1.5)[0] == Level.OK
-    server.enable(2.0)
+    server.enable()
     assert server.safe_torque(99.0) is None  # no reference is expected yet
     server.sample(NAMES, [POINT], 100.0)
     server.disable()
-    server.enable(101.0)
+    server.enable()
     assert server.safe_torque(200.0) is None
     assert server.values()['stale'] == 1
 
@@ -279,7 +308,7 @@ def test_every_message_is_answered_or_refused(kinds: list[int]) -> None:
         lambda: server.plan(NAMES, plan),
         lambda: server.plan(NAMES, plan[::-1]),
         server.disable,
-        lambda: server.enable(1.0),
+        server.enable,
     )
     messages = 0
     for kind in kinds:

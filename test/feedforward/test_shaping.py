@@ -38,7 +38,7 @@ def test_a_stream_stays_within_limits_and_rates(
     stream = shaper(torque_limits=LIMITS, rate_limits=RATES, output_scale=scale, ramp_s=ramp_s)
     now, before = 0.0, np.zeros(3)
     stream.sent = Sent(before, now)
-    stream.begin(now)
+    stream.begin()
     for row, step in zip(tau, steps, strict=True):
         now += step
         safe = stream.sample(row, now)
@@ -70,12 +70,12 @@ def test_what_is_within_limits_is_only_scaled_and_the_rest_counted(
 
 def test_a_ramp_leads_from_what_was_sent_to_what_is_asked() -> None:
     stream = shaper(ramp_s=2.0)
-    stream.begin(10.0)
+    stream.begin()
     asked = np.array([4.0, -8.0, 1.0])
     np.testing.assert_allclose(stream.sample(asked, 10.0), 0.0)
     np.testing.assert_allclose(stream.sample(asked, 10.5), 0.25 * asked)
     np.testing.assert_allclose(stream.sample(asked, 12.0), asked)
-    stream.begin(20.0)
+    stream.begin()
     np.testing.assert_allclose(stream.sample(-asked, 20.0), asked)
     np.testing.assert_allclose(stream.sample(-asked, 21.0), 0.0)
     np.testing.assert_allclose(stream.sample(-asked, 99.0), -asked)
@@ -125,16 +125,17 @@ def test_a_check_of_standard_deviations_needs_limits() -> None:
 
 def test_a_ramp_goes_on_from_its_share_when_its_duration_changes() -> None:
     stream = shaper(ramp_s=2.0)
-    stream.begin(0.0)
+    stream.begin()
     asked = np.array([4.0, -8.0, 1.0])
+    np.testing.assert_allclose(stream.sample(asked, 0.0), 0.0)
     np.testing.assert_allclose(stream.sample(asked, 1.0), 0.5 * asked)
-    stream.adjust(make_rules(ServeSettings(ramp_s=60.0), NAMES), 1.0)
+    stream.adjust(make_rules(ServeSettings(ramp_s=60.0), NAMES))
     np.testing.assert_allclose(stream.sample(asked, 1.0), 0.5 * asked)
     np.testing.assert_allclose(stream.sample(asked, 7.0), 0.6 * asked)
-    stream.adjust(make_rules(ServeSettings(ramp_s=1.0), NAMES), 7.0)
+    stream.adjust(make_rules(ServeSettings(ramp_s=1.0), NAMES))
     np.testing.assert_allclose(stream.sample(asked, 7.2), 0.8 * asked)
     np.testing.assert_allclose(stream.sample(asked, 8.0), asked)
-    stream.adjust(make_rules(ServeSettings(ramp_s=60.0), NAMES), 8.0)  # the ramp is over
+    stream.adjust(make_rules(ServeSettings(ramp_s=60.0), NAMES))  # the ramp is over
     np.testing.assert_allclose(stream.sample(asked, 8.0), asked)
 
 
@@ -151,7 +152,7 @@ def test_a_setting_that_changes_torques_is_ramped_to(changed: dict[str, Any]) ->
     stream = shaper(ramp_s=1.0)
     before, after = np.full(3, 20.0), np.zeros(3)
     np.testing.assert_array_equal(stream.sample(before, 0.0), before)
-    stream.adjust(make_rules(ServeSettings(**{'ramp_s': 1.0, **changed}), NAMES), 1.0)
+    stream.adjust(make_rules(ServeSettings(**{'ramp_s': 1.0, **changed}), NAMES))
     np.testing.assert_allclose(stream.sample(after, 1.0), before)
     np.testing.assert_allclose(stream.sample(after, 1.25), 0.75 * before)
     np.testing.assert_allclose(stream.sample(after, 2.0), after)
