@@ -23,7 +23,6 @@ from lip_id_ros.signals.joints import (
     Refusal,
     RefusedError,
     require_unique,
-    stack,
 )
 from lip_id_ros.signals.status import Level, Status, Tally
 
@@ -261,7 +260,7 @@ class PlanController:
 
     def _read(self, names: Sequence[str], points: Sequence[EffortPoint]) -> _Plan:
         columns = self._planned.columns(names)
-        motion = stack(points, len(names))[:, :, columns]
+        motion = self._planned.states(names, points)
         efforts = {len(point.effort) for point in points}
         if efforts not in ({0}, {len(names)}):
             raise RefusedError(Refusal.WRONG_LENGTH)

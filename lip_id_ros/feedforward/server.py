@@ -1,45 +1,166 @@
-"""The torque server: answers each message with a safe torque, or refuses and counts it."""
+"""
+The way from a reference to a torque: check, ask the model, shape; or refuse and count.
+
+A new count of torques is a name in `COUNTED` here or in `shaping`, beside the line that counts it.
+
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.feedforward.arm import ServedArm, ServedTorque
+from lip_id_ros.feedforward import shaping
 from lip_id_ros.feedforward.deviations import Deviated
 from lip_id_ros.feedforward.loading import LoadedModel
-from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.feedforward.shaping import Sent
-from lip_id_ros.feedforward.status import ServeCounts, Watch
+from lip_id_ros.feedforward.measured import MeasuredArm
+from lip_id_ros.feedforward.settings import make_rules, Policy, SafeValue, ServeSettings
+from lip_id_ros.feedforward.shaping import Sent, Shaper, TrainingRange
+from lip_id_ros.feedforward.status import ServeCounts
+from lip_id_ros.model import Prediction, Query
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joint_states import MeasuredState
-from lip_id_ros.signals.joints import PlannedPoint, Point, Refusal, RefusedError
+from lip_id_ros.signals.joints import (
+    increasing_times,
+    JointOrder,
+    PlannedPoint,
+    Point,
+    Refusal,
+    RefusedError,
+)
 from lip_id_ros.signals.status import Level
+
+COUNTED = (*shaping.COUNTED, 'stale')
+"""Keys of ~/status: what `shaping` counts, and streams that fell silent."""
+
+
+@dataclass(frozen=True, eq=False)
+class ServedTorque:
+    """
+    Answer to one sample of a stream.
+
+    Attributes
+    ----------
+    tau : ndarray, shape (n,)
+        The torque that may leave [N m or N], in the model's order.
+    query : Query
+        Torque and energies as the model has them.
+    state : ndarray, shape (3, n)
+        Positions, velocities, accelerations in the model's order.
+
+    """
+
+    tau: Array
+    query: Query
+    state: Array
+
+
+class ServedArm:
+    """
+    A model with the rules for its torques; ConfigError where the settings do not fit its joints.
+
+    Parameters
+    ----------
+    loaded : LoadedModel
+    settings : ServeSettings
+    counts : Counter
+        Gets the counts of `shaping`.
+    sent : Sent
+        What the robot holds.
+
+    """
+
+    def __init__(
+        self, loaded: LoadedModel, settings: ServeSettings, counts: Counter[str], sent: Sent
+    ) -> None:
+        self.loaded = loaded
+        self.joint_names = loaded.joint_names
+        self.measured = MeasuredArm(loaded, settings.residual_cutoff_hz)
+        trained = TrainingRange(*loaded.model.training_range)
+        self.shaper = Shaper(make_rules(settings, self.joint_names), trained, sent, counts)
+        self._model = loaded.model
+        self._order = JointOrder(self.joint_names)
+        self._std_period_s = 1.0 / settings.std_rate_hz
+
+    def adjust(self, settings: ServeSettings) -> None:
+        """Use other settings; what the robot holds stays, and ramps go on."""
+        self.shaper.adjust(make_rules(settings, self.joint_names))
+        self.measured.adjust(settings.residual_cutoff_hz)
+        self._std_period_s = 1.0 / settings.std_rate_hz
+
+    def sample(
+        self, names: Sequence[str], points: Sequence[Point], now: float, tag: Any
+    ) -> ServedTorque:
+        """Answer one sample of a stream; joints that the model does not know are left out."""
+        state = self._order.states(names, points)[:, 0]
+        query = self._model.query(*state)
+        std = self._std(state, now, tag)
+        return ServedTorque(
+            self.shaper.sample(self._with_gravity(query), now, state, std), query, state
+        )
+
+    def plan(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> Array:
+        """Answer a plan, which must move the model's joints and no others, in its own order."""
+        if len(points) > self.shaper.rules.max_plan_points:
+            raise RefusedError(Refusal.TOO_LONG)
+        columns = self._order.columns(names)
+        if len(columns) != len(names):
+            raise RefusedError(Refusal.FOREIGN_JOINT)
+        states = self._order.states(names, points)
+        t = increasing_times(points)
+        tau = self._with_gravity(self._model.predict(*states))
+        ordered = np.empty_like(tau)
+        ordered[:, columns] = self.shaper.plan(tau, t, states)
+        return ordered
+
+    def safe_torque(self, position: Array | None, now: float) -> Array:
+        """Return the torque of an arm without references, last seen here, shape (n,)."""
+        rules, zero = self.shaper.rules, np.zeros(len(self.joint_names))
+        if rules.safe_value is SafeValue.ZERO or not rules.gravity or position is None:
+            return self.shaper.safe(zero, now)
+        gravity = self._model.efforts(self._model.query(position, zero, zero).gravity)
+        return self.shaper.safe(gravity if np.isfinite(gravity).all() else zero, now)
+
+    def components(self, state: Array) -> Prediction:
+        """Predict the parts of the torque at one state of shape (3, n), arrays (1, n)."""
+        return self._model.predict(*state[:, np.newaxis])
+
+    def _with_gravity(self, predicted: Query | Prediction) -> Array:
+        """Return torques, without gravity where the robot adds its own."""
+        if self.shaper.rules.gravity:
+            return predicted.tau
+        return predicted.tau - self._model.efforts(predicted.gravity)
+
+    def _std(self, state: Array, now: float, tag: Any) -> Array | None:
+        """Ask for standard deviations; return the newest, shape (n,), where they are checked."""
+        deviations = self.loaded.deviations
+        if deviations is None:
+            return None
+        deviations.offer(state, tag, now, self._std_period_s)
+        if self.shaper.rules.std_policy is Policy.OFF:
+            return None
+        return deviations.std(now, self._std_period_s)
 
 
 class Server:
     """
-    One arm, the rules for its torques, and counts of what was answered and refused.
+    One arm or none, whether it answers, and counts of what was answered and refused.
 
     Every torque that leaves is finite and within its joint's limit. Times `now` are in seconds on
-    any steady clock.
-
-    Attributes
-    ----------
-    counts : ServeCounts
-    enabled : bool
-        Whether references are answered.
+    any steady clock. A message that cannot be answered raises RefusedError and is counted.
 
     """
 
     def __init__(self) -> None:
-        self.counts = ServeCounts()
+        self.counts = ServeCounts(COUNTED)
         self.enabled = False
         self._arm: ServedArm | None = None
-        self._watch = Watch()
+        self._forget_stream()
 
     @property
     def active(self) -> bool:
@@ -48,15 +169,7 @@ class Server:
 
     @property
     def arm(self) -> ServedArm:
-        """
-        The arm.
-
-        Raises
-        ------
-        RefusedError
-            If there is none.
-
-        """
+        """The arm; RefusedError where there is none."""
         if self._arm is None:
             raise RefusedError(Refusal.INACTIVE)
         return self._arm
@@ -72,16 +185,8 @@ class Server:
         """
         Answer with this model from now on, beginning at what the robot holds.
 
-        Parameters
-        ----------
-        loaded : LoadedModel
-            Of the joints served before, in their order, if there were any.
-        settings : ServeSettings
-
-        Raises
-        ------
-        ConfigError
-            If the settings do not fit its joints.
+        Its joints are those served before, in their order, if there were any; ConfigError where
+        the settings do not fit them.
 
         """
         sent = self._arm.shaper.sent if self._arm else Sent(np.zeros(len(loaded.joint_names)))
@@ -89,15 +194,7 @@ class Server:
         self._arm.shaper.begin()
 
     def adjust(self, settings: ServeSettings) -> None:
-        """
-        Use other settings.
-
-        Raises
-        ------
-        ConfigError
-            If they do not fit the model's joints.
-
-        """
+        """Use other settings; ConfigError where they do not fit the model's joints."""
         if self._arm is not None:
             self._arm.adjust(settings)
 
@@ -105,7 +202,7 @@ class Server:
         """Forget the model, after zero torque was published."""
         self._arm = None
         self.enabled = False
-        self._watch = Watch()
+        self._forget_stream()
 
     def enable(self) -> None:
         """Answer references from now on, beginning at what the robot holds."""
@@ -120,9 +217,16 @@ class Server:
 
     def rest(self) -> None:
         """Note that zero torque was published: the next reference is ramped in from there."""
-        self._watch.stop()
+        self._fed_at, self._stale = None, False
         if self._arm is not None:
             self._arm.shaper.rest()
+
+    def _forget_stream(self) -> None:
+        self._fed_at: float | None = None  # no reference is expected before the first
+        self._stale = False
+        self._position: Array | None = None
+        self._measured: MeasuredState | None = None
+        self._measured_at = -np.inf
 
     # messages
 
@@ -143,60 +247,26 @@ class Server:
         tag : Any
             Comes back with its standard deviations, if they are computed.
 
-        Returns
-        -------
-        ServedTorque
-            In the model's order.
-
-        Raises
-        ------
-        RefusedError
-            If it cannot be answered; it is counted then.
-
         """
-        with self.counts.references.refusing(), np.errstate(all='ignore'):
-            served = self.ready_arm().sample(names, points, now, tag)
-            self._watch.feed(now, served.state[0])
+        try:
+            with np.errstate(all='ignore'):
+                served = self.ready_arm().sample(names, points, now, tag)
+        except Exception as error:
+            self.counts.references.refuse_for(error)
+            raise
+        self._fed_at, self._position, self._stale = now, served.state[0], False
         self.counts.references.used['samples'] += 1
         return served
 
     def plan(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> Array:
-        """
-        Answer a message of any number of points.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Its joints.
-        points : sequence of PlannedPoint
-            Its points.
-
-        Returns
-        -------
-        ndarray, shape (number of points, n)
-            Torques [N m or N] in the message's order.
-
-        Raises
-        ------
-        RefusedError
-            If it cannot be answered; it is counted then.
-
-        """
+        """Answer a message of many points: (N, n) torques [N m or N] in the message's order."""
         with self.counts.references.refusing(), np.errstate(all='ignore'):
             tau = self.ready_arm().plan(names, points)
         self.counts.references.used['plans'] += 1
         return tau
 
     def ready_arm(self) -> ServedArm:
-        """
-        Return the arm.
-
-        Raises
-        ------
-        RefusedError
-            If there is none, or the node is disabled.
-
-        """
+        """Return the arm; RefusedError where there is none, or the node is disabled."""
         arm = self.arm
         if not self.enabled:
             raise RefusedError(Refusal.DISABLED)
@@ -212,12 +282,12 @@ class Server:
         tally = self.counts.joint_states
         try:
             with tally.receiving():
-                measured = self.arm.measured(message)
+                self._measured = self.arm.measured.read(message)
         except RefusedError:
             return None
         tally.used['measured'] += 1
-        self._watch.measure(now, measured.q)
-        return measured
+        self._measured_at = now
+        return self._measured
 
     def safe_torque(self, now: float) -> Array | None:
         """Return what must be published because references have stopped, None where they go on."""
@@ -225,13 +295,17 @@ class Server:
         if arm is None or not self.enabled:
             return None
         timeout_s = arm.shaper.rules.stale_timeout_s
-        if self._watch.silence(now) <= timeout_s:
+        if self.silence(now) <= timeout_s:
             return None
-        if not self._watch.stale:
-            self._watch.stale = True
-            self.counts.torques['stale'] += 1
+        self.counts.torques['stale'] += not self._stale
+        self._stale = True
+        measured = self._measured if now - self._measured_at <= timeout_s else None
         with np.errstate(all='ignore'):
-            return arm.safe_torque(self._watch.position(now, timeout_s), now)
+            return arm.safe_torque(measured.q if measured else self._position, now)
+
+    def silence(self, now: float) -> float:
+        """Return the time since the last answered reference [s], 0 while none is expected."""
+        return 0.0 if self._fed_at is None else now - self._fed_at
 
     def take_deviation(self) -> Deviated | None:
         """Return standard deviations that were not taken yet."""
@@ -249,23 +323,7 @@ class Server:
         }
 
     def judge(self, failure: str, now: float) -> tuple[Level, str]:
-        """
-        Judge what came since the last call.
-
-        Parameters
-        ----------
-        failure : str
-            Why the last configuration or reload failed, empty where it did not.
-        now : float
-            [s].
-
-        Returns
-        -------
-        level : Level
-        summary : str
-            One sentence.
-
-        """
+        """Judge in a sentence what came since the last call; `failure` is that of a reload."""
         new = self.counts.new_alarms()
         alarms = ', '.join(f'{key} {n}' for key, n in sorted(new.items()))
         arm = self._arm
@@ -275,15 +333,11 @@ class Server:
             return Level.ERROR, 'the process of the standard deviations has ended'
         if new[Refusal.NOT_FINITE_TORQUE]:
             return Level.ERROR, f'messages with trouble: {alarms}'
-        if self._watch.stale:
-            return Level.WARN, self._silence(arm.shaper.sent, now)
+        if self._stale:
+            held = arm.shaper.sent.in_words
+            return Level.WARN, f'no reference for {self.silence(now):.1f} s: {held} published'
         if new:
             return Level.WARN, f'messages with trouble: {alarms}'
         if failure:
             return Level.WARN, f'serves the model before: {failure}'
         return Level.OK, 'answering' if self.enabled else 'disabled'
-
-    def _silence(self, sent: Sent, now: float) -> str:
-        largest = float(np.abs(sent.tau).max(initial=0.0))
-        torque = f'torques up to {largest:.3g} N m or N' if largest else 'zero torque'
-        return f'no reference for {self._watch.silence(now):.1f} s: {torque} published'

@@ -11,6 +11,9 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.feedforward.settings import Policy, Rules
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
+COUNTED = ('limited', 'rate_limited', 'out_of_range', 'uncertain')
+"""Keys of ~/status: torques that were cut, and doubtful references."""
+
 SMALLEST = 1e-12
 """In place of a range or a standard deviation of zero: whatever differs is beyond it."""
 
@@ -119,6 +122,12 @@ class Sent:
     tau: Array
     at: float = -np.inf
 
+    @property
+    def in_words(self) -> str:
+        """The torque, in words."""
+        largest = float(np.abs(self.tau).max(initial=0.0))
+        return f'torques up to {largest:.3g} N m or N' if largest else 'zero torque'
+
 
 class Ramp:
     """
@@ -157,16 +166,21 @@ class Shaper:
     Parameters
     ----------
     rules : Rules
+    trained : TrainingRange
+        Of the model.
     sent : Sent
         What the robot holds.
     counts : Counter
-        Gets `limited` and `rate_limited`: samples and points of plans that were cut.
+        Gets `COUNTED`.
 
     """
 
-    def __init__(self, rules: Rules, sent: Sent, counts: Counter[str]) -> None:
+    def __init__(
+        self, rules: Rules, trained: TrainingRange, sent: Sent, counts: Counter[str]
+    ) -> None:
         self.rules = rules
         self.sent = sent
+        self._trained, self._known = trained, trained.widened(rules.margins)
         self._counts = counts
         self._ramp = Ramp()
         self._is_safe = False
@@ -184,9 +198,9 @@ class Shaper:
         """Use other rules of the same joints; a torque that they change is ramped to."""
         if not self.rules.same_torque(rules):
             self.begin()
-        self.rules = rules
+        self.rules, self._known = rules, self._trained.widened(rules.margins)
 
-    def sample(self, tau: Array, now: float) -> Array:
+    def sample(self, tau: Array, now: float, state: Array, std: Array | None) -> Array:
         """
         Shape one torque of a stream; the first after safe torques begins a ramp.
 
@@ -196,6 +210,10 @@ class Shaper:
             [N m or N].
         now : float
             [s].
+        state : ndarray, shape (3, n)
+            Positions, velocities, accelerations that it is for.
+        std : ndarray, shape (n,), or None
+            Standard deviations of torques [N m or N], where they are checked.
 
         Returns
         -------
@@ -208,13 +226,16 @@ class Shaper:
             If a torque is not finite.
 
         """
-        return self._shape(tau, now, is_safe=False)
+        factor = self._range_factors(state)
+        if std is not None:
+            factor = factor * self._std_factor(std)
+        return self._shape(factor * tau, now, is_safe=False)
 
     def safe(self, tau: Array, now: float) -> Array:
         """Shape the safe torque of shape (n,) [N m or N]; the first begins a ramp."""
         return self._shape(tau, now, is_safe=True)
 
-    def plan(self, tau: Array, t: Array) -> Array:
+    def plan(self, tau: Array, t: Array, states: Array) -> Array:
         """
         Shape the torques of a plan, without a ramp: that is for streams.
 
@@ -224,6 +245,8 @@ class Shaper:
             [N m or N].
         t : ndarray, shape (N,)
             Times from start [s].
+        states : ndarray, shape (3, N, n)
+            Positions, velocities, accelerations.
 
         Raises
         ------
@@ -231,7 +254,7 @@ class Shaper:
             If a torque is not finite.
 
         """
-        safe, limited = self._scaled(tau)
+        safe, limited = self._scaled(self._range_factors(states)[:, np.newaxis] * tau)
         self._counts['limited'] += int(np.count_nonzero(limited.any(axis=-1)))
         if np.isfinite(self.rules.rates).any():
             self._counts['rate_limited'] += _slow_down(safe, t, self.rules.rates)
@@ -252,6 +275,16 @@ class Shaper:
         self._counts['rate_limited'] += int((rated != ramped).any())
         self.sent = Sent(safe, now)
         return safe
+
+    def _range_factors(self, states: Array) -> Array:
+        policy = self.rules.range_policy
+        if policy is Policy.OFF:
+            return np.ones(states.shape[1:-1])
+        return factors(policy, self._known.excess(states), self._counts, 'out_of_range')
+
+    def _std_factor(self, std: Array) -> Array:
+        excess = std_excess(std, self.rules.std_limits)
+        return factors(self.rules.std_policy, excess, self._counts, 'uncertain')
 
     def _scaled(self, tau: Array) -> tuple[Array, BoolArray]:
         scaled = self.rules.scale * tau

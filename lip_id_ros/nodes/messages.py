@@ -13,9 +13,7 @@ from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 import numpy as np
 from pal_statistics_msgs.msg import Statistic, Statistics
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.arrays import Array
@@ -30,11 +28,6 @@ def stamp_at(nanoseconds: int) -> Time:
     """Return a time in nanoseconds as a stamp."""
     sec, nanosec = divmod(nanoseconds, NANOSECONDS)
     return Time(sec=sec, nanosec=nanosec)
-
-
-def is_zero(stamp: Time) -> bool:
-    """Return whether a stamp was left empty, which in a trajectory means now."""
-    return bool(stamp.sec == 0 and stamp.nanosec == 0)
 
 
 def doubles(values: Array) -> array[float]:
@@ -81,11 +74,6 @@ def plan_message(
         point.positions, point.velocities, point.accelerations = map(doubles, values)
         message.points.append(point)
     return message
-
-
-def command_message(tau: Array) -> Float64MultiArray:
-    """Return torques as forward_command_controller takes them."""
-    return Float64MultiArray(data=doubles(tau))
 
 
 def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
@@ -136,22 +124,6 @@ def count_points(raw: bytes) -> int:
             at = after_string(at)
         return number(at)
     except struct.error:
-        raise RefusedError(Refusal.MALFORMED) from None
-
-
-def trajectory_of(raw: bytes) -> JointTrajectory:
-    """
-    Deserialise a JointTrajectory.
-
-    Raises
-    ------
-    RefusedError
-        If the bytes are none.
-
-    """
-    try:
-        return deserialize_message(raw, JointTrajectory)
-    except Exception:  # the class depends on the middleware
         raise RefusedError(Refusal.MALFORMED) from None
 
 

@@ -21,11 +21,12 @@ import threading
 from typing import Any, BinaryIO, cast
 
 import numpy as np
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
+from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.feedforward.arm import ServedArm
 from lip_id_ros.feedforward.loading import load_model, ModelFile
+from lip_id_ros.feedforward.server import ServedArm
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.feedforward.shaping import Sent
 from lip_id_ros.nodes import messages
@@ -174,7 +175,10 @@ def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
 
 
 def _with_effort(arm: ServedArm, raw: bytes) -> bytes:
-    plan = messages.trajectory_of(raw)
+    try:
+        plan = deserialize_message(raw, JointTrajectory)
+    except Exception:  # the class depends on the middleware
+        raise RefusedError(Refusal.MALFORMED) from None
     with np.errstate(all='ignore'):
         tau = arm.plan(plan.joint_names, plan.points)
     return bytes(serialize_message(messages.with_effort(plan, tau)))

@@ -162,7 +162,7 @@ class ServeNode(NodeBase, LifecycleNode):
             self._forget()
             return TransitionCallbackReturn.FAILURE
         self._failure = ''
-        self._outputs.configure(settings)
+        self._outputs.configure(settings, self._loaded.joint_names)
         joints = ', '.join(self._loaded.joint_names)
         self.get_logger().info(f'serves {settings.model_path}: {joints}')
         return super().on_configure(state)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Sequence
 import math
 import time
@@ -12,6 +13,7 @@ import numpy as np
 from pal_statistics_msgs.msg import Statistics
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
@@ -52,9 +54,11 @@ class Outputs:
         self._energies = self._publisher(Statistics, '~/energies')
         self._plan = self._publisher(JointTrajectory, '~/trajectory_with_effort')
         self._optional: dict[str, Any] = {}
+        self._message, self._command = JointState(), Float64MultiArray()
 
-    def configure(self, settings: ServeSettings) -> None:
-        """Make the publishers that are asked for."""
+    def configure(self, settings: ServeSettings, joint_names: Sequence[str]) -> None:
+        """Make the publishers that are asked for; torques are of these joints."""
+        self._message.name = list(joint_names)
         if settings.publish_commands:
             self._add(Float64MultiArray, 'commands')
         for topic in COMPONENT_TOPICS if settings.publish_parts else ():
@@ -95,11 +99,13 @@ class Outputs:
         publishers = [self._optional[name] for name in names if name in self._optional]
         return any(publisher.get_subscription_count() for publisher in publishers)
 
-    def torque(self, stamp: Time, names: Sequence[str], tau: Array) -> None:
-        """Publish the robot's torque, shape (n,) [N m or N]."""
-        self._torque.publish(messages.torque_message(stamp, names, tau))
+    def torque(self, stamp: Time, tau: Array) -> None:
+        """Publish the robot's torque, shape (n,) [N m or N]; its message has the names already."""
+        self._message.header.stamp = stamp
+        self._message.effort = self._command.data = array('d', tau.tobytes())
+        self._torque.publish(self._message)
         if 'commands' in self._optional:
-            self._optional['commands'].publish(messages.command_message(tau))
+            self._optional['commands'].publish(self._command)
 
     def energies(self, stamp: Time, query: Query) -> None:
         """Publish the energies of a reference."""
@@ -123,15 +129,16 @@ class Outputs:
         """Publish a plan with efforts that is serialised already."""
         self._plan.publish(plan)
 
-    def components(self, stamp: Time, names: Sequence[str], predicted: Prediction) -> None:
+    def components(self, stamp: Time, predicted: Prediction) -> None:
         """Publish the parts of the model's torque at one sample, those that are finite."""
         for part, topic in zip(COMPONENTS, COMPONENT_TOPICS, strict=True):
-            self.joints(topic, stamp, names, getattr(predicted, part)[0])
+            self.joints(topic, stamp, getattr(predicted, part)[0])
 
-    def joints(self, topic: str, stamp: Time, names: Sequence[str], tau: Array) -> None:
+    def joints(self, topic: str, stamp: Time, tau: Array) -> None:
         """Publish one optional vector, shape (n,) [N m or N], if it is finite."""
         if topic in self._optional and np.isfinite(tau).all():
-            self._optional[topic].publish(messages.torque_message(stamp, names, tau))
+            message = messages.torque_message(stamp, self._message.name, tau)
+            self._optional[topic].publish(message)
 
     def _add(self, kind: Any, name: str) -> None:
         self._optional[name] = self._publisher(kind, f'~/{name}')
@@ -202,39 +209,46 @@ class Inputs:
         """Publish the safe torque where references have stopped, and what was computed beside."""
         tau = self._server.safe_torque(time.monotonic())
         if tau is not None:
-            self._outputs.torque(self._now(), self._server.joint_names, tau)
+            self._outputs.torque(self._now(), tau)
         deviated = self._server.take_deviation()
         if deviated is not None:
-            self._publish_vector(STD_TOPIC, deviated.tag, deviated.std)
+            self._outputs.joints(STD_TOPIC, deviated.tag, deviated.std)
         planned = self._worker.take() if self._worker else None
         if planned is not None:
-            self._unless_refused(lambda: self._publish_planned(planned))
+            self._unless_refused(self._publish_planned, planned)
 
     def publish_zero(self) -> None:
         """Publish zero torque: whoever holds the last command then holds none."""
         if self._server.active and self._server.enabled:
-            names = self._server.joint_names
-            self._outputs.torque(self._now(), names, np.zeros(len(names)))
+            self._outputs.torque(self._now(), np.zeros(len(self._server.joint_names)))
 
     def _add(self, kind: Any, topic: str, callback: Callable[[Any], None]) -> None:
         subscription = self._node.create_subscription(kind, topic, callback, qos.NEWEST)
         self._optional.append(subscription)
 
     def _on_trajectory(self, raw: bytes) -> None:
-        self._receive(lambda: self._answer(raw))
+        self._references.received += 1
+        self._unless_refused(self._answer, raw)
 
     def _answer(self, raw: bytes) -> None:
         """Answer a plan, or a sample of a stream."""
-        with self._references.refusing():
-            beside = len(raw) > INLINE_BYTES and messages.count_points(raw) > 1
-            message = None if beside else messages.trajectory_of(raw)
-        if message is None:
+        if len(raw) > INLINE_BYTES and self._count_points(raw) > 1:
             self._submit(raw)
-        elif len(message.points) > 1:
+            return
+        try:
+            message = deserialize_message(raw, JointTrajectory)
+        except Exception:  # the class depends on the middleware
+            self._references.refuse(Refusal.MALFORMED)
+            raise RefusedError(Refusal.MALFORMED) from None
+        if len(message.points) > 1:
             tau = self._server.plan(message.joint_names, message.points)
             self._outputs.plan(message, tau)
         else:
             self._answer_sample(message.header.stamp, message.joint_names, message.points)
+
+    def _count_points(self, raw: bytes) -> int:
+        with self._references.refusing():
+            return messages.count_points(raw)
 
     def _submit(self, raw: bytes) -> None:
         """Have a long plan answered beside the stream."""
@@ -264,27 +278,25 @@ class Inputs:
         # before Jazzy the reference was called desired
         reference = message.reference if hasattr(message, 'reference') else message.desired
         stamp, names = message.header.stamp, message.joint_names
-        self._receive(lambda: self._answer_sample(stamp, names, [reference]))
+        self._references.received += 1
+        self._unless_refused(self._answer_sample, stamp, names, [reference])
 
     def _on_joint_state(self, message: JointState) -> None:
         """Publish energies and the torque residual while they have subscribers."""
         measured = self._server.measure(from_joint_state(message), time.monotonic())
         if measured is None:
             return
+        beside = self._server.arm.measured
         if self._outputs.wants(*MEASURED_TOPICS):
-            query = self._server.arm.energies(measured)
-            self._outputs.measured_energies(message.header.stamp, query)
+            self._outputs.measured_energies(message.header.stamp, beside.energies(measured))
         if self._outputs.wants(RESIDUAL_TOPIC):
-            residual = self._server.arm.residual(measured)
-            self._publish_vector(RESIDUAL_TOPIC, message.header.stamp, residual)
+            residual = beside.residual(measured)
+            if residual is not None:
+                self._outputs.joints(RESIDUAL_TOPIC, message.header.stamp, residual)
 
-    def _receive(self, answer: Callable[[], None]) -> None:
-        self._references.received += 1
-        self._unless_refused(answer)
-
-    def _unless_refused(self, answer: Callable[[], None]) -> None:
+    def _unless_refused(self, answer: Callable[..., None], *arguments: Any) -> None:
         try:
-            answer()
+            answer(*arguments)
         except RefusedError as refused:
             if refused.reason not in HARMLESS:
                 self._node.get_logger().warning(
@@ -293,18 +305,13 @@ class Inputs:
                 )
 
     def _answer_sample(self, stamp: Time, names: Sequence[str], points: Sequence[Any]) -> None:
-        if messages.is_zero(stamp):
+        if stamp.sec == stamp.nanosec == 0:  # left empty, which in a trajectory means now
             stamp = self._now()
         served = self._server.sample(names, points, time.monotonic(), stamp)
-        self._outputs.torque(stamp, self._server.joint_names, served.tau)
+        self._outputs.torque(stamp, served.tau)
         self._outputs.energies(stamp, served.query)
         if self._outputs.wants(*COMPONENT_TOPICS):
-            predicted = self._server.arm.components(served.state)
-            self._outputs.components(stamp, self._server.joint_names, predicted)
-
-    def _publish_vector(self, topic: str, stamp: Time, tau: Array | None) -> None:
-        if tau is not None:
-            self._outputs.joints(topic, stamp, self._server.joint_names, tau)
+            self._outputs.components(stamp, self._server.arm.components(served.state))
 
     def _now(self) -> Time:
         return self._node.get_clock().now().to_msg()

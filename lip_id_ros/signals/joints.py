@@ -111,6 +111,42 @@ class RefusedError(LipIdError):
         self.reason = reason
 
 
+class Duration(Protocol):
+    """The fields of a builtin_interfaces/Duration."""
+
+    @property
+    def sec(self) -> int:
+        """Seconds."""
+
+    @property
+    def nanosec(self) -> int:
+        """Nanoseconds beside them."""
+
+
+class Point(Protocol):
+    """The fields of a trajectory_msgs/JointTrajectoryPoint that are read."""
+
+    @property
+    def positions(self) -> Sequence[float]:
+        """Positions [rad or m]."""
+
+    @property
+    def velocities(self) -> Sequence[float]:
+        """Velocities [rad/s or m/s]."""
+
+    @property
+    def accelerations(self) -> Sequence[float]:
+        """Accelerations [rad/s^2 or m/s^2]."""
+
+
+class PlannedPoint(Point, Protocol):
+    """A point of a plan."""
+
+    @property
+    def time_from_start(self) -> Duration:
+        """When it is reached."""
+
+
 class JointOrder:
     """
     Where each joint of the model stands in a message.
@@ -155,6 +191,42 @@ class JointOrder:
             self._last_columns = self._look_up(key)
             self._last_names = key
         return self._last_columns
+
+    def states(self, names: Sequence[str], points: Sequence[Point]) -> Array:
+        """
+        Stack the points of a trajectory in the model's order of joints.
+
+        Parameters
+        ----------
+        names : sequence of str
+            The trajectory's joints.
+        points : sequence of Point
+
+        Returns
+        -------
+        ndarray, shape (3, number of points, n)
+            Positions [rad or m], velocities, accelerations.
+
+        Raises
+        ------
+        RefusedError
+            If a joint is missing or named twice, there is no point, or an array is absent, short,
+            long or not finite, be it of a joint that the model does not know.
+
+        """
+        columns = self.columns(names)
+        if not points:
+            raise RefusedError(Refusal.NO_POINTS)
+        rows = [(point.positions, point.velocities, point.accelerations) for point in points]
+        if any(len(values) != len(names) for row in rows for values in row):
+            raise RefusedError(Refusal.WRONG_LENGTH)
+        stacked = np.empty((3, len(rows), len(names)))
+        for index, row in enumerate(rows):
+            for kind, values in enumerate(row):
+                stacked[kind, index] = values
+        if not np.isfinite(stacked).all():
+            raise RefusedError(Refusal.NOT_FINITE)
+        return stacked.take(columns, axis=2)
 
     def _look_up(self, names: tuple[str, ...]) -> IndexArray:
         place = {name: column for column, name in enumerate(names)}
@@ -258,78 +330,6 @@ def require_joints(
             f'{os.fspath(path)} must be a model of the joints {", ".join(expected)}, but has '
             f'{", ".join(found)}; fit one for this robot or correct the parameter joints.'
         )
-
-
-class Duration(Protocol):
-    """The fields of a builtin_interfaces/Duration."""
-
-    @property
-    def sec(self) -> int:
-        """Seconds."""
-
-    @property
-    def nanosec(self) -> int:
-        """Nanoseconds beside them."""
-
-
-class Point(Protocol):
-    """The fields of a trajectory_msgs/JointTrajectoryPoint that are read."""
-
-    @property
-    def positions(self) -> Sequence[float]:
-        """Positions [rad or m]."""
-
-    @property
-    def velocities(self) -> Sequence[float]:
-        """Velocities [rad/s or m/s]."""
-
-    @property
-    def accelerations(self) -> Sequence[float]:
-        """Accelerations [rad/s^2 or m/s^2]."""
-
-
-class PlannedPoint(Point, Protocol):
-    """A point of a plan."""
-
-    @property
-    def time_from_start(self) -> Duration:
-        """When it is reached."""
-
-
-def stack(points: Sequence[Point], n_names: int) -> Array:
-    """
-    Stack the points of a trajectory, in the message's own order of joints.
-
-    Parameters
-    ----------
-    points : sequence of Point
-        Points of one message.
-    n_names : int
-        Length of the message's joint_names.
-
-    Returns
-    -------
-    ndarray, shape (3, number of points, n_names)
-        Positions [rad or m], velocities, accelerations.
-
-    Raises
-    ------
-    RefusedError
-        If there is no point, or an array is absent, short, long or not finite.
-
-    """
-    if not points:
-        raise RefusedError(Refusal.NO_POINTS)
-    rows = [(point.positions, point.velocities, point.accelerations) for point in points]
-    if any(len(values) != n_names for row in rows for values in row):
-        raise RefusedError(Refusal.WRONG_LENGTH)
-    stacked = np.empty((3, len(rows), n_names))
-    for index, row in enumerate(rows):
-        for kind, values in enumerate(row):
-            stacked[kind, index] = values
-    if not np.isfinite(stacked).all():
-        raise RefusedError(Refusal.NOT_FINITE)
-    return stacked
 
 
 def increasing_times(points: Sequence[PlannedPoint]) -> Array:

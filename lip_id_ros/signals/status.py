@@ -68,16 +68,17 @@ class Tally:
         """Count a refused message."""
         self.refused[reason.value] += 1
 
+    def refuse_for(self, error: Exception) -> None:
+        """Count a message as refused for the error that its use raised."""
+        self.refuse(error.reason if isinstance(error, RefusedError) else Refusal.FAILED)
+
     @contextmanager
     def refusing(self) -> Iterator[None]:
         """Count the message as refused where the block raises."""
         try:
             yield
-        except RefusedError as refused:
-            self.refuse(refused.reason)
-            raise
-        except Exception:
-            self.refuse(Refusal.FAILED)
+        except Exception as error:
+            self.refuse_for(error)
             raise
 
     @contextmanager

@@ -14,7 +14,7 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward.settings import make_rules, ServeSettings, unbounded
-from lip_id_ros.feedforward.shaping import LONGEST_STEP_S, Sent, Shaper
+from lip_id_ros.feedforward.shaping import LONGEST_STEP_S, Sent, Shaper, TrainingRange
 from lip_id_ros.signals.joints import by_joint, RefusedError
 
 NAMES = ('a', 'b', 'c')
@@ -22,13 +22,25 @@ LIMITS = (87.0, 12.0, 0.0)
 RATES = (100.0, 1.0, 5.0)
 ANY = st.floats(allow_nan=False, allow_infinity=False)
 ROWS = arrays(np.float64, (6, 3), elements=ANY)
+STILL = np.zeros((3, 3))
 STEPS = st.lists(st.floats(0.0, 2.0), min_size=6, max_size=6)
 
 
 def shaper(counts: Counter[str] | None = None, **settings: Any) -> Shaper:
     chosen = ServeSettings(**{'ramp_s': 0.0, **settings})
     rules = make_rules(chosen, NAMES)
-    return Shaper(rules, Sent(np.zeros(3)), Counter() if counts is None else counts)
+    trained = TrainingRange(STILL, STILL)
+    return Shaper(rules, trained, Sent(np.zeros(3)), Counter() if counts is None else counts)
+
+
+def sampled(stream: Shaper, tau: Array, now: float) -> Array:
+    """Shape a torque for a state within the training range."""
+    return stream.sample(tau, now, STILL, None)
+
+
+def planned(stream: Shaper, tau: Array, t: Array) -> Array:
+    """Shape the torques of a plan within the training range."""
+    return stream.plan(tau, t, np.zeros((3, *tau.shape)))
 
 
 @given(ROWS, STEPS, st.floats(0.0, 1.0), st.floats(0.0, 3.0))
@@ -41,7 +53,7 @@ def test_a_stream_stays_within_limits_and_rates(
     stream.begin()
     for row, step in zip(tau, steps, strict=True):
         now += step
-        safe = stream.sample(row, now)
+        safe = sampled(stream, row, now)
         assert np.isfinite(safe).all()
         assert (np.abs(safe) <= LIMITS).all()
         allowed = np.array(RATES) * min(max(step, 1e-6), LONGEST_STEP_S)
@@ -52,7 +64,7 @@ def test_a_stream_stays_within_limits_and_rates(
 @given(ROWS, st.floats(0.0, 1.0))
 def test_a_plan_stays_within_limits_and_rates(tau: Array, scale: float) -> None:
     t = 0.25 * np.arange(6, dtype=np.float64)
-    safe = shaper(torque_limits=LIMITS, rate_limits=RATES, output_scale=scale).plan(tau, t)
+    safe = planned(shaper(torque_limits=LIMITS, rate_limits=RATES, output_scale=scale), tau, t)
     assert (np.abs(safe) <= LIMITS).all()
     assert (np.abs(np.diff(safe, axis=0)) <= 0.25 * np.array(RATES) * (1 + 1e-9) + 1e-9).all()
 
@@ -62,7 +74,7 @@ def test_what_is_within_limits_is_only_scaled_and_the_rest_counted(
     tau: Array, scale: float
 ) -> None:
     counts: Counter[str] = Counter()
-    safe = shaper(counts, torque_limits=LIMITS, output_scale=scale).plan(tau, np.arange(6.0))
+    safe = planned(shaper(counts, torque_limits=LIMITS, output_scale=scale), tau, np.arange(6.0))
     within = (np.abs(scale * tau) <= LIMITS).all(axis=1)
     np.testing.assert_array_equal(safe[within], scale * tau[within])
     assert counts['limited'] == np.count_nonzero(~within)
@@ -72,33 +84,33 @@ def test_a_ramp_leads_from_what_was_sent_to_what_is_asked() -> None:
     stream = shaper(ramp_s=2.0)
     stream.begin()
     asked = np.array([4.0, -8.0, 1.0])
-    np.testing.assert_allclose(stream.sample(asked, 10.0), 0.0)
-    np.testing.assert_allclose(stream.sample(asked, 10.5), 0.25 * asked)
-    np.testing.assert_allclose(stream.sample(asked, 12.0), asked)
+    np.testing.assert_allclose(sampled(stream, asked, 10.0), 0.0)
+    np.testing.assert_allclose(sampled(stream, asked, 10.5), 0.25 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 12.0), asked)
     stream.begin()
-    np.testing.assert_allclose(stream.sample(-asked, 20.0), asked)
-    np.testing.assert_allclose(stream.sample(-asked, 21.0), 0.0)
-    np.testing.assert_allclose(stream.sample(-asked, 99.0), -asked)
+    np.testing.assert_allclose(sampled(stream, -asked, 20.0), asked)
+    np.testing.assert_allclose(sampled(stream, -asked, 21.0), 0.0)
+    np.testing.assert_allclose(sampled(stream, -asked, 99.0), -asked)
 
 
 def test_narrower_limits_hold_at_once_though_the_rate_is_low() -> None:
     stream = shaper(rate_limits=(1.0,), torque_limits=(50.0,))
     stream.sent = Sent(np.array([40.0, 40.0, 40.0]), 0.0)
     stream.rules = make_rules(ServeSettings(torque_limits=(5.0,), rate_limits=(1.0,)), NAMES)
-    np.testing.assert_array_equal(stream.sample(np.full(3, 40.0), 0.01), 5.0)
+    np.testing.assert_array_equal(sampled(stream, np.full(3, 40.0), 0.01), 5.0)
 
 
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
 def test_torque_that_is_not_finite_is_refused(value: float) -> None:
     tau = np.array([1.0, value, 0.0])
     with pytest.raises(RefusedError, match=r'torque would not be finite'):
-        shaper(torque_limits=LIMITS).sample(tau, 0.0)
+        sampled(shaper(torque_limits=LIMITS), tau, 0.0)
     with pytest.raises(RefusedError, match=r'torque would not be finite'):
-        shaper(torque_limits=LIMITS).plan(tau[None], np.zeros(1))
+        planned(shaper(torque_limits=LIMITS), tau[None], np.zeros(1))
 
 
 def test_no_limits_leave_torques_as_they_are() -> None:
-    np.testing.assert_array_equal(shaper().sample(np.array([1e9, -3, 0]), 0.0), [1e9, -3, 0])
+    np.testing.assert_array_equal(sampled(shaper(), np.array([1e9, -3, 0]), 0.0), [1e9, -3, 0])
 
 
 def test_values_follow_their_joints() -> None:
@@ -127,16 +139,16 @@ def test_a_ramp_goes_on_from_its_share_when_its_duration_changes() -> None:
     stream = shaper(ramp_s=2.0)
     stream.begin()
     asked = np.array([4.0, -8.0, 1.0])
-    np.testing.assert_allclose(stream.sample(asked, 0.0), 0.0)
-    np.testing.assert_allclose(stream.sample(asked, 1.0), 0.5 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 0.0), 0.0)
+    np.testing.assert_allclose(sampled(stream, asked, 1.0), 0.5 * asked)
     stream.adjust(make_rules(ServeSettings(ramp_s=60.0), NAMES))
-    np.testing.assert_allclose(stream.sample(asked, 1.0), 0.5 * asked)
-    np.testing.assert_allclose(stream.sample(asked, 7.0), 0.6 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 1.0), 0.5 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 7.0), 0.6 * asked)
     stream.adjust(make_rules(ServeSettings(ramp_s=1.0), NAMES))
-    np.testing.assert_allclose(stream.sample(asked, 7.2), 0.8 * asked)
-    np.testing.assert_allclose(stream.sample(asked, 8.0), asked)
+    np.testing.assert_allclose(sampled(stream, asked, 7.2), 0.8 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 8.0), asked)
     stream.adjust(make_rules(ServeSettings(ramp_s=60.0), NAMES))  # the ramp is over
-    np.testing.assert_allclose(stream.sample(asked, 8.0), asked)
+    np.testing.assert_allclose(sampled(stream, asked, 8.0), asked)
 
 
 @pytest.mark.parametrize(
@@ -151,21 +163,21 @@ def test_a_ramp_goes_on_from_its_share_when_its_duration_changes() -> None:
 def test_a_setting_that_changes_torques_is_ramped_to(changed: dict[str, Any]) -> None:
     stream = shaper(ramp_s=1.0)
     before, after = np.full(3, 20.0), np.zeros(3)
-    np.testing.assert_array_equal(stream.sample(before, 0.0), before)
+    np.testing.assert_array_equal(sampled(stream, before, 0.0), before)
     stream.adjust(make_rules(ServeSettings(**{'ramp_s': 1.0, **changed}), NAMES))
-    np.testing.assert_allclose(stream.sample(after, 1.0), before)
-    np.testing.assert_allclose(stream.sample(after, 1.25), 0.75 * before)
-    np.testing.assert_allclose(stream.sample(after, 2.0), after)
+    np.testing.assert_allclose(sampled(stream, after, 1.0), before)
+    np.testing.assert_allclose(sampled(stream, after, 1.25), 0.75 * before)
+    np.testing.assert_allclose(sampled(stream, after, 2.0), after)
 
 
 def test_rates_are_bounded_by_default_where_limits_are() -> None:
     stream = shaper(torque_limits=(40.0,))
     stream.sent = Sent(np.full(3, -40.0), 0.0)
-    np.testing.assert_allclose(stream.sample(np.full(3, 40.0), 0.01), -32.0)
+    np.testing.assert_allclose(sampled(stream, np.full(3, 40.0), 0.01), -32.0)
     now, steps = 0.01, 0
     while not (stream.sent.tau == 40.0).all():
         now, steps = now + 0.01, steps + 1
-        stream.sample(np.full(3, 40.0), now)
+        sampled(stream, np.full(3, 40.0), now)
     assert steps == 9  # a full swing in 0.1 s
 
 

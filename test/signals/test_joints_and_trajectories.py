@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError, stack
+from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
 
 NAMES = ('base', 'shoulder', 'elbow')
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -69,14 +69,16 @@ def test_names_that_do_not_fit_are_refused_every_time(
     assert order.columns(NAMES).tolist() == [0, 1, 2]
 
 
-@given(points_of(3))
-def test_stack_keeps_every_number_in_its_place(points: list[Point]) -> None:
-    stacked = stack(points, 3)
-    assert stacked.shape == (3, len(points), 3)
+@given(points_of(4), st.permutations([*NAMES, 'tool']))
+def test_states_have_every_number_in_the_place_of_its_joint(
+    points: list[Point], names: list[str]
+) -> None:
+    states = JointOrder(NAMES).states(names, points)
+    assert states.shape == (3, len(points), 3)
+    columns = [names.index(name) for name in NAMES]
     for index, each in enumerate(points):
-        np.testing.assert_array_equal(stacked[0, index], each.positions)
-        np.testing.assert_array_equal(stacked[1, index], each.velocities)
-        np.testing.assert_array_equal(stacked[2, index], each.accelerations)
+        for row, values in enumerate((each.positions, each.velocities, each.accelerations)):
+            np.testing.assert_array_equal(states[row, index], np.array(values)[columns])
 
 
 @given(
@@ -92,7 +94,7 @@ def test_one_number_that_is_not_finite_refuses_all(
     index = data.draw(st.integers(0, len(points) - 1))
     getattr(points[index], kind)[joint] = value
     with pytest.raises(RefusedError, match=r'must be finite\.$'):
-        stack(points, 3)
+        JointOrder(NAMES).states(NAMES, points)
 
 
 @given(
@@ -107,9 +109,9 @@ def test_one_array_of_another_length_refuses_all(
     index = data.draw(st.integers(0, len(points) - 1))
     setattr(points[index], kind, array('d', [0.0] * length))
     with pytest.raises(RefusedError, match=r'every array must be as long as the joint names'):
-        stack(points, 3)
+        JointOrder(NAMES).states(NAMES, points)
 
 
 def test_no_points_are_refused() -> None:
     with pytest.raises(RefusedError, match=r'needs at least one point, this one has none\.$'):
-        stack([], 3)
+        JointOrder(NAMES).states(NAMES, [])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 from typing import Any
 
@@ -10,9 +9,7 @@ from feedforward.arms import arm, NAMES
 import numpy as np
 import pytest
 
-from lip_id_ros.feedforward.arm import ServedArm
-from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.feedforward.shaping import Sent
+from lip_id_ros.feedforward.measured import MeasuredArm
 from lip_id_ros.model import EffortCalibration
 from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.recording.joint_messages import JointMessage
@@ -24,10 +21,8 @@ SCALE, OFFSET = np.array([2.0, -1.0]), np.array([0.5, 0.0])
 UNEXPLAINED = np.array([3.0, -4.0])
 
 
-def follower(cutoff_hz: float = 20.0) -> ServedArm:
-    loaded = replace(arm(), calibration=EffortCalibration(SCALE, OFFSET))
-    settings = ServeSettings(residual_cutoff_hz=cutoff_hz)
-    return ServedArm(loaded, settings, Counter(), Sent(np.zeros(2)))
+def measured_arm(cutoff_hz: float = 20.0) -> MeasuredArm:
+    return MeasuredArm(replace(arm(), calibration=EffortCalibration(SCALE, OFFSET)), cutoff_hz)
 
 
 def message(number: int, names: tuple[str, ...] = ('b', 'tool', 'a')) -> JointMessage:
@@ -43,12 +38,12 @@ def message(number: int, names: tuple[str, ...] = ('b', 'tool', 'a')) -> JointMe
     return JointMessage(round(1e9 * (5.0 + t)), names, *rows)
 
 
-def residuals(numbers: range, followed: ServedArm) -> list[Any]:
-    return [followed.residual(followed.measured(message(number))) for number in numbers]
+def residuals(numbers: range, followed: MeasuredArm) -> list[Any]:
+    return [followed.residual(followed.read(message(number))) for number in numbers]
 
 
 def test_the_residual_is_what_the_model_does_not_explain() -> None:
-    found = residuals(range(1000), follower())
+    found = residuals(range(1000), measured_arm())
     settled = [each for each in found if each is not None]
     assert found[0] is None
     assert len(settled) > 900
@@ -58,14 +53,14 @@ def test_the_residual_is_what_the_model_does_not_explain() -> None:
 
 @pytest.mark.parametrize('numbers', [range(500, 501), range(100, 101), range(200, 201)])
 def test_gaps_and_stamps_that_do_not_rise_begin_anew(numbers: range) -> None:
-    followed = follower()
+    followed = measured_arm()
     assert residuals(range(201), followed)[-1] is not None
     assert residuals(numbers, followed) == [None]
 
 
 def test_energies_come_from_positions_and_velocities() -> None:
-    followed = follower()
-    measured = followed.measured(message(0)._replace(effort=[]))
+    followed = measured_arm()
+    measured = followed.read(message(0)._replace(effort=[]))
     assert measured.tau is None
     assert followed.residual(measured) is None
     assert followed.energies(measured).kinetic == pytest.approx(1.0)
@@ -84,7 +79,7 @@ def test_energies_come_from_positions_and_velocities() -> None:
 )
 def test_what_cannot_be_used_has_a_reason(changed: dict[str, Any], reason: Refusal) -> None:
     with pytest.raises(RefusedError) as refused:
-        follower().measured(message(0)._replace(**changed))
+        measured_arm().read(message(0)._replace(**changed))
     assert refused.value.reason is reason
 
 

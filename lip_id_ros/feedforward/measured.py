@@ -1,0 +1,73 @@
+"""Measured joint states beside a model: energies, and the torque that it does not explain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.feedforward.loading import LoadedModel
+from lip_id_ros.model import Query
+from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.signals.filters import LowPass
+from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState
+
+
+class MeasuredArm:
+    """
+    Read joint states, and compare them with a model.
+
+    Parameters
+    ----------
+    loaded : LoadedModel
+    cutoff_hz : float
+        Of the low-pass before the residual [Hz].
+
+    """
+
+    def __init__(self, loaded: LoadedModel, cutoff_hz: float) -> None:
+        self._model = loaded.model
+        self._reader = JointStateReader(loaded.joint_names, loaded.calibration)
+        self._cutoff_hz, self._low_pass = cutoff_hz, LowPass(cutoff_hz)
+
+    def adjust(self, cutoff_hz: float) -> None:
+        """Use another cut-off [Hz]; the low-pass begins anew then."""
+        if cutoff_hz != self._cutoff_hz:
+            self._cutoff_hz, self._low_pass = cutoff_hz, LowPass(cutoff_hz)
+
+    def read(self, message: JointMessage) -> MeasuredState:
+        """Read a joint state; RefusedError where a joint or a number is missing or wrong."""
+        return self._reader.read(message)
+
+    def energies(self, measured: MeasuredState) -> Query:
+        """Return the energies at a measured state; the torques are those without acceleration."""
+        return self._model.query(measured.q, measured.dq, np.zeros_like(measured.q))
+
+    def residual(self, measured: MeasuredState) -> Array | None:
+        """
+        Return measured torque minus the model's, both filtered alike.
+
+        Positions, velocities and torques go through one low-pass; the acceleration is the
+        derivative of the filtered velocity. So all have the same delay.
+
+        Parameters
+        ----------
+        measured : MeasuredState
+            The next one; stamps must rise.
+
+        Returns
+        -------
+        ndarray, shape (n,), or None
+            [N m or N]; None without measured torques, and until the filter has settled after a
+            gap or a stamp that does not rise.
+
+        """
+        if measured.tau is None:
+            return None
+        signals = np.stack([measured.q, measured.dq, measured.tau])
+        filtered = self._low_pass.add(measured.t, signals)
+        if filtered is None:
+            return None
+        (q, dq, tau), (_, ddq, _) = filtered
+        with np.errstate(all='ignore'):
+            residual = tau - self._model.query(q, dq, ddq).tau
+        return residual if np.isfinite(residual).all() else None
