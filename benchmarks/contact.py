@@ -98,7 +98,7 @@ def measure(
     runs = [move(setup, nominal, rng, seconds) for _ in range(MOTIONS)]
     model = learned(setup, runs, settings)
     _, normal = watch(model, move(setup, nominal, rng, seconds))
-    thresholds = Thresholds.between(normal, torque)
+    thresholds = Thresholds.between(model.joint_names, normal, torque)
     _, free = watch(model, move(setup, nominal, rng, seconds))
     contacts = Contacts(n_joints, torque)
     t, fast = watch(model, move(setup, nominal, rng, contacts.duration, contacts))

@@ -14,6 +14,7 @@ the next.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +70,7 @@ class Thresholds:
     @classmethod
     def between(
         cls,
+        joint_names: Sequence[str],
         free: Array,
         contact: ArrayLike,
         gain: float = GAIN,
@@ -79,6 +81,8 @@ class Thresholds:
 
         Parameters
         ----------
+        joint_names : sequence of str
+            For the sentence where one is refused.
         free : ndarray, shape (N, n)
             High-pass of the external torques of a motion that the model was not fitted on: on
             the one that it was, they are too small.
@@ -94,14 +98,15 @@ class Thresholds:
 
         """
         largest = np.abs(free).max(axis=0)
-        shown = step_response_peak(gain, cutoff_hz) * np.broadcast_to(contact, largest.shape)
-        if np.any(largest >= shown):
-            joint = int(np.argmax(largest / shown))
-            raise DataError(
-                f'a contact of {np.broadcast_to(contact, largest.shape)[joint]:.3g} N m at joint '
-                f'{joint + 1} shows as {shown[joint]:.3g} N m, but the free motion went up to '
-                f'{largest[joint]:.3g}; ask for a larger contact, or learn from more motion.'
-            )
+        smallest = np.broadcast_to(contact, largest.shape)
+        shown = step_response_peak(gain, cutoff_hz) * smallest
+        for name, least, most, bound in zip(joint_names, smallest, shown, largest, strict=True):
+            if not bound < most:
+                raise DataError(
+                    f'a contact of {least:.3g} N m or N at {name} shows as {most:.3g}, but the '
+                    f'free motion went up to {bound:.3g}; ask for a larger contact, or learn from '
+                    'more motion.'
+                )
         return cls(largest ** (1 - NEARER) * shown**NEARER)
 
     def exceeded(self, fast: Array) -> BoolArray:

@@ -285,7 +285,9 @@ class Monitor:
         try:
             low, high = self._predictor.training_range
             found.require_motion(self.joint_names, high[1] - low[1])
-            self._thresholds = Thresholds.between(found.largest[np.newaxis], self._smallest)
+            self._thresholds = Thresholds.between(
+                self.joint_names, found.largest[np.newaxis], self._smallest
+            )
             self._failure = ''
         except DataError as error:
             self._failure = f'not calibrated: {error}'

@@ -160,7 +160,7 @@ def test_a_step_shows_as_much_as_is_said(gain: float, cutoff_hz: float) -> None:
 
 def test_thresholds_lie_between_free_motion_and_contact() -> None:
     free = np.array([[0.1, -0.4], [-0.3, 0.2]])
-    thresholds = Thresholds.between(free, 5.0)
+    thresholds = Thresholds.between(('a', 'b'), free, 5.0)
     shown = 5.0 * step_response_peak()
     np.testing.assert_allclose(np.sqrt(thresholds.torque / [0.3, 0.4]), shown / thresholds.torque)
     above = thresholds.torque + 1e-6
@@ -170,11 +170,14 @@ def test_thresholds_lie_between_free_motion_and_contact() -> None:
 
 def test_a_contact_that_free_motion_hides_is_refused() -> None:
     expected = (
-        'a contact of 0.5 N m at joint 2 shows as 0.249 N m, but the free motion went up to 0.4; '
+        'a contact of 0.5 N m or N at elbow shows as 0.249, but the free motion went up to 0.4; '
         'ask for a larger contact, or learn from more motion.'
     )
     with pytest.raises(DataError, match=f'^{re.escape(expected)}$'):
-        Thresholds.between(np.array([[0.1, -0.4]]), [5.0, 0.5])
+        Thresholds.between(('shoulder', 'elbow'), np.array([[0.1, -0.4]]), [5.0, 0.5])
+    for value in (0.0, np.nan):  # no contact at all, and a motion of no numbers
+        with pytest.raises(DataError, match='went up to'):
+            Thresholds.between(('elbow',), np.full((1, 1), value), 0.0 if value == 0.0 else 5.0)
 
 
 def test_monitor_tells_the_torque_and_its_high_pass() -> None:
