@@ -23,7 +23,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from benchmarks._cells import running
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.running import make_executor
+from lip_id_ros.nodes.running import make_executor, spinning
 from lip_id_ros.simulation import panda, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 
@@ -159,15 +159,10 @@ def serving(model: str, executor: str) -> AbstractContextManager[subprocess.Pope
 @contextmanager
 def spun(node: Node) -> Iterator[None]:
     """Spin a node in another thread while the block runs."""
-    executor = make_executor('events')
-    executor.add_node(node)
-    thread = threading.Thread(target=executor.spin)
-    thread.start()
     try:
-        yield
+        with spinning(node, executor=make_executor('events')):
+            yield
     finally:
-        executor.shutdown()
-        thread.join()
         rclpy.shutdown()
 
 

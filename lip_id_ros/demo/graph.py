@@ -10,7 +10,6 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
-import threading
 import time
 from typing import Any
 
@@ -31,8 +30,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.running import make_executor
+from lip_id_ros.nodes import messages, qos, running
 
 ANSWER_SECONDS = 60.0
 POLL_SECONDS = 0.1
@@ -174,15 +172,10 @@ def spinning(name: str) -> Iterator[Node]:
     """Give a node that is spun in another thread while the block runs."""
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node(name)
-    executor = make_executor('events')
-    executor.add_node(node)
-    thread = threading.Thread(target=executor.spin, name='executor')
-    thread.start()
     try:
-        yield node
+        with running.spinning(node, executor=running.make_executor('events')):
+            yield node
     finally:
-        executor.shutdown()
-        thread.join()
         node.destroy_node()
         rclpy.shutdown()
 

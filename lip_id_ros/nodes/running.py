@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future as ThreadFuture
+from contextlib import contextmanager
 import gc
 import signal
 import threading
@@ -104,29 +105,55 @@ def _spin(node: NodeBase, stopped: threading.Event) -> None:
     executor.add_node(node)
     failures: list[BaseException] = []
 
-    def spin() -> None:
+    def spin(end: Future) -> None:
         try:
-            _spin_on(executor, node, stopped)
+            _spin_on(executor, node, end)
         except BaseException as error:
             failures.append(error)
         finally:
             stopped.set()
 
-    thread = threading.Thread(target=spin, name='executor')
-    thread.start()
-    stopped.wait()
-    executor.shutdown()
-    thread.join()
+    with _in_thread(executor, spin):
+        stopped.wait()
     if failures:
         raise failures[0]
 
 
-def _spin_on(executor: Executor, node: NodeBase, stopped: threading.Event) -> None:
+@contextmanager
+def spinning(*nodes: Node, executor: Executor) -> Iterator[None]:
+    """Spin nodes in another thread while the block runs."""
+    for node in nodes:
+        executor.add_node(node)
+    with _in_thread(executor, executor.spin_until_future_complete):
+        yield
+
+
+@contextmanager
+def _in_thread(executor: Executor, spin: Callable[[Future], None]) -> Iterator[None]:
+    """
+    Call `spin` in another thread while the block runs; its argument is done with the block.
+
+    The executor is shut down once it spins no more: rclpy takes its guard conditions away from
+    under an executor that spins, which may end it with an AttributeError.
+
+    """
+    end = Future()
+    thread = threading.Thread(target=spin, args=[end], name='executor')
+    thread.start()
+    try:
+        yield
+    finally:
+        end.set_result(None)
+        thread.join()
+        executor.shutdown()
+
+
+def _spin_on(executor: Executor, node: NodeBase, end: Future) -> None:
     """Spin again after an error past the guards, such as of a message of random bytes."""
     n_run, since = node.n_callbacks, time.monotonic()
-    while not stopped.is_set():
+    while not end.done():
         try:
-            executor.spin()
+            executor.spin_until_future_complete(end)
             return
         except ExternalShutdownException:
             return

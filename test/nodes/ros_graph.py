@@ -10,7 +10,6 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
-import threading
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -26,7 +25,7 @@ from std_srvs.srv import SetBool, Trigger
 from waiting import wait_until
 
 from lip_id_ros.demo.graph import await_discovery
-from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes import messages, qos, running
 
 ROOT = Path(__file__).resolve().parents[2]
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
@@ -277,12 +276,8 @@ def spinning(made: Graph) -> Iterator[Client]:
     rclpy.init(context=made.context, domain_id=made.domain)
     client = Client(made.context)
     executor = SingleThreadedExecutor(context=made.context)
-    executor.add_node(client.node)
-    thread = threading.Thread(target=executor.spin)
-    thread.start()
     try:
-        yield client
+        with running.spinning(client.node, executor=executor):
+            yield client
     finally:
-        executor.shutdown()
-        thread.join()
         rclpy.shutdown(context=made.context)

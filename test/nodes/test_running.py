@@ -5,11 +5,19 @@ from __future__ import annotations
 import os
 from pathlib import Path
 import sys
+import threading
+from typing import Any
 
 import pytest
 from waiting import run_to_end
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+
+from lip_id_ros.nodes.running import spinning
 
 pytestmark = pytest.mark.ros
 
@@ -68,3 +76,36 @@ def test_errors_past_the_guard(executor: str, broken: bool, tmp_path: Path) -> N
     else:
         assert ended.returncode == 0, ended.stderr
         assert int(words[-1]) >= 149
+
+
+class Busy(SingleThreadedExecutor):
+    """Looks for nodes until it is shut down, or for a moment."""
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context=context)
+        self.looks, self.is_shut_down = threading.Event(), threading.Event()
+
+    def get_nodes(self) -> list[Any]:
+        self.looks.set()
+        self.is_shut_down.wait(0.3)
+        return super().get_nodes()
+
+    def shutdown(self, timeout_sec: float | None = None) -> bool:
+        ended = super().shutdown(timeout_sec)
+        self.is_shut_down.set()
+        return ended
+
+
+def test_an_executor_spins_no_more_when_it_is_shut_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rclpy took a guard condition from under the spin: AttributeError, now and then."""
+    failed: list[Any] = []
+    monkeypatch.setattr(threading, 'excepthook', failed.append)
+    context = Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node('spun', context=context)
+    executor = Busy(context)
+    with spinning(node, executor=executor):
+        executor.looks.wait()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    assert not failed
