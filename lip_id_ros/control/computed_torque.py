@@ -278,6 +278,8 @@ class PlanController:
 
     def _command(self, plan: _Plan, message: JointMessage) -> Array:
         measured = self._reader.read(message)
+        if max(np.abs(measured.q).max(), np.abs(measured.dq).max()) > LARGEST:
+            raise RefusedError(Refusal.TOO_LARGE)  # its feedback would be the largest torque
         q_wanted, dq_wanted, effort = plan.at(message.stamp_ns)
         feedback = self._gains.feedback(q_wanted - measured.q, dq_wanted - measured.dq)
         command: Array = np.clip(effort + feedback, -self._limits, self._limits)

@@ -146,7 +146,9 @@ class NodeBase(Node):
         """Log a refused message, at most every five seconds."""
         if refused.reason in HARMLESS:
             return
-        self.get_logger().warning(f'refused: {refused}', throttle_duration_sec=5.0)
+        self.get_logger().warning(
+            f'refused a message ({refused.reason}): {refused}', throttle_duration_sec=5.0
+        )
 
     # the guard
 

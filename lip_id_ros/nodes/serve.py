@@ -52,6 +52,7 @@ class ServeNode(NodeBase, LifecycleNode):
         self._models: dict[str, LoadedModel] = {}
         self._loaded: LoadedModel | None = None
         self._failure = ''
+        self._n_configured = 0
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='loading')
         self._outputs = Outputs(self)
         self._inputs = Inputs(self, self._server, self._outputs)
@@ -162,6 +163,7 @@ class ServeNode(NodeBase, LifecycleNode):
             self._forget()
             return TransitionCallbackReturn.FAILURE
         self._failure = ''
+        self._n_configured += 1
         self._outputs.configure(settings, self._loaded.joint_names)
         joints = ', '.join(self._loaded.joint_names)
         self.get_logger().info(f'serves {settings.model_path}: {joints}')
@@ -236,26 +238,31 @@ class ServeNode(NodeBase, LifecycleNode):
     async def _on_reload(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
+        configured = self._n_configured
         try:
-            response.message = await self._reload()
+            response.message = await self._reload(configured)
             response.success = True
             self._failure = ''
         except (LipIdError, OSError) as error:
             response.success = False
-            response.message = self._failure = str(error)
+            response.message = str(error)
+            if configured == self._n_configured:
+                self._failure = response.message
         return response
 
-    async def _reload(self) -> str:
+    async def _reload(self, configured: int) -> str:
         """Load beside the executor, so that references are answered meanwhile; then swap."""
         settings, before = self._settings(), self._loaded
         if before is None:
             raise LipIdError('there is no model to replace; configure the node instead.')
         models = await outcome(self, self._pool.submit(load_models, settings, before))
+        if self._loaded is None or self._n_configured != configured:
+            stop(models)
+            raise LipIdError(
+                'the node was cleaned up while the model was loaded; call reload_model again.'
+            )
         # another reload may have been faster: its models are replaced then
         replaced, now = self._models, self._settings()
-        if self._loaded is None or self._loaded.joint_names != models[''].joint_names:
-            stop(models)
-            raise LipIdError('the node was cleaned up while the model was loaded.')
         self._models = models
         if now.payload not in models:  # changed meanwhile to one that was not to be loaded
             self.get_logger().warning(f'no payload: {now.payload} is not loaded any more')

@@ -25,11 +25,11 @@ from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.model import Prediction, Query
 from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.plans import Planned, PlanWorker
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.signals.joints import HARMLESS, Refusal, RefusedError
+from lip_id_ros.signals.joints import Refusal, RefusedError
 
-WARNING_PERIOD_S = 5.0
 DELIVERY_S = 5.0
 """A subscriber that does not answer for so long holds up the node's end no more."""
 
@@ -150,7 +150,7 @@ class Outputs:
 class Inputs:
     """Subscriptions with their callbacks: convert, ask the server, convert, publish."""
 
-    def __init__(self, node: LifecycleNode, server: Server, outputs: Outputs) -> None:
+    def __init__(self, node: NodeBase, server: Server, outputs: Outputs) -> None:
         self._node = node
         self._server = server
         self._references = server.counts.references
@@ -298,11 +298,7 @@ class Inputs:
         try:
             answer(*arguments)
         except RefusedError as refused:
-            if refused.reason not in HARMLESS:
-                self._node.get_logger().warning(
-                    f'refused a reference ({refused.reason}): {refused}',
-                    throttle_duration_sec=WARNING_PERIOD_S,
-                )
+            self._node.warn_of_refusal(refused)
 
     def _answer_sample(self, stamp: Time, names: Sequence[str], points: Sequence[Any]) -> None:
         if stamp.sec == stamp.nanosec == 0:  # left empty, which in a trajectory means now

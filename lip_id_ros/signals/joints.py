@@ -81,7 +81,7 @@ _SENTENCES = {
     Refusal.NOT_FINITE_TORQUE: (
         'the torque would not be finite, the motion is far from what the model was trained on'
     ),
-    Refusal.TOO_LARGE: 'a value is larger than that of any arm; check the unit and the planner',
+    Refusal.TOO_LARGE: 'a value is larger than that of any arm; check its unit and publisher',
     Refusal.NO_STAMP: 'the stamp is zero; use a driver that stamps its joint states',
     Refusal.REPEATED_STAMP: 'the stamp is that of the last joint state; check the driver',
     Refusal.BACKWARD_STAMP: (

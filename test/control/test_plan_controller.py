@@ -103,6 +103,15 @@ def test_without_efforts_feedback_is_all() -> None:
     np.testing.assert_allclose(torques, [-10.0, 0.0])
 
 
+@pytest.mark.parametrize('state', [([1e12, 1.0], [1.0, 0.0]), ([0.0, 1.0], [1.0, -1e300])])
+def test_a_measurement_of_no_arm_moves_none(state: tuple[list[float], list[float]]) -> None:
+    """Its feedback was the largest torque."""
+    controller = following()
+    with pytest.raises(RefusedError, match=r'larger than that of any arm; check its unit'):
+        controller.torques(measured(0.0, *state))
+    assert controller.status().values['refused'] == {'value too large': 1}
+
+
 def test_torques_keep_their_limits() -> None:
     torques = following().torques(measured(0.0, [9.0, -9.0], [0.0, 0.0]))
     assert torques is not None

@@ -128,7 +128,7 @@ def test_bad_references_are_counted_and_the_node_lives(serving: tuple[Graph, Cli
         'foreign joint in a plan': 1,
     }
     assert len(torques) == 1
-    assert 'refused a reference (no points): a trajectory needs at least one point' in serve.log
+    assert 'refused a message (no points): a trajectory needs at least one point' in serve.log
 
 
 def test_lifecycle_without_autostart(

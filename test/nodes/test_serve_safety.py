@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
+import shutil
 import threading
 import time
 from typing import Any, TYPE_CHECKING
@@ -16,9 +18,15 @@ from lifecycle_msgs.msg import Transition
 from nodes import toy
 from nodes.test_serve import EXPECTED, GOOD, point, REFERENCE, start_serve, TORQUE, trajectory
 import numpy as np
+import rclpy
+from rclpy.parameter import Parameter
+from ros_domain import free_domain
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
+
+from lip_id_ros.nodes import serve
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph
@@ -224,6 +232,42 @@ def test_a_reload_leaves_no_reference_unanswered(serving: tuple[Graph, Client]) 
         thread.join()
     client.wait_until(lambda: len(torques) == sent[0], 'an answer to each reference')
     np.testing.assert_allclose(efforts(torques), np.tile(EXPECTED, (sent[0], 1)), atol=0.1)
+
+
+def test_a_reload_does_not_outlive_its_configuration(
+    model_path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else the model of an earlier path took the place of the one configured since."""
+    other = shutil.copy(model_path, tmp_path / 'other.npz')
+    slow, load = threading.Event(), serve.load_models
+
+    def load_models(settings: Any, before: Any) -> Any:
+        if before is not None:
+            slow.wait()
+        return load(settings, before)
+
+    monkeypatch.setattr(serve, 'load_models', load_models)
+    with free_domain() as domain:
+        rclpy.init(args=['--ros-args', '-p', f'model_path:={model_path}'], domain_id=domain)
+        node = serve.ServeNode()
+        reload = node._on_reload(Trigger.Request(), Trigger.Response())
+        reload.send(None)  # up to where it waits
+        node.trigger_deactivate()
+        node.trigger_cleanup()
+        node.set_parameters([Parameter('model_path', value=str(other))])
+        node.trigger_configure()
+        configured = node._loaded
+        slow.set()
+        node._pool.submit(int).result()
+        with pytest.raises(StopIteration) as ended:
+            reload.send(None)
+        assert not ended.value.value.success
+        assert 'cleaned up while the model was loaded' in ended.value.value.message
+        assert node._loaded is configured
+        assert node.status().summary == 'inactive'
+        node.stop()
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 @pytest.mark.slow
