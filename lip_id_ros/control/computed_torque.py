@@ -185,7 +185,6 @@ class PlanController:
         self._jumps = 0
         self._plan: _Plan | None = None
         self._tally = Tally('plans', 'torques', 'idle')
-        self._n_used = self._n_refused = self._n_foreign = 0
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -245,18 +244,10 @@ class PlanController:
         """Return the counts, which add up to `received`; warn of refusals since the last call."""
         tally = self._tally
         values = {'received': tally.received, **tally.used, 'refused': dict(tally.refused)}
-        if self._has_new_refusals():
-            return Status(Level.WARN, 'messages were refused', values)
+        refused = ', '.join(f'{key} {n}' for key, n in sorted(tally.new_refusals().items()))
+        if refused:
+            return Status(Level.WARN, f'messages refused: {refused}', values)
         return Status(Level.OK, 'all messages are answered', values)
-
-    def _has_new_refusals(self) -> bool:
-        """Whether messages were refused since the last call; not those beside used ones."""
-        tally = self._tally
-        before = self._n_used, self._n_refused, self._n_foreign
-        self._n_used, self._n_refused = tally.used.total(), tally.refused.total()
-        self._n_foreign = tally.refused[Refusal.FOREIGN_JOINTS]
-        foreign = self._n_foreign - before[2] if self._n_used > before[0] else 0
-        return self._n_refused - before[1] > foreign
 
     def _read(self, names: Sequence[str], points: Sequence[EffortPoint]) -> _Plan:
         columns = self._planned.columns(names)

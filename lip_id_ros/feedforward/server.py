@@ -217,12 +217,13 @@ class Server:
 
     def rest(self) -> None:
         """Note that zero torque was published: the next reference is ramped in from there."""
-        self._fed_at, self._stale = None, False
+        self._fed_at = -np.inf
+        self._stale = False
         if self._arm is not None:
             self._arm.shaper.rest()
 
     def _forget_stream(self) -> None:
-        self._fed_at: float | None = None  # no reference is expected before the first
+        self._fed_at = -np.inf  # no reference is expected before the first
         self._stale = False
         self._position: Array | None = None
         self._measured: MeasuredState | None = None
@@ -305,7 +306,7 @@ class Server:
 
     def silence(self, now: float) -> float:
         """Return the time since the last answered reference [s], 0 while none is expected."""
-        return 0.0 if self._fed_at is None else now - self._fed_at
+        return now - self._fed_at if np.isfinite(self._fed_at) else 0.0
 
     def take_deviation(self) -> Deviated | None:
         """Return standard deviations that were not taken yet."""

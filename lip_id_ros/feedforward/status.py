@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from lip_id_ros.signals.joints import HARMLESS, Refusal
 from lip_id_ros.signals.status import Tally
 
 ALARMING = ('out_of_range', 'uncertain')
@@ -37,7 +36,6 @@ class ServeCounts:
         self.joint_states = Tally('measured')
         self.torques = Counter(dict.fromkeys(counted, 0))
         self._judged: Counter[str] = Counter()
-        self._measured = 0
 
     def values(self) -> dict[str, Any]:
         """Return all counts, JSON-able."""
@@ -55,15 +53,11 @@ class ServeCounts:
 
     def new_alarms(self) -> Counter[str]:
         """Return what deserves a warning and was counted since the last call."""
-        counted = {
-            **self.references.refused,
-            **{f'joint states: {key}': n for key, n in self.joint_states.refused.items()},
-            **{key: self.torques[key] for key in ALARMING},
-        }
-        harmless = {*HARMLESS, *(f'joint states: {key}' for key in HARMLESS)}
-        measured = self.joint_states.used['measured']
-        if measured == self._measured:
-            harmless.remove(f'joint states: {Refusal.FOREIGN_JOINTS}')
-        self._measured = measured
-        new, self._judged = Counter(counted) - self._judged, Counter(counted)
-        return Counter({key: n for key, n in new.items() if key not in harmless})
+        doubtful = Counter({key: self.torques[key] for key in ALARMING})
+        new, self._judged = doubtful - self._judged, doubtful
+        states = self.joint_states.new_refusals()
+        return (
+            new
+            + self.references.new_refusals()
+            + Counter({f'joint states: {reason}': n for reason, n in states.items()})
+        )

@@ -22,7 +22,7 @@ from lip_id_ros.signals.joint_states import (
     MeasuredState,
     StampWatch,
 )
-from lip_id_ros.signals.joints import by_joint, HARMLESS, Refusal, RefusedError, require_joints
+from lip_id_ros.signals.joints import by_joint, Refusal, RefusedError, require_joints
 from lip_id_ros.signals.status import Level, Tally
 
 LONGEST_GAP_S = 0.2
@@ -217,12 +217,10 @@ class Monitor:
 
     def _counts(self) -> Counter[str]:
         tally = self._tally
-        return Counter({'received': tally.received, **tally.used, **tally.refused})
+        return Counter({'received': tally.received, **tally.used})
 
     def _judgement(self, new: Counter[str], silence: float) -> tuple[Level, str]:
-        harmless = HARMLESS if new['watched'] else ()
-        reasons = [key for key in sorted(self._tally.refused) if new[key] and key not in harmless]
-        refused = ', '.join(f'{key} {new[key]}' for key in reasons)
+        refused = ', '.join(f'{key} {n}' for key, n in sorted(self._tally.new_refusals().items()))
         if silence > SILENCE_S:
             return Level.ERROR, f'blind: no joint states for {silence:.0f} s'
         if self._n_unusable >= CONFIRMED_BY:

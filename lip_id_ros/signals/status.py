@@ -9,7 +9,9 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
-from lip_id_ros.signals.joints import Refusal, RefusedError
+from lip_id_ros.signals.joints import HARMLESS, Refusal, RefusedError
+
+_FOREIGN = Refusal.FOREIGN_JOINTS
 
 
 class Level(IntEnum):
@@ -63,6 +65,19 @@ class Tally:
         self.received = 0
         self.used = Counter(dict.fromkeys(uses, 0))
         self.refused: Counter[str] = Counter()
+        self._n_used, self._judged = 0, Counter[str]()
+
+    def new_refusals(self) -> Counter[str]:
+        """
+        Return refusals since the last call that deserve a warning, by reason.
+
+        Those of `HARMLESS` do not, but for foreign joints where no message was used meanwhile.
+
+        """
+        new = self.refused - self._judged
+        harmless = HARMLESS if self.used.total() > self._n_used else HARMLESS - {_FOREIGN}
+        self._n_used, self._judged = self.used.total(), self.refused.copy()
+        return Counter({reason: n for reason, n in new.items() if reason not in harmless})
 
     def refuse(self, reason: Refusal) -> None:
         """Count a refused message."""

@@ -170,19 +170,20 @@ def test_a_stream_that_begins_late_is_ramped_in_all_the_same() -> None:
 
 
 @pytest.mark.parametrize('refused', [([1], [1], [1]), ([1e308, 0], [1e308, 0], [1e308, 0])])
-def test_refused_references_do_not_hold_a_torque(refused: tuple[list[float], ...]) -> None:
+def test_refused_references_do_not_hold_a_torque(
+    refused: tuple[list[float], list[float], list[float]],
+) -> None:
     """Each began the ramp to the safe torque anew: a planner of NaN kept the arm at its last."""
     server = serving(stale_timeout_s=0.5, safe_ramp_s=0.1, range_policy='off')
     server.sample(NAMES, [POINT], 0.0)
-    safe = []
-    for tick in range(8):
+    for tick, share in enumerate([1.0, 0.8, 0.6, 0.4, 0.2, 0.0, 0.0, 0.0]):
         now = 0.6 + 0.02 * tick
         for _ in range(20):
             with pytest.raises(RefusedError):
                 server.sample(NAMES, [point(*refused)], now)
-        safe.append(server.safe_torque(now))
-    shares = [1.0, 0.8, 0.6, 0.4, 0.2, 0.0, 0.0, 0.0]
-    np.testing.assert_allclose(safe, np.outer(shares, TAU), atol=1e-9)
+        safe = server.safe_torque(now)
+        assert safe is not None
+        np.testing.assert_allclose(safe, share * TAU, atol=1e-9)
 
 
 def test_the_safe_torque_of_gravity_is_that_of_where_the_arm_is() -> None:

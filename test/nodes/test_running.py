@@ -85,12 +85,12 @@ class Busy(SingleThreadedExecutor):
         super().__init__(context=context)
         self.looks, self.is_shut_down = threading.Event(), threading.Event()
 
-    def get_nodes(self) -> list[Any]:
+    def get_nodes(self) -> Any:
         self.looks.set()
         self.is_shut_down.wait(0.3)
         return super().get_nodes()
 
-    def shutdown(self, timeout_sec: float | None = None) -> bool:
+    def shutdown(self, timeout_sec: float | None = None) -> Any:
         ended = super().shutdown(timeout_sec)
         self.is_shut_down.set()
         return ended

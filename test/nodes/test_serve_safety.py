@@ -26,6 +26,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from lip_id_ros.feedforward import loading
 from lip_id_ros.nodes import serve
 
 if TYPE_CHECKING:
@@ -239,7 +240,7 @@ def test_a_reload_does_not_outlive_its_configuration(
 ) -> None:
     """Else the model of an earlier path took the place of the one configured since."""
     other = shutil.copy(model_path, tmp_path / 'other.npz')
-    slow, load = threading.Event(), serve.load_models
+    slow, load = threading.Event(), loading.load_models
 
     def load_models(settings: Any, before: Any) -> Any:
         if before is not None:
