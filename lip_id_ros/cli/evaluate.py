@@ -18,6 +18,7 @@ EPILOG = """\
 examples:
   lip_id evaluate arm.npz other_bag
   lip_id evaluate arm.npz other_bag --report out    plots, and out/index.html with all of them
+  lip_id evaluate arm.npz my_bag --last 0.3         the samples that fit --holdout 0.3 left out
   lip_id evaluate arm.npz other_bag --rollout       also simulate windows of the motion, driven by
                                                     the measured torques
   lip_id evaluate arm.npz other_bag --json -        figures for another program
@@ -31,6 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_model(parser)
     arguments.add_sources(parser)
     arguments.add_config(parser, "the settings of the model's fit")
+    parser.add_argument(
+        '--last',
+        type=arguments.share,
+        metavar='SHARE',
+        help='evaluate the last share of the samples only',
+    )
     arguments.add_json(parser)
     parser.add_argument(
         '--rollout',
@@ -68,6 +75,9 @@ def run(args: argparse.Namespace) -> None:
     rollouts = None
     with output.progress_display() as progress:
         dataset = models.load_for(model, args.sources, args.config, progress)
+        if args.last is not None:
+            _, dataset = dataset.split(1.0 - args.last)
+            sources += f', the last {100 * args.last:g} %'
         warnings = training_data_warnings(model, dataset) + copy_cautions(dataset.provenance)
         outcome = predict(model, dataset, progress)
         evaluation = score(outcome)
@@ -78,7 +88,9 @@ def run(args: argparse.Namespace) -> None:
             facts = (('model', args.model), ('recordings', sources), *models.facts(model))
             labels = Labels('Inverse dynamics: model against measurement', warnings, facts)
             uncertainty = band(model, outcome, progress)
-            write_report(args.report, outcome, evaluation, uncertainty, labels, progress, rollouts)
+            page = write_report(
+                args.report, outcome, evaluation, uncertainty, labels, progress, rollouts
+            )
     console = output.console(args.json)
     show.evaluated(evaluation, f'{args.model} on {sources}', console)
     figures = evaluation.to_json()
@@ -87,6 +99,8 @@ def run(args: argparse.Namespace) -> None:
             show_table(table, console)
         figures['rollout'] = rollouts.to_json()
     show_lines(warnings, console)
+    if args.report:
+        show_lines([f'Written: {page}'], console)
     output.write_json(args.json, figures)
 
 

@@ -101,6 +101,8 @@ def run(args: argparse.Namespace) -> None:
     if evaluation is not None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
         show.evaluated(evaluation, title, console)
+        where = f'{" ".join(args.sources)} --last {args.holdout:g}'
+        show_lines([f'Plots: lip_id evaluate {args.output} {where} --report DIR'], console)
     copies = copy_cautions(training.provenance)
     elected = election_lines(training.provenance)
     show_lines([*health.lines, *copies, *elected, *models.cautions(model)], console)

@@ -110,7 +110,10 @@ def _recording(args: argparse.Namespace, console: Console) -> dict[str, Any]:
         if args.report:
             from lip_id_ros.evaluation.report.recording_report import write_recording_report
 
-            write_recording_report(args.report, args.file, health.seen, progress, health.units)
+            page = write_recording_report(
+                args.report, args.file, health.seen, progress, health.units
+            )
+            lines.append(f'Written: {page}')
     shown = {name: value for name, value in description.items() if name != 'efforts'}
     show.described(shown, console)
     show_lines(lines, console)

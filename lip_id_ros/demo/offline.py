@@ -23,7 +23,7 @@ from lip_id_ros.evaluation import Evaluation, run, with_checks
 from lip_id_ros.identification import fit
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import for_training
-from lip_id_ros.settings import Config, FitSettings
+from lip_id_ros.settings import Config
 from lip_id_ros.simulation import (
     make_dataset,
     MotionLimits,
@@ -67,7 +67,7 @@ class Simulation:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demonstration; return the exit status of `run_demo`."""
-    return run_demo(lambda output: demonstrate(output, Size(), DEMO_CONFIG), argv, __doc__)
+    return run_demo(lambda output: demonstrate(output, Size(), Config()), argv, __doc__)
 
 
 def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
@@ -105,8 +105,6 @@ def record(bag: Path, seed: int, size: Size) -> Simulation:
     write_bag(bag, with_encoder_noise(exact, POSITION_NOISE, VELOCITY_NOISE, rng))
     return Simulation(arm, trajectory, bag)
 
-
-DEMO_CONFIG = Config(fit=FitSettings(max_samples=500))
 
 if __name__ == '__main__':
     sys.exit(main())

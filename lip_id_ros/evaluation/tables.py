@@ -120,12 +120,11 @@ def notes(evaluation: Evaluation) -> list[str]:
     ]
     if evaluation.inertia_not_pd_percent is None:
         return texts
-    return [
-        *texts,
-        f'The estimated inertia matrix is not positive definite at '
-        f'{evaluation.inertia_not_pd_percent:.3g} % of the samples; its smallest eigenvalue is '
-        f'{evaluation.inertia_min_eigenvalue:.3g}.',
-    ]
+    where = 'all samples'
+    if share := evaluation.inertia_not_pd_percent:
+        where = f'{100.0 - share:.3g} % of the samples only'
+    eigenvalue = f'its smallest eigenvalue is {evaluation.inertia_min_eigenvalue:.3g}'
+    return [*texts, f'The inertia matrix M(q) is positive definite at {where}; {eigenvalue}.']
 
 
 def percent(value: float | None) -> str:

@@ -151,9 +151,9 @@ def kinematics_of(
 
 
 def _cell(unit: str, value: float, std: float, identified: bool) -> str:
-    text = _rounded(value, unit, 1, 4)
+    text = _rounded(value, unit, 2, 4)
     if 0.0 < std < math.inf:
-        text += f' ± {_rounded(std, unit, 1, 4)}'
+        text += f' ± {_rounded(std, unit, 2, 4)}'
     return text if identified else f'{text} {MARK}'
 
 

@@ -18,6 +18,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.cli import main
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.evaluation import evaluate
 from lip_id_ros.files import read_npz
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.model import InverseDynamicsModel
@@ -103,6 +104,11 @@ def test_held_out_samples_are_the_last_and_are_not_learned_from(
     assert np.isin(process_of(model).states.q[:, 0], first.q[:, 0]).all()
     assert 'the last 25 % of the samples' in output
     assert f'{rest.n_samples} samples, compared with the measured torques' in output
+    assert 'Plots: lip_id evaluate arm.npz data.npz --last 0.25 --report DIR' in output
+
+    lip_id('evaluate', 'arm.npz', 'data.npz', '--last', 0.25, '--json', 'last.json')
+    rmse = json.loads((here / 'last.json').read_text())['rmse']
+    assert rmse == list(evaluate(model, rest).rmse)
 
 
 @pytest.mark.slow
