@@ -23,11 +23,11 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.identification import fit
 from lip_id_ros.loading.delay_election import REACH_S
 from lip_id_ros.loading.election import CUTOFFS_HZ, elect_preprocessing, HIGHEST
-from lip_id_ros.loading.left_out_torques import Stretch, stretches_of
+from lip_id_ros.loading.left_out_torques import target, uniform_segments
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.preprocessing.pipeline import smooth_motion
-from lip_id_ros.preprocessing.segments import segments_of
+from lip_id_ros.preprocessing.pipeline import smooth
+from lip_id_ros.preprocessing.segments import Segment, segments_of
 from lip_id_ros.preprocessing.smoothing import low_pass
 from lip_id_ros.settings import AUTO, PreprocessingSettings, RecordingSettings
 
@@ -100,25 +100,24 @@ def _errors(settings: Settings, train: RawRecordings, test: RawRecordings) -> tu
     """Return nMSE of unseen efforts, all of them and the slow part, shape (n,) each [%]."""
     model = fit(preprocess(train.samples, *settings))
     usual = PreprocessingSettings()
-    raw = [segments_of(each, usual, test.recording) for each in test.samples]
+    raw = [each for one in test.samples for each in segments_of(one, usual, test.recording)[0]]
     highest = max(c for c in CUTOFFS_HZ if c < HIGHEST * min(each.rate_hz for each in raw))
     wide, slow = [], []
-    for each in stretches_of(raw, usual, (SLOW_HZ, highest), REACH_S):
-        inner = slice(each.edge, len(each.times) - each.edge)
+    for each, edge in uniform_segments(raw, usual, SLOW_HZ, REACH_S):
+        inner = slice(edge, each.n_samples - edge)
         predicted = _predicted(model, each, settings)
-        wide.append((each.target[inner], predicted[inner]))
+        wide.append((target(each, highest)[inner], predicted[inner]))
         low = [low_pass(tau, each.rate_hz, SLOW_HZ)[inner] for tau in (each.effort, predicted)]
         slow.append((low[0], low[1]))
     return _nmse(wide), _nmse(slow)
 
 
-def _predicted(model: InverseDynamicsModel, stretch: Stretch, settings: Settings) -> Array:
-    """Predict the efforts at all times of a stretch, each joint's as late as it was measured."""
-    state = smooth_motion(stretch.position, stretch.velocity, stretch.rate_hz, settings[0])
-    tau = model.predict(*state).tau
+def _predicted(model: InverseDynamicsModel, segment: Segment, settings: Settings) -> Array:
+    """Predict the efforts at all times of a segment, each joint's as late as it was measured."""
+    tau = model.predict(*smooth(segment, settings[0])[:3]).tau
     for joint, delay in enumerate(settings[1].effort_delay_s):
-        earlier = np.clip(stretch.times - delay, stretch.times[0], stretch.times[-1])
-        tau[:, joint] = np.interp(earlier, stretch.times, tau[:, joint])
+        earlier = np.clip(segment.t - delay, segment.t[0], segment.t[-1])
+        tau[:, joint] = np.interp(earlier, segment.t, tau[:, joint])
     return tau
 
 

@@ -42,7 +42,7 @@ from lip_id_ros.loading import election_lines, load_dataset
 from lip_id_ros.loading.load import elected_config, Watch, with_report
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training, preprocess
-from lip_id_ros.preprocessing.selection import at_most
+from lip_id_ros.preprocessing.pipeline import at_most
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import AUTO, Config, override

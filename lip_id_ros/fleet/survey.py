@@ -20,8 +20,8 @@ from lip_id_ros.fleet.results import Survey
 from lip_id_ros.identification.sample_selection import covering, evenly
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import for_training
-from lip_id_ros.preprocessing.cleaning import content_digest
 from lip_id_ros.recording.bags import Bag
+from lip_id_ros.recording.joint_samples import content_digest
 from lip_id_ros.settings import Config
 
 RESERVOIR_BYTES = 140_000

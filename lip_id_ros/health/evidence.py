@@ -19,8 +19,15 @@ from lip_id_ros.health.motion import (
     VelocityAgreement,
 )
 from lip_id_ros.joint_types import POSITION_UNITS
-from lip_id_ros.preprocessing.cleaning import quantum
-from lip_id_ros.preprocessing.repetition import repeated, source_periods, stale
+from lip_id_ros.preprocessing.sample_times import (
+    Changes,
+    changes_between,
+    changes_of,
+    repeated,
+    source_periods,
+    stale,
+)
+from lip_id_ros.preprocessing.segments import quantum
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.spill import extent, marked, thinned
 
@@ -209,9 +216,14 @@ class Evidence:
         return self.samples.joint_names
 
     @cached_property
+    def changes(self) -> Changes:
+        """Rows at which each signal differs from the row before."""
+        return changes_of(self.samples)
+
+    @cached_property
     def is_stale(self) -> BoolArray:
         """Which samples repeat the one before under a new stamp, shape (N,)."""
-        return stale(self.samples)
+        return stale(self.samples, self.changes)
 
     @property
     def stale_share(self) -> float:
@@ -221,7 +233,7 @@ class Evidence:
     @cached_property
     def source_periods(self) -> dict[str, int]:
         """Samples that each signal takes for a new value, stale ones not counted."""
-        return source_periods(self.samples, self.is_stale)
+        return source_periods(changes_between(self.changes, ~self.is_stale))
 
     @cached_property
     def motion(self) -> SmoothMotion:

@@ -11,7 +11,7 @@ import numpy as np
 from lip_id_ros.health import effort_checks, excitation_checks, signal_checks
 from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import Check, Finding, Severity
-from lip_id_ros.preprocessing.cleaning import per_joint, torque
+from lip_id_ros.preprocessing.segments import per_joint, torque
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import RecordingSettings
 

@@ -8,14 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.preprocessing.repetition import source_periods, stale, supported
+from lip_id_ros.preprocessing.sample_times import (
+    changes_between,
+    changes_of,
+    source_periods,
+    stale,
+)
+from lip_id_ros.preprocessing.segments import segment_of
 from lip_id_ros.preprocessing.smoothing import (
     cut,
     DERIVATIVES,
     is_long_enough,
     longest_step,
     low_pass,
-    resample,
     uniform_times,
 )
 from lip_id_ros.recording import JointSamples
@@ -96,18 +101,19 @@ def _is_finite(samples: JointSamples) -> bool:
 
 
 def _smooth_segments(samples: JointSamples, rate: float, every: int) -> Iterator[SmoothSegment]:
-    fresh = samples.select(~stale(samples))
+    changes = changes_of(samples)
+    keep = ~stale(samples, changes)
+    fresh, changes = samples.select(keep), changes_between(changes, keep)
     derivative = DERIVATIVES[_SETTINGS.derivative]
-    periods = source_periods(fresh)
+    periods = source_periods(changes)
     fresh = replace(fresh, velocity=_or_zero(fresh.velocity), effort=_or_zero(fresh.effort))
     for rows in cut(fresh.t, longest_step(fresh.t, _SETTINGS.cutoff)):
-        part = fresh.rows(rows)
-        if not is_long_enough(part.t, rate, _SETTINGS):
+        if not is_long_enough(fresh.t[rows], rate, _SETTINGS):
             continue
-        times = uniform_times(part.t, rate)
+        segment = segment_of(fresh, rows, changes, periods, rate)
+        segment = segment.uniform(uniform_times(segment.t, rate))
         position, recorded, effort = (
-            low_pass(resample(*supported(part, name, periods), times), rate, _SETTINGS.cutoff)
-            for name in SIGNALS
+            low_pass(getattr(segment, name), rate, _SETTINGS.cutoff) for name in SIGNALS
         )
         velocity = derivative(position, rate)
         yield SmoothSegment(

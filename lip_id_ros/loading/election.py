@@ -19,9 +19,9 @@ from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.left_out import Gain
 from lip_id_ros.loading.delay_election import DelayElection, REACH_S
-from lip_id_ros.loading.left_out_torques import LeftOutTorques, Stretch, stretches_of
+from lip_id_ros.loading.left_out_torques import LeftOutTorques, uniform_segments
 from lip_id_ros.preprocessing.pipeline import preprocess
-from lip_id_ros.preprocessing.segments import Segments, segments_of
+from lip_id_ros.preprocessing.segments import Segment, segments_of
 from lip_id_ros.preprocessing.smoothing import DERIVATIVES
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples
@@ -98,17 +98,17 @@ def elect_preprocessing(
         )
     usual = replace(settings, cutoff_hz=PreprocessingSettings().cutoff_hz, max_samples=0)
     data, used = _usable(recordings, usual, recording)
-    raw = [segments_of(samples, usual, recording) for samples in used]
+    raw = [each for samples in used for each in segments_of(samples, usual, recording)[0]]
     cutoffs = _cutoffs(raw, usual)
-    stretches = stretches_of(raw, usual, (cutoffs[0], cutoffs[-1]), REACH_S)
-    count = sum(len(each.times) - 2 * each.edge for each in stretches)
+    segments = uniform_segments(raw, usual, cutoffs[0], REACH_S)
+    count = sum(each.n_samples - 2 * edge for each, edge in segments)
     if count < LEAST_SAMPLES_PER_JOINT * data.n_joints:
         chosen = replace(settings, cutoff_hz=usual.cutoff)
         return Elected(chosen, recording, {'too_few_samples': count})
     now = usual
     for number in range(ROUNDS):
         progress(STAGE, number, ROUNDS + 1)
-        judge = _judge(data, stretches, now)
+        judge = _judge(data, segments, cutoffs[-1], now)
         elected, errors = _smoothing(judge, usual, cutoffs)
         if elected == now:
             break
@@ -118,7 +118,7 @@ def elect_preprocessing(
     if delays.any():  # late efforts have placed the joints a little wrongly
         early = replace(recording, effort_delay_s=tuple(delays.tolist()))
         data = concatenate([preprocess(each, elected, early) for each in used])
-        judge = _judge(data, stretches, elected)
+        judge = _judge(data, segments, cutoffs[-1], elected)
         delays, delay_report = DelayElection(judge, judge.smoothed(elected)).elected()
     progress(STAGE, ROUNDS + 1, ROUNDS + 1)
     report = {
@@ -135,12 +135,15 @@ def elect_preprocessing(
 
 
 def _judge(
-    data: Dataset, stretches: Sequence[Stretch], settings: PreprocessingSettings
+    data: Dataset,
+    segments: Sequence[tuple[Segment, int]],
+    highest_hz: float,
+    settings: PreprocessingSettings,
 ) -> LeftOutTorques:
     """Place the joints by what settings make of the recordings."""
     fitter = ArmFitter(data)
     chain = fitter.calibrated(SEED, silent).placements.chain
-    return LeftOutTorques(stretches, chain, fitter.link_std, settings)
+    return LeftOutTorques(segments, highest_hz, chain, fitter.link_std, settings)
 
 
 def _usable(
@@ -177,10 +180,10 @@ def _refuse_mixed(settings: PreprocessingSettings, recording: RecordingSettings)
         )
 
 
-def _cutoffs(raw: Sequence[Segments], usual: PreprocessingSettings) -> list[float]:
+def _cutoffs(raw: Sequence[Segment], usual: PreprocessingSettings) -> list[float]:
     """Return the cut-offs that rates and lengths of recordings allow, the usual among them."""
     rate = min(each.rate_hz for each in raw)
-    lengths = np.array([float(s.t[-1] - s.t[0]) for each in raw for s in each.segments])
+    lengths = np.array([each.duration_s for each in raw])
 
     def left(cutoff: float) -> float:
         edges = usual.edge_periods / cutoff + REACH_S

@@ -14,7 +14,6 @@ in part. So it is viscous and Coulomb friction at several times around that of t
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -23,26 +22,16 @@ from scipy.linalg import lapack
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification.statistics import contiguous_blocks
-from lip_id_ros.preprocessing.pipeline import smooth_motion, uses_velocity
-from lip_id_ros.preprocessing.repetition import supported
-from lip_id_ros.preprocessing.segments import Segments
-from lip_id_ros.preprocessing.smoothing import (
-    edge_length,
-    grid_size,
-    low_pass,
-    resample,
-    resample_early,
-    uniform_times,
-)
-from lip_id_ros.recording import JointSamples
-from lip_id_ros.recording.spill import release
+from lip_id_ros.preprocessing.pipeline import smooth
+from lip_id_ros.preprocessing.segments import Segment
+from lip_id_ros.preprocessing.smoothing import edge_length, grid_size, low_pass, uniform_times
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.settings import PreprocessingSettings
 
 BLOCKS = 8
 MOST_RAW = 60_000
-"""Raw samples that are looked at; of more, as many stretches as there are blocks."""
+"""Raw samples that are looked at; of more, as many pieces as there are blocks."""
 
 MOST_JUDGED = 2000
 """Samples that links are fitted to."""
@@ -64,71 +53,40 @@ INITIAL_NOISE, LEAST_NOISE = 0.05, 1e-4
 """Noise of the first fit, and least noise, as shares of each effort's standard deviation."""
 
 
-@dataclass(frozen=True, eq=False)
-class Stretch:
+def uniform_segments(
+    segments: Sequence[Segment], settings: PreprocessingSettings, lowest_hz: float, reach_s: float
+) -> list[tuple[Segment, int]]:
     """
-    Uniform raw signals of N samples of n joints without a gap.
-
-    Attributes
-    ----------
-    times : array, shape (N,)
-        [s].
-    position, effort, target : arrays, shape (N, n)
-        Efforts as recorded, and as they have to be predicted.
-    velocity : array, shape (N, n), or None
-        None where velocities were not recorded or are not to be used.
-    rate_hz : float
-    edge : int
-        Samples at both ends that are not compared.
-
-    """
-
-    times: Array
-    position: Array
-    velocity: Array | None
-    effort: Array
-    target: Array
-    rate_hz: float
-    edge: int
-
-    @property
-    def inner_s(self) -> float:
-        """Duration of what is compared [s]."""
-        return (len(self.times) - 2 * self.edge) / self.rate_hz
-
-
-def stretches_of(
-    recordings: Sequence[Segments],
-    settings: PreprocessingSettings,
-    cutoffs_hz: tuple[float, float],
-    reach_s: float,
-) -> list[Stretch]:
-    """
-    Bring recordings, or some stretches of long ones, to uniform grids.
+    Bring segments of recordings, or some pieces of long ones, to uniform times.
 
     Parameters
     ----------
-    recordings : sequence of Segments
+    segments : sequence of Segment
     settings : PreprocessingSettings
-    cutoffs_hz : tuple of 2 floats
-        The lowest and the highest that are compared.
+    lowest_hz : float
+        The lowest cut-off that is compared.
     reach_s : float
         How far from an effort motions are looked at.
 
+    Returns
+    -------
+    list of (Segment, int)
+        With how many samples at both ends are not compared.
+
     """
     found = []
-    total = sum(segment.n_samples for raw in recordings for segment in raw.segments)
-    for raw in recordings:
-        edge = edge_length(raw.rate_hz, cutoffs_hz[0], settings.edge_periods, reach_s)
-        for segment in raw.segments:
-            for piece in _pieces(segment, total):
-                if grid_size(piece.t, raw.rate_hz) > 2 * edge:
-                    found.append(_stretch(piece, raw, settings, cutoffs_hz[1], edge))
-            release(segment.position, segment.velocity, segment.effort)
+    total = sum(segment.n_samples for segment in segments)
+    for segment in segments:
+        rate = segment.rate_hz
+        edge = edge_length(rate, lowest_hz, settings.edge_periods, reach_s)
+        for piece in _pieces(segment, total):
+            if grid_size(piece.t, rate) > 2 * edge:
+                found.append((piece.uniform(uniform_times(piece.t, rate)), edge))
+        segment.release()
     return found
 
 
-def _pieces(segment: JointSamples, total: int) -> Iterator[JointSamples]:
+def _pieces(segment: Segment, total: int) -> Iterator[Segment]:
     """Yield pieces of a segment that is one of several with so many samples in total."""
     if total <= MOST_RAW:
         yield segment
@@ -140,34 +98,16 @@ def _pieces(segment: JointSamples, total: int) -> Iterator[JointSamples]:
             yield segment.rows(slice(start, start + length))
 
 
-def _stretch(
-    piece: JointSamples,
-    raw: Segments,
-    settings: PreprocessingSettings,
-    highest_hz: float,
-    edge: int,
-) -> Stretch:
-    times = uniform_times(piece.t, raw.rate_hz)
-    recorded = uses_velocity(piece, settings)
-    effort = resample_early(*supported(piece, 'effort', raw.periods), times, raw.delays_s)
-    return Stretch(
-        times=times,
-        position=resample(*supported(piece, 'position', raw.periods), times),
-        velocity=resample(*supported(piece, 'velocity', raw.periods), times) if recorded else None,
-        effort=effort,
-        target=low_pass(effort, raw.rate_hz, REFERENCE * highest_hz),
-        rate_hz=raw.rate_hz,
-        edge=edge,
-    )
-
-
 class LeftOutTorques:
     """
     Errors of left-out efforts, for settings of preprocessing and delays of efforts.
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    segments : sequence of (Segment, int)
+        Of `uniform_segments`.
+    highest_hz : float
+        The highest cut-off that is compared.
     chain : Chain
         Where the joints are.
     link_std : array, shape (n, 11)
@@ -179,21 +119,23 @@ class LeftOutTorques:
 
     def __init__(
         self,
-        stretches: Sequence[Stretch],
+        segments: Sequence[tuple[Segment, int]],
+        highest_hz: float,
         chain: Chain,
         link_std: Array,
         usual: PreprocessingSettings,
     ) -> None:
-        self._stretches, self._chain = stretches, chain
+        self._segments, self._chain = [segment for segment, _ in segments], chain
         self._link_std = link_std.ravel()
-        step = sum(each.inner_s for each in stretches) / MOST_JUDGED
+        inner_s = sum((each.n_samples - 2 * edge) / each.rate_hz for each, edge in segments)
+        step = inner_s / MOST_JUDGED
         self._rows = [
-            np.arange(e.edge, len(e.times) - e.edge, max(1, round(step * e.rate_hz)))
-            for e in stretches
+            np.arange(edge, each.n_samples - edge, max(1, round(step * each.rate_hz)))
+            for each, edge in segments
         ]
         number = contiguous_blocks(sum(rows.size for rows in self._rows), BLOCKS)
         self._blocks = [np.flatnonzero(number == k) for k in range(int(number[-1]) + 1)]
-        self._target = self._chosen([each.target for each in stretches])
+        self._target = self._chosen([target(each, highest_hz) for each in self._segments])
         self._size = _positive(self._target.std(axis=0))
         motion = self.smoothed(usual)
         self._speed = _positive(np.sqrt(np.mean(motion.state(0.0)[1] ** 2, axis=0)))
@@ -214,11 +156,11 @@ class LeftOutTorques:
     def smoothed(self, settings: PreprocessingSettings) -> Smoothed:
         """Return motions and efforts as settings make them."""
         splines, efforts = [], []
-        for each in self._stretches:
-            state = smooth_motion(each.position, each.velocity, each.rate_hz, settings)
-            splines.append(CubicSpline(each.times, np.concatenate(state, axis=1)))
-            efforts.append(low_pass(each.effort, each.rate_hz, settings.cutoff))
-        times = [e.times[rows] for e, rows in zip(self._stretches, self._rows, strict=True)]
+        for each in self._segments:
+            *state, effort = smooth(each, settings)
+            splines.append(CubicSpline(each.t, np.concatenate(state, axis=1)))
+            efforts.append(effort)
+        times = [each.t[rows] for each, rows in zip(self._segments, self._rows, strict=True)]
         return Smoothed(splines, times, self._chosen(efforts))
 
     def grams(self, smoothed: Smoothed, delay_s: float = 0.0) -> Array:
@@ -306,7 +248,7 @@ class Smoothed:
     Parameters
     ----------
     splines : sequence of CubicSpline
-        Positions, velocities and accelerations of every stretch.
+        Positions, velocities and accelerations of every segment.
     times : sequence of arrays
         [s].
     effort : array, shape (N, n)
@@ -333,6 +275,11 @@ class Smoothed:
             np.ascontiguousarray(each) for each in np.split(np.concatenate(values), 3, axis=1)
         )
         return q, dq, ddq
+
+
+def target(segment: Segment, highest_hz: float) -> Array:
+    """Return the efforts that settings are compared by, shape (N, n)."""
+    return low_pass(segment.effort, segment.rate_hz, REFERENCE * highest_hz)
 
 
 def _positive(values: Array) -> Array:

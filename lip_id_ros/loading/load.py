@@ -16,11 +16,10 @@ from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.errors import ConfigError, DataError, SourceError
 from lip_id_ros.loading.election import elect_preprocessing, ELECTED
-from lip_id_ros.preprocessing.cleaning import RepeatedSamples
-from lip_id_ros.preprocessing.pipeline import preprocess
-from lip_id_ros.preprocessing.selection import at_most
+from lip_id_ros.preprocessing.pipeline import at_most, preprocess
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples, read_sources
+from lip_id_ros.recording.joint_samples import RepeatedSamples
 from lip_id_ros.recording.reading import read_log
 from lip_id_ros.settings import AUTO, Config, override
 

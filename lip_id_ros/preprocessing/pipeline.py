@@ -1,5 +1,5 @@
 """
-From raw joint samples to a data set.
+From raw joint samples to a data set, and which of its samples a fit gets.
 
 Each segment of a cleaned recording is brought to uniform steps, low-passed, differentiated, cut at
 its edges and decimated; every sample left out is counted in the provenance.
@@ -9,19 +9,15 @@ its edges and decimated; every sample left out is counted in the provenance.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.preprocessing.cleaning import content_digest, per_joint, quantum
-from lip_id_ros.preprocessing.repetition import repeated, supported
-from lip_id_ros.preprocessing.segments import Segments, segments_of
-from lip_id_ros.preprocessing.selection import at_most, stride
+from lip_id_ros.preprocessing.segments import per_joint, Segment, segments_of, uses_velocity
 from lip_id_ros.preprocessing.smoothing import (
     DERIVATIVES,
     edge_length,
@@ -29,19 +25,24 @@ from lip_id_ros.preprocessing.smoothing import (
     is_filtered,
     is_long_enough,
     low_pass,
-    resample,
-    resample_early,
     Window,
     windows,
 )
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.recording.spill import release
+from lip_id_ros.recording.joint_samples import content_digest
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 STALE = 'sample stale'
 SHORT_SEGMENT = 'segment too short'
 EDGE = 'edge of a segment'
 DECIMATED = 'decimated'
+
+SAMPLES_PER_PERIOD = 4
+LEAST_LEFT = 0.25
+
+MIN_VELOCITY = {'articulated': 0.0}
+OTHER_MIN_VELOCITY = 0.05
+"""By the kernel of the fit, where `min_velocity` is negative."""
 
 
 def preprocess(
@@ -87,129 +88,14 @@ def preprocess(
 def _recording(
     samples: JointSamples, settings: PreprocessingSettings, recording: RecordingSettings
 ) -> Dataset:
-    raw = segments_of(samples, settings, recording)
+    segments, report = segments_of(samples, settings, recording)
     dropped = Counter(samples.counts)
-    dropped[STALE] = raw.stale
-    motions = _motions(raw, settings, dropped)
+    dropped[STALE] = samples.n_samples - sum(segment.n_samples for segment in segments)
+    motions = _motions(segments, settings, dropped)
     if not motions:
-        raise DataError(_too_short(samples.source, raw, settings))
-    provenance = _provenance(samples, raw.rate_hz, settings, dropped)
-    provenance['repeated'] = _repetition(raw.fresh)
-    provenance['segments'] = len(motions)
-    provenance['retimed'] = raw.retimed
-    provenance['source_periods'] = {name: k for name, k in raw.periods.items() if k > 1}
-    provenance['recording'] = asdict(recording)
-    return Dataset(
-        **{name: np.concatenate([motion[name] for motion in motions]) for name in motions[0]},
-        joint_names=samples.joint_names,
-        joint_types=per_joint(samples, 'joint_types', recording.joint_types, 'revolute'),
-        segment=np.repeat(np.arange(len(motions)), [motion['t'].size for motion in motions]),
-        gravity_compensated=recording.gravity_compensated,
-        provenance={'sources': [provenance]},
-    )
-
-
-def uses_velocity(samples: JointSamples, settings: PreprocessingSettings) -> bool:
-    """Whether recorded velocities are used."""
-    return samples.has_velocity and settings.velocity == 'recorded'
-
-
-def _motions(
-    raw: Segments, settings: PreprocessingSettings, dropped: Counter[str]
-) -> list[dict[str, Array]]:
-    rate, delay = raw.rate_hz, raw.largest_delay_s
-    edge = edge_length(rate, settings.cutoff, settings.edge_periods, delay)
-    every = stride(rate, settings)
-    motions = []
-    for segment in raw.segments:
-        if not is_long_enough(segment.t, rate, settings, delay):
-            dropped[SHORT_SEGMENT] += segment.n_samples
-            continue
-        kept = range(edge, grid_size(segment.t, rate) - edge, every)
-        parts = [
-            _smooth(segment, window, raw, settings, kept)
-            for window in windows(segment.t, rate, settings.cutoff, delay, raw.longest_hold)
-        ]
-        motions.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
-        dropped[EDGE] += 2 * edge
-        dropped[DECIMATED] += kept.stop - kept.start - len(kept)
-    return motions
-
-
-def _smooth(
-    segment: JointSamples,
-    window: Window,
-    raw: Segments,
-    settings: PreprocessingSettings,
-    kept: range,
-) -> dict[str, Array]:
-    """Bring a window to uniform steps, low-pass all signals alike and differentiate."""
-    samples = segment.rows(window.rows)
-    recorded = uses_velocity(segment, settings)
-    q, dq, ddq = smooth_motion(
-        resample(*supported(samples, 'position', raw.periods), window.times),
-        resample(*supported(samples, 'velocity', raw.periods), window.times) if recorded else None,
-        raw.rate_hz,
-        settings,
-    )
-    late = supported(samples, 'effort', raw.periods)
-    effort = resample_early(*late, window.times, raw.delays_s)
-    tau = low_pass(effort, raw.rate_hz, settings.cutoff)
-    motion = {'t': window.times, 'q': q, 'dq': dq, 'ddq': ddq, 'tau': tau}
-    release(segment.position, segment.velocity, segment.effort)
-    before = max(0, -((kept.start - window.start) // kept.step))
-    numbers = range(kept.start + before * kept.step, min(kept.stop, window.stop), kept.step)
-    rows = np.array(numbers, np.intp) - window.first
-    return {name: values[rows] for name, values in motion.items()}
-
-
-def smooth_motion(
-    position: Array, velocity: Array | None, rate_hz: float, settings: PreprocessingSettings
-) -> tuple[Array, Array, Array]:
-    """
-    Low-pass uniform samples and differentiate them.
-
-    The same low-pass goes over positions, velocities and torques, so that none of them lags or
-    loses content against the others; the acceleration is the derivative of the smooth velocity.
-
-    Parameters
-    ----------
-    position : ndarray, shape (N, n)
-    velocity : ndarray, shape (N, n), optional
-        Without one, the derivative of the smooth position.
-    rate_hz : float
-    settings : PreprocessingSettings
-
-    Returns
-    -------
-    q, dq, ddq : ndarrays, shape (N, n)
-
-    """
-    derivative = DERIVATIVES[settings.derivative]
-    q = low_pass(position, rate_hz, settings.cutoff)
-    if velocity is None:
-        dq = derivative(q, rate_hz)
-    else:
-        dq = low_pass(velocity, rate_hz, settings.cutoff)
-    return q, dq, derivative(dq, rate_hz)
-
-
-def _repetition(fresh: JointSamples) -> dict[str, Any]:
-    """Return which positions repeat although other signals do not, and come in steps."""
-    steps = {}
-    for joint, name in enumerate(fresh.joint_names):
-        steps[name] = quantum(fresh.position[:, joint])
-        release(fresh.position)
-    return {
-        'positions': int(repeated(fresh.position).sum()),
-        'position_steps': {name: step for name, step in steps.items() if step > 0.0},
-    }
-
-
-def _provenance(
-    samples: JointSamples, rate: float, settings: PreprocessingSettings, dropped: Counter[str]
-) -> dict[str, Any]:
-    return {
+        raise DataError(_too_short(samples.source, segments, settings))
+    rate = segments[0].rate_hz
+    source = {
         'source': samples.source,
         'topic': samples.topic,
         'clock': samples.clock,
@@ -218,23 +104,161 @@ def _provenance(
         'samples': samples.n_samples,
         'content': content_digest(samples.joint_names, samples.position, samples.effort),
         'dropped': {str(reason): count for reason, count in dropped.items() if count},
-        'rate_hz': rate,
         'filtered': is_filtered(rate, settings.cutoff),
         'velocity': 'recorded'
         if uses_velocity(samples, settings)
         else 'differentiated from position',
         'kept_every': stride(rate, settings),
+        'segments': len(motions),
+        **report,
         'preprocessing': asdict(settings),
+        'recording': asdict(recording),
     }
+    return Dataset(
+        **{name: np.concatenate([motion[name] for motion in motions]) for name in motions[0]},
+        joint_names=samples.joint_names,
+        joint_types=per_joint(samples, 'joint_types', recording.joint_types, 'revolute'),
+        segment=np.repeat(np.arange(len(motions)), [motion['t'].size for motion in motions]),
+        gravity_compensated=recording.gravity_compensated,
+        provenance={'sources': [source]},
+    )
 
 
-def _too_short(source: str, raw: Segments, settings: PreprocessingSettings) -> str:
-    longest = max(float(segment.t[-1] - segment.t[0]) for segment in raw.segments)
-    rate, periods = raw.rate_hz, settings.edge_periods
-    edge = edge_length(rate, settings.cutoff, periods, raw.largest_delay_s)
+def _motions(
+    segments: Sequence[Segment], settings: PreprocessingSettings, dropped: Counter[str]
+) -> list[dict[str, Array]]:
+    motions = []
+    for segment in segments:
+        rate, delay = segment.rate_hz, segment.largest_delay_s
+        if not is_long_enough(segment.t, rate, settings, delay):
+            dropped[SHORT_SEGMENT] += segment.n_samples
+            continue
+        edge = edge_length(rate, settings.cutoff, settings.edge_periods, delay)
+        kept = range(edge, grid_size(segment.t, rate) - edge, stride(rate, settings))
+        parts = [
+            _part(segment, window, settings, kept)
+            for window in windows(segment.t, rate, settings.cutoff, delay, segment.longest_hold)
+        ]
+        motions.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+        dropped[EDGE] += 2 * edge
+        dropped[DECIMATED] += kept.stop - kept.start - len(kept)
+    return motions
+
+
+def _part(
+    segment: Segment, window: Window, settings: PreprocessingSettings, kept: range
+) -> dict[str, Array]:
+    """Return the motion that is kept of a window of a segment."""
+    uniform = segment.rows(window.rows).uniform(window.times)
+    q, dq, ddq, tau = smooth(uniform, settings)
+    segment.release()
+    before = max(0, -((kept.start - window.start) // kept.step))
+    numbers = range(kept.start + before * kept.step, min(kept.stop, window.stop), kept.step)
+    rows = np.array(numbers, np.intp) - window.first
+    motion = {'t': uniform.t, 'q': q, 'dq': dq, 'ddq': ddq, 'tau': tau}
+    return {name: values[rows] for name, values in motion.items()}
+
+
+def smooth(segment: Segment, settings: PreprocessingSettings) -> tuple[Array, Array, Array, Array]:
+    """
+    Low-pass a segment at uniform times, and differentiate it.
+
+    The same low-pass goes over positions, velocities and torques, so that none of them lags or
+    loses content against the others; the acceleration is the derivative of the smooth velocity,
+    and that of the smooth position where there is none.
+
+    Returns
+    -------
+    q, dq, ddq, tau : ndarrays, shape (N, n)
+
+    """
+    rate, derivative = segment.rate_hz, DERIVATIVES[settings.derivative]
+    q = low_pass(segment.position, rate, settings.cutoff)
+    if segment.velocity is None:
+        dq = derivative(q, rate)
+    else:
+        dq = low_pass(segment.velocity, rate, settings.cutoff)
+    return q, dq, derivative(dq, rate), low_pass(segment.effort, rate, settings.cutoff)
+
+
+def _too_short(source: str, segments: Sequence[Segment], settings: PreprocessingSettings) -> str:
+    longest = max(segment.duration_s for segment in segments)
+    rate, delay = segments[0].rate_hz, segments[0].largest_delay_s
+    edge = edge_length(rate, settings.cutoff, settings.edge_periods, delay)
     needed = max(settings.min_segment_s, 2 * edge / rate if rate else 0.0)
     return (
         f'{source} must hold a motion of {needed:g} s without a gap, but the longest of '
-        f'{len(raw.segments)} lasts {longest:.3g} s; record for longer, or raise '
+        f'{len(segments)} lasts {longest:.3g} s; record for longer, or raise '
         'preprocessing.max_gap_s or lower preprocessing.min_segment_s.'
     )
+
+
+def stride(rate_hz: float, settings: PreprocessingSettings) -> int:
+    """
+    Return k where every k-th sample of a recording is kept.
+
+    Errors of low-passed samples are correlated: kept at the full rate, they would pass for many
+    independent measurements, and the fit would trust them too much.
+
+    """
+    if settings.decimate > 0:
+        return settings.decimate
+    if not is_filtered(rate_hz, settings.cutoff):
+        return 1
+    return max(1, int(rate_hz / (SAMPLES_PER_PERIOD * settings.cutoff)))
+
+
+def for_training(data: Dataset, settings: PreprocessingSettings, kernel: str) -> Dataset:
+    """
+    Leave out the samples at which a joint is nearly at rest; noted in the provenance.
+
+    Near rest friction is anything between its two signs, and the sign of a small velocity is that
+    of its noise. A model is judged there all the same, so that this is for training only. Where
+    `min_velocity` would leave less than a quarter of the samples, as where joints are moved one
+    after another, all are kept. The noise of an arm (`fit.kernel`) grows near rest, so that none
+    need be left out for it.
+
+    """
+    share = settings.min_velocity
+    if share < 0.0:
+        share = MIN_VELOCITY.get(kernel, OTHER_MIN_VELOCITY)
+    rows = moving(data.dq, share)
+    left = int(rows.sum())
+    if left == data.n_samples or left < LEAST_LEFT * data.n_samples:
+        return data
+    note = {'moving': {'samples': left, 'of': data.n_samples}}
+    return replace(data.select(rows), provenance={**data.provenance, **note})
+
+
+def moving(dq: Array, min_velocity: float) -> BoolArray:
+    """
+    Mark samples at which no joint is nearly at rest, shape (N,).
+
+    A joint is, below a share of its root mean square velocity; one that never moves is not asked.
+
+    """
+    threshold = min_velocity * np.sqrt(np.mean(np.square(dq), axis=0))
+    fast: BoolArray = (np.abs(dq) >= threshold).all(axis=1)
+    return fast
+
+
+def at_most(data: Dataset, settings: PreprocessingSettings) -> Dataset:
+    """Return at most `max_samples` samples, chosen by `selection`; noted in the provenance."""
+    count = settings.max_samples
+    if not 0 < count < data.n_samples:
+        return data
+    chosen = data.select(SELECTIONS[settings.selection](data, count))
+    note = {'selected': {'samples': chosen.n_samples, 'of': data.n_samples}}
+    return replace(chosen, provenance={**data.provenance, **note})
+
+
+def evenly_in_time(data: Dataset, count: int) -> IndexArray:
+    """Return row numbers at even distances, the first and the last among them."""
+    return np.linspace(0, data.n_samples - 1, count).round().astype(np.intp)
+
+
+SELECTIONS: Mapping[str, Callable[[Dataset, int], IndexArray]] = {
+    'coverage': Dataset.covering,
+    'time': evenly_in_time,
+}
+"""By the name that `preprocessing.selection` has for them."""

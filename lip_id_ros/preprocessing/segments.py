@@ -1,74 +1,140 @@
-"""A recording cleaned: stale samples removed, efforts as torques, cut at gaps, stamps mended."""
+"""A recording cut into segments: stale samples removed, efforts as torques, stamps mended."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.errors import DataError
-from lip_id_ros.preprocessing.cleaning import per_joint, torque
-from lip_id_ros.preprocessing.repetition import source_periods, stale
-from lip_id_ros.preprocessing.smoothing import cut, longest_step
-from lip_id_ros.preprocessing.stamps import evenly_timed, longest_silence, retimed
+from lip_id_ros.errors import ConfigError, DataError, SourceError
+from lip_id_ros.preprocessing.sample_times import (
+    Changes,
+    changes_between,
+    changes_of,
+    evenly_timed,
+    longest_silence,
+    retimed,
+    source_periods,
+    stale,
+    supports,
+)
+from lip_id_ros.preprocessing.smoothing import cut, longest_step, resample, resample_early
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.spill import mapped, release, thinned
 from lip_id_ros.recording.timing import GAP_STEPS, median_step, MOST_STEPS, some_steps
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
+
+Value = TypeVar('Value')
 
 MOST_RATE = 2.0
 """Samples are brought to a rate of at most so many times their mean rate."""
 
+LEAST_REPETITION = 4
+ON_GRID = 0.9
+MOST_VALUES = 50_000
+
 
 @dataclass(frozen=True, eq=False)
-class Segments:
+class Segment:
     """
-    A recording before it is smoothed.
+    An uninterrupted piece of a recording: N samples of n joints.
 
     Attributes
     ----------
-    fresh : JointSamples
-        Without stale samples, efforts as torques.
-    segments : tuple of JointSamples
-        `fresh` between its gaps, stamps mended.
+    t : ndarray, shape (N,)
+        [s].
+    position, effort : ndarrays, shape (N, n)
+        Efforts are torques [N m or N].
+    velocity : ndarray, shape (N, n), or None
+        None where velocities were not recorded or are not to be used.
     rate_hz : float
-        Of the uniform grid that the segments are brought to.
+        Of the uniform times that the samples are brought to.
     delays_s : tuple of n floats
         How much later than positions the efforts of each joint were measured.
-    periods : mapping
-        Samples that each signal takes for a new value (`repetition.source_periods`).
-    stale : int
-        Samples left out.
-    retimed : bool
-        Whether stamps were mended.
+    supports : mapping
+        Samples between which a signal is interpolated, (N,) each (`sample_times.supports`); all
+        of a signal that it does not name.
+    longest_hold : int
+        Samples over which a signal may be held.
 
     """
 
-    fresh: JointSamples
-    segments: tuple[JointSamples, ...]
+    t: Array
+    position: Array
+    velocity: Array | None
+    effort: Array
     rate_hz: float
     delays_s: tuple[float, ...]
-    periods: Mapping[str, int]
-    stale: int
-    retimed: bool
+    supports: Mapping[str, BoolArray]
+    longest_hold: int = 1
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples N."""
+        return int(self.t.size)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first sample to the last [s]."""
+        return float(self.t[-1] - self.t[0])
 
     @property
     def largest_delay_s(self) -> float:
         """The largest delay of an effort, in either direction."""
         return max(map(abs, self.delays_s))
 
-    @property
-    def longest_hold(self) -> int:
-        """Samples over which a signal may be held."""
-        return max(self.periods.values())
+    def rows(self, chosen: slice) -> Segment:
+        """Return views of some samples."""
+        return replace(
+            self,
+            t=self.t[chosen],
+            position=self.position[chosen],
+            velocity=None if self.velocity is None else self.velocity[chosen],
+            effort=self.effort[chosen],
+            supports={name: rows[chosen] for name, rows in self.supports.items()},
+        )
+
+    def uniform(self, times: Array) -> Segment:
+        """Interpolate all signals to times within, shape (K,), efforts without their delays."""
+        late = self._supported('effort', self.effort)
+        return replace(
+            self,
+            t=times,
+            position=resample(*self._supported('position', self.position), times),
+            velocity=None
+            if self.velocity is None
+            else resample(*self._supported('velocity', self.velocity), times),
+            effort=resample_early(*late, times, self.delays_s),
+            delays_s=(0.0,) * len(self.delays_s),
+            supports={},
+            longest_hold=1,
+        )
+
+    def release(self) -> None:
+        """Give the memory of mapped pages back."""
+        signals = (self.position, self.velocity, self.effort)
+        release(*(signal for signal in signals if signal is not None))
+
+    def _supported(self, name: str, values: Array) -> tuple[Array, Array]:
+        rows = self.supports.get(name)
+        return (self.t, values) if rows is None else (self.t[rows], values[rows])
 
 
 def segments_of(
     samples: JointSamples, settings: PreprocessingSettings, recording: RecordingSettings
-) -> Segments:
+) -> tuple[list[Segment], dict[str, Any]]:
     """
     Remove stale samples, scale efforts to torques, cut at gaps and mend stamps.
+
+    Returns
+    -------
+    segments : list of Segment
+        At least one.
+    report : dict
+        What was found, for the provenance.
 
     Raises
     ------
@@ -80,7 +146,8 @@ def segments_of(
         If there are fewer than two different samples.
 
     """
-    is_stale = stale(samples)
+    changes = changes_of(samples)
+    is_stale = stale(samples, changes)
     fresh = samples.select(~is_stale)
     if fresh.n_samples < 2:
         raise DataError(
@@ -88,20 +155,135 @@ def segments_of(
             f'{fresh.n_samples}; record while the arm moves.'
         )
     fresh = replace(fresh, effort=torque(fresh, recording))
+    changes = changes_between(changes, ~is_stale)
+    periods = source_periods(changes)
     spread = _spread(fresh)
     given = cut(spread.t, settings.max_gap_s or longest_step(spread.t, settings.cutoff))
-    recorded = [spread.rows(rows) for rows in given]
-    segments = tuple(_retimed(segment, samples.t, is_stale) for segment in recorded)
-    changed = any(one is not other for one, other in zip(segments, recorded, strict=True))
-    return Segments(
-        spread,
-        segments,
-        _rate(segments),
-        per_joint(samples, 'effort_delay_s', recording.effort_delay_s, 0.0),
-        source_periods(fresh),
-        int(is_stale.sum()),
-        changed or spread is not fresh,
+    pieces = [spread.rows(rows) for rows in given]
+    stamps = [_retimed(piece, samples.t, is_stale) for piece in pieces]
+    rate = _rate(stamps)
+    delays = per_joint(samples, 'effort_delay_s', recording.effort_delay_s, 0.0)
+    unused = {} if uses_velocity(samples, settings) else {'velocity': None}
+    segments = [
+        replace(segment_of(fresh, rows, changes, periods, rate), t=t, delays_s=delays, **unused)
+        for t, rows in zip(stamps, given, strict=True)
+    ]
+    mended = (t is not piece.t for t, piece in zip(stamps, pieces, strict=True))
+    return segments, {
+        'rate_hz': rate,
+        'repeated': {
+            'positions': int(np.count_nonzero(~changes['position'])),
+            'position_steps': _position_steps(fresh),
+        },
+        'retimed': spread is not fresh or any(mended),
+        'source_periods': {name: k for name, k in periods.items() if k > 1},
+    }
+
+
+def segment_of(
+    fresh: JointSamples,
+    rows: slice,
+    changes: Changes,
+    periods: Mapping[str, int],
+    rate_hz: float,
+) -> Segment:
+    """
+    Take a segment out of a recording without stale samples.
+
+    Parameters
+    ----------
+    fresh : JointSamples
+    rows : slice
+        Samples without a gap.
+    changes, periods : mappings
+        Of `fresh` (`sample_times.changes_between`, `sample_times.source_periods`).
+    rate_hz : float
+        Of the uniform times that the samples are brought to.
+
+    """
+    return Segment(
+        fresh.t[rows],
+        fresh.position[rows],
+        fresh.velocity[rows],
+        fresh.effort[rows],
+        rate_hz,
+        (0.0,) * fresh.n_joints,
+        {name: supports(changes[name][rows], k) for name, k in periods.items() if k > 1},
+        max(periods.values()),
     )
+
+
+def uses_velocity(samples: JointSamples, settings: PreprocessingSettings) -> bool:
+    """Whether recorded velocities are used."""
+    return samples.has_velocity and settings.velocity == 'recorded'
+
+
+def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
+    """
+    Return recorded efforts as torques or forces [N m or N], scaled and offset per joint.
+
+    Raises
+    ------
+    SourceError
+        If no effort was recorded.
+    ConfigError
+        If scale or offset are not given for each joint.
+
+    """
+    if not samples.has_effort:
+        raise SourceError(
+            f'{samples.topic or "joint states"} in {samples.source} must have effort, but every '
+            'message leaves it empty; record it with a driver that measures torque or current.'
+        )
+    scale = np.array(per_joint(samples, 'effort_scale', recording.effort_scale, 1.0))
+    offset = np.array(per_joint(samples, 'effort_offset', recording.effort_offset, 0.0))
+    if (scale == 1.0).all() and (offset == 0.0).all():
+        return samples.effort
+    return mapped(lambda effort: effort * scale + offset, samples.effort)
+
+
+def per_joint(
+    samples: JointSamples, name: str, values: tuple[Value, ...], default: Value
+) -> tuple[Value, ...]:
+    """
+    Return one value for each joint: those given, or the default for all.
+
+    Raises
+    ------
+    ConfigError
+        If there are more or fewer than joints.
+
+    """
+    if not values:
+        return (default,) * samples.n_joints
+    if len(values) != samples.n_joints:
+        raise ConfigError(
+            f'recording.{name} must have one value for each of {", ".join(samples.joint_names)}, '
+            f'not {len(values)}; give {samples.n_joints}.'
+        )
+    return values
+
+
+def quantum(values: Array) -> float:
+    """Return the step of a quantised signal, shape (N,); 0 where there is none to be seen."""
+    values = thinned(values, MOST_VALUES)
+    levels = np.unique(values)
+    if levels.size < 2 or LEAST_REPETITION * levels.size > values.size:
+        return 0.0
+    steps = np.diff(levels)
+    step = float(np.median(steps[steps <= 1.5 * np.percentile(steps, 20)]))
+    multiples = steps / step
+    on_grid = np.abs(multiples - np.round(multiples)) < 0.1
+    return step if on_grid.mean() > ON_GRID else 0.0
+
+
+def _position_steps(samples: JointSamples) -> dict[str, float]:
+    """Return the steps of the positions that are quantised."""
+    steps = {}
+    for joint, name in enumerate(samples.joint_names):
+        steps[name] = quantum(samples.position[:, joint])
+        release(samples.position)
+    return {name: step for name, step in steps.items() if step > 0.0}
 
 
 def _spread(samples: JointSamples) -> JointSamples:
@@ -115,23 +297,21 @@ def _spread(samples: JointSamples) -> JointSamples:
     return replace(samples, t=t) if is_changed else samples
 
 
-def _retimed(segment: JointSamples, t: Array, is_stale: BoolArray) -> JointSamples:
+def _retimed(segment: JointSamples, t: Array, is_stale: BoolArray) -> Array:
     """Mend the stamps of a segment, given those of all samples and which were left out."""
     first, last = np.searchsorted(t, segment.t[[0, -1]])
     even = segment.t
     if is_stale[first:last].any():
         even = evenly_timed(even, median_step(t))
-    if even is segment.t:
-        even = retimed(even, segment.position)
-    return segment if even is segment.t else replace(segment, t=even)
+    return retimed(even, segment.position) if even is segment.t else even
 
 
-def _rate(segments: Sequence[JointSamples]) -> float:
+def _rate(stamps: Sequence[Array]) -> float:
     """Return the rate of most steps [Hz]; no more than twice the mean, as messages in bursts."""
-    count = sum(segment.n_samples - 1 for segment in segments)
+    count = sum(t.size - 1 for t in stamps)
     if not count:
         return 0.0
-    total = sum(float(segment.t[-1] - segment.t[0]) for segment in segments)
+    total = sum(float(t[-1] - t[0]) for t in stamps)
     share = min(1.0, MOST_STEPS / count)
-    steps = [some_steps(segment.t, round(share * segment.n_samples)) for segment in segments]
+    steps = [some_steps(t, round(share * t.size)) for t in stamps]
     return min(1.0 / float(np.median(np.concatenate(steps))), MOST_RATE * count / total)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.health.evidence import Signal
-from lip_id_ros.preprocessing.cleaning import quantum
+from lip_id_ros.preprocessing.segments import quantum
 
 T = np.arange(4000) / 100.0
 

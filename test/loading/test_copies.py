@@ -13,7 +13,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.loading import load_dataset
-from lip_id_ros.preprocessing.cleaning import content_digest, RepeatedSamples, WINDOW
+from lip_id_ros.recording.joint_samples import content_digest, RepeatedSamples, WINDOW
 from lip_id_ros.simulation import write_bag
 
 NAMES = ('a', 'b')

@@ -11,10 +11,17 @@ import numpy as np
 from preprocessing.motions import recording, relative_error, Sinusoids, uniform
 import pytest
 
-from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.preprocessing import preprocess, smoothing
-from lip_id_ros.preprocessing.repetition import source_periods, stale, supports
+from lip_id_ros.preprocessing.sample_times import (
+    changes_between,
+    changes_of,
+    repeated,
+    source_periods,
+    stale,
+    supports,
+)
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.reading import read_log
 from lip_id_ros.settings import PreprocessingSettings
@@ -51,6 +58,10 @@ def law_error(data: Dataset) -> float:
 
 def without_velocity(samples: JointSamples) -> JointSamples:
     return replace(samples, velocity=np.full_like(samples.velocity, np.nan))
+
+
+def stale_samples(samples: JointSamples) -> BoolArray:
+    return stale(samples, changes_of(samples))
 
 
 def published_again(samples: JointSamples, rate: float, publish_hz: float) -> JointSamples:
@@ -90,14 +101,14 @@ def test_a_state_published_again_counts_once(
 def test_nothing_of_a_true_rest_is_left_out(noise: float, has_velocity: bool) -> None:
     samples = moves_and_rests(100.0, noise)
     assert (np.diff(samples.position, axis=0) == 0.0).all(axis=1).mean() > 0.4
-    assert not stale(samples if has_velocity else without_velocity(samples)).any()
+    assert not stale_samples(samples if has_velocity else without_velocity(samples)).any()
 
 
 def test_nothing_of_a_real_rest_is_left_out(shared_data: Path) -> None:
     """An arm that stands between pick and place, its velocities zero and its efforts noisy."""
     samples = read_log(shared_data / 'kuka_lwr_polydoros/kuka_lwr_1.csv')
     assert (samples.velocity == 0.0).all(axis=1).sum() > 300
-    assert not stale(samples).any()
+    assert not stale_samples(samples).any()
 
 
 def test_a_frozen_state_without_velocities_becomes_a_gap() -> None:
@@ -105,7 +116,7 @@ def test_a_frozen_state_without_velocities_becomes_a_gap() -> None:
     source = np.arange(samples.n_samples)
     source[400:450] = 400
     frozen = replace(samples, position=samples.position[source], effort=samples.effort[source])
-    assert stale(frozen).sum() == 49
+    assert stale_samples(frozen).sum() == 49
     assert np.unique(preprocess(frozen).segment).size == 2
 
 
@@ -128,7 +139,7 @@ def test_a_signal_at_a_rate_of_its_own_is_interpolated(signal: str, rate: float)
 def test_values_that_are_new_support_the_interpolation(period: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     values = rng.standard_normal((40, 2))[np.repeat(np.arange(40), period)]
-    keep = supports(values, period)
+    keep = supports(~repeated(values), period)
     new = np.concatenate([[True], (np.diff(values, axis=0) != 0.0).any(axis=1)])
     expected = new.copy()
     expected[-1] = True
@@ -137,18 +148,27 @@ def test_values_that_are_new_support_the_interpolation(period: int, seed: int) -
 
 def test_a_value_that_stays_for_long_is_no_held_one() -> None:
     values = np.repeat([1.0, 2.0, 3.0], [5, 40, 5])[:, None]
-    keep = np.flatnonzero(supports(values, 5))
+    keep = np.flatnonzero(supports(~repeated(values), 5))
     assert np.diff(keep).max() <= 7
     assert {0, 5, 45, 49} <= set(keep.tolist())
 
 
 def test_periods_are_those_of_the_moving_arm() -> None:
     samples = moves_and_rests(500.0, 0.0)
-    assert source_periods(samples) == {'position': 1, 'velocity': 1, 'effort': 1}
-    assert source_periods(without_velocity(samples)) == {'position': 1, 'effort': 1}
+    assert source_periods(changes_of(samples)) == {'position': 1, 'velocity': 1, 'effort': 1}
+    assert source_periods(changes_of(without_velocity(samples))) == {'position': 1, 'effort': 1}
     rows = 5 * (np.arange(samples.n_samples) // 5)
     held = replace(samples, effort=samples.effort[rows])
-    assert source_periods(held) == {'position': 1, 'velocity': 1, 'effort': 5}
+    assert source_periods(changes_of(held)) == {'position': 1, 'velocity': 1, 'effort': 5}
+
+
+@given(st.lists(st.tuples(st.integers(0, 1), st.booleans()), min_size=1, max_size=40))
+def test_changes_are_those_between_the_samples_that_are_kept(rows: list[tuple[int, bool]]) -> None:
+    """A signal that grows, of which some samples are left out, never the first."""
+    values = np.cumsum([step for step, _ in rows])[:, None].astype(float)
+    keep = np.array([True, *(is_kept for _, is_kept in rows[1:])])
+    changes = changes_between({'effort': ~repeated(values)}, keep)
+    np.testing.assert_array_equal(changes['effort'], ~repeated(values[keep]))
 
 
 def test_held_signals_of_long_segments_are_smoothed_in_windows_alike(

@@ -13,7 +13,7 @@ import pytest
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.preprocessing import for_training, preprocess
-from lip_id_ros.preprocessing.selection import at_most, SELECTIONS, stride
+from lip_id_ros.preprocessing.pipeline import at_most, SELECTIONS, stride
 from lip_id_ros.settings import PreprocessingSettings
 
 DATA = preprocess(recording(uniform(2000, 100.0)), PreprocessingSettings(decimate=1))

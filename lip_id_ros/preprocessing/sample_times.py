@@ -1,5 +1,11 @@
 """
-Stamps that are truer than those recorded.
+When the samples of a recording were taken: repeated states, held signals, and truer stamps.
+
+A publisher at a rate above that of its source repeats the newest state. Where all signals repeat
+so, the sample holds nothing new; where one signal does, it is a staircase whose steps are late by
+half their length on average. Both are mended by interpolation between the samples that are new.
+An arm at rest repeats its samples too: these stay, but for those of a publisher that is known,
+from the motion, to repeat.
 
 Sensors are mostly read at even steps, while stamps are those of a program that was held up, or of
 a network that delivers messages in bursts. Positions decide: an arm moves smoothly, so that at
@@ -9,15 +15,33 @@ true times each sample is what its neighbours say.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 import math
 
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.recording.spill import large_array, release, steps
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.joint_samples import SIGNALS
+from lip_id_ros.recording.spill import large_array, marked, release, row_blocks, steps
 from lip_id_ros.recording.timing import median_step, MOST_STEPS, some_steps
+
+Changes = Mapping[str, BoolArray]
+"""Rows at which each recorded signal differs from the row before, shape (N,); the first does."""
+
+LEAST_NEW = 20
+"""Fewer new samples show no period of a source."""
+
+MOST_MARKS, BLOCKS = 2**20, 16
+"""Samples that a period is the median of, and the blocks that they are taken from."""
+
+LONGEST_HOLD = 1.5
+"""A value is a held one for so many periods of its source; it stays the same after that."""
+
+MOVING = 0.4
+"""Least displacement over a repetition, in the mean of those of equal times around it."""
 
 LEAST_JITTER = 0.02
 """Stamps that scatter by less than this, in steps, are left as they are."""
@@ -40,6 +64,134 @@ LARGEST_ERROR = 0.05
 
 RUN = 20
 """Messages over which the mean step of a recording that came in bursts is measured."""
+
+
+def repeated(values: Array) -> BoolArray:
+    """Mark rows that are equal to the one before."""
+    same = np.zeros(len(values), bool)
+    for block in row_blocks(len(values)):
+        first = max(0, block.start - 1)
+        some = values[first : block.stop]
+        same[first + 1 : block.stop] = (some[1:] == some[:-1]).all(axis=1)
+        release(values)
+    return same
+
+
+def changes_of(samples: JointSamples) -> Changes:
+    """Compare every row of the signals that were recorded with the row before."""
+    recorded = {'velocity': samples.has_velocity, 'effort': samples.has_effort}
+    names = (name for name in SIGNALS if recorded.get(name, True))
+    return {name: ~repeated(getattr(samples, name)) for name in names}
+
+
+def changes_between(changes: Changes, keep: BoolArray) -> Changes:
+    """Return which signals change from each of the rows that are kept to the next."""
+    if keep.all():
+        return changes
+    rows = np.flatnonzero(keep)
+    begins, end = np.append(0, rows[:-1] + 1), rows[-1] + 1
+    return {name: np.logical_or.reduceat(new[:end], begins) for name, new in changes.items()}
+
+
+def stale(samples: JointSamples, changes: Changes) -> BoolArray:
+    """
+    Mark samples that repeat the one before under a new stamp, shape (N,).
+
+    A sample is stale if position and velocity of all joints are exactly those of the sample
+    before although a velocity is not zero. A sample whose effort is repeated too is stale if its
+    source is slower than the publisher, as the samples of the moving arm show, or, without
+    recorded velocities, if the arm has moved on when the repetition ends. Other repetitions are
+    those of an arm at rest.
+
+    """
+    same = ~changes['position']
+    marks = np.zeros(samples.n_samples, bool)
+    if 'velocity' in changes:
+        same &= ~changes['velocity']
+        marks = same & marked(lambda rows: (rows != 0.0).any(axis=1), samples.velocity)
+    if 'effort' in changes:
+        same &= ~changes['effort']
+    rows = np.flatnonzero(same)
+    if rows.size:
+        period = source_period(~same, changes['position'])
+        marks[rows] |= _is_held(_numbers(rows), period)
+        if 'velocity' not in changes:
+            marks[rows] |= _moves_on(samples.position, rows)
+    return marks
+
+
+def source_period(new: BoolArray, moved: BoolArray) -> int:
+    """Return how many samples of a moving arm the source of a signal takes for a new one."""
+    new, moved = _some(new), _some(moved)
+    rows = np.flatnonzero(new)
+    moves = np.diff(np.cumsum(moved)[rows]) > 0
+    steps = np.diff(rows)[moves]
+    return int(np.median(steps)) if steps.size >= LEAST_NEW else 1
+
+
+def source_periods(changes: Changes) -> dict[str, int]:
+    """Return how many samples each signal takes for a new value, by the median; 1 if each is."""
+    moved = changes['position']
+    return {name: source_period(new, moved) for name, new in changes.items()}
+
+
+def supports(new: BoolArray, period: int) -> BoolArray:
+    """
+    Mark the rows of a segment that a signal is to be interpolated between, shape (N,).
+
+    Parameters
+    ----------
+    new : ndarray of bool, shape (N,)
+        Where the signal changes.
+    period : int
+        Samples that the source of the signal takes for a new value.
+
+    """
+    keep = np.ones(new.size, bool)
+    if period > 1:
+        rows = np.flatnonzero(~new[1:]) + 1
+        keep[rows] = ~_is_held(_numbers(rows), period)
+        keep[-1:] = True
+    return keep
+
+
+def _some(marks: BoolArray) -> BoolArray:
+    """Return all marks, or of very many some blocks from the beginning to the end."""
+    if marks.size <= MOST_MARKS:
+        return marks
+    length = MOST_MARKS // BLOCKS
+    starts = np.linspace(0, marks.size - length, BLOCKS).astype(int).tolist()
+    return np.concatenate([marks[start : start + length] for start in starts])
+
+
+def _is_held(numbers: IndexArray, period: int) -> BoolArray:
+    held: BoolArray = numbers % int(LONGEST_HOLD * period) != 0
+    return held
+
+
+def _numbers(rows: IndexArray) -> IndexArray:
+    """Return the place of each repeated row in its repetition, from 1 on."""
+    index = np.arange(rows.size)
+    begins = np.diff(rows, prepend=-2) > 1
+    numbers: IndexArray = index - np.maximum.accumulate(np.where(begins, index, 0)) + 1
+    return numbers
+
+
+def _moves_on(position: Array, rows: IndexArray) -> BoolArray:
+    """Mark the rows of repetitions during which the arm has moved about as before and after."""
+    begins = np.flatnonzero(np.diff(rows, prepend=-2) > 1)
+    ends = np.append(begins[1:], rows.size) - 1
+    last, following = rows[begins] - 1, np.minimum(rows[ends] + 1, len(position) - 1)
+    length = following - last
+    before = np.maximum(last - length, 0)
+    after = np.minimum(following + length, len(position) - 1)
+
+    def way(start: IndexArray, stop: IndexArray) -> Array:
+        return np.asarray(np.linalg.norm(position[stop] - position[start], axis=1))
+
+    within, around = way(last, following), way(before, last) + way(following, after)
+    moves = (within > 0.0) & (within >= 0.5 * MOVING * around)
+    return np.repeat(moves, ends - begins + 1)
 
 
 def evenly_timed(t: Array, longest_shift_s: float) -> Array:
