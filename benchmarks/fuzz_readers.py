@@ -34,7 +34,7 @@ from lip_id_ros.errors import LipIdError
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import describe
 from lip_id_ros.recording import Bag, read_bag
-from lip_id_ros.recording.bags import choose_topics
+from lip_id_ros.recording.reading import choose_topics
 
 MEMORY_BYTES = 2 * 2**30
 CASE_S, WAITING = 10, 12

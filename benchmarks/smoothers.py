@@ -27,10 +27,9 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.numba_jit import jit
 from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.preprocessing.cleaning import quantum
-from lip_id_ros.preprocessing.segments import Segments, segments_of
+from lip_id_ros.preprocessing.sample_times import roughness
+from lip_id_ros.preprocessing.segments import quantum, Segment, segments_of
 from lip_id_ros.preprocessing.smoothing import is_long_enough, low_pass, uniform_times
-from lip_id_ros.preprocessing.stamps import roughness
 from lip_id_ros.progress import silent
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import FitSettings, PreprocessingSettings, RecordingSettings
@@ -110,8 +109,8 @@ def _smoothed(recordings: Sequence[JointSamples], recording: RecordingSettings) 
     found = [usual]
     for smoother in SMOOTHERS.values():
         segments = [
-            _states(segment, raw.rate_hz, smoother, usual.t[usual.segment == number])
-            for number, (segment, raw) in enumerate(_long_segments(hidden, recording))
+            _states(segment, smoother, usual.t[usual.segment == number])
+            for number, segment in enumerate(_long_segments(hidden, recording))
         ]
         q, dq, ddq = (np.concatenate(each) for each in zip(*segments, strict=True))
         found.append(replace(usual, q=q, dq=dq, ddq=ddq))
@@ -120,19 +119,17 @@ def _smoothed(recordings: Sequence[JointSamples], recording: RecordingSettings) 
 
 def _long_segments(
     recordings: Sequence[JointSamples], recording: RecordingSettings
-) -> Iterator[tuple[JointSamples, Segments]]:
+) -> Iterator[Segment]:
     usual = PreprocessingSettings()
     for samples in recordings:
-        raw = segments_of(samples, usual, recording)
-        for segment in raw.segments:
-            if is_long_enough(segment.t, raw.rate_hz, usual):
-                yield segment, raw
+        for segment in segments_of(samples, usual, recording)[0]:
+            if is_long_enough(segment.t, segment.rate_hz, usual):
+                yield segment
 
 
-def _states(
-    segment: JointSamples, rate_hz: float, smoother: Smoother, kept: Array
-) -> tuple[Array, Array, Array]:
+def _states(segment: Segment, smoother: Smoother, kept: Array) -> tuple[Array, Array, Array]:
     """Return positions, velocities and accelerations at some times, low-passed as usual."""
+    rate_hz = segment.rate_hz
     times = uniform_times(segment.t, rate_hz)
     rows = np.searchsorted(times, kept - 0.5 / rate_hz)
     columns = []

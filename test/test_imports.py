@@ -111,7 +111,7 @@ FOREIGN = {
     # zstd: the standard library has it from 3.14 as compression
     'backports': ('recording/storage/contents',),
     'compression': ('recording/storage/contents',),
-    'yaml': ('settings', 'recording/storage/opening', 'fleet/sources'),
+    'yaml': ('settings', 'recording/bags', 'fleet/sources'),
     'pinocchio': ('simulation', 'export/check'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),

@@ -22,7 +22,7 @@ import yaml
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import DATASET_SUFFIX
 from lip_id_ros.errors import ConfigError, SourceError, TransferError
-from lip_id_ros.recording.storage.opening import is_storage, METADATA
+from lip_id_ros.recording.bags import is_storage, METADATA
 
 ATTEMPTS = 5
 """How often a connection may break while one file is copied."""

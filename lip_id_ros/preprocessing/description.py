@@ -15,9 +15,8 @@ from lip_id_ros.dataset import Dataset, DATASET_SUFFIX
 from lip_id_ros.errors import SourceError
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import Bag, JointSamples
-from lip_id_ros.recording.bags import joint_topics
 from lip_id_ros.recording.joint_samples import SIGNALS
-from lip_id_ros.recording.reading import read_log, read_topic
+from lip_id_ros.recording.reading import joint_topics, read_log, read_topic
 from lip_id_ros.recording.spill import extent
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step, some_steps
 

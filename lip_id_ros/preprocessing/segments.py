@@ -163,10 +163,11 @@ def segments_of(
     stamps = [_retimed(piece, samples.t, is_stale) for piece in pieces]
     rate = _rate(stamps)
     delays = per_joint(samples, 'effort_delay_s', recording.effort_delay_s, 0.0)
-    unused = {} if uses_velocity(samples, settings) else {'velocity': None}
+    recorded = uses_velocity(samples, settings)
+    segments = [segment_of(fresh, rows, changes, periods, rate) for rows in given]
     segments = [
-        replace(segment_of(fresh, rows, changes, periods, rate), t=t, delays_s=delays, **unused)
-        for t, rows in zip(stamps, given, strict=True)
+        replace(each, t=t, delays_s=delays, velocity=each.velocity if recorded else None)
+        for each, t in zip(segments, stamps, strict=True)
     ]
     mended = (t is not piece.t for t, piece in zip(stamps, pieces, strict=True))
     return segments, {

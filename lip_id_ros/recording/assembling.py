@@ -1,76 +1,181 @@
-"""Assemble joint samples from the parts of a recording: clock, order of time, joints."""
+"""Collect the messages of topics, and assemble joint samples: clock, order of time, joints."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.recording.joint_samples import complete, counted, JointSamples, Reason, SIGNALS
-from lip_id_ros.recording.sample_collector import (
-    HEADER,
-    Part,
-    PUBLISHER,
-    RECEIVE,
-    SampleCollector,
+from lip_id_ros.recording.joint_messages import CLOCKS, HEADER, MessageBlock, PUBLISHER, Publisher
+from lip_id_ros.recording.joint_samples import (
+    columns_of,
+    complete,
+    counted,
+    JointSamples,
+    Reason,
+    SIGNALS,
+    usable,
 )
-from lip_id_ros.recording.spill import gathered, large_array, marked, release, row_blocks, steps
+from lip_id_ros.recording.spill import (
+    gathered,
+    large_array,
+    marked,
+    release,
+    row_blocks,
+    RowStore,
+    steps,
+)
 from lip_id_ros.recording.timing import (
     arrange,
+    clock_of,
     GAP_STEPS,
     is_one_clock,
-    jumps_between_clocks,
+    LATEST_NS,
     median_step,
     SECOND,
-    stamps_advance,
     Timeline,
 )
 
-CLOCKS = {'header': HEADER, 'receive': RECEIVE}
-
+_MOST_BLOCKS = 64
+_MOST_SEEN = 4096
+_MOST_PUBLISHERS = 16
+_SMALLEST = np.finfo(np.float64).tiny
 _SHOWN_NAMES = 3
 _VELOCITY, _EFFORT = 1, 2
 
+Piece = tuple[IndexArray, MessageBlock]
+"""Messages, and their numbers among those that were read with them."""
 
-class _Source(NamedTuple):
-    """What is taken of a part: columns, messages in the order of time, its longest step [ns]."""
 
-    part: Part
-    columns: IndexArray
-    timeline: Timeline
-    longest_ns: float
+class SampleCollector:
+    """
+    Collects the usable messages of a topic by the joints that come together; counts the others.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Joints to keep; those of the first message that can be used, where none are given.
+    counts : Counter
+        Messages dropped, by reason.
+    seen : dict
+        Joints of all messages, in the order of their first appearance.
+    notes : dict
+        What else is to be known, a phrase each; the values mean nothing.
+
+    """
+
+    def __init__(self, joints: Sequence[str] = (), source: str = '', topic: str = '') -> None:
+        self.joints = tuple(joints)
+        self.source, self.topic = source, topic
+        self.counts: Counter[str] = Counter()
+        self.seen: dict[str, None] = {}
+        self.notes: dict[str, None] = {}
+        self._denormal = 0
+        self._growing: dict[tuple[str, ...], _GrowingBlock] = {}
+
+    def add(self, pieces: Sequence[Piece]) -> None:
+        """Take messages that follow those before in the file, or drop and count them."""
+        taken: dict[tuple[str, ...], list[Piece]] = {}
+        for rows, block in sorted(pieces, key=lambda piece: int(piece[0][0])):
+            if len(self.seen) < _MOST_SEEN:
+                self.seen.update(dict.fromkeys(block.joints))
+            columns = columns_of(block.joints, self.joints or block.joints)
+            if not columns.size:
+                self.counts[Reason.FOREIGN_JOINTS] += rows.size
+                continue
+            keep, block = self._usable(block, columns)
+            if not keep.any():
+                continue
+            self.joints = self.joints or block.joints
+            if len(self._growing) == _MOST_BLOCKS and block.joints not in self._growing:
+                self.counts[Reason.MISSING_JOINT] += len(block.numbers)
+                continue
+            self._growing.setdefault(block.joints, _GrowingBlock(block.joints))
+            taken.setdefault(block.joints, []).append((rows[keep], block))
+        for joints, some in taken.items():
+            self._growing[joints].extend(some)
+
+    @property
+    def collected_joints(self) -> set[str]:
+        """Those of the joints to keep that came."""
+        return {joint for joints in self._growing for joint in joints}
+
+    def blocks(self) -> list[MessageBlock]:
+        """Return what was collected; nothing may be added any more."""
+        if self._denormal:
+            self.notes[
+                f'{self._denormal} denormal values (memory never filled in) were read as 0'
+            ] = None
+        return [growing.block() for growing in self._growing.values()]
+
+    def _usable(self, block: MessageBlock, columns: IndexArray) -> tuple[BoolArray, MessageBlock]:
+        """Mark the messages that can be used, and return them with the joints to keep."""
+        values = block.values[:, :, columns]
+        keep = usable(values, self.counts)
+        denormal = (np.abs(values) < _SMALLEST) & (values != 0.0)
+        self._denormal += int(denormal.sum())
+        values[denormal] = 0.0
+        joints = tuple(block.joints[column] for column in columns)
+        return keep, MessageBlock(joints, block.publishers, block.numbers[keep], values[keep])
+
+
+class _GrowingBlock:
+    """Messages of the same joints, in the order of the file; grows at its end."""
+
+    def __init__(self, joints: tuple[str, ...]) -> None:
+        self._joints = joints
+        self._numbers = RowStore(3, dtype=np.int64)
+        self._values = RowStore(3, len(joints))
+        self._publishers: dict[Publisher, int] = {}
+
+    def extend(self, pieces: Sequence[Piece]) -> None:
+        """Append messages that follow those before."""
+        for _, block in pieces:
+            (publisher,) = block.publishers
+            if len(self._publishers) <= _MOST_PUBLISHERS:
+                self._publishers.setdefault(publisher, len(self._publishers))
+            block.numbers[:, PUBLISHER] = self._publishers.get(publisher, 0)
+        order = np.argsort(np.concatenate([rows for rows, _ in pieces]))
+        numbers = np.concatenate([block.numbers for _, block in pieces])[order]
+        self._numbers.extend(np.clip(numbers, -1, LATEST_NS))
+        self._values.extend(np.concatenate([block.values for _, block in pieces])[order])
+
+    def block(self) -> MessageBlock:
+        """Return what was appended; nothing may be appended any more."""
+        too_many = len(self._publishers) > _MOST_PUBLISHERS
+        publishers = tuple(self._publishers)[: 1 if too_many else None]
+        return MessageBlock(
+            self._joints, publishers, self._numbers.values(), self._values.values()
+        )
 
 
 def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamples:
     """
     Return the samples of all joints that the topics of a recording have together.
 
-    `wanted_clock` is 'header', 'receive', or 'auto': headers if those of all parts are times of
-    one clock. The topics are used up.
+    `wanted_clock` is as for `timing.clock_of`. The topics are used up.
 
     """
-    parts = [part for topic in topics for part in topic.parts()]
+    blocks = [block for topic in topics for block in topic.blocks()]
     counts = sum((topic.counts for topic in topics), Counter[str]())
     notes = {note: None for topic in topics for note in topic.notes}
     joints = next((topic.joints for topic in topics if topic.joints), ())
-    parts = [of_one_publisher(part, counts, notes) for part in parts]
-    chosen = covering(parts, joints)
-    for part in parts:
-        if not any(part is one for one, _ in chosen):
-            has_all = set(part.joints) >= set(joints)
+    blocks = [of_one_publisher(block, counts, notes) for block in blocks]
+    chosen = covering(blocks, joints)
+    for block in blocks:
+        if not any(block is one for one in chosen):
+            has_all = set(block.joints) >= set(joints)
             reason = Reason.OTHER_PUBLISHER if has_all else Reason.MISSING_JOINT
-            counts[reason] += len(part.numbers)
-    clock = clock_of([part for part, _ in chosen], wanted_clock, notes)
+            counts[reason] += len(block.numbers)
+    headers, received = ([block.numbers[:, k] for block in chosen] for k in CLOCKS.values())
+    clock = clock_of(headers, received, wanted_clock, notes)
     if len(chosen) > 1:
         notes[f'joints of {len(chosen)} publishers were merged in time'] = None
-    sources = [_source(part, taken, clock, counts, notes) for part, taken in chosen]
-    names = [joint for _, taken in chosen for joint in taken]
-    order = np.array([names.index(joint) for joint in joints] if names else [], np.intp)
-    timeline, values = merged(sources, order, counts)
+    sources = [(block, _in_time(block, clock, counts, notes)) for block in chosen]
+    timeline, values = merged(sources, joints, counts)
     return JointSamples(
         t=timeline.t,
         **dict(zip(SIGNALS, values, strict=True)),
@@ -85,7 +190,9 @@ def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamp
     )
 
 
-def of_one_publisher(part: Part, counts: Counter[str], notes: dict[str, None]) -> Part:
+def of_one_publisher(
+    block: MessageBlock, counts: Counter[str], notes: dict[str, None]
+) -> MessageBlock:
     """
     Return the messages of one publisher, where several publish the same joints.
 
@@ -94,175 +201,145 @@ def of_one_publisher(part: Part, counts: Counter[str], notes: dict[str, None]) -
     velocity, and then the one with the most messages; the others are counted.
 
     """
-    if len(part.publishers) < 2 or not _are_apart(part):
-        return part
-    publisher = part.numbers[:, PUBLISHER]
-    sizes = np.bincount(publisher, minlength=len(part.publishers))
-    filled = [~_absent(part, signal) for signal in (_EFFORT, _VELOCITY)]
+    if len(block.publishers) < 2 or not _are_apart(block):
+        return block
+    publisher = block.numbers[:, PUBLISHER]
+    sizes = np.bincount(publisher, minlength=len(block.publishers))
+    filled = [~_absent(block, signal) for signal in (_EFFORT, _VELOCITY)]
 
     def worth(number: int) -> tuple[bool, bool, int]:
         own = publisher == number
         has_effort, has_velocity = (bool((own & has).any()) for has in filled)
         return has_effort, has_velocity, int(sizes[number])
 
-    best = max(range(len(part.publishers)), key=worth)
+    best = max(range(len(block.publishers)), key=worth)
     counts[Reason.OTHER_PUBLISHER] += int(sizes.sum() - sizes[best])
     notes[
         f'{len(sizes)} publishers have the same joints: the one with {sizes[best]} messages'
-        f'{_described(part, best)} was taken'
+        f'{_described(block, best)} was taken'
     ] = None
     rows = np.flatnonzero(publisher == best)
-    return part._replace(numbers=part.numbers[rows], values=gathered(part.values, rows))
+    return block._replace(numbers=block.numbers[rows], values=gathered(block.values, rows))
 
 
-def _are_apart(part: Part) -> bool:
+def _are_apart(block: MessageBlock) -> bool:
     """Whether publishers take turns and cannot be one."""
-    turns = sum(np.count_nonzero(step) for step in steps(part.numbers[:, PUBLISHER]))
-    if turns < len(part.publishers):
+    turns = sum(np.count_nonzero(step) for step in steps(block.numbers[:, PUBLISHER]))
+    if turns < len(block.publishers):
         return False  # one after the other
-    if len({names for names, _ in part.publishers}) > 1:
+    if len({names for names, _ in block.publishers}) > 1:
         return True
-    return not is_one_clock(part.numbers[:, HEADER])
+    return not is_one_clock(block.numbers[:, HEADER])
 
 
-def _described(part: Part, number: int) -> str:
-    names, frame = part.publishers[number]
-    extra = sorted(names - set(part.joints))
+def _described(block: MessageBlock, number: int) -> str:
+    names, frame = block.publishers[number]
+    extra = sorted(names - set(block.joints))
     if extra:
         more = ', ...' if len(extra) > _SHOWN_NAMES else ''
         return f' (it also has {", ".join(extra[:_SHOWN_NAMES])}{more})'
-    if len({frame for _, frame in part.publishers}) > 1:
+    if len({frame for _, frame in block.publishers}) > 1:
         return f' (its frame is {frame!r})'
     return ' (it has no other joints)'
 
 
-def clock_of(parts: Sequence[Part], wanted: str, notes: dict[str, None]) -> str:
-    """Return the clock that is wanted, else headers if those of all parts are of one clock."""
-    if wanted in CLOCKS:
-        return wanted
-    headers, received = ([part.numbers[:, clock] for part in parts] for clock in CLOCKS.values())
-    if not all(stamps_advance(stamps) for stamps in headers):
-        return 'receive'
-    if any(jumps_between_clocks(stamps) for stamps in headers) and all(
-        stamps_advance(stamps) and not jumps_between_clocks(stamps) for stamps in received
-    ):
-        notes[
-            'the header stamps are those of several clocks: the times of reception were taken'
-        ] = None
-        return 'receive'
-    return 'header'
-
-
-def covering(parts: Sequence[Part], joints: Sequence[str]) -> list[tuple[Part, list[str]]]:
+def covering(blocks: Sequence[MessageBlock], joints: Sequence[str]) -> list[MessageBlock]:
     """
-    Choose parts that have all joints together, and what to take from each.
+    Choose blocks that have all joints together; a joint is to be taken from the first that has it.
 
-    The first with all joints, where there is one; else, again and again, the one with most of
-    those still missing. Empty where they cannot be had.
+    Again and again the first that has most of those still missing; none where one cannot be had.
 
     """
-    missing = list(joints)
-    chosen: list[tuple[Part, list[str]]] = []
+    missing = set(joints)
+    chosen: list[MessageBlock] = []
     while missing:
-        best = max(parts, key=lambda part: len(set(part.joints) & set(missing)), default=None)
-        taken = [] if best is None else [joint for joint in missing if joint in best.joints]
-        if best is None or not taken:
+        best = max(blocks, key=lambda block: len(missing & {*block.joints}), default=None)
+        if best is None or not missing & {*best.joints}:
             return []
-        chosen.append((best, taken))
-        missing = [joint for joint in missing if joint not in taken]
+        chosen.append(best)
+        missing -= {*best.joints}
     return chosen
 
 
-def _source(
-    part: Part, taken: Sequence[str], clock: str, counts: Counter[str], notes: dict[str, None]
-) -> _Source:
-    """Put the usable messages of a part in the order of time; count the others."""
-    keep = complete(_absent(part, _VELOCITY), _absent(part, _EFFORT), counts)
-    stamps = part.numbers[:, CLOCKS[clock]]
+def _in_time(
+    block: MessageBlock, clock: str, counts: Counter[str], notes: dict[str, None]
+) -> Timeline:
+    """Put the usable messages of a block in the order of time; count the others."""
+    keep = complete(_absent(block, _VELOCITY), _absent(block, _EFFORT), counts)
+    stamps = block.numbers[:, CLOCKS[clock]]
     timeline = arrange(stamps if keep.all() else stamps[keep])
     counts.update(timeline.dropped)
     notes.update(dict.fromkeys(timeline.notes))
-    if not keep.all():
-        timeline = timeline._replace(rows=np.flatnonzero(keep)[timeline.rows])
-    columns = np.array([part.joints.index(joint) for joint in taken])
-    return _Source(part, columns, timeline, GAP_STEPS * median_step(timeline.stamps_ns))
+    if keep.all():
+        return timeline
+    return timeline._replace(rows=np.flatnonzero(keep)[timeline.rows])
 
 
-def _absent(part: Part, signal: int) -> BoolArray:
-    return marked(lambda values: np.isnan(values[:, signal, 0]), part.values)
+def _absent(block: MessageBlock, signal: int) -> BoolArray:
+    return marked(lambda values: np.isnan(values[:, signal, 0]), block.values)
 
 
 def merged(
-    sources: Sequence[_Source], order: IndexArray, counts: Counter[str]
+    sources: Sequence[tuple[MessageBlock, Timeline]], joints: Sequence[str], counts: Counter[str]
 ) -> tuple[Timeline, list[Array]]:
     """
-    Bring several sources to the stamps of the one with the fewest, and join their columns.
+    Bring several blocks to the stamps of the one with the fewest, and join their columns.
 
     Between two samples no further apart than five median steps the others are interpolated
     linearly; at an equal stamp they are taken unchanged. Where there are no two such samples, the
-    message is dropped and counted. `order`, shape (n,), is where in the joined columns each joint
-    is. Returns the timeline of N samples, and positions, velocities, efforts (N, n).
+    message is dropped and counted. Returns the timeline of N samples, and positions, velocities,
+    efforts (N, n).
 
     """
+    names = [joint for block, _ in sources for joint in block.joints]
+    order = np.array([names.index(joint) for joint in joints] if names else [], np.intp)
     if not sources:
         nothing = np.empty(0, np.int64)
         return Timeline(nothing, nothing, Counter()), [np.empty((0, order.size))] * 3
-    base = min(sources, key=lambda each: each.timeline.rows.size)
-    others = [source for source in sources if source is not base]
-    timeline = base.timeline
+    base = min((timeline for _, timeline in sources), key=lambda each: each.rows.size)
+    others = [own.stamps_ns for _, own in sources if own is not base]
+    timeline = base
     if others:
-        known = [marked(partial(_is_known, source), timeline.stamps_ns) for source in others]
+        known = [
+            marked(partial(_is_known, each, GAP_STEPS * median_step(each)), base.stamps_ns)
+            for each in others
+        ]
         kept = np.flatnonzero(np.logical_and.reduce(known))
-        counts[Reason.OTHER_JOINTS_AWAY] += timeline.rows.size - kept.size
-        timeline = timeline._replace(rows=timeline.rows[kept], stamps_ns=timeline.stamps_ns[kept])
+        counts[Reason.OTHER_JOINTS_AWAY] += base.rows.size - kept.size
+        timeline = base._replace(rows=base.rows[kept], stamps_ns=base.stamps_ns[kept])
     results = [large_array(timeline.rows.size, order.size) for _ in SIGNALS]
-    for block in row_blocks(timeline.rows.size):
+    for rows in row_blocks(timeline.rows.size):
         values = [
-            _taken(source, timeline.rows[block])
-            if source is base
-            else _between(source, timeline.stamps_ns[block])
-            for source in sources
+            block.values[timeline.rows[rows]]
+            if own is base
+            else _between(block.values, own, timeline.stamps_ns[rows])
+            for block, own in sources
         ]
         joined = np.concatenate(values, axis=2)[:, :, order]
         for signal, result in enumerate(results):
-            result[block] = joined[:, signal]
-        release(*results, *(source.part.values for source in sources), *timeline[:2])
+            result[rows] = joined[:, signal]
+        release(*results, *(block.values for block, _ in sources), *timeline[:2])
     return timeline, results
 
 
-def _taken(source: _Source, rows: IndexArray) -> Array:
-    values: Array = source.part.values[rows][:, :, source.columns]
-    return values
-
-
-def _between(source: _Source, stamps_ns: IntArray) -> Array:
-    """Interpolate the values of a source, shape (k, 3, n)."""
-    rows = source.timeline.rows
-    before, weight, _ = _places(source, stamps_ns)
-    first = _taken(source, rows[before])
-    if rows.size < 2:
-        return first
-    second = _taken(source, rows[before + 1])
-    share = weight[:, np.newaxis, np.newaxis]
+def _between(values: Array, timeline: Timeline, wanted: IntArray) -> Array:
+    """Interpolate the values of messages to some stamps, shape (k, 3, n)."""
+    rows, given = timeline.rows, timeline.stamps_ns
+    start = np.clip(np.searchsorted(given, wanted, side='right') - 1, 0, max(0, rows.size - 2))
+    after = np.minimum(start + 1, rows.size - 1)
+    share = (wanted - given[start]) / np.maximum(given[after] - given[start], 1)
+    share = np.clip(share, 0.0, 1.0)[:, np.newaxis, np.newaxis]
+    first, second = values[rows[start]], values[rows[after]]
     return np.where(share == 1.0, second, first + share * (second - first))
 
 
-def _is_known(source: _Source, stamps_ns: IntArray) -> BoolArray:
-    return _places(source, stamps_ns)[2]
-
-
-def _places(source: _Source, wanted: IntArray) -> tuple[IndexArray, Array, BoolArray]:
-    """Return for each wanted stamp the sample before, the share of the next, and if both are."""
-    given = source.timeline.stamps_ns
-    last = given.size - 1
-    if last < 1:
-        before = np.zeros(wanted.size, np.intp)
-        known = wanted == given[0] if last == 0 else np.zeros(wanted.size, bool)
-        return before, np.zeros(wanted.size), known
-    before = np.searchsorted(given, wanted, side='right') - 1
-    exact = given[np.maximum(before, 0)] == wanted
-    inside = (before >= 0) & (before < last)
-    start = np.clip(before, 0, last - 1)
-    step = given[start + 1] - given[start]
-    weight = np.where(exact & inside, 0.0, (wanted - given[start]) / step)
-    return start, np.clip(weight, 0.0, 1.0), exact | (inside & (step <= source.longest_ns))
+def _is_known(given: IntArray, longest_ns: float, wanted: IntArray) -> BoolArray:
+    """Mark stamps that are given, or lie between two that are no further apart than allowed."""
+    if not given.size:
+        return np.zeros(wanted.size, bool)
+    after = np.searchsorted(given, wanted)
+    before, after = np.maximum(after - 1, 0), np.minimum(after, given.size - 1)
+    inside = (given[before] < wanted) & (wanted < given[after])
+    near = given[after] - given[before] <= longest_ns
+    known: BoolArray = (given[after] == wanted) | (inside & near)
+    return known

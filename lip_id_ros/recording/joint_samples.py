@@ -154,6 +154,30 @@ def counted(counts: Mapping[str, int]) -> dict[str, int]:
     return {str(reason): count for reason, count in counts.items() if count}
 
 
+def stacked(*signals: Array) -> Array:
+    """
+    Return position, velocity and effort of N samples as one array, shape (N, 3, n).
+
+    NaN for a signal without columns, and infinity for values that are not a number.
+
+    """
+    size, n_joints = signals[0].shape
+    values = np.full((size, len(signals), n_joints), np.nan)
+    for number, signal in enumerate(signals):
+        if signal.shape[1]:
+            values[:, number] = np.where(np.isnan(signal), np.inf, signal)
+    return values
+
+
+def usable(values: Array, counts: Counter[str]) -> BoolArray:
+    """Mark samples of sensible numbers, given as by `stacked`; count the others."""
+    finite = ~np.isinf(values).any(axis=(1, 2))
+    keep: BoolArray = ~(np.abs(values) > LARGEST).any(axis=(1, 2))
+    counts[Reason.NOT_FINITE] += int((~finite).sum())
+    counts[Reason.ABSURD] += int((finite & ~keep).sum())
+    return keep
+
+
 def complete(no_velocity: BoolArray, no_effort: BoolArray, counts: Counter[str]) -> BoolArray:
     """Mark messages that have velocity and effort, unless none has; count the others once."""
     keep = np.ones(no_velocity.size, bool)

@@ -11,24 +11,27 @@ import numpy as np
 from lip_id_ros.csv_table import check_columns, joints_of, read_table
 from lip_id_ros.errors import missing_joints, SourceError
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.recording.assembling import assembled
-from lip_id_ros.recording.bags import Bag, choose_topics, Topic
-from lip_id_ros.recording.decoding import message_blocks
+from lip_id_ros.recording.assembling import assembled, SampleCollector
+from lip_id_ros.recording.bags import Bag, Topic
+from lip_id_ros.recording.joint_messages import EXTRACTORS, JOINT_STATE, message_blocks
 from lip_id_ros.recording.joint_samples import (
     counted,
     JointSamples,
     MOST_JOINTS,
     Reason,
-    SIGNALS,
+    stacked,
+    usable,
 )
-from lip_id_ros.recording.sample_collector import SampleCollector, usable
 from lip_id_ros.recording.storage.contents import Channel
 from lip_id_ros.recording.timing import arrange, LATEST_NS, SECOND
 from lip_id_ros.settings import RecordingSettings
 
+DEFAULT_TOPIC = '/joint_states'
+
 _BATCH = 1024
 _BATCH_BYTES = 4 * 2**20
 _SHOWN_JOINTS = 50
+_MOST_LISTED = 20
 _LATEST_S = 4e9
 _CSV_SIGNALS = ('q', 'dq', 'tau')
 
@@ -64,7 +67,7 @@ def read_bag(
     """
     Read the joint samples of a rosbag2 folder, .mcap, .db3 or ROS 1 .bag.
 
-    The topics are those that the settings name, else as `bags.choose_topics` finds. Times are
+    The topics are those that the settings name, else as `choose_topics` finds. Times are
     those of the message headers if these are of one clock (see `assembling.clock_of`), else those
     of reception, unless the settings choose. Messages are put in the order of time (see
     `timing.arrange`). Joints that come in messages of their own are merged (see
@@ -122,13 +125,17 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
             'some with recording.joints.'
         )
     check_columns(path, table, ['t', *(f'q_{name}' for name in names)])
-    values = {
-        name: table.per_joint(signal, names)
-        for name, signal in zip(SIGNALS, _CSV_SIGNALS, strict=True)
-        if all(f'{signal}_{joint}' in table.columns for joint in names)
-    }
+    nothing = np.empty((table.n_rows, 0))
+    values = stacked(
+        *(
+            table.per_joint(signal, names)
+            if all(f'{signal}_{joint}' in table.columns for joint in names)
+            else nothing
+            for signal in _CSV_SIGNALS
+        )
+    )
     counts: Counter[str] = Counter()
-    keep = usable(list(values.values()), counts)
+    keep = usable(values, counts)
     t = table.columns['t']
     known = np.abs(t) <= _LATEST_S  # not where t is nan
     counts[Reason.BAD_STAMP] += int((keep & ~known).sum())
@@ -139,15 +146,11 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
         reasons = ', '.join(f'{reason}: {count}' for reason, count in counted(counts).items())
         raise SourceError(f'no row of {os.fspath(path)} can be used ({reasons}); correct the log.')
     rows = kept[timeline.rows]
-    nothing = np.full((rows.size, len(names)), np.nan)
-    position, velocity, effort = (
-        values[name][rows] if name in values else nothing for name in SIGNALS
-    )
     return JointSamples(
         timeline.t,
-        position,
-        velocity,
-        effort,
+        values[rows, 0],
+        values[rows, 1],
+        values[rows, 2],
         joint_names=names,
         start_s=timeline.start_ns / SECOND,
         counts=counted(counts),
@@ -155,6 +158,66 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
         seen_joints=names,
         notes=(*table.notes, *timeline.notes),
     )
+
+
+def joint_topics(bag: Bag) -> list[Topic]:
+    """Return the topics of a bag that carry joint samples."""
+    return [topic for topic in bag.topics if topic.type in EXTRACTORS]
+
+
+def choose_topics(bag: Bag, wanted: str) -> list[Topic]:
+    """
+    Return the topics to read joint samples from.
+
+    Those named (separated by commas); else the only one with messages, else /joint_states, else
+    the only one of JointState.
+
+    Raises
+    ------
+    SourceError
+        If there is none, or several and no way to choose.
+
+    """
+    candidates = joint_topics(bag)
+    names = [name.strip() for name in wanted.split(',') if name.strip()]
+    if names:
+        return [_named_topic(bag, candidates, name) for name in dict.fromkeys(names)]
+    if not candidates:
+        raise SourceError(
+            f'{bag.path} must have a topic of {" or ".join(EXTRACTORS)}, but has '
+            f'{_listed(bag.topics)}; record joint_states.'
+        )
+    filled = [topic for topic in candidates if topic.count] or candidates
+    for some in (
+        filled,
+        [topic for topic in filled if topic.name == DEFAULT_TOPIC],
+        [topic for topic in filled if topic.type == JOINT_STATE],
+    ):
+        if len(some) == 1:
+            return some
+    raise SourceError(
+        f'{bag.path} has several topics with joint samples: {_listed(candidates)}; choose one, '
+        'or several separated by commas, with recording.topic.'
+    )
+
+
+def _named_topic(bag: Bag, candidates: Sequence[Topic], wanted: str) -> Topic:
+    for topic in candidates:
+        if topic.name.lstrip('/') == wanted.lstrip('/'):
+            return topic
+    raise SourceError(
+        f'recording.topic must be a topic of {bag.path} with joint samples, not {wanted!r}; '
+        f'it has {_listed(bag.topics)}.'
+    )
+
+
+def _listed(topics: Sequence[Topic]) -> str:
+    texts = [
+        f'{topic.name} ({topic.type}, {topic.count} messages)' for topic in topics[:_MOST_LISTED]
+    ]
+    if len(topics) > _MOST_LISTED:
+        texts.append(f'{len(topics) - _MOST_LISTED} more')
+    return ', '.join(texts) or 'no topics'
 
 
 def _topics(
@@ -186,15 +249,16 @@ def _collect(bag: Bag, batch: Batch, collector: SampleCollector) -> None:
     forms: dict[tuple[str, ...], tuple[Channel, list[int]]] = {}
     for row, (channel, _, _) in enumerate(batch):
         forms.setdefault(channel.form, (channel, []))[1].append(row)
-    found = []
-    for channel, rows in forms.values():
-        messages = [batch[row][2] for row in rows]
-        is_ros1 = channel.encoding == 'ros1'
-        blocks = message_blocks(messages, channel.type, is_ros1, bag.decoder(channel))
-        numbers = np.array(rows)
-        found += [block._replace(rows=numbers[block.rows]) for block in blocks]
-    collector.add(found, np.array([receive_ns for _, receive_ns, _ in batch], np.int64))
-    collector.counts[Reason.UNREADABLE] += len(batch) - sum(block.rows.size for block in found)
+    pieces = []
+    for channel, some in forms.values():
+        rows, is_ros1 = np.array(some), channel.encoding == 'ros1'
+        messages = [batch[row][2] for row in some]
+        receive_ns = np.array([batch[row][1] for row in some], np.int64)
+        found = message_blocks(
+            messages, receive_ns, channel.type, is_ros1, bag.decoder(channel), collector.counts
+        )
+        pieces += [(rows[numbers], block) for numbers, block in found]
+    collector.add(pieces)
 
 
 def _batches(bag: Bag, topic: Topic) -> Iterator[Batch]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -127,6 +128,36 @@ def jumps_between_clocks(stamps_ns: IntArray) -> bool:
     order = np.argsort(_in_parts(stamps, restarts), kind='stable')
     places = np.abs(order - np.arange(order.size))
     return bool((places > _LATE_PLACES).sum() > _MOST_LATE * places.size)
+
+
+def clock_of(
+    headers: Sequence[IntArray], received: Sequence[IntArray], wanted: str, notes: dict[str, None]
+) -> str:
+    """
+    Return the clock to take: 'header' or 'receive', as wanted, else whichever is of one clock.
+
+    Parameters
+    ----------
+    headers, received : sequences of ndarrays of int
+        Stamps of several publishers in the order of recording [ns].
+    wanted : str
+        'auto' for headers if those of all publishers are times of one clock.
+    notes : dict
+        Gets a note where headers are those of several clocks.
+
+    """
+    if wanted in ('header', 'receive'):
+        return wanted
+    if not all(stamps_advance(stamps) for stamps in headers):
+        return 'receive'
+    if any(jumps_between_clocks(stamps) for stamps in headers) and all(
+        stamps_advance(stamps) and not jumps_between_clocks(stamps) for stamps in received
+    ):
+        notes[
+            'the header stamps are those of several clocks: the times of reception were taken'
+        ] = None
+        return 'receive'
+    return 'header'
 
 
 def arrange(stamps_ns: IntArray, *, is_epoch: bool = True) -> Timeline:

@@ -16,8 +16,8 @@ from recording.bag_files import moving, State, STEP_NS, write_file, write_mcap, 
 from rosbags import rosbag1, rosbag2
 
 from lip_id_ros.recording import Bag, read_bag
+from lip_id_ros.recording.bags import open_storage
 from lip_id_ros.recording.storage.contents import DamageError, plain_message, unpacked_chunk
-from lip_id_ros.recording.storage.opening import open_storage
 
 STATES = [*moving(40), *moving(30, topic='/others')]
 

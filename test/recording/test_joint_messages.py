@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 from hypothesis import given
@@ -9,21 +10,30 @@ from hypothesis import strategies as st
 import numpy as np
 from recording.bag_files import JOINT_STATE, ROS1, ROS2
 
-from lip_id_ros.recording.decoding import message_blocks
+from lip_id_ros.arrays import Array
+from lip_id_ros.recording import Reason
+from lip_id_ros.recording.joint_messages import HEADER, message_blocks, PUBLISHER, RECEIVE
+from lip_id_ros.recording.joint_samples import length_reason, name_reason, SIGNALS
 
 Numbers = st.lists(st.floats(), max_size=4)
 Names = st.lists(st.sampled_from(['a', 'elbow', 'wrist_3_joint', 'ä', '']), max_size=4)
 
 
 @st.composite
+def forms(draw: st.DrawFn) -> tuple[str, list[str], list[float], list[float], list[float]]:
+    """Return frame, joints and numbers of a message, mostly as many as joints."""
+    names = draw(Names)
+    whole = st.lists(st.floats(), min_size=len(names), max_size=len(names))
+    position, velocity, effort = (draw(whole | whole | Numbers) for _ in SIGNALS)
+    return draw(st.sampled_from(['', 'base'])), names, position, velocity, effort
+
+
+@st.composite
 def messages(draw: st.DrawFn) -> list[tuple[int, int, str, list[str], Any, Any, Any]]:
     """Return the fields of messages, many of them of the same form."""
-    forms = draw(
-        st.lists(st.tuples(st.sampled_from(['', 'base']), Names, Numbers, Numbers, Numbers),
-                 min_size=1, max_size=3)
-    )  # fmt: skip
+    some = draw(st.lists(forms(), min_size=1, max_size=3))
     seconds, nanoseconds = st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1)
-    stamps = draw(st.lists(st.tuples(seconds, nanoseconds, st.sampled_from(forms)), max_size=12))
+    stamps = draw(st.lists(st.tuples(seconds, nanoseconds, st.sampled_from(some)), max_size=12))
     return [(sec, nanosec, *form) for sec, nanosec, form in stamps]
 
 
@@ -56,23 +66,45 @@ def decoded(data: bytes, is_ros1: bool) -> Any:
         return None
 
 
+def reason_of(message: Any) -> Reason | None:
+    """Return why a message is in no block."""
+    if message is None:
+        return Reason.UNREADABLE
+    lengths = (len(getattr(message, part)) for part in SIGNALS)
+    return name_reason(message.name) or length_reason(len(message.name), *lengths)
+
+
+def expected(values: Array, n_joints: int) -> Array:
+    """Return a signal as a block has it."""
+    if not len(values):
+        return np.full(n_joints, np.nan)
+    return np.where(np.isnan(values), np.inf, np.asarray(values, '<f8'))
+
+
 def check(data: list[bytes], is_ros1: bool) -> None:
     """Compare every message with the library's."""
     one_by_one = [decoded(each, is_ros1) for each in data]
-    found = message_blocks(data, JOINT_STATE, is_ros1, lambda each: decoded(each, is_ros1))
-    rows = [row for block in found for row in block.rows.tolist()]
-    assert sorted(rows) == [k for k, message in enumerate(one_by_one) if message is not None]
-    for block in found:
-        assert (np.diff(block.rows) > 0).all()
-        for number, row in enumerate(block.rows):
+    receive_ns = 7 + np.arange(len(data))
+    counts: Counter[str] = Counter()
+    found = message_blocks(
+        data, receive_ns, JOINT_STATE, is_ros1, lambda each: decoded(each, is_ros1), counts
+    )
+    reasons = [reason_of(message) for message in one_by_one]
+    assert +counts == Counter(reason for reason in reasons if reason is not None)
+    rows = [row for some, _ in found for row in some.tolist()]
+    assert sorted(rows) == [k for k, reason in enumerate(reasons) if reason is None]
+    for some, block in found:
+        assert (np.diff(some) > 0).all()
+        for row, numbers, values in zip(some, block.numbers, block.values, strict=True):
             message = one_by_one[row]
             stamp = message.header.stamp
-            assert block.names == tuple(message.name)
-            assert block.frame_id == message.header.frame_id
-            assert block.stamp_ns[number] == stamp.sec * 10**9 + stamp.nanosec
-            for part in ('position', 'velocity', 'effort'):
-                ours, theirs = getattr(block, part)[number], getattr(message, part)
-                assert ours.tobytes() == np.asarray(theirs, '<f8').tobytes()
+            assert block.joints == tuple(message.name)
+            assert block.publishers == ((frozenset(message.name), message.header.frame_id),)
+            assert numbers[HEADER] == stamp.sec * 10**9 + stamp.nanosec
+            assert (numbers[RECEIVE], numbers[PUBLISHER]) == (receive_ns[row], 0)
+            for ours, part in zip(values, SIGNALS, strict=True):
+                theirs = expected(getattr(message, part), len(block.joints))
+                assert ours.tobytes() == theirs.tobytes()
 
 
 @given(messages(), st.sampled_from(['little', 'big', 'ros1']))
