@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.fleet.fleet_statistics import FleetStatistics
 from lip_id_ros.fleet.recording_statistics import (
     CHUNK,
     empty_statistics,
@@ -27,7 +28,6 @@ from lip_id_ros.fleet.recording_statistics import (
     updated,
 )
 from lip_id_ros.fleet.solution import Sizes, solve
-from lip_id_ros.fleet.sums import FleetStatistics
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter
@@ -72,7 +72,7 @@ def _run(samples: int, parts: int, joints: int) -> None:
     print(f'slowest part over fastest: {max(times) / min(times):.3f}')
     data = _samples(regression, rng)
     fitter = ArmFitter(data)
-    kept = packed(statistics, 'key', regression, outliers=0)
+    kept = packed(statistics, regression)
     sizes = Sizes(fitter.torque_std, fitter.prior, 1.0)
     found = solve(FleetStatistics(regression, [kept], ['robot']), sizes)
     columns = zip(regression.rows(data), regression.columns(), strict=True)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 import time
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, DataError
-from lip_id_ros.fleet.assembling import model_of, with_processes
 from lip_id_ros.fleet.engines import Engine
+from lip_id_ros.fleet.fleet_statistics import FleetStatistics
+from lip_id_ros.fleet.model import model_of, with_processes
 from lip_id_ros.fleet.passes import Cache, digest, Passes, Source
 from lip_id_ros.fleet.placements import chosen, contradictions, place, PlacedArm
 from lip_id_ros.fleet.recording_statistics import Regression, statistics_of_source
@@ -26,15 +26,22 @@ from lip_id_ros.fleet.results import (
     RecordingStatistics,
     Survey,
 )
-from lip_id_ros.fleet.solution import fitted_alone, Sizes, Solution, solutions
-from lip_id_ros.fleet.sums import FleetStatistics
+from lip_id_ros.fleet.solution import (
+    fitted_alone,
+    RecordingFits,
+    Sizes,
+    Solution,
+    solutions,
+)
 from lip_id_ros.fleet.survey import joint_order, reservoir_data, sorted_of_one_arm, survey
 from lip_id_ros.friction.model import FrictionBasis
+from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
 from lip_id_ros.identification.arm_fit import ArmFitter, Described
 from lip_id_ros.identification.fitting import described_arm
 from lip_id_ros.identification.identify import LEAST_SAMPLES_PER_JOINT
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.sample_selection import evenly
+from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import Config
@@ -42,6 +49,12 @@ from lip_id_ros.settings import Config
 SURVEY, STATISTICS = 'recordings read', 'statistics of recordings'
 ONCE_MORE = 'statistics, new loads'
 """Stages of progress, one per pass."""
+
+SURVEYED = 'n_samples', 'rate_hz', 'seconds', 'start_s', 'temperature', 'health'
+"""Of a survey, what the result of its recording has too."""
+
+UNITS = {Viscous.name: ' [{0} s/{1}]', Coulomb.name: ' [{0}]', Offset.name: ' [{0}]'}
+"""Of coefficients, by the units of torques and positions."""
 
 EXCLUSIONS = 5
 """Most starts of the solution while recordings are found to contradict the fleet."""
@@ -93,63 +106,83 @@ def fit_fleet(
         ).result()
 
 
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """
+    Solution of the second pass.
+
+    Attributes
+    ----------
+    solution : Solution
+    kept : list of Survey
+        Of the recordings in it.
+    numbers : list of int
+        Of the sources of the R recordings with statistics.
+    fits : RecordingFits
+        Of these.
+    contradicting : dict
+        Why a recording is left out, by number of the source.
+
+    """
+
+    solution: Solution
+    kept: list[Survey]
+    numbers: list[int]
+    fits: RecordingFits
+    contradicting: dict[int, str]
+
+
 class _Fit:
-    """One fit of a fleet, pass by pass."""
+    """One fit of a fleet, pass by pass; surveys and reasons are by number of the source."""
 
     def __init__(self, sources: Sequence[Source], config: Config, passes: Passes) -> None:
         self._sources, self._config, self._passes = sources, config, passes
-        self._reasons: dict[int, tuple[str, str]] = {}
-        self._shares: dict[str, dict[str, Array]] = {}
-        self._contradicting: dict[str, str] = {}
         self._settings = digest(config.recording, config.preprocessing, config.fit.kernel)
+        self._reasons: dict[int, tuple[str, str]] = {}
 
     def result(self) -> FleetResult:
         """Run both passes, solve and report."""
         started = time.monotonic()
-        surveys = self._surveyed()
+        every = self._surveyed()
+        surveys = self._of_one_arm(every)
         placed, described = self._placed(list(surveys.values()))
         fitter = ArmFitter(placed.dataset, described)
-        sizes = placed.sizes(fitter)
-        self._contradicting = dict(placed.excluded)
-        regression = placed.regression
-        solution, kept = self._solved(surveys, regression, sizes, STATISTICS)
-        if self._loads_changed(placed, solution):
-            friction = replace(regression.friction, coefficients=solution.friction)
-            regression = replace(regression, links=solution.links, friction=friction)
-            solution, kept = self._solved(surveys, regression, sizes, ONCE_MORE)
-        model = model_of(placed, solution, kept, fitter, described)
+        solved = self._solved_twice(surveys, placed, placed.sizes(fitter))
+        model = model_of(placed, solved.solution, solved.kept, fitter, described)
         seconds = round(time.monotonic() - started, 3)
-        basis = regression.friction.basis
         return FleetResult(
             model=replace(model, summary={**model.summary, 'seconds_total': seconds}),
-            recordings=self._recordings(surveys, model.n_joints, basis.size),
-            friction_names=friction_names(basis, placed.joint_names),
-            deviation_of_recordings=solution.deviations.recordings,
-            deviation_of_groups=solution.deviations.groups,
+            recordings=self._recordings(every, solved),
+            friction_names=friction_names(
+                placed.regression.friction.basis, placed.joint_names, placed.joint_types
+            ),
+            deviation_of_recordings=solved.solution.deviations.recordings,
+            deviation_of_groups=solved.solution.deviations.groups,
         )
 
     def _surveyed(self) -> dict[int, Survey]:
-        """Return the surveys of all recordings that can be used, by number of the source."""
+        """Return the surveys of all recordings that can be read."""
         keys = [digest('survey', self._settings, each.fingerprint) for each in self._sources]
         function = partial(_survey, config=self._config)
         found, failed = self._passes.run(Survey, function, self._sources, keys, SURVEY)
         self._reasons |= {k: (FAILED, reason) for k, reason in failed.items()}
-        named = {
-            k: replace(each, name=self._sources[k].name, group=self._sources[k].group)
-            for k, each in sorted(found.items())
-        }
-        self._every = named
-        if not named:
-            some = next(iter(self._reasons.values()))[1] if self._reasons else 'there is none'
+        if not found:
+            some = next(iter(failed.values()), 'there is none')
             raise DataError(
                 f'at least one recording that can be read is needed, but {len(self._sources)} '
                 f'sources have none; the first: {some}'
             )
-        kept, left_out = sorted_of_one_arm(list(named.values()))
-        order = list(named)
-        self._reasons |= {order[k]: (EXCLUDED, reason) for k, reason in left_out.items()}
-        number_of = {id(each): k for k, each in named.items()}
-        return {number_of[id(each)]: each for each in kept}
+        return {
+            k: replace(each, name=self._sources[k].name, group=self._sources[k].group)
+            for k, each in sorted(found.items())
+        }
+
+    def _of_one_arm(self, surveys: dict[int, Survey]) -> dict[int, Survey]:
+        """Return the surveys of one arm in the order of their keys."""
+        numbers = list(surveys)
+        kept, left_out = sorted_of_one_arm(list(surveys.values()))
+        self._reasons |= {numbers[k]: (EXCLUDED, reason) for k, reason in left_out.items()}
+        return {numbers[k]: surveys[numbers[k]] for k in kept}
 
     def _placed(self, surveys: list[Survey]) -> tuple[PlacedArm, Described | None]:
         settings, names = self._config.fit, joint_order(surveys)
@@ -170,9 +203,28 @@ class _Fit:
             self._passes.keep(key, placed)
         return placed, described
 
+    def _solved_twice(
+        self, surveys: dict[int, Survey], placed: PlacedArm, sizes: Sizes
+    ) -> _Solved:
+        """Solve, and once more where friction depends on loads that the solution has changed."""
+        excluded = dict(placed.excluded)
+        contradicting = {k: excluded[s.key] for k, s in surveys.items() if s.key in excluded}
+        regression = placed.regression
+        solved = self._solved(surveys, regression, sizes, contradicting, STATISTICS)
+        if not _loads_changed(placed, solved.solution):
+            return solved
+        friction = replace(regression.friction, coefficients=solved.solution.friction)
+        regression = replace(regression, links=solved.solution.links, friction=friction)
+        return self._solved(surveys, regression, sizes, solved.contradicting, ONCE_MORE)
+
     def _solved(
-        self, surveys: dict[int, Survey], regression: Regression, sizes: Sizes, stage: str
-    ) -> tuple[Solution, list[Survey]]:
+        self,
+        surveys: dict[int, Survey],
+        regression: Regression,
+        sizes: Sizes,
+        contradicting: Mapping[int, str],
+        stage: str,
+    ) -> _Solved:
         """Gather statistics, and solve without the recordings that contradict the fleet."""
         gathered = self._gathered(surveys, regression, stage)
         if not gathered:
@@ -180,94 +232,93 @@ class _Fit:
                 'at least one recording that can be read twice was expected, but there is none; '
                 f'the first: {next(iter(self._reasons.values()))[1]}'
             )
-        every = [surveys[k] for k in gathered]
-        groups = [each.group for each in every]
+        numbers = list(gathered)
+        groups = [surveys[k].group for k in numbers]
         statistics = FleetStatistics(regression, list(gathered.values()), groups)
-        kept = np.array([each.key not in self._contradicting for each in every])
+        kept = np.array([k not in contradicting for k in numbers])
         for left in reversed(range(EXCLUSIONS)):
             solved, others = statistics.select(kept), statistics.select(~kept)
             for solution in solutions(solved, sizes):
                 fits = solution.recordings.among(kept, fitted_alone(others, solution))
                 reasons = contradictions(fits.residual_rms, kept, regression.joint_names)
-                now = np.array([k not in reasons for k in range(len(every))])
+                now = np.array([k not in reasons for k in range(len(numbers))])
                 if left and not np.array_equal(now, kept):
                     break  # the later rounds would be of the wrong recordings
             else:
                 break
             kept = now
-        self._contradicting = {every[k].key: reason for k, reason in reasons.items()}
-        self._shares = {
-            each.key: {name: values[k] for name, values in vars(fits).items()}
-            for k, each in enumerate(every)
-        }
-        return solution, [each for each, is_kept in zip(every, kept, strict=True) if is_kept]
+        in_fit = [surveys[numbers[k]] for k in np.flatnonzero(kept)]
+        return _Solved(solution, in_fit, numbers, fits, {numbers[k]: reasons[k] for k in reasons})
 
     def _gathered(
         self, surveys: dict[int, Survey], regression: Regression, stage: str
     ) -> dict[int, RecordingStatistics]:
         """Return the statistics of recordings in the order of their keys."""
         numbers = list(surveys)
+        some = [self._sources[k] for k in numbers]
         what = 'statistics', self._settings, regression_digest(regression)
-        keys = [digest(*what, self._sources[k].fingerprint) for k in numbers]
-        items = [(self._sources[k], surveys[k].key) for k in numbers]
+        keys = [digest(*what, each.fingerprint) for each in some]
         function = partial(_statistics, regression=regression, config=self._config)
-        found, failed = self._passes.run(RecordingStatistics, function, items, keys, stage)
+        found, failed = self._passes.run(RecordingStatistics, function, some, keys, stage)
+        for number in numbers:  # what failed in the pass before may have gone well in this one
+            self._reasons.pop(number, None)
         self._reasons |= {numbers[k]: (FAILED, reason) for k, reason in failed.items()}
-        return {number: found[k] for k, number in enumerate(numbers) if k in found}
-
-    @staticmethod
-    def _loads_changed(placed: PlacedArm, solution: Solution) -> bool:
-        regression = placed.regression
-        if not regression.friction.basis.is_loaded.any():
-            return False
-        data = placed.dataset.select(evenly(placed.dataset.n_samples, LOAD_SAMPLES))
-        before = links_torque(regression.chain, regression.links, data)
-        after = links_torque(regression.chain, solution.links, data)
-        size = np.sqrt(np.mean(before**2, axis=0))
-        change = np.sqrt(np.mean((after - before) ** 2, axis=0))
-        return bool(np.any(change > LOAD_CHANGE * size))
+        return {numbers[k]: found[k] for k in sorted(found)}
 
     def _recordings(
-        self, surveys: Mapping[int, Survey], n_joints: int, n_friction: int
+        self, surveys: Mapping[int, Survey], solved: _Solved
     ) -> tuple[RecordingResult, ...]:
-        sizes = {'residual_rms': n_joints, 'friction': n_friction, 'friction_std': n_friction}
+        self._reasons |= {k: (EXCLUDED, each) for k, each in solved.contradicting.items()}
+        rows = {number: row for row, number in enumerate(solved.numbers)}
         results = []
         for number, source in enumerate(self._sources):
-            each = self._every.get(number)
-            key = each.key if each else ''
-            share = self._shares.get(key) if number in surveys else None
-            contradiction = self._contradicting.get(key)
-            default = (EXCLUDED, contradiction) if contradiction else (FITTED, '')
-            status, reason = self._reasons.get(number, default)
+            survey, row = surveys.get(number), rows.get(number)
+            status, reason = self._reasons.get(number, (FITTED, ''))
+            known = {name: getattr(survey, name) for name in SURVEYED if survey}
+            fits = {
+                name: np.full(values.shape[1], np.nan) if row is None else values[row]
+                for name, values in vars(solved.fits).items()
+            }
             results.append(
                 RecordingResult(
-                    key=key,
                     name=source.name,
                     group=source.group,
                     status=status,
                     reason=reason,
-                    n_samples=each.n_samples if each else 0,
-                    rate_hz=each.rate_hz if each else np.nan,
-                    seconds=each.seconds if each else np.nan,
-                    start_s=each.start_s if each else np.nan,
-                    temperature=each.temperature if each else np.nan,
-                    health=each.health if each else (),
-                    **(share or {name: np.full(size, np.nan) for name, size in sizes.items()}),
+                    **known,
+                    **fits,
                 )
             )
         return tuple(results)
 
 
-def friction_names(basis: FrictionBasis, joint_names: Sequence[str]) -> tuple[str, ...]:
-    """Return a name for each coefficient: joints, term and, of several, the number."""
+def _loads_changed(placed: PlacedArm, solution: Solution) -> bool:
+    """Return whether links of a solution give other loads than those of the placements."""
+    regression = placed.regression
+    if not regression.friction.basis.is_loaded.any():
+        return False
+    data = placed.dataset.select(evenly(placed.dataset.n_samples, LOAD_SAMPLES))
+    before = links_torque(regression.chain, regression.links, data)
+    after = links_torque(regression.chain, solution.links, data)
+    size = np.sqrt(np.mean(before**2, axis=0))
+    change = np.sqrt(np.mean((after - before) ** 2, axis=0))
+    return bool(np.any(change > LOAD_CHANGE * size))
+
+
+def friction_names(
+    basis: FrictionBasis, joint_names: Sequence[str], joint_types: Sequence[str]
+) -> tuple[str, ...]:
+    """Return a name for each coefficient: joints, term, number of several, unit of the usual."""
     names = []
     for part in basis.terms:
         acted_on = [joint_names[joint] for joint, _ in part.drive.efforts]
         others = [name for k in part.drive.joints if (name := joint_names[k]) not in acted_on]
         coupled = f' coupled with {", ".join(others)}' if others else ''
+        kind = joint_types[part.drive.joints[0]]
+        unit = UNITS.get(part.term.name, '').format(TORQUE_UNITS[kind], POSITION_UNITS[kind])
         for number in range(part.size):
             ending = f' {number + 1}' if part.size > 1 else ''
-            names.append(f'{", ".join(acted_on)}: {part.term.name}{coupled}{ending}')
+            names.append(f'{", ".join(acted_on)}: {part.term.name}{coupled}{ending}{unit}')
     return tuple(names)
 
 
@@ -287,9 +338,6 @@ def _survey(source: Source, config: Config) -> Survey:
         return survey(path, source.name, source.group, config)
 
 
-def _statistics(
-    item: tuple[Source, str], regression: Regression, config: Config
-) -> RecordingStatistics:
-    source, key = item
+def _statistics(source: Source, regression: Regression, config: Config) -> RecordingStatistics:
     with source.local() as path:
-        return statistics_of_source(path, key, regression, config)
+        return statistics_of_source(path, regression, config)

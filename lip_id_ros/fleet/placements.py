@@ -20,10 +20,10 @@ from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.fleet.fleet_statistics import FleetStatistics
 from lip_id_ros.fleet.recording_statistics import Regression, statistics_of
 from lip_id_ros.fleet.results import Packable, Survey
 from lip_id_ros.fleet.solution import Sizes, Solution, solve
-from lip_id_ros.fleet.sums import FleetStatistics
 from lip_id_ros.fleet.survey import merged, reservoir_data
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionModel
@@ -307,7 +307,7 @@ def _solution(
     regression = placed.regression
     with threadpool_limits(1):
         statistics = [
-            statistics_of(reservoir_data(each, regression.joint_names), each.key, regression)
+            statistics_of(reservoir_data(each, regression.joint_names), regression)
             for each in surveys
         ]
         groups = [each.group for each in surveys]

@@ -98,7 +98,7 @@ class Regression:
 
 
 def statistics_of_source(
-    path: str | os.PathLike[str], key: str, regression: Regression, config: Config
+    path: str | os.PathLike[str], regression: Regression, config: Config
 ) -> RecordingStatistics:
     """
     Read a recording and gather its statistics; raises what `load_dataset` raises.
@@ -106,25 +106,23 @@ def statistics_of_source(
     Parameters
     ----------
     path : path
-    key : str
-        Of its survey.
     regression : Regression
     config : Config
 
     """
     data = load_dataset(path, config).with_joints(regression.joint_names)
     data = for_training(data, config.preprocessing, config.fit.kernel)
-    return statistics_of(data, key, regression)
+    return statistics_of(data, regression)
 
 
-def statistics_of(dataset: Dataset, key: str, regression: Regression) -> RecordingStatistics:
+def statistics_of(dataset: Dataset, regression: Regression) -> RecordingStatistics:
     """Gather the statistics of a recording without its bad samples."""
     kept = plausible(dataset) & explained(regression.residual(dataset))
     statistics = empty_statistics(regression)
     good = np.flatnonzero(kept)
     for chunk in _chunks(good.size):
         statistics = updated(statistics, dataset.select(good[chunk]), regression)
-    return packed(statistics, key, regression, dataset.n_samples - good.size)
+    return packed(statistics, regression)
 
 
 def empty_statistics(regression: Regression) -> TorqueStatistics:
@@ -143,20 +141,16 @@ def updated(
     return statistics.update(features, dataset.tau, regression.noise.weights(dataset.dq))
 
 
-def packed(
-    statistics: TorqueStatistics, key: str, regression: Regression, outliers: int
-) -> RecordingStatistics:
+def packed(statistics: TorqueStatistics, regression: Regression) -> RecordingStatistics:
     """Return statistics as flat arrays, friction of the recording apart from what adds up."""
     tops, rests = [], []
     for factor, (own, links) in zip(statistics.factors, regression.columns(), strict=True):
         tops.append(factor[: own.size].ravel())
         rests.append(factor[own.size :, own.size :][np.triu_indices(links.size + 1)])
     return RecordingStatistics(
-        key=key,
         friction_rows=np.concatenate(tops),
         link_factors=np.concatenate(rests),
         weights=statistics.weights,
-        outliers=outliers,
     )
 
 

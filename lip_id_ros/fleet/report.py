@@ -20,26 +20,6 @@ from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult
 FIRST_CLOCK_S = 1e8
 """Times before this are of no clock that knows the time of day: logs begin at zero."""
 
-MORE_STYLE = """
-.plot { width: 100%; height: 340px; background: white; border: 1px solid #e4e7eb; box-sizing: border-box; display: block; }
-.controls { display: flex; flex-wrap: wrap; gap: 8px 20px; margin: 8px 0; align-items: center; }
-.controls select { max-width: 340px; }
-.rows { background: white; border: 1px solid #e4e7eb; font-size: 13px; }
-.rows .view { height: 540px; overflow-y: scroll; }
-.rows.short .view { height: 210px; }
-.rows .body { position: relative; }
-.rows .row { display: grid; grid-template-columns: var(--grid); height: 30px; line-height: 30px; width: 100%; }
-.rows .body .row { position: absolute; border-bottom: 1px solid #e4e7eb; box-sizing: border-box; }
-.rows .head { overflow-y: scroll; scrollbar-color: transparent transparent; border-bottom: 2px solid #cbd2d9; }
-.rows span { overflow: hidden; text-overflow: ellipsis; white-space: nowrap; padding: 0 8px; }
-.rows button { font: inherit; font-weight: 600; text-align: left; border: 0; background: none; padding: 0 8px; cursor: pointer;
-  overflow: hidden; white-space: nowrap; }
-.rows button[aria-sort=ascending]::after { content: ' \\25b4'; }
-.rows button[aria-sort=descending]::after { content: ' \\25be'; }
-#tip { position: absolute; max-width: 360px; background: #1f2933; color: white; font-size: 13px; padding: 4px 8px;
-  pointer-events: none; overflow-wrap: anywhere; }
-"""  # noqa: E501
-
 
 def write_fleet_report(
     path: str | os.PathLike[str], result: FleetResult, name: str = 'fleet'
@@ -71,16 +51,11 @@ def is_report(path: Path) -> bool:
 
 
 def _page(result: FleetResult, title: str) -> str:
+    page = (files(__package__) / 'report.html').read_text(encoding='utf-8')
     # nothing in a text may end the script
-    data = json.dumps(_data(result)).replace('<', '\\u003c')
-    body = (files(__package__) / 'report.html').read_text(encoding='utf-8')
-    body = body.replace('TITLE', for_page(title), 1).replace('DATA', data, 1)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'{MAKER}\n<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<title>{for_page(title)}</title>\n<style>{STYLE}{MORE_STYLE}</style>\n</head>\n'
-        f'<body>\n<main>\n{body}</main>\n</body>\n</html>\n'
-    )
+    page = page.replace('DATA', json.dumps(_data(result)).replace('<', '\\u003c'), 1)
+    page = page.replace('MAKER', MAKER, 1).replace('STYLE', STYLE, 1)
+    return page.replace('TITLE', for_page(title), 2)
 
 
 def _data(result: FleetResult) -> dict[str, Any]:

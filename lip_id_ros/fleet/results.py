@@ -154,35 +154,29 @@ class RecordingStatistics(Packable):
 
     Attributes
     ----------
-    key : str
-        Of the recording.
     friction_rows : array, shape (sum of k_i (k_i + p_i + 1),)
         First rows of every joint, one after another.
     link_factors : array, shape (sum of (p_i + 1) (p_i + 2) / 2,)
         Upper triangles of the rest, row by row.
     weights : array, shape (n,)
         Sums of the weights of the samples.
-    outliers : int
-        Samples that were left out.
 
     """
 
     KIND = 'statistics'
-    key: str
     friction_rows: Array
     link_factors: Array
     weights: Array
-    outliers: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RecordingResult:
     """
-    What a fit of a fleet says of one recording.
+    Result of a fleet's fit for one recording.
 
     Attributes
     ----------
-    key, name, group : str
+    name, group : str
     status : str
         `FITTED`, `EXCLUDED` or `FAILED`.
     reason : str
@@ -199,17 +193,16 @@ class RecordingResult:
 
     """
 
-    key: str
     name: str
     group: str
     status: str
     reason: str
-    n_samples: int
-    rate_hz: float
-    seconds: float
-    start_s: float
-    temperature: float
-    health: tuple[str, ...]
+    n_samples: int = 0
+    rate_hz: float = np.nan
+    seconds: float = np.nan
+    start_s: float = np.nan
+    temperature: float = np.nan
+    health: tuple[str, ...] = ()
     residual_rms: Array
     friction: Array
     friction_std: Array

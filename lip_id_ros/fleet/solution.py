@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.fleet.fleet_statistics import FleetStatistics, FrictionDeviations
 from lip_id_ros.fleet.friction_deviations import Effects
 from lip_id_ros.fleet.link_problem import LinkProblem, LinkState
-from lip_id_ros.fleet.sums import FleetStatistics, FrictionDeviations
 from lip_id_ros.friction.model import FrictionBasis
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.laplace import LeftOut, measure_left_out

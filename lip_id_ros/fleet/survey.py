@@ -57,18 +57,20 @@ def survey(path: str | os.PathLike[str], name: str, group: str, config: Config) 
         load_dataset(path, config, watch=health), config.preprocessing, config.fit.kernel
     )
     found = survey_of(data, name, group, tuple(health.lines))
-    return replace(found, temperature=mean_temperature(path))
+    if not _is_bag(path):
+        return found
+    # processors round differently, and no key may depend on where its recording was read
+    contents = [source['content'] for source in data.provenance['sources']]
+    return replace(found, key='-'.join(contents), temperature=mean_temperature(path))
 
 
 def mean_temperature(path: str | os.PathLike[str]) -> float:
     """
     Return the mean of all sensor_msgs/Temperature messages of a bag [degrees Celsius].
 
-    Not a number where there are none, and for sources that are no bags.
+    Not a number where there are none.
 
     """
-    if Path(path).suffix in (DATASET_SUFFIX, CSV_SUFFIX):
-        return np.nan
     total, count = 0.0, 0
     with Bag(path) as bag:
         for topic in bag.topics:
@@ -164,23 +166,22 @@ def joint_order(surveys: Sequence[Survey]) -> tuple[str, ...]:
     return max(sorted(orders), key=lambda names: orders[names])
 
 
-def sorted_of_one_arm(surveys: Sequence[Survey]) -> tuple[list[Survey], dict[int, str]]:
+def sorted_of_one_arm(surveys: Sequence[Survey]) -> tuple[list[int], dict[int, str]]:
     """
     Sort surveys by key, and leave out copies and those that have other joints than most.
 
     Returns
     -------
-    kept : list of Survey
+    kept : list of int
+        Numbers of the surveys in the order of their keys.
     left_out : dict
         Reason by number of the survey.
 
     """
-    order = sorted(range(len(surveys)), key=lambda k: (surveys[k].key, surveys[k].name))
     kinds = Counter(map(_kind, surveys))
     most = max(sorted(kinds), key=lambda kind: kinds[kind])
-    kept: dict[str, Survey] = {}
-    left_out = {}
-    for k in order:
+    kept, left_out = dict[str, int](), dict[int, str]()
+    for k in sorted(range(len(surveys)), key=lambda k: (surveys[k].key, surveys[k].name)):
         each = surveys[k]
         if _kind(each) != most:
             left_out[k] = (
@@ -188,10 +189,14 @@ def sorted_of_one_arm(surveys: Sequence[Survey]) -> tuple[list[Survey], dict[int
                 'and not those of most recordings'
             )
         elif each.key in kept:
-            left_out[k] = f'is a copy of {kept[each.key].name}'
+            left_out[k] = f'is a copy of {surveys[kept[each.key]].name}'
         else:
-            kept[each.key] = each
+            kept[each.key] = k
     return list(kept.values()), left_out
+
+
+def _is_bag(path: str | os.PathLike[str]) -> bool:
+    return Path(path).suffix not in (DATASET_SUFFIX, CSV_SUFFIX)
 
 
 def _kind(survey: Survey) -> tuple[Any, ...]:

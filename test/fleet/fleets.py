@@ -21,7 +21,6 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.progress import Progress
 
 TYPES = ('revolute', 'revolute')
-NAMES = ('viscous', 'Coulomb', 'offset')
 
 WIDTH = 0.05
 """Of the smooth sign of Coulomb friction [rad/s]."""

@@ -25,7 +25,6 @@ def made_up(count: int, robots: int = 20) -> FleetResult:
         temperature = 30.0 + 10.0 * np.sin(number / 30) + rng.standard_normal()
         recordings.append(
             RecordingResult(
-                key=f'{number:016x}',
                 name=f's3://plant/robot{robot:02d}/run{number:05d}.mcap',
                 group=f'robot{robot:02d}',
                 status=status,

@@ -10,10 +10,10 @@ from scipy.linalg import block_diag
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.fleet.fleet_statistics import FleetStatistics, FrictionDeviations, tree_sum
 from lip_id_ros.fleet.link_problem import LinkProblem
 from lip_id_ros.fleet.recording_statistics import Regression, statistics_of
 from lip_id_ros.fleet.solution import fitted_alone, Sizes, solve
-from lip_id_ros.fleet.sums import FleetStatistics, FrictionDeviations, tree_sum
 from lip_id_ros.identification.arm_fit import ArmFitter
 
 ARM = arm_of()
@@ -32,7 +32,7 @@ def fleet(spread: float = 0.3) -> tuple[list[Dataset], list[Array]]:
 DATA, FRICTION = fleet()
 REGRESSION = regression_of(ARM, DATA[0])
 STATISTICS = FleetStatistics(
-    REGRESSION, [statistics_of(each, str(k), REGRESSION) for k, each in enumerate(DATA)], GROUPS
+    REGRESSION, [statistics_of(each, REGRESSION) for each in DATA], GROUPS
 )
 SIZES = Sizes(
     ArmFitter(concatenate(DATA)).torque_std, ArmFitter(concatenate(DATA)).prior, inflation=1.0
@@ -128,7 +128,7 @@ def test_a_recording_of_another_load_stands_out() -> None:
     loaded = ARM.parameters.copy()
     loaded[-1, 0] += 0.5
     heavy = recording(type(ARM)(ARM.joint_types, ARM.chain, loaded), FRICTION[0], seed=50)
-    alone = FleetStatistics(REGRESSION, [statistics_of(heavy, 'heavy', REGRESSION)], ['a'])
+    alone = FleetStatistics(REGRESSION, [statistics_of(heavy, REGRESSION)], ['a'])
     assert fitted_alone(alone, found).residual_rms.max() > 5.0 * NOISE[0]
     same = FleetStatistics(REGRESSION, STATISTICS.recordings[:1], ['a'])
     assert_allclose(fitted_alone(same, found).residual_rms, NOISE[None], rtol=0.1)

@@ -183,7 +183,11 @@ def _ranges(placed: PlacedArm, surveys: Sequence[Survey]) -> tuple[Array, Array]
 
 
 def _assembled(
-    placed: PlacedArm, surveys: Sequence[Survey], arm: ArmPosterior, remainder: Any, report: Any
+    placed: PlacedArm,
+    surveys: Sequence[Survey],
+    arm: ArmPosterior,
+    remainder: Remainder | None,
+    report: dict[str, Any],
 ) -> InverseDynamicsModel:
     names = placed.joint_names
     counts = np.array([each.n_samples for each in surveys])
