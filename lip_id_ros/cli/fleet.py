@@ -64,8 +64,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def is_asked(args: argparse.Namespace) -> bool:
-    """Whether any argument of a fleet is given."""
-    return any(getattr(args, name) is not None for name in OPTIONS)
+    """
+    Whether any argument of a fleet is given.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, but a source that only a fit to a fleet can find.
+
+    """
+    if any(getattr(args, name) is not None for name in OPTIONS):
+        return True
+    for source in map(str, args.sources):
+        is_pattern = any(letter in source for letter in '*?[') and not os.path.exists(source)
+        if '://' in source or is_pattern:
+            raise ConfigError(
+                f'a fit without options of a fleet needs files or folders, but {source} is a '
+                'pattern or a URL; add --jobs 1 to fit a fleet, or name the recordings.'
+            )
+    return False
 
 
 def run(args: argparse.Namespace) -> None:

@@ -89,6 +89,15 @@ def test_options_that_do_not_go_together_are_refused(
     assert not Path('arm.npz').exists()
 
 
+@pytest.mark.parametrize('source', ['s3://bucket/arm7/', 'bags/**/*.mcap'])
+def test_what_only_a_fleet_can_find_is_refused_without_its_options(
+    source: str, here: Path, capsys: Capture
+) -> None:
+    assert main(['fit', source, '-o', 'arm.npz']) == 1
+    message = f'{source} is a pattern or a URL; add --jobs 1 to fit a fleet'
+    assert message in ' '.join(capsys.readouterr().err.split())
+
+
 @pytest.mark.parametrize('days', ['-1', 'nan', 'inf', 'two'])
 def test_what_is_no_number_of_days_is_refused(days: str, here: Path, capsys: Capture) -> None:
     with pytest.raises(SystemExit):
