@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 import time
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -274,19 +275,12 @@ class _Fit:
         for number, source in enumerate(self._sources):
             survey, row = surveys.get(number), rows.get(number)
             status, reason = self._reasons.get(number, (FITTED, ''))
-            known = {name: getattr(survey, name) for name in SURVEYED if survey}
-            fits = {
-                name: np.full(values.shape[1], np.nan) if row is None else values[row]
-                for name, values in vars(solved.fits).items()
-            }
+            known: dict[str, Any] = {name: getattr(survey, name) for name in SURVEYED if survey}
+            for name, values in vars(solved.fits).items():
+                known[name] = np.full(values.shape[1], np.nan) if row is None else values[row]
             results.append(
                 RecordingResult(
-                    name=source.name,
-                    group=source.group,
-                    status=status,
-                    reason=reason,
-                    **known,
-                    **fits,
+                    name=source.name, group=source.group, status=status, reason=reason, **known
                 )
             )
         return tuple(results)
