@@ -111,7 +111,7 @@ def _recording(args: argparse.Namespace, console: Console) -> dict[str, Any]:
             from lip_id_ros.evaluation.report.recording_report import write_recording_report
 
             page = write_recording_report(
-                args.report, args.file, health.seen, progress, health.units
+                args.report, args.file, health.seen, progress, health.units, health.are_torques
             )
             lines.append(f'Written: {page}')
     shown = {name: value for name, value in description.items() if name != 'efforts'}

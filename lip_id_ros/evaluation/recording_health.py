@@ -80,6 +80,11 @@ class RecordingHealth:
         known = self._recording is not None and bool(self._recording.joint_types)
         return POSITION_UNITS if known else UNKNOWN_UNITS
 
+    @property
+    def are_torques(self) -> bool:
+        """Whether efforts are known to be torques, by a scale of the settings."""
+        return self._recording is not None and bool(self._recording.effort_scale)
+
 
 def _settings_for(
     samples: JointSamples, recording: RecordingSettings | None

@@ -85,8 +85,17 @@ def test_a_prismatic_joint_is_drawn_in_metres_and_an_unknown_one_in_either() -> 
     health(sound())
     (evidence,) = (evidence for evidence, _ in health.seen)
     assert evidence.joint_types == ('prismatic', *('revolute',) * 6)
-    assert {'[m]', '[rad]', '[m/s]', '[N]', '[N m]'} <= labels(signals(evidence))
+    found = labels(signals(evidence))
+    assert {'q [m]', 'q [rad]', 'dq [m/s]', 'dq [rad/s]', 'tau [N]', 'tau [N m]'} <= found
     assert 'position [m]' in labels(coverage(evidence))
     unknown = labels(signals(evidence, UNKNOWN_UNITS)) | labels(coverage(evidence, UNKNOWN_UNITS))
-    assert {'[rad or m]', 'position [rad or m]'} <= unknown
+    assert {'q [rad or m]', 'dq [rad/s or m/s]', 'position [rad or m]'} <= unknown
     assert not any('[rad]' in label for label in unknown)
+
+
+def test_efforts_have_a_unit_where_the_settings_give_their_scale() -> None:
+    scaled = RecordingHealth(RecordingSettings(effort_scale=(2.0,) * 7))
+    assert (RecordingHealth().are_torques, scaled.are_torques) == (False, True)
+    recorded = labels(signals(evidence_of(sound()), are_torques=False))
+    assert 'effort' in recorded
+    assert not any('N m' in label for label in recorded)

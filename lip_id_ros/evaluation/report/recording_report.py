@@ -26,7 +26,6 @@ from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.progress import Progress, silent
 
 ROW_HEIGHT = 1.5
-COLUMN_TITLES = ('position', 'velocity', 'effort')
 COVERAGE_COLUMNS = 4
 SIGNALS = (
     'Position, velocity and effort as they were recorded (effort with the scale of the settings).'
@@ -42,6 +41,7 @@ def write_recording_report(
     recordings: Sequence[tuple[Evidence, Mapping[str, Any]]],
     progress: Progress = silent,
     units: Mapping[str, str] = POSITION_UNITS,
+    are_torques: bool = True,
 ) -> Path:
     """
     Write PNG plots and index.html, which embeds them and needs no network.
@@ -59,6 +59,8 @@ def write_recording_report(
         Called after every recording.
     units : mapping
         Unit of the positions for each joint type.
+    are_torques : bool
+        Whether efforts are torques or forces; else they have no unit.
 
     Returns
     -------
@@ -81,7 +83,7 @@ def write_recording_report(
     pages = []
     for number, (evidence, health) in enumerate(recordings, start=1):
         target = Path(folder) / str(number) if len(recordings) > 1 else Path(folder)
-        pages.append(_report(target, source, evidence, health, units))
+        pages.append(_report(target, source, evidence, health, units, are_torques))
         progress('plot', number, len(recordings))
     return pages[0]
 
@@ -92,8 +94,9 @@ def _report(
     evidence: Evidence,
     health: Mapping[str, Any],
     units: Mapping[str, str],
+    are_torques: bool,
 ) -> Path:
-    pictures = drawn(_drawings(evidence, units), silent)
+    pictures = drawn(_drawings(evidence, units, are_torques), silent)
     findings = health['findings']
     samples = evidence.samples
     facts = (
@@ -113,13 +116,17 @@ def _report(
     return write_folder(target, text, pictures)
 
 
-def _drawings(evidence: Evidence, units: Mapping[str, str]) -> Iterator[Drawing]:
-    yield 'signals', 'Recorded signals', SIGNALS, partial(signals, evidence, units)
+def _drawings(
+    evidence: Evidence, units: Mapping[str, str], are_torques: bool
+) -> Iterator[Drawing]:
+    yield 'signals', 'Recorded signals', SIGNALS, partial(signals, evidence, units, are_torques)
     if evidence.motion.segments:
         yield 'coverage', 'Coverage', COVERAGE, partial(coverage, evidence, units)
 
 
-def signals(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> Figure:
+def signals(
+    evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS, are_torques: bool = True
+) -> Figure:
     """Draw position, velocity and effort of each joint over time, as recorded."""
     samples = evidence.samples
     n_joints = samples.n_joints
@@ -132,14 +139,12 @@ def signals(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> Fi
     columns = (samples.position, samples.velocity, samples.effort)
     colors = (style.TRUE, style.KINETIC, style.PREDICTED)
     for joint, (name, kind) in enumerate(zip(evidence.names, evidence.joint_types, strict=True)):
-        unit = units[kind]
-        labels = (unit, f'{unit}/s', TORQUE_UNITS[kind])
+        effort = f'tau [{TORQUE_UNITS[kind]}]' if are_torques else 'effort'
+        labels = (f'q [{units[kind]}]', f'dq [{_rate(units[kind])}]', effort)
         for panel, values, color, label in zip(grid[joint], columns, colors, labels, strict=True):
             _curve(panel, samples.t[rows], values[rows, joint], color)
-            panel.set_ylabel(f'[{label}]')
+            panel.set_ylabel(label)
         grid[joint, 0].set_title(for_plot(name), loc='left')
-    for panel, title in zip(grid[0], COLUMN_TITLES, strict=True):
-        panel.set_title(title, loc='right', fontweight='normal')
     for panel in grid[-1]:
         panel.set_xlabel('time [s]')
     figure.align_ylabels()
@@ -163,8 +168,12 @@ def coverage(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> F
         panel.margins(x=0.05)
         panel.set_title(for_plot(name), loc='left')
         panel.set_xlabel(f'position [{unit}]')
-        panel.set_ylabel(f'velocity [{unit}/s]')
+        panel.set_ylabel(f'velocity [{_rate(unit)}]')
     return figure
+
+
+def _rate(unit: str) -> str:
+    return ' or '.join(f'{each}/s' for each in unit.split(' or '))
 
 
 def _curve(panel: Axes, t: Array, values: Array, color: str) -> None:
