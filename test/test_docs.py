@@ -1,0 +1,83 @@
+"""Links, tests, commands and options that the pages name are there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import re
+
+import pytest
+
+from benchmarks.__main__ import available
+from lip_id_ros.cli import main
+from lip_id_ros.cli.main import VERBS as MODULES
+
+ROOT = Path(__file__).resolve().parents[1]
+VERBS = [module.__name__.rpartition('.')[2] for module in MODULES]
+PAGES = sorted([*ROOT.glob('*.md'), *(ROOT / 'docs').rglob('*.md')])
+SHARED = (ROOT / 'lip_id_ros' / 'nodes' / 'launch_arguments.py').read_text(encoding='utf-8')
+TESTS = '\n'.join(
+    path.read_text(encoding='utf-8') for path in sorted((ROOT / 'test').rglob('test_*.py'))
+)
+EACH = pytest.mark.parametrize('page', PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors that GitHub gives the headings of a page."""
+    titles = re.findall(r'^#+ (.*)$', page.read_text(encoding='utf-8'), flags=re.MULTILINE)
+    plain = (re.sub(r'\[([^]]*)\]\([^)]*\)', r'\1', title).lower() for title in titles)
+    return {re.sub(r'[^\w\- ]', '', title).replace(' ', '-') for title in plain}
+
+
+@EACH
+def test_links_lead_somewhere(page: Path) -> None:
+    text = re.sub(r'```.*?```', '', page.read_text(encoding='utf-8'), flags=re.DOTALL)
+    for link in re.findall(r'\]\(([^)\s]+)\)', text):
+        if '://' in link:
+            continue
+        path, _, anchor = link.partition('#')
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+@EACH
+def test_named_tests_exist(page: Path) -> None:
+    for name in set(re.findall(r'`(test_\w+)`', page.read_text(encoding='utf-8'))):
+        assert f'def {name}(' in TESTS, name
+
+
+@EACH
+def test_named_benchmarks_exist(page: Path) -> None:
+    text = page.read_text(encoding='utf-8')
+    for name in set(re.findall(r'python -m\s+benchmarks\s+(\w+)', text)):
+        assert name in available(), name
+
+
+@EACH
+def test_commands_have_their_options(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of `lip_id`, in blocks and in lines of text."""
+    for verb, rest in re.findall(
+        r'\blip_id ([a-z]+)\b([^`\n#]*)', page.read_text(encoding='utf-8')
+    ):
+        if verb not in VERBS:
+            continue
+        with pytest.raises(SystemExit):
+            main([verb, '--help'])
+        usage = capsys.readouterr().out
+        missing = [option for option in re.findall(r'--[a-z][\w-]*', rest) if option not in usage]
+        assert not missing, (verb, rest)
+
+
+@EACH
+def test_nodes_and_launch_files_exist(page: Path) -> None:
+    text = page.read_text(encoding='utf-8')
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    for name in re.findall(r'ros2 run lip_id_ros (\w+)', text):
+        assert f"'{name} = " in setup, name
+    launched = re.findall(r'ros2 launch lip_id_ros (\S+\.launch\.py)((?:[^`\n]|\\\n)*)', text)
+    for name, rest in launched:
+        launch = ROOT / 'launch' / name
+        assert launch.exists(), name
+        known = launch.read_text(encoding='utf-8') + SHARED
+        for argument in re.findall(r'(\w+):=', rest):
+            assert f"'{argument}'" in known, (name, argument)
