@@ -234,7 +234,8 @@ def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
     if not samples.has_effort:
         raise SourceError(
             f'{samples.topic or "joint states"} in {samples.source} must have effort, but every '
-            'message leaves it empty; record it with a driver that measures torque or current.'
+            'message leaves it empty; record it with a driver that measures torque or current, or '
+            'name the topic of its efforts too: recording.topic: /joint_states, /efforts.'
         )
     scale = np.array(per_joint(samples, 'effort_scale', recording.effort_scale, 1.0))
     offset = np.array(per_joint(samples, 'effort_offset', recording.effort_offset, 0.0))

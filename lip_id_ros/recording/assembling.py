@@ -1,4 +1,4 @@
-"""Collect the messages of topics, and assemble joint samples: clock, order of time, joints."""
+"""Assemble joint samples of the messages of topics: clock, order of time, joints, efforts."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ from functools import partial
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.recording.joint_messages import CLOCKS, HEADER, MessageBlock, PUBLISHER, Publisher
+from lip_id_ros.recording.collecting import SampleCollector
+from lip_id_ros.recording.joint_messages import CLOCKS, HEADER, MessageBlock, PUBLISHER
 from lip_id_ros.recording.joint_samples import (
-    columns_of,
     complete,
     counted,
     JointSamples,
     Reason,
     SIGNALS,
-    usable,
 )
 from lip_id_ros.recording.spill import (
     gathered,
@@ -25,7 +24,6 @@ from lip_id_ros.recording.spill import (
     marked,
     release,
     row_blocks,
-    RowStore,
     steps,
 )
 from lip_id_ros.recording.timing import (
@@ -33,129 +31,20 @@ from lip_id_ros.recording.timing import (
     clock_of,
     GAP_STEPS,
     is_one_clock,
-    LATEST_NS,
     median_step,
     SECOND,
     Timeline,
 )
 
-_MOST_BLOCKS = 64
-_MOST_SEEN = 4096
-_MOST_PUBLISHERS = 16
-_SMALLEST = np.finfo(np.float64).tiny
 _SHOWN_NAMES = 3
 _VELOCITY, _EFFORT = 1, 2
-
-Piece = tuple[IndexArray, MessageBlock]
-"""Messages, and their numbers among those that were read with them."""
-
-
-class SampleCollector:
-    """
-    Collects the usable messages of a topic by the joints that come together; counts the others.
-
-    Attributes
-    ----------
-    joints : tuple of str
-        Joints to keep; those of the first message that can be used, where none are given.
-    counts : Counter
-        Messages dropped, by reason.
-    seen : dict
-        Joints of all messages, in the order of their first appearance.
-    notes : dict
-        What else is to be known, a phrase each; the values mean nothing.
-
-    """
-
-    def __init__(self, joints: Sequence[str] = (), source: str = '', topic: str = '') -> None:
-        self.joints = tuple(joints)
-        self.source, self.topic = source, topic
-        self.counts: Counter[str] = Counter()
-        self.seen: dict[str, None] = {}
-        self.notes: dict[str, None] = {}
-        self._denormal = 0
-        self._growing: dict[tuple[str, ...], _GrowingBlock] = {}
-
-    def add(self, pieces: Sequence[Piece]) -> None:
-        """Take messages that follow those before in the file, or drop and count them."""
-        taken: dict[tuple[str, ...], list[Piece]] = {}
-        for rows, block in sorted(pieces, key=lambda piece: int(piece[0][0])):
-            if len(self.seen) < _MOST_SEEN:
-                self.seen.update(dict.fromkeys(block.joints))
-            columns = columns_of(block.joints, self.joints or block.joints)
-            if not columns.size:
-                self.counts[Reason.FOREIGN_JOINTS] += rows.size
-                continue
-            keep, block = self._usable(block, columns)
-            if not keep.any():
-                continue
-            self.joints = self.joints or block.joints
-            if len(self._growing) == _MOST_BLOCKS and block.joints not in self._growing:
-                self.counts[Reason.MISSING_JOINT] += len(block.numbers)
-                continue
-            self._growing.setdefault(block.joints, _GrowingBlock(block.joints))
-            taken.setdefault(block.joints, []).append((rows[keep], block))
-        for joints, some in taken.items():
-            self._growing[joints].extend(some)
-
-    @property
-    def collected_joints(self) -> set[str]:
-        """Those of the joints to keep that came."""
-        return {joint for joints in self._growing for joint in joints}
-
-    def blocks(self) -> list[MessageBlock]:
-        """Return what was collected; nothing may be added any more."""
-        if self._denormal:
-            self.notes[
-                f'{self._denormal} denormal values (memory never filled in) were read as 0'
-            ] = None
-        return [growing.block() for growing in self._growing.values()]
-
-    def _usable(self, block: MessageBlock, columns: IndexArray) -> tuple[BoolArray, MessageBlock]:
-        """Mark the messages that can be used, and return them with the joints to keep."""
-        values = block.values[:, :, columns]
-        keep = usable(values, self.counts)
-        denormal = (np.abs(values) < _SMALLEST) & (values != 0.0)
-        self._denormal += int(denormal.sum())
-        values[denormal] = 0.0
-        joints = tuple(block.joints[column] for column in columns)
-        return keep, MessageBlock(joints, block.publishers, block.numbers[keep], values[keep])
-
-
-class _GrowingBlock:
-    """Messages of the same joints, in the order of the file; grows at its end."""
-
-    def __init__(self, joints: tuple[str, ...]) -> None:
-        self._joints = joints
-        self._numbers = RowStore(3, dtype=np.int64)
-        self._values = RowStore(3, len(joints))
-        self._publishers: dict[Publisher, int] = {}
-
-    def extend(self, pieces: Sequence[Piece]) -> None:
-        """Append messages that follow those before."""
-        for _, block in pieces:
-            (publisher,) = block.publishers
-            if len(self._publishers) <= _MOST_PUBLISHERS:
-                self._publishers.setdefault(publisher, len(self._publishers))
-            block.numbers[:, PUBLISHER] = self._publishers.get(publisher, 0)
-        order = np.argsort(np.concatenate([rows for rows, _ in pieces]))
-        numbers = np.concatenate([block.numbers for _, block in pieces])[order]
-        self._numbers.extend(np.clip(numbers, -1, LATEST_NS))
-        self._values.extend(np.concatenate([block.values for _, block in pieces])[order])
-
-    def block(self) -> MessageBlock:
-        """Return what was appended; nothing may be appended any more."""
-        too_many = len(self._publishers) > _MOST_PUBLISHERS
-        publishers = tuple(self._publishers)[: 1 if too_many else None]
-        return MessageBlock(
-            self._joints, publishers, self._numbers.values(), self._values.values()
-        )
 
 
 def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamples:
     """
     Return the samples of all joints that the topics of a recording have together.
 
+    Where no message with positions has an effort, efforts that came alone are joined with them.
     `wanted_clock` is as for `timing.clock_of`. The topics are used up.
 
     """
@@ -164,18 +53,26 @@ def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamp
     notes = {note: None for topic in topics for note in topic.notes}
     joints = next((topic.joints for topic in topics if topic.joints), ())
     blocks = [of_one_publisher(block, counts, notes) for block in blocks]
-    chosen = covering(blocks, joints)
+    placed = covering([block for block in blocks if block.has_position], joints)
+    efforts = []
+    if placed and all(_absent(block, _EFFORT).all() for block in placed):
+        efforts = covering([block for block in blocks if not block.has_position], joints)
+    chosen = [*placed, *efforts]
     for block in blocks:
         if not any(block is one for one in chosen):
-            has_all = set(block.joints) >= set(joints)
-            reason = Reason.OTHER_PUBLISHER if has_all else Reason.MISSING_JOINT
-            counts[reason] += len(block.numbers)
+            counts[_unused(block, joints)] += len(block.numbers)
     headers, received = ([block.numbers[:, k] for block in chosen] for k in CLOCKS.values())
     clock = clock_of(headers, received, wanted_clock, notes)
-    if len(chosen) > 1:
-        notes[f'joints of {len(chosen)} publishers were merged in time'] = None
+    if len(placed) > 1:
+        notes[f'joints of {len(placed)} publishers were merged in time'] = None
+    if efforts:
+        notes['efforts came in messages of their own and were joined in time'] = None
     sources = [(block, _in_time(block, clock, counts, notes)) for block in chosen]
-    timeline, values = merged(sources, joints, counts)
+    columns = [_columns(placed, joints)] * len(SIGNALS)
+    if efforts:
+        beside = sum(len(block.joints) for block in placed)
+        columns[_EFFORT] = beside + _columns(efforts, joints)
+    timeline, values = merged(sources, columns, counts)
     return JointSamples(
         t=timeline.t,
         **dict(zip(SIGNALS, values, strict=True)),
@@ -188,6 +85,19 @@ def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamp
         clock=clock,
         notes=tuple(notes),
     )
+
+
+def _unused(block: MessageBlock, joints: Sequence[str]) -> Reason:
+    if not block.has_position:
+        return Reason.NO_POSITION
+    has_all = set(block.joints) >= set(joints)
+    return Reason.OTHER_PUBLISHER if has_all else Reason.MISSING_JOINT
+
+
+def _columns(blocks: Sequence[MessageBlock], joints: Sequence[str]) -> IndexArray:
+    """Return where in the joined columns of blocks each joint is; empty for no blocks."""
+    names = [joint for block in blocks for joint in block.joints]
+    return np.array([names.index(joint) for joint in joints] if names else [], np.intp)
 
 
 def of_one_publisher(
@@ -280,22 +190,22 @@ def _absent(block: MessageBlock, signal: int) -> BoolArray:
 
 
 def merged(
-    sources: Sequence[tuple[MessageBlock, Timeline]], joints: Sequence[str], counts: Counter[str]
+    sources: Sequence[tuple[MessageBlock, Timeline]],
+    columns: Sequence[IndexArray],
+    counts: Counter[str],
 ) -> tuple[Timeline, list[Array]]:
     """
     Bring several blocks to the stamps of the one with the fewest, and join their columns.
 
     Between two samples no further apart than five median steps the others are interpolated
     linearly; at an equal stamp they are taken unchanged. Where there are no two such samples, the
-    message is dropped and counted. Returns the timeline of N samples, and positions, velocities,
-    efforts (N, n).
+    message is dropped and counted. `columns` says where in the joined columns the joints of each
+    signal are. Returns the timeline of N samples, and positions, velocities, efforts (N, n).
 
     """
-    names = [joint for block, _ in sources for joint in block.joints]
-    order = np.array([names.index(joint) for joint in joints] if names else [], np.intp)
     if not sources:
         nothing = np.empty(0, np.int64)
-        return Timeline(nothing, nothing, Counter()), [np.empty((0, order.size))] * 3
+        return Timeline(nothing, nothing, Counter()), [np.empty((0, 0))] * len(SIGNALS)
     base = min((timeline for _, timeline in sources), key=lambda each: each.rows.size)
     others = [own.stamps_ns for _, own in sources if own is not base]
     timeline = base
@@ -307,7 +217,7 @@ def merged(
         kept = np.flatnonzero(np.logical_and.reduce(known))
         counts[Reason.OTHER_JOINTS_AWAY] += base.rows.size - kept.size
         timeline = base._replace(rows=base.rows[kept], stamps_ns=base.stamps_ns[kept])
-    results = [large_array(timeline.rows.size, order.size) for _ in SIGNALS]
+    results = [large_array(timeline.rows.size, each.size) for each in columns]
     for rows in row_blocks(timeline.rows.size):
         values = [
             block.values[timeline.rows[rows]]
@@ -315,9 +225,9 @@ def merged(
             else _between(block.values, own, timeline.stamps_ns[rows])
             for block, own in sources
         ]
-        joined = np.concatenate(values, axis=2)[:, :, order]
+        joined = np.concatenate(values, axis=2)
         for signal, result in enumerate(results):
-            result[rows] = joined[:, signal]
+            result[rows] = joined[:, signal, columns[signal]]
         release(*results, *(block.values for block, _ in sources), *timeline[:2])
     return timeline, results
 

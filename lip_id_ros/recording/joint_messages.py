@@ -129,7 +129,7 @@ class MessageBlock(NamedTuple):
         other joints beside these, or another frame, are of another publisher.
     values : ndarray, shape (N, 3, n)
         Position, velocity and effort; NaN where a message has none, infinity where it has no
-        finite number.
+        finite number. All messages have positions, or none has.
 
     """
 
@@ -137,6 +137,11 @@ class MessageBlock(NamedTuple):
     publishers: tuple[Publisher, ...]
     numbers: IntArray
     values: Array
+
+    @property
+    def has_position(self) -> bool:
+        """Whether its messages have positions; else they are efforts alone."""
+        return not np.isnan(self.values[:1, 0]).any()
 
 
 _Alike = tuple[IndexArray, tuple[str, ...], str, IntArray, Sequence[Array]]
@@ -234,9 +239,7 @@ def message_blocks(
     blocks, n_read = [], 0
     for rows, names, frame_id, stamps_ns, signals in alike:
         n_read += rows.size
-        reason = name_reason(names) or length_reason(
-            len(names), *(values.shape[1] for values in signals)
-        )
+        reason = name_reason(names) or _misfit(len(names), *(each.shape[1] for each in signals))
         if reason is not None:
             counts[reason] += rows.size
             continue
@@ -245,6 +248,12 @@ def message_blocks(
         blocks.append((rows, MessageBlock(names, publishers, numbers, stacked(*signals))))
     counts[Reason.UNREADABLE] += len(messages) - n_read
     return blocks
+
+
+def _misfit(names: int, position: int, velocity: int, effort: int) -> Reason | None:
+    """Return what is wrong with the lengths of arrays; efforts may come alone."""
+    is_effort = position == 0 and effort == names
+    return length_reason(names, names if is_effort else position, velocity, effort)
 
 
 def _cut(messages: Sequence[bytes], is_ros1: bool, decode: Decode) -> Iterator[_Alike]:
@@ -330,14 +339,11 @@ def _extracted(
             arrays = [np.asarray(values, np.float64) for values in found[2:]]
         except (AttributeError, TypeError, ValueError):  # a bag may define a type in its own way
             continue
-        if all(isinstance(name, str) for name in found.names) and _are_flat(arrays):
+        is_named = all(isinstance(name, str) for name in found.names)
+        if is_named and all(each.ndim == 1 for each in arrays):
             key = (frame_id, tuple(found.names), *map(len, arrays))
             groups.setdefault(key, []).append((row, found.stamp_ns, arrays))
     for (frame_id, names, *_), group in groups.items():
         rows, stamps_ns, some = zip(*group, strict=True)
         signals = [np.stack(each) for each in zip(*some, strict=True)]
         yield np.array(rows), names, frame_id, np.array(stamps_ns, np.int64), signals
-
-
-def _are_flat(arrays: Sequence[Array]) -> bool:
-    return all(each.ndim == 1 for each in arrays)

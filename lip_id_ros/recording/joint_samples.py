@@ -161,8 +161,8 @@ def stacked(*signals: Array) -> Array:
     NaN for a signal without columns, and infinity for values that are not a number.
 
     """
-    size, n_joints = signals[0].shape
-    values = np.full((size, len(signals), n_joints), np.nan)
+    n_joints = max(signal.shape[1] for signal in signals)
+    values = np.full((len(signals[0]), len(signals), n_joints), np.nan)
     for number, signal in enumerate(signals):
         if signal.shape[1]:
             values[:, number] = np.where(np.isnan(signal), np.inf, signal)

@@ -11,8 +11,9 @@ import numpy as np
 from lip_id_ros.csv_table import check_columns, joints_of, read_table
 from lip_id_ros.errors import missing_joints, SourceError
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.recording.assembling import assembled, SampleCollector
+from lip_id_ros.recording.assembling import assembled
 from lip_id_ros.recording.bags import Bag, Topic
+from lip_id_ros.recording.collecting import SampleCollector
 from lip_id_ros.recording.joint_messages import EXTRACTORS, JOINT_STATE, message_blocks
 from lip_id_ros.recording.joint_samples import (
     counted,

@@ -23,8 +23,6 @@ LARGE_BYTES = 32 * 2**20
 """Arrays beyond this size lie in a temporary file."""
 BLOCK_ROWS = 65_536
 
-_FIRST_ROWS = 1024
-
 
 def row_blocks(size: int) -> Iterator[slice]:
     """Yield slices that cover `size` rows, `BLOCK_ROWS` at a time."""
@@ -84,15 +82,13 @@ def marked(condition: Callable[[NDArray[Any]], BoolArray], values: NDArray[Any])
     return mapped(condition, values)
 
 
-def gathered(
-    values: NDArray[Any], rows: IndexArray, columns: IndexArray | None = None
-) -> NDArray[Any]:
-    """Return rows of an array, in any order, and some or all columns."""
+def gathered(values: NDArray[Any], rows: IndexArray) -> NDArray[Any]:
+    """Return rows of an array, in any order."""
 
     def taken(numbers: IndexArray) -> NDArray[Any]:
         some = values[numbers]
         release(values)
-        return some if columns is None else some[:, columns]
+        return some
 
     return mapped(taken, rows)
 
@@ -124,42 +120,3 @@ def thinned(values: Array, most: int) -> Array:
         pieces.append(values[rows][-rows.start % every :: every].copy())
         release(values)
     return np.concatenate(pieces)
-
-
-class RowStore:
-    """Rows that grow at their end, in a temporary file once they are many."""
-
-    def __init__(self, *shape: int, dtype: DTypeLike = np.float64) -> None:
-        self._array = np.empty((_FIRST_ROWS, *shape), dtype)
-        self._size = 0
-        self._file: Any = None
-
-    def extend(self, rows: NDArray[Any]) -> None:
-        """Append rows; OSError if the temporary folder has no room for them."""
-        needed = self._size + len(rows)
-        if self._file is None and needed * self._array[0].nbytes > LARGE_BYTES:
-            self._file = tempfile.TemporaryFile(prefix='lip_id_')  # noqa: SIM115  values() closes
-            self._array[: self._size].tofile(self._file)
-            self._array = self._array[:1].copy()
-        if self._file is not None:
-            rows.astype(self._array.dtype).tofile(self._file)
-        else:
-            self._make_room(needed)
-            self._array[self._size : needed] = rows
-        self._size = needed
-
-    def values(self) -> NDArray[Any]:
-        """Return the rows, without a copy; nothing may be appended any more."""
-        if self._file is None:
-            return self._array[: self._size]
-        shape = (self._size, *self._array.shape[1:])
-        with self._file as file:
-            file.flush()
-            return np.memmap(file, self._array.dtype, 'r', shape=shape)
-
-    def _make_room(self, needed: int) -> None:
-        """Make room for rows, and for more, so that growth stays linear."""
-        if needed > len(self._array):
-            capacity = max(needed, 3 * len(self._array) // 2)
-            # no view of it exists
-            self._array.resize((capacity, *self._array.shape[1:]), refcheck=False)

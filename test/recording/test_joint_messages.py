@@ -70,8 +70,11 @@ def reason_of(message: Any) -> Reason | None:
     """Return why a message is in no block."""
     if message is None:
         return Reason.UNREADABLE
-    lengths = (len(getattr(message, part)) for part in SIGNALS)
-    return name_reason(message.name) or length_reason(len(message.name), *lengths)
+    n = len(message.name)
+    position, velocity, effort = (len(getattr(message, part)) for part in SIGNALS)
+    if position == 0 and effort == n:  # efforts may come alone
+        position = n
+    return name_reason(message.name) or length_reason(n, position, velocity, effort)
 
 
 def expected(values: Array, n_joints: int) -> Array:

@@ -100,6 +100,63 @@ def test_other_rates_are_interpolated_and_nothing_crosses_a_gap(tmp_path: Path) 
     assert samples.counts == {Reason.OTHER_JOINTS_AWAY: 100 - k.size}
 
 
+def of_effort_alone(state: State, **changes: Any) -> State:
+    """Return what drives send that publish their efforts beside the joint states."""
+    return replace(state, position=(), velocity=(), **changes)
+
+
+@pytest.mark.parametrize('topic', ['/joint_states', '/currents'])
+@pytest.mark.parametrize('names', [NAMES, ('elbow', 'wrist', 'shoulder')])
+def test_efforts_that_come_alone_are_joined(
+    tmp_path: Path, clean: JointSamples, topic: str, names: Sequence[str]
+) -> None:
+    """On the topic of the joint states or another, their joints in any order."""
+    sent = []
+    for state in moving(50):
+        by_name = {**dict(zip(NAMES, state.effort, strict=True)), 'wrist': 9.0}
+        efforts = of_effort_alone(state, effort=[by_name[name] for name in names], names=names)
+        sent += [replace(efforts, topic=topic), replace(state, effort=())]
+    path = write_folder(tmp_path / 'bag', sent)
+    samples = read_bag(path, replace(BOTH, topic=','.join({'/joint_states': '', topic: ''})))
+    assert_same(samples, clean)
+    assert samples.has_effort
+    assert samples.counts == {}
+    assert samples.notes == ('efforts came in messages of their own and were joined in time',)
+
+
+def test_efforts_at_another_rate_are_interpolated(tmp_path: Path) -> None:
+    """Named joints are not needed, and the slower topic gives the times."""
+    efforts = [of_effort_alone(state, topic='/currents') for state in moving(100)[::5]]
+    late = [replace(each, stamp_ns=each.stamp_ns + 2_000_000) for each in efforts]
+    states = [replace(state, effort=()) for state in moving(100)]
+    path = write_folder(tmp_path / 'bag', [*late, *states])
+    samples = read_bag(path, RecordingSettings(topic='/joint_states, /currents'))
+    k = np.arange(0, 100, 5)
+    assert samples.joint_names == NAMES
+    np.testing.assert_allclose(samples.t, 0.01 * k, atol=1e-12)
+    np.testing.assert_allclose(samples.position[:, 0], 0.01 * (k + 0.2))
+    np.testing.assert_array_equal(samples.effort[:, 0], 3.0 + k)
+
+
+def test_efforts_that_come_alone_do_not_replace_others(
+    tmp_path: Path, clean: JointSamples
+) -> None:
+    sent = [
+        each for state in moving(50) for each in (state, of_effort_alone(state, effort=(7, 8)))
+    ]
+    samples = read_bag(write_folder(tmp_path / 'bag', sent), BOTH)
+    assert_same(samples, clean)
+    assert samples.counts == {Reason.NO_POSITION: 50}
+
+
+def test_efforts_of_some_joints_are_none(tmp_path: Path) -> None:
+    sent = [replace(state, effort=()) for state in moving(50)]
+    sent += [of_effort_alone(state, names=NAMES[:1], effort=(7,)) for state in moving(50)]
+    samples = read_bag(write_folder(tmp_path / 'bag', sent), BOTH)
+    assert not samples.has_effort
+    assert samples.n_samples == samples.counts[Reason.NO_POSITION] == 50
+
+
 def test_joints_that_never_come_are_told(tmp_path: Path) -> None:
     states = [alone(state, 0) for state in moving(5)]
     sentence = r'^joint elbow expected in .*, which has shoulder; correct the names, '

@@ -41,7 +41,13 @@ def incomplete() -> list[State]:
     return [replace(each, effort=()) if k % 9 == 0 else each for k, each in enumerate(states)]
 
 
-@pytest.mark.parametrize('messages', [late, of_two_publishers, incomplete])
+def of_efforts_alone() -> list[State]:
+    states = moving(400)
+    efforts = [replace(each, position=(), velocity=()) for each in states]
+    return [*efforts, *(replace(each, effort=()) for each in states)]
+
+
+@pytest.mark.parametrize('messages', [late, of_two_publishers, incomplete, of_efforts_alone])
 def test_samples_in_files_are_those_in_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, messages: Callable[[], list[State]]
 ) -> None:
