@@ -182,7 +182,7 @@ class _Worker:
             return
 
     def outcome(self) -> Outcome | None:
-        """Return what it sent; None where it died."""
+        """Return the outcome that it sent; None where it died."""
         try:
             outcome: Outcome = self.connection.recv()
         except (EOFError, OSError):

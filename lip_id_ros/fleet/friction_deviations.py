@@ -138,7 +138,7 @@ class _Stack:
         return cls(systems, table.T, n_varying, order, effects.group[order], size)
 
     def of_components(self, values: Array) -> Array:
-        """Return values of coefficients, shape (..., k), of what varies, shape (..., V, C)."""
+        """Take from values of coefficients, (..., k), those of effects, shape (..., V, C)."""
         padded = np.append(values, np.zeros((*values.shape[:-1], 1)), axis=-1)
         return np.asarray(padded[..., self.table[: self.n_varying]])
 

@@ -140,7 +140,7 @@ class PlacedArm(Packable):
 
     @property
     def geometry(self) -> Geometry:
-        """What of the placements was elected to be simple."""
+        """Twists and lengths that were elected to be simple."""
         return Geometry(self.twists, self.meets, self.rigid)
 
     @property

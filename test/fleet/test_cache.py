@@ -7,6 +7,7 @@ import time
 
 from fleet.logs import logged
 import pytest
+from test_imports import BASE, PARTS
 
 from lip_id_ros.fleet import cache
 from lip_id_ros.fleet.cache import entries, FolderCache, prune, unused_for
@@ -100,7 +101,14 @@ def test_a_folder_that_cannot_be_written_costs_one_warning(tmp_path: Path) -> No
     assert line.startswith('results are not kept, since ')
 
 
-def test_the_version_follows_the_sources() -> None:
+def test_the_version_follows_all_sources_that_results_depend_on() -> None:
     root = Path(cache.__file__).parents[1]
     assert all((root / name).exists() for name in cache.MADE_BY)
+    needed, waiting = set(BASE), ['fleet']
+    while waiting:
+        room = waiting.pop()
+        waiting += PARTS[room] - needed
+        needed |= {room, *PARTS[room]}
+    messages = {'errors', 'escaping', 'processes', 'progress'}
+    assert needed - messages == {Path(name).stem for name in cache.MADE_BY}
     assert len(cache.code_version()) == 16
