@@ -118,8 +118,8 @@ def finding_lines(findings: Iterable[Mapping[str, Any]]) -> list[str]:
     """
     Return a line for each finding.
 
-    Where more than two have one code, only the first is written out, followed by the joints of
-    the others, or by their number where they concern no joint.
+    Where more than two have one code, only the first is written out, followed by the other joints,
+    and by the number of findings where some are on the same joint, in several recordings.
 
     """
     kinds: dict[str, list[Mapping[str, Any]]] = {}
@@ -141,9 +141,12 @@ def _lines(alike: Sequence[Mapping[str, Any]]) -> list[str]:
     texts = [f'{each["severity"]} {each["code"]}: {each["text"]}' for each in alike]
     if len(texts) <= MOST_LINES:
         return texts
-    joints = list(dict.fromkeys(each['joint'] for each in alike[1:] if each['joint']))
-    others = f'Likewise {", ".join(joints)}' if joints else f'{len(alike) - 1} times more'
-    return [f'{texts[0]} {others}.']
+    joints = dict.fromkeys(each['joint'] for each in alike)
+    others = [joint for joint in joints if joint != alike[0]['joint']]
+    more = [f'Likewise {", ".join(others)}.'] if others else []
+    if len(joints) < len(alike):
+        more.append(f'In all recordings: {len(alike)} times.')
+    return [' '.join([texts[0], *more])]
 
 
 def _text(name: str, value: float | None) -> str:

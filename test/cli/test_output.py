@@ -109,6 +109,7 @@ def test_findings_of_one_kind_share_a_line(capsys: Capture) -> None:
 
     show.described({'health': health}, Console(width=80))
     show.described({'health': {**health, 'findings': findings[:2]}}, Console(width=80))
+    show.described({'health': {**health, 'findings': findings * 2}}, Console(width=80))
     show.described({'health': {**health, 'findings': []}}, Console(width=80))
 
     lines = capsys.readouterr().out.splitlines()
@@ -117,6 +118,7 @@ def test_findings_of_one_kind_share_a_line(capsys: Capture) -> None:
         'warning slow: a is slow; hurry. Likewise b, c.',
         'warning slow: a is slow; hurry.',
         'warning slow: b is slow; hurry.',
+        'warning slow: a is slow; hurry. Likewise b, c. In all recordings: 6 times.',
         'no findings',
     ]
 

@@ -213,7 +213,7 @@ def torque(outcome: Outcome, evaluation: Evaluation, band: Band | None) -> Figur
         _shade(panel, data, band, predicted, _column(band, joint), style.PREDICTED)
         style.remark(panel, evaluation.nmse_percent[joint])
 
-    return style.joint_grid(data.joint_names, data.joint_types, 'torque', draw)
+    return style.joint_grid(data.joint_names, data.joint_types, style.TORQUE, draw)
 
 
 def residual(outcome: Outcome, band: Band | None) -> Figure:
@@ -244,7 +244,7 @@ def split(outcome: Outcome, prediction: Prediction) -> Figure:
         for label, values, color in parts:
             style.over_time(panel, data, values[:, joint], color, label)
 
-    return style.joint_grid(data.joint_names, data.joint_types, 'torque', draw)
+    return style.joint_grid(data.joint_names, data.joint_types, style.TORQUE, draw)
 
 
 def energies(outcome: Outcome, evaluation: Evaluation, band: Band | None) -> Figure:

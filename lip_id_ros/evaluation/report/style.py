@@ -16,7 +16,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import for_plot
-from lip_id_ros.joint_types import TORQUE_UNITS
+from lip_id_ros.joint_types import PRISMATIC, TORQUE_UNITS
 
 MEASURED = '#9aa5b1'
 TRUE = '#1f2933'
@@ -56,6 +56,7 @@ SETTINGS: Any = {
 }
 
 WIDTH = 12.0  # inches
+TORQUE = 'torque'
 ROW_HEIGHT = 2.1
 LEGEND_HEIGHT = 0.45
 MOST_POINTS = 3000  # more than a plot has pixels for
@@ -80,7 +81,7 @@ def joint_grid(
     joint_names, joint_types : sequence of str
         Titles of the panels and units of their vertical axes.
     symbol : str
-        Quantity of the vertical axes.
+        Quantity of the vertical axes; a torque is a force at prismatic joints.
     draw : callable
         Gets the axes and the number of a joint; its labels make the legend.
 
@@ -95,7 +96,8 @@ def joint_grid(
     panels = grid(figure, len(joint_names), n_columns, sharex=True)
     for joint, (name, kind) in enumerate(zip(joint_names, joint_types, strict=True)):
         panels[joint].set_title(for_plot(name), loc='left')
-        panels[joint].set_ylabel(f'{symbol} [{TORQUE_UNITS[kind]}]')
+        quantity = 'force' if kind == PRISMATIC and symbol == TORQUE else symbol
+        panels[joint].set_ylabel(f'{quantity} [{TORQUE_UNITS[kind]}]')
         draw(panels[joint], joint)
     for panel in panels[-n_columns:]:
         panel.tick_params(labelbottom=True)
