@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from simulation.pendulums import swing
 
-from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.evaluation import Outcome, run, score
 from lip_id_ros.evaluation.report import Band, band, evaluation_report, Labels, write_report
-from lip_id_ros.evaluation.report.style import broken_at, MOST_POINTS, shown_rows
+from lip_id_ros.evaluation.report.style import broken_at, MOST_POINTS, shown_rows, times
 
 pytestmark = pytest.mark.slow
 
@@ -45,6 +45,16 @@ class Links(HTMLParser):
 def texts(figure: Figure) -> set[str]:
     panels = [panel for panel in figure.axes if panel.get_visible()]
     return {panel.get_title('left') for panel in panels} | {panel.get_ylabel() for panel in panels}
+
+
+def test_recordings_are_drawn_one_after_another() -> None:
+    """Logs begin at zero, and bags days apart."""
+    first, second, third = swing(0), swing(1), swing(2)
+    joined = concatenate([first, second, replace(third, t=third.t + 1e6)])
+    t = times(joined)
+    assert t[0] == 0.0
+    steps = np.diff(joined.t) * (np.diff(joined.recording) == 0)
+    np.testing.assert_allclose(np.diff(t), steps, atol=1e-9)
 
 
 def test_report_is_pictures_and_one_page_that_holds_them(tmp_path: Path) -> None:
@@ -82,7 +92,7 @@ def test_every_axis_has_a_unit() -> None:
     outcome, uncertainty = assessed(data, Knowing())
     figure = evaluation_report.torque(outcome, score(outcome), uncertainty)
 
-    assert texts(figure) == {'shoulder', 'elbow', 'wrist', 'torque [N m]', 'torque [N]'}
+    assert texts(figure) == {'shoulder', 'elbow', 'wrist', 'torque [N m]', 'force [N]'}
     energies = evaluation_report.energies(outcome, score(outcome), uncertainty)
     assert texts(energies) == {'kinetic energy', 'potential energy', 'energy [J]'}
 

@@ -195,7 +195,7 @@ def _shade(
     rows = style.shown_rows(data.n_samples)
     curve = style.broken_at(data.segment[rows], middle[rows])
     width = 2 * np.interp(rows, band.rows, std)
-    time = (data.t - data.t[0])[rows]
+    time = style.times(data)[rows]
     label = '± 2 standard deviations'
     panel.fill_between(
         time, curve - width, curve + width, color=color, alpha=0.22, linewidth=0, label=label

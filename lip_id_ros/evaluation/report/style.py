@@ -141,9 +141,27 @@ def over_time(
     panel: Axes, data: Dataset, values: Array, color: Color, label: str, width: float = LINE
 ) -> None:
     """Draw a quantity (N,) of the samples over time, broken where the recording has a gap."""
-    rows = shown_rows(data.n_samples)
+    rows, t = shown_rows(data.n_samples), times(data)
+    if not panel.lines:
+        for start in _starts(data)[1:]:
+            panel.axvline(t[start], color='#cbd2d9', linestyle=':', linewidth=1.0)
     curve = broken_at(data.segment[rows], values[rows])
-    panel.plot((data.t - data.t[0])[rows], curve, color=color, linewidth=width, label=label)
+    panel.plot(t[rows], curve, color=color, linewidth=width, label=label)
+
+
+def times(data: Dataset) -> Array:
+    """Return the times of the samples from 0 on; recordings follow one another, (N,) [s]."""
+    t, end = data.t.copy(), 0.0
+    for piece in np.split(t, _starts(data)[1:]):
+        piece -= piece[0]
+        piece += end
+        end = piece.max()
+    return t
+
+
+def _starts(data: Dataset) -> IntArray:
+    """Return the number of the first sample of each recording."""
+    return np.flatnonzero(np.diff(data.recording, prepend=data.recording[0] - 1))
 
 
 def shown_rows(n_samples: int) -> IntArray:
