@@ -140,7 +140,7 @@ def boxes(by_model: Mapping[str, Sequence[Cell]]) -> Figure:
     panels['mean of the joints'] = {m: mean_errors(cells) for m, cells in by_model.items()}
     size = (style.WIDTH, 2.9 * math.ceil(len(panels) / N_COLUMNS))
     figure = Figure(figsize=size, layout='constrained')
-    axes = style.grid(figure, len(panels), N_COLUMNS)
+    axes = style.grid(figure, len(panels), N_COLUMNS, sharey=True)
     draw = _boxes if several(by_model) else _points
     for panel, (title, errors) in zip(axes, panels.items(), strict=True):
         values = {model: _shown(x[np.isfinite(x)]) for model, x in errors.items()}

@@ -105,10 +105,14 @@ def joint_grid(
     return figure
 
 
-def grid(figure: Figure, count: int, n_columns: int, sharex: bool = False) -> list[Axes]:
+def grid(
+    figure: Figure, count: int, n_columns: int, sharex: bool = False, sharey: bool = False
+) -> list[Axes]:
     """Return `count` panels in rows of `n_columns`; the rest of the last row stays empty."""
     n_rows = math.ceil(count / n_columns)
-    panels = list(figure.subplots(n_rows, n_columns, sharex=sharex, squeeze=False).flat)
+    panels = list(
+        figure.subplots(n_rows, n_columns, sharex=sharex, sharey=sharey, squeeze=False).flat
+    )
     for panel in panels[count:]:
         panel.set_visible(False)
     return panels[:count]
