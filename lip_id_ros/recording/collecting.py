@@ -94,12 +94,12 @@ class SampleCollector:
 
     def _usable(self, block: MessageBlock, columns: IndexArray) -> tuple[BoolArray, MessageBlock]:
         """Mark the messages that can be used, and return them with the joints to keep."""
-        values = block.values[:, :, columns]
+        joints = tuple(block.joints[column] for column in columns)
+        values = block.values if joints == block.joints else block.values[:, :, columns]
         keep = usable(values, self.counts)
         denormal = (np.abs(values) < _SMALLEST) & (values != 0.0)
         self._denormal += int(denormal.sum())
         values[denormal] = 0.0
-        joints = tuple(block.joints[column] for column in columns)
         return keep, MessageBlock(joints, block.publishers, block.numbers[keep], values[keep])
 
 

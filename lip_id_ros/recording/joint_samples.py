@@ -171,10 +171,11 @@ def stacked(*signals: Array) -> Array:
 
 def usable(values: Array, counts: Counter[str]) -> BoolArray:
     """Mark samples of sensible numbers, given as by `stacked`; count the others."""
-    finite = ~np.isinf(values).any(axis=(1, 2))
-    keep: BoolArray = ~(np.abs(values) > LARGEST).any(axis=(1, 2))
-    counts[Reason.NOT_FINITE] += int((~finite).sum())
-    counts[Reason.ABSURD] += int((finite & ~keep).sum())
+    largest = np.fmax.reduce(np.abs(values), axis=(1, 2))
+    infinite = np.count_nonzero(np.isinf(largest))
+    keep: BoolArray = largest <= LARGEST
+    counts[Reason.NOT_FINITE] += infinite
+    counts[Reason.ABSURD] += np.count_nonzero(~keep) - infinite
     return keep
 
 
