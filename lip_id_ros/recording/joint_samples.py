@@ -172,10 +172,10 @@ def stacked(*signals: Array) -> Array:
 def usable(values: Array, counts: Counter[str]) -> BoolArray:
     """Mark samples of sensible numbers, given as by `stacked`; count the others."""
     largest = np.fmax.reduce(np.abs(values), axis=(1, 2))
-    infinite = np.count_nonzero(np.isinf(largest))
+    infinite = int(np.isinf(largest).sum())
     keep: BoolArray = largest <= LARGEST
     counts[Reason.NOT_FINITE] += infinite
-    counts[Reason.ABSURD] += np.count_nonzero(~keep) - infinite
+    counts[Reason.ABSURD] += int((~keep).sum()) - infinite
     return keep
 
 
