@@ -10,7 +10,7 @@ present state predicts. Such samples stay in the fit, with the deviation that th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,7 +37,7 @@ LEAST_GAIN = 0.02
 @dataclass(frozen=True, eq=False)
 class TorqueNoise:
     """
-    Standard deviation of the noise, std * sqrt(1 + ratio^2 exp(-(dq / velocity)^2)) per joint.
+    Noise of variance std^2 (1 + ratio^2 exp(-(dq / velocity)^2)) + stuck^2 exp(-(dq / width)^2).
 
     Attributes
     ----------
@@ -47,12 +47,18 @@ class TorqueNoise:
         Of the additional deviation at rest to that in motion.
     velocity : array, shape (n,)
         Up to which the joint is near rest [rad/s or m/s].
+    stuck : array, shape (n,) or (1,)
+        Additional deviation of a joint that sticks [N m or N].
+    width : array, shape (n,) or (1,)
+        Velocity up to which a joint may stick [rad/s or m/s].
 
     """
 
     std: Array
     ratio: Array
     velocity: Array
+    stuck: Array = field(default_factory=lambda: np.zeros(1))
+    width: Array = field(default_factory=lambda: np.ones(1))
 
     @classmethod
     def constant(cls, std: Array) -> TorqueNoise:
@@ -61,10 +67,11 @@ class TorqueNoise:
 
     def std_at(self, dq: Array) -> Array:
         """Return the standard deviation at velocities (..., n), same shape [N m or N]."""
-        return np.asarray(self.std / np.sqrt(self.weights(dq)))
+        stuck = self.stuck**2 * np.exp(-np.square(dq / self.width))
+        return np.asarray(np.sqrt(self.std**2 / self.weights(dq) + stuck))
 
     def weights(self, dq: Array) -> Array:
-        """Return the weights of samples in a fit, between 0 and 1, shape of `dq`."""
+        """Return the weights of samples in a fit, at most 1, shape of `dq`; without `stuck`."""
         near = np.exp(-np.square(dq / self.velocity))
         return np.asarray(1.0 / (1.0 + np.square(self.ratio) * near))
 
@@ -117,7 +124,9 @@ def sticking_noise(
 
     At rest friction is anything between the two Coulomb torques: as if uniform, with the
     deviation of half their distance over the root of three. The narrowest sign of saturating
-    viscous friction counts as Coulomb friction here: both hold a joint that sticks.
+    viscous friction counts as Coulomb friction here: both hold a joint that sticks. Beyond the
+    width of that sign a joint moves, however wide the velocities are at which the recording has
+    more noise.
 
     Parameters
     ----------
@@ -138,12 +147,9 @@ def sticking_noise(
     moving = np.broadcast_to(SATURATED * narrowest * width, q.shape)
     torques = friction.torque(q, moving, load), friction.torque(q, -moving, load)
     coulomb = 0.5 * np.mean(np.maximum(torques[0] - torques[1], 0.0), axis=0)
-    ratio = coulomb / np.sqrt(3.0) / np.maximum(noise.std, 1e-300)
-    velocity = np.where(noise.ratio > 0.0, noise.velocity, width)
-    more = ratio > noise.ratio
-    return TorqueNoise(
-        noise.std, np.where(more, ratio, noise.ratio), np.where(more, velocity, noise.velocity)
-    )
+    known = np.square(noise.std * noise.ratio)
+    stuck = np.sqrt(np.maximum(coulomb**2 / 3.0 - known, 0.0))
+    return replace(noise, stuck=stuck, width=width)
 
 
 def leverage_weights(features: Sequence[Array], threshold: float = 20.0) -> Array:

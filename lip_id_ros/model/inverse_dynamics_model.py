@@ -24,7 +24,7 @@ from lip_id_ros.model.process_mean import ProcessMean
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.torque_model import Parts, Prediction, Query, StandardDeviation
 
-VERSION = 4
+VERSION = 5
 
 ARTICULATED = 'articulated'
 """Name of the kernel of a model that is an arm."""

@@ -36,6 +36,7 @@ from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 
 REMAINDER = ('x', 'lengths', 'noise', 'variance', 'left_out_std', 'alpha', 'friction')
 CONTRADICTIONS = (AttributeError, IndexError, KeyError, TypeError, ValueError, LipIdError)
+NOISE = ('std', 'ratio', 'velocity', 'stuck', 'width')
 INPUTS = ('centre', 'scale', 'sign_width')
 
 LARGEST = 1e9
@@ -127,7 +128,7 @@ def put_arm(arm: ArmPosterior, arrays: Arrays) -> dict[str, Any]:
         'arm_translations': chain.translations,
         'arm_gravity': chain.gravity,
         'arm_links': arm.links,
-        'arm_noise': np.stack([noise.std, noise.ratio, noise.velocity]),
+        'arm_noise': np.stack(np.broadcast_arrays(*(getattr(noise, name) for name in NOISE))),
         'arm_coordinates': coordinates.astype(np.uint16),
         'arm_covariance_root': arm.covariance_root[coordinates].astype(np.float32),
     }
@@ -155,7 +156,7 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
             'arm_translations': (n, 3),
             'arm_gravity': (3,),
             'arm_links': (n, LINK_PARAMETERS),
-            'arm_noise': (3, n),
+            'arm_noise': (len(NOISE), n),
             'arm_coordinates': (coordinates.size,),
             'arm_covariance_root': (coordinates.size, arrays['arm_covariance_root'].shape[1]),
         },
@@ -184,7 +185,8 @@ def _require_possible(arrays: Arrays, coordinates: IndexArray) -> None:
         'arm_links, of which some cannot exist',
     )
     require_positive(arrays, 'arm_noise', zero=True)
-    require(bool((arrays['arm_noise'][2] > 0.0).all()), 'arm_noise, with a velocity of zero')
+    velocities = arrays['arm_noise'][[NOISE.index('velocity'), NOISE.index('width')]]
+    require(bool((velocities > 0.0).all()), 'arm_noise, with a velocity of zero')
     require(len(np.unique(coordinates)) == coordinates.size, 'arm_coordinates, which come twice')
 
 

@@ -117,7 +117,7 @@ def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior
         chain=random_chain(types, rng),
         links=np.stack([random_body(rng) for _ in types]),
         friction=friction,
-        noise=TorqueNoise(0.1 + rng.random(n), rng.random(n), 0.1 + rng.random(n)),
+        noise=TorqueNoise(*(0.1 + rng.random((5, n)))),
         covariance_root=root.astype(np.float32).astype(np.float64),  # as in a file
     )
 

@@ -166,8 +166,8 @@ def changed(path: Path, change: Callable[[Arrays, Header], None]) -> Path:
 
 
 def test_a_newer_format(saved: Path) -> None:
-    newer = changed(saved, lambda _, header: header.update(version=5))
-    check_refused(newer, 'has model format 5, but this program reads format 4')
+    newer = changed(saved, lambda _, header: header.update(version=6))
+    check_refused(newer, 'has model format 6, but this program reads format 5')
 
 
 def flip(arrays: Arrays, _: Header) -> None:

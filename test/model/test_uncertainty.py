@@ -187,8 +187,8 @@ def test_a_measurement_of_an_arm_has_its_noise_too() -> None:
     noise, dq = model.arm.noise, np.stack([np.zeros(3), np.full(3, 1e3)])
     std = model.predict(q, dq, ddq, return_std=True).std
     assert std is not None
-    ratios = np.stack([np.sqrt(1.0 + noise.ratio**2), np.ones(3)])
-    expected = np.sqrt(std.tau**2 + (noise.std * ratios) ** 2)
+    at_rest = noise.std**2 * (1.0 + noise.ratio**2) + noise.stuck**2
+    expected = np.sqrt(std.tau**2 + np.stack([at_rest, noise.std**2]))
     np.testing.assert_allclose(std.measurement, expected, rtol=1e-12)
 
 
