@@ -251,8 +251,10 @@ def require_regular_file(path: PathLike) -> None:
     name = os.fspath(path)
     if '\0' in name:
         raise SourceError(f'a path must not contain NUL, but {name!r} does; correct the name.')
-    if not stat.S_ISREG(os.stat(path).st_mode):
-        raise SourceError(f'{name!r} must be a regular file, but is none; give a recorded file.')
+    mode = os.stat(path).st_mode
+    if not stat.S_ISREG(mode):
+        kind = 'a folder' if stat.S_ISDIR(mode) else 'a device, a pipe or a socket'
+        raise SourceError(f'{name!r} must be a regular file, but is {kind}; name a file.')
 
 
 def _check_expansion(archive: zipfile.ZipFile) -> None:

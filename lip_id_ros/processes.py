@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import subprocess
 
 STOP_SECONDS = 2.0
@@ -13,4 +14,11 @@ def end(process: subprocess.Popen[bytes] | subprocess.Popen[str]) -> None:
     try:
         process.wait(STOP_SECONDS)
     except subprocess.TimeoutExpired:
-        process.kill()
+        kill(process)
+
+
+def kill(process: subprocess.Popen[bytes] | subprocess.Popen[str]) -> None:
+    """End a process that has nothing to save, be it stopped or busy; none is left as a zombie."""
+    process.kill()
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(STOP_SECONDS)

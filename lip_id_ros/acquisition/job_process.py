@@ -7,6 +7,7 @@ Started by `Jobs`; its standard input is a JSON request, what it prints are JSON
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import json
@@ -196,7 +197,7 @@ class TrainingSet:
     ----------
     dataset : Dataset
     left_out : sequence of str
-        One sentence for each section that could not be used.
+        Why sections could not be used, one sentence for all of the same.
     n_thinned : int
         Samples that the bound `max_samples` left out.
 
@@ -262,16 +263,18 @@ def training_set(
 def _of_sections(
     sections: Sequence[JointSamples], config: Config, watch: Watch
 ) -> tuple[list[Dataset], list[str]]:
-    usable, left_out = [], []
+    usable, left_out = [], Counter[str]()
     settings = replace(config.preprocessing, max_samples=0)
     for samples in sections:
         try:
             usable.append(preprocess(samples, settings, config.recording))
         except DataError as error:
-            left_out.append(str(error))
+            left_out[str(error)] += 1
         else:
             watch(samples)
-    return usable, left_out
+    return usable, [
+        why if n == 1 else f'{n} parts of the recording: {why}' for why, n in left_out.items()
+    ]
 
 
 def _with_joints(config: Config, live: Sequence[Dataset]) -> Config:

@@ -22,7 +22,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.processes import end
+from lip_id_ros.processes import kill
 
 LONGEST_VALID_S = 1.0
 
@@ -134,7 +134,7 @@ class Deviations:
 
     def stop(self) -> None:
         """End the process."""
-        end(self._process)
+        kill(self._process)
 
     def _collect(self) -> None:
         while (std := self._read()) is not None:

@@ -292,7 +292,10 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
         return by_joint(name, values, settings.joints, joint_names, default)
 
     limits = per_joint('torque_limits', np.inf)
-    rates = per_joint('rate_limits', np.inf) if settings.rate_limits else DEFAULT_RATE * limits
+    with np.errstate(over='ignore'):  # limits beyond all numbers leave rates without a bound
+        rates = DEFAULT_RATE * limits
+    if settings.rate_limits:
+        rates = per_joint('rate_limits', np.inf)
     return Rules(
         limits=limits,
         rates=rates,

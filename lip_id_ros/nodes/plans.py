@@ -30,7 +30,7 @@ from lip_id_ros.feedforward.server import ServedArm
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.feedforward.shaping import Sent
 from lip_id_ros.nodes import messages
-from lip_id_ros.processes import end
+from lip_id_ros.processes import kill
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 MOST_WAITING = 8
@@ -113,7 +113,7 @@ class PlanWorker:
         self._stopped = True
         self._waiting.put(None)
         if self._process is not None:
-            end(self._process)
+            kill(self._process)
         return self._n_waiting
 
     def _work(self) -> None:

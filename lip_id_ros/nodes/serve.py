@@ -97,9 +97,11 @@ class ServeNode(NodeBase, LifecycleNode):
                 not asked.label and asked.id in [number for number, _ in possible]
             ):
                 return change(request, response)
-            name = asked.label or asked.id
-            state = self._state_label
-            self.get_logger().warning(f'refused transition {name}: not possible in state {state}')
+            labels = ', '.join(dict.fromkeys(label for _, label in possible))
+            name, state = asked.label or asked.id, self._state_label
+            self.get_logger().warning(
+                f'refused transition {name}: in state {state} there are only {labels or "none"}'
+            )
             response.success = False
             return response
 

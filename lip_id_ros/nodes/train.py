@@ -185,7 +185,7 @@ class TrainNode(NodeBase):
             result = await outcome(self, work)
         except (LipIdError, OSError) as error:
             return self._answer(response, False, str(error))
-        text = f'{result["n_samples"]} samples in {result["path"]}'
+        text = '; '.join([f'{result["n_samples"]} samples in {result["path"]}', *result['rescue']])
         if result['thinned'] or result['left_out']:
             # the recording is kept when the node ends, since the data set is not all of it
             return self._answer(response, True, f'{text}; the recording has more than these')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from typing import Any
+import warnings
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -179,6 +180,13 @@ def test_rates_are_bounded_by_default_where_limits_are() -> None:
         now, steps = now + 0.01, steps + 1
         sampled(stream, np.full(3, 40.0), now)
     assert steps == 9  # a full swing in 0.1 s
+
+
+def test_limits_beyond_all_numbers_bound_no_rate() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        rules = make_rules(ServeSettings(torque_limits=(1e308,)), NAMES)
+    assert np.isinf(rules.rates).all()
 
 
 def test_a_missing_bound_is_said() -> None:

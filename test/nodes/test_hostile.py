@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 import shutil
+import signal
 import time
 from typing import Any, TYPE_CHECKING
 
@@ -23,10 +24,14 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
+from waiting import wait_until
 
 from benchmarks._hostile import counts, hostile_states, hostile_trajectory
+from lip_id_ros.feedforward.loading import ModelFile
+from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import qos
 from lip_id_ros.nodes.messages import count_points
+from lip_id_ros.nodes.plans import PlanWorker
 from lip_id_ros.signals.joints import RefusedError
 
 if TYPE_CHECKING:
@@ -98,6 +103,7 @@ def test_wrong_requests_are_answered_and_serve_lives(
     assert not client.transition(Transition.TRANSITION_INACTIVE_SHUTDOWN)
     assert client.state() == 'finalized'
     assert serve.alive
+    assert 'refused transition no such: in state active there are only deactivate,' in serve.log
 
 
 @pytest.mark.parametrize(
@@ -200,6 +206,19 @@ def test_long_plans_are_computed_beside_the_stream(
         return int(status['answered']['plans'] + sum(status['refused'].values()))
 
     client.status('serve', lambda status: counted(status) == 2 + LATE)
+
+
+def test_a_worker_that_stands_still_holds_up_no_reload(model_path: str) -> None:
+    """The stream stood still for two seconds, and the process was left as a zombie."""
+    worker = PlanWorker(ModelFile(model_path))
+    worker.submit(serialize_message(plan(2)), ServeSettings())
+    wait_until(worker.take, 'a plan')
+    process = worker._process
+    assert process is not None
+    process.send_signal(signal.SIGSTOP)
+    worker.submit(serialize_message(plan(2)), ServeSettings())
+    assert worker.stop() == 1
+    assert process.returncode == -signal.SIGKILL
 
 
 def test_points_are_counted_without_being_read() -> None:

@@ -154,7 +154,7 @@ def test_sources_are_regular_files(tmp_path: Path, name: str) -> None:
     device.symlink_to('/dev/zero')
     for path in (pipe, device):
         for read in (describe, load_dataset):
-            with pytest.raises(SourceError, match=r'must be a regular file, but is none; give a'):
+            with pytest.raises(SourceError, match=r'must be a regular file, but is a'):
                 read(path)
 
 
