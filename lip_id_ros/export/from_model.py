@@ -18,14 +18,14 @@ BASE_PARAMETERS = (
     'Torques determine masses, centres of mass and inertias only up to sums over links: these '
     'are the links of one arm among many with the same torques. They determine neither the place '
     'and the height of the base nor its turn about the vertical, and an arm and its mirror image '
-    'have the same torques: the first axis points up here. Look whether the arm turns as yours.'
+    'have the same torques: here the first axis points up. Compare a picture of it with the robot.'
 )
 NO_GRAVITY = (
     'The recorded efforts leave gravity out: masses and centres of mass have no weight here. '
     'Switch gravity off where this arm is simulated.'
 )
 RECORDED_LOAD = (
-    'What hung on the last link while the arm was recorded, a gripper for instance, is part of it.'
+    'A gripper or load that the arm carried while it was recorded is part of its last link.'
 )
 
 

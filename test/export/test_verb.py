@@ -153,7 +153,7 @@ def test_files_say_what_they_stand_for(tmp_path: Path, monkeypatch: pytest.Monke
         for sentence in sentences:
             assert sentence in scaled_text
             assert sentence not in plain_text
-        assert 'What hung on the last link' in plain_text
+        assert 'A gripper or load that the arm carried' in plain_text
     assert 'no Gaussian process: a model that has one is not written as C' in scaled_text
 
 
