@@ -39,7 +39,7 @@ setup(
     ],
     extras_require={
         'export': ['mujoco>=3.2'],
-        'ray': ['ray>=2.30'],
+        'ray': ['ray[client]>=2.30'],
         'sim': ['pin>=3.0', 'example-robot-data>=4.1'],
         'torch': ['torch>=2.1'],
         'test': [

@@ -239,7 +239,8 @@ class RayEngine(Engine):
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise ConfigError(
                 f'a Ray cluster was expected at {address or "this machine"}, but none can be '
-                f'used ({error}); start one with `ray start`, or name another address.'
+                f'used ({error}); start one with `ray start`, name another address, or set '
+                'RAY_AUTH_MODE=token where the cluster asks for its token.'
             ) from error
         self._task = ray.remote(
             num_cpus=1,

@@ -157,6 +157,7 @@ class _Fit:
             friction_names=friction_names(
                 placed.regression.friction.basis, placed.joint_names, placed.joint_types
             ),
+            noise_std=solved.solution.noise_std,
             deviation_of_recordings=solved.solution.deviations.recordings,
             deviation_of_groups=solved.solution.deviations.groups,
         )

@@ -65,7 +65,7 @@ def _data(result: FleetResult) -> dict[str, Any]:
     number_of = {group: number for number, group in enumerate(groups)}
     return {
         'joints': _texts(result.model.joint_names),
-        'noise': result.model.noise_std.tolist(),
+        'noise': result.noise_std.tolist(),
         'terms': _texts(result.friction_names),
         'betweenRecordings': np.nan_to_num(result.deviation_of_recordings).tolist(),
         'betweenRobots': np.nan_to_num(result.deviation_of_groups).tolist(),

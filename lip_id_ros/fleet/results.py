@@ -220,6 +220,8 @@ class FleetResult:
         In the order of the sources.
     friction_names : tuple of str
         Of the K coefficients: joint and term.
+    noise_std : array, shape (n,)
+        Of links with the friction of each recording, without Gaussian processes [N m or N].
     deviation_of_recordings, deviation_of_groups : arrays, shape (K,)
         Standard deviations of the coefficients between recordings of a robot, and between robots;
         0 where they are not estimated.
@@ -229,5 +231,6 @@ class FleetResult:
     model: InverseDynamicsModel
     recordings: tuple[RecordingResult, ...]
     friction_names: tuple[str, ...]
+    noise_std: Array
     deviation_of_recordings: Array
     deviation_of_groups: Array

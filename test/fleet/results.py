@@ -41,4 +41,4 @@ def made_up(count: int, robots: int = 20) -> FleetResult:
             )
         )
     spread = np.full(len(names), 0.02)
-    return FleetResult(model, tuple(recordings), names, spread, 10 * spread)
+    return FleetResult(model, tuple(recordings), names, model.noise_std, spread, 10 * spread)

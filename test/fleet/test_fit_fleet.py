@@ -130,6 +130,7 @@ def test_friction_of_robots_is_recovered(fleet: Fleet) -> None:
     # Coulomb friction, of five robots; viscous friction and offsets are known less well
     assert_allclose(between[:, 1], expected[:, 1], rtol=0.8)
     assert np.all(result.deviation_of_recordings < 0.3 * np.maximum(between, 0.05).ravel() + 0.05)
+    assert_allclose(result.noise_std, 0.02, rtol=0.3)
     for each in result.recordings[: fleet.good]:
         assert_allclose(each.residual_rms, 0.02, rtol=0.3)
         assert np.all(each.friction_std > 0.0)
