@@ -13,8 +13,8 @@ from benchmarks._real import ARMS, SPLITS
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.metrics import nmse_percent
+from lip_id_ros.export.arm import describe
 from lip_id_ros.export.formats import FORMATS
-from lip_id_ros.export.from_model import describe
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.identification import fit
 from lip_id_ros.identification.left_out import bounded_solution

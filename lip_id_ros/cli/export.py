@@ -64,9 +64,9 @@ def run(args: argparse.Namespace) -> None:
     """Write the files, and compare them where that is asked for."""
     from lip_id_ros.cli import output
     from lip_id_ros.evaluation.tables import show_lines
+    from lip_id_ros.export.arm import describe
     from lip_id_ros.export.c_header import identifier
     from lip_id_ros.export.formats import FORMATS, write
-    from lip_id_ros.export.from_model import describe
     from lip_id_ros.export.kinematics import model_kinematics
     from lip_id_ros.export.urdf_template import template_remarks
     from lip_id_ros.model import InverseDynamicsModel

@@ -1,4 +1,4 @@
-"""What there is to export: an identified arm, without the model that it comes from."""
+"""The arm to export: links, joints, friction and ranges, taken from a model."""
 
 from __future__ import annotations
 
@@ -9,11 +9,31 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ModelError
 from lip_id_ros.friction.drives import DriveTerm
 from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.regressor import potential_regressor, torque_regressor
+
+RECORDED = (
+    'Position ranges, velocities and efforts are those of the recordings, not the limits of the '
+    'arm.'
+)
+BASE_PARAMETERS = (
+    'Torques determine masses, centres of mass and inertias only up to sums over links: these '
+    'are the links of one arm among many with the same torques. They determine neither the place '
+    'and the height of the base nor its turn about the vertical, and an arm and its mirror image '
+    'have the same torques: here the first axis points up. Compare a picture of it with the robot.'
+)
+NO_GRAVITY = (
+    'The recorded efforts leave gravity out: masses and centres of mass have no weight here. '
+    'Switch gravity off where this arm is simulated.'
+)
+RECORDED_LOAD = (
+    'A gripper or load that the arm carried while it was recorded is part of its last link.'
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,3 +130,106 @@ class ArmDescription:
 def _contiguous(chain: Chain) -> Chain:
     rotations, translations = (np.ascontiguousarray(x) for x in chain[:2])
     return chain._replace(rotations=rotations, translations=translations)
+
+
+@dataclass(frozen=True)
+class Exported:
+    """
+    An arm to export.
+
+    Attributes
+    ----------
+    arm : ArmDescription
+        In frames by the convention of Denavit and Hartenberg.
+    in_model_frames : ArmDescription
+        The same arm in the frames of the model: those of the URDF that it was fitted with, if any.
+    remainder : str or None
+        What the model has beside links and friction, which is not exported.
+
+    """
+
+    arm: ArmDescription
+    in_model_frames: ArmDescription
+    remainder: str | None
+
+
+def describe(model: InverseDynamicsModel, name: str) -> Exported:
+    """
+    Take links, joints and friction from a model.
+
+    Parameters
+    ----------
+    model : InverseDynamicsModel
+    name : str
+        Of the arm.
+
+    Raises
+    ------
+    ModelError
+        If the model has no rigid links.
+
+    """
+    if model.arm is None:
+        raise ModelError(
+            f'rigid links were expected, but the model has the kernel {model.kernel!r} alone, '
+            'which no other program evaluates; fit with the default kernel.'
+        )
+    remainder = _remainder(model)
+    remarks = [BASE_PARAMETERS, RECORDED, _load(model), *_efforts(model)]
+    remarks += [] if model.has_potential else [NO_GRAVITY]
+    remarks += [] if remainder is None else [f'Left out: {remainder}.']
+    still = np.zeros(model.n_joints)
+    arm = ArmDescription(
+        name=name,
+        joint_names=model.joint_names,
+        chain=model.arm.chain,
+        links=model.arm.links,
+        friction=model.arm.friction,
+        ranges=_ranges(model),
+        potential_reference=model.potential_reference if model.has_potential else still,
+        remarks=tuple(remarks),
+        summary=model.summary,
+    )
+    return Exported(arm.in_standard_frames(), arm, remainder)
+
+
+def _load(model: InverseDynamicsModel) -> str:
+    mass = model.provenance.get('payload_mass')
+    if not isinstance(mass, float):
+        return RECORDED_LOAD
+    return f'{RECORDED_LOAD} So is a payload of {mass:.4g} kg, identified afterwards.'
+
+
+def _efforts(model: InverseDynamicsModel) -> list[str]:
+    """Return a sentence where efforts were no torques."""
+    scaled = any((each.scale != 1.0).any() for each in model.effort_calibrations)
+    if not scaled:
+        return []
+    return [
+        'Torques are N m or N: recorded efforts times effort_scale. A driver that takes efforts '
+        'in the recorded unit needs them divided by it.'
+    ]
+
+
+def _remainder(model: InverseDynamicsModel) -> str | None:
+    remainder = model.remainder
+    if remainder is None:
+        return None
+    names = np.array(model.joint_names)
+    beside = names[remainder.joints & ~remainder.replaces].tolist()
+    instead = names[remainder.replaces].tolist()
+    parts = [f'beside links and friction at {", ".join(beside)}'] if beside else []
+    parts += [f'in place of links and friction at {", ".join(instead)}'] if instead else []
+    return f'Gaussian processes {" and ".join(parts)}'
+
+
+def _ranges(model: InverseDynamicsModel) -> JointRanges:
+    low, high = model.training_range
+    largest = np.maximum(np.abs(low), np.abs(high))
+    return JointRanges(
+        q_min=low[0],
+        q_max=high[0],
+        dq_max=largest[1],
+        ddq_max=largest[2],
+        tau_max=model.largest_torque,
+    )

@@ -13,7 +13,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import ModelError
-from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.export.arm import ArmDescription, Exported
 from lip_id_ros.export.c_header import to_c_header
 from lip_id_ros.export.check import (
     Agreement,
@@ -22,7 +22,6 @@ from lip_id_ros.export.check import (
     check_template,
     check_urdf,
 )
-from lip_id_ros.export.from_model import Exported
 from lip_id_ros.export.mjcf import to_mjcf
 from lip_id_ros.export.urdf import to_urdf
 from lip_id_ros.export.urdf_template import fill_template

@@ -13,9 +13,9 @@ from benchmarks._real import ARMS
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.description.urdf import load_description
+from lip_id_ros.export.arm import describe
 from lip_id_ros.export.check import COMPILERS
 from lip_id_ros.export.formats import FORMATS, write
-from lip_id_ros.export.from_model import describe
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_prior import DescriptionSettings
 from lip_id_ros.identification.laplace import posterior

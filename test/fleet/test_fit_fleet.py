@@ -21,7 +21,7 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import ConfigError, DataError
-from lip_id_ros.export.from_model import describe
+from lip_id_ros.export.arm import describe
 from lip_id_ros.export.urdf import to_urdf
 from lip_id_ros.fleet.engines import LocalEngine
 from lip_id_ros.fleet.fit import fit_fleet

@@ -17,8 +17,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.export.arm import ArmDescription, JointRanges
-from lip_id_ros.export.from_model import describe
+from lip_id_ros.export.arm import ArmDescription, describe, JointRanges
 from lip_id_ros.export.payload import payload_in_flange
 from lip_id_ros.export.urdf_template import fill_template
 from lip_id_ros.friction.model import FrictionModel, plain_friction
