@@ -19,6 +19,8 @@ from lip_id_ros.simulation.arm import panda_urdf
 
 AXIS_M = 0.12
 """Length at which an axis is drawn."""
+REACH_M = 0.36
+"""From the middle of the arm to the ends of the view."""
 
 
 def main(arguments: list[str]) -> int:
@@ -39,6 +41,8 @@ def main(arguments: list[str]) -> int:
         axes = figure.add_subplot(1, 2, k, projection='3d')
         _draw(axes, chain)
         axes.set_title(title)
+    names, lines = axes.get_legend_handles_labels()[::-1]
+    figure.legend(lines, names, loc='outside lower center', ncol=len(names), fontsize='small')
     figure.savefig(options.output, dpi=120)
     print(f'Written: {options.output}')
     return 0
@@ -51,9 +55,9 @@ def _draw(axes: Any, chain: Chain) -> None:
     axes.plot(*origins.T, color='0.6', linewidth=2.0)
     for i, (origin, rotation) in enumerate(zip(origins, frames.axes, strict=True)):
         ends = np.stack([origin - AXIS_M * rotation[:, 2], origin + AXIS_M * rotation[:, 2]])
-        axes.plot(*ends.T, color=f'C{i}', label=f'joint {i + 1}')
+        axes.plot(*ends.T, color=f'C{i}', linewidth=2.0, label=f'joint {i + 1}')
     middle = 0.5 * (origins.max(axis=0) + origins.min(axis=0))
     for limits, centre in zip(('x', 'y', 'z'), middle, strict=True):
-        getattr(axes, f'set_{limits}lim')(centre - 0.5, centre + 0.5)
+        getattr(axes, f'set_{limits}lim')(centre - REACH_M, centre + REACH_M)
         getattr(axes, f'set_{limits}label')(f'{limits} [m]')
-    axes.legend(fontsize='x-small', loc='upper left')
+    axes.view_init(elev=18.0, azim=-65.0)

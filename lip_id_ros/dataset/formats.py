@@ -157,7 +157,7 @@ def defaults(q: NDArray[Any], dt: float = DEFAULT_DT) -> dict[str, Any]:
 
 
 def _check_format(path: PathLike, header: Mapping[str, Any]) -> None:
-    kind = header.get('format', FORMAT)
+    kind = header.get('format', header.get('schema', FORMAT))  # models have a schema
     if kind != FORMAT:
         raise DataError(
             f'{os.fspath(path)} must be a data set, but it is a {kind}; give a recording or a '

@@ -60,8 +60,8 @@ def read_checked(
         arrays, header = read_npz(path)
     except ValueError as error:
         raise ModelError(
-            f'{os.fspath(path)} is not a readable model file ({error}); '
-            'fit again or copy the file anew.'
+            f'{os.fspath(path)} must be a model that `lip_id fit` wrote, but is none ({error}); '
+            'pass the file that it wrote, or fit again.'
         ) from error
     _check(path, schema, version, arrays, header)
     _check_contents(path, arrays, header)

@@ -129,12 +129,16 @@ def check_refused(path: Path, sentence: str) -> None:
 def test_a_truncated_file(saved: Path, share: float) -> None:
     content = saved.read_bytes()
     saved.write_bytes(content[: int(share * len(content))])
-    check_refused(saved, r'is not a readable model file \(not an npz archive')
+    check_refused(
+        saved, r'must be a model that `lip_id fit` wrote, but is none \(not an npz archive'
+    )
 
 
 def test_random_bytes(path: Path) -> None:
     path.write_bytes(np.random.default_rng(0).bytes(1000))
-    check_refused(path, r'is not a readable model file \(not an npz archive')
+    check_refused(
+        path, r'must be a model that `lip_id fit` wrote, but is none \(not an npz archive'
+    )
 
 
 def test_an_npz_of_something_else(path: Path) -> None:
