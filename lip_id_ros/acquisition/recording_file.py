@@ -19,6 +19,9 @@ from lip_id_ros.recording.bag_writer import JointStateTrack, write_mcap
 
 _ARRAYS = ('t', 'position', 'velocity', 'effort')
 
+UNSAVED = 'unsaved.mcap'
+"""Name of a bag where none is given, or the one given cannot be that of a file."""
+
 
 def pass_on(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) -> None:
     """
@@ -68,7 +71,7 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
     ----------
     path : path
         Where the file goes; a number is added to its name if there is one already. Where nothing
-        can be written, it goes to one of the other `folders`.
+        can be written, it goes to one of the other `folders`, or gets another name.
     samples : JointSamples
         At least one. Where a message has NaN, the array of its bag message is empty.
     topic : str
@@ -93,11 +96,12 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
         samples.velocity,
         samples.effort,
     )
-    *others, last = folders(path)
-    for folder in others:
-        with suppress(OSError):
-            return _write_beside(folder / _name(path), track)
-    return _write_beside(last / _name(path), track)
+    names = dict.fromkeys([Path(path).name or UNSAVED, UNSAVED])
+    *others, last = (folder / name for name in names for folder in folders(path))
+    for place in others:
+        with suppress(OSError, ValueError):
+            return _write_beside(place, track)
+    return _write_beside(last, track)
 
 
 def folders(path: str | os.PathLike[str]) -> list[Path]:
@@ -108,13 +112,10 @@ def folders(path: str | os.PathLike[str]) -> list[Path]:
 def has_room(path: str | os.PathLike[str], size: int) -> bool:
     """Return whether one of the folders for a path can take so many bytes."""
     return any(
-        folder.is_dir() and os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > size
+        os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > size
         for folder in folders(path)
+        if os.path.isdir(folder)  # Path.is_dir raises an error where a name is too long
     )
-
-
-def _name(path: str | os.PathLike[str]) -> str:
-    return Path(path).name or 'unsaved.mcap'
 
 
 def _write_beside(path: Path, track: JointStateTrack) -> Path:

@@ -167,7 +167,7 @@ def check_together(values: Mapping[str, Any]) -> None:
                 f'{count}; complete it, or leave it empty.'
             )
     for path in values['bags']:
-        if not path or not Path(path).exists():
+        if not os.path.exists(path):  # Path.exists raises an error where a name is too long
             raise ConfigError(
                 f'bags must be recordings or data sets, but {path or "an empty path"} does not '
                 'exist; correct the '
@@ -202,18 +202,26 @@ def require_writable(name: str, path: str) -> None:
     """
     if not path:
         raise ConfigError(f'{name} must name a file, but is empty.')
-    target = Path(path).resolve()
+    try:
+        _require_writable(name, Path(path).resolve())
+    except (OSError, ValueError) as error:  # a name that is too long, or of characters of no name
+        reason = getattr(error, 'strerror', None) or error
+        raise ConfigError(
+            f'{name} must name a file, but {path[:99]!r} is none ({reason}).'
+        ) from error
+
+
+def _require_writable(name: str, target: Path) -> None:
     if target.is_dir():
-        raise ConfigError(f'{name} must name a file, but {path} is a folder.')
+        raise ConfigError(f'{name} must name a file, but {target} is a folder.')
     if not target.parent.is_dir():
         raise ConfigError(
             f'{name} must lie in a folder that exists, but {target.parent} does not; make it, or '
             f'change {name}.'
         )
-    if not os.access(target.parent, os.W_OK) or (
-        target.exists() and not os.access(target, os.W_OK)
-    ):
+    exists = target.exists()
+    if not os.access(target.parent, os.W_OK) or (exists and not os.access(target, os.W_OK)):
         raise ConfigError(f'{name} must be writable, but {target} is not; change {name}.')
     is_own, kind = OUTPUTS[name]
-    if target.exists() and target.stat().st_size and not is_own(target):
-        raise ConfigError(f'{name}: {path} exists and is not {kind}; name another file.')
+    if exists and target.stat().st_size and not is_own(target):
+        raise ConfigError(f'{name}: {target} exists and is not {kind}; name another file.')

@@ -117,6 +117,22 @@ def test_an_earlier_bag_is_never_overwritten(tmp_path: Path) -> None:
     assert path.read_text() == 'precious'
 
 
+@pytest.mark.parametrize(
+    'path', ['x' * 300, 'a\0b', '.', 'y' * 300 + '/x'], ids=['long', 'nul', 'dot', 'folder']
+)
+def test_unsaved_samples_are_kept_where_the_path_names_no_file(
+    path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a name that is too long for any folder all were lost."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
+    recorder = filled(3)
+    assert not recorder.endangered(path)
+    (kept,) = recorder.keep_unsaved(path, 't')
+    assert kept.exists()
+    assert kept.resolve().parent == tmp_path
+
+
 def test_samples_go_elsewhere_where_the_folder_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

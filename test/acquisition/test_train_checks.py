@@ -41,6 +41,11 @@ DEFAULTS = {name: row.default for name, row in train_parameters().items()}
             'path, which is relative to the folder in which the node was started.',
         ),
         (
+            {'bags': ('x' * 300,)},
+            f'bags must be recordings or data sets, but {"x" * 300} does not exist; correct the '
+            'path, which is relative to the folder in which the node was started.',
+        ),
+        (
             {'bags': ('',)},
             'bags must be recordings or data sets, but an empty path does not exist; correct the '
             'path, which is relative to the folder in which the node was started.',
@@ -80,6 +85,8 @@ def test_a_path_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     for path, sentence in (
         ('', 'model_path must name a file, but is empty'),
         (str(tmp_path), r'but .* is a folder'),
+        ('x' * 300, r"model_path must name a file, but 'x+' is none \(File name too long\)"),
+        ('a\0b', r'model_path must name a file, but .* is none \(embedded null byte\)'),
         (
             str(tmp_path / 'absent' / 'model.npz'),
             r'a folder that exists, but .*absent does not; make',
