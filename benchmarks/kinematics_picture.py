@@ -8,13 +8,14 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks._panda import run_pair
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.identification import fit
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.denavit_hartenberg import poses, with_standard_frames
+from lip_id_ros.rigid_body.denavit_hartenberg import Pose, poses, with_standard_frames
 from lip_id_ros.simulation.arm import panda_urdf
 
 AXIS_M = 0.12
@@ -36,10 +37,12 @@ def main(arguments: list[str]) -> int:
     true, _ = with_standard_frames(known.chain, known.links)
     found, _ = with_standard_frames(model.arm.chain, model.arm.links)
     figure = plt.figure(figsize=(8.0, 4.5), layout='constrained')
-    views = zip(('true (URDF)', 'found in torques'), (true, found), strict=True)
-    for k, (title, chain) in enumerate(views, start=1):
+    arms = [_frames(chain) for chain in (true, found)]
+    arms[1] = _turned(arms[1], arms[0])
+    views = zip(('true (URDF)', 'found in torques'), arms, strict=True)
+    for k, (title, frames) in enumerate(views, start=1):
         axes = figure.add_subplot(1, 2, k, projection='3d')
-        _draw(axes, chain)
+        _draw(axes, frames)
         axes.set_title(title)
     names, lines = axes.get_legend_handles_labels()[::-1]
     figure.legend(lines, names, loc='outside lower center', ncol=len(names), fontsize='small')
@@ -48,10 +51,22 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _draw(axes: Any, chain: Chain) -> None:
-    """Draw links as lines between the frames, and each joint's axis through its frame."""
+def _frames(chain: Chain) -> Pose:
+    """Return the frames of an arm, the first one at the origin."""
     frames = poses(chain)
-    origins: Array = frames.origin - frames.origin[0]
+    return frames._replace(origin=frames.origin - frames.origin[0])
+
+
+def _turned(frames: Pose, like: Pose) -> Pose:
+    """Turn an arm about the vertical, which torques do not determine, to lie as another."""
+    x, y = frames.origin[:, :2].T @ like.origin[:, :2]
+    turn = Rotation.from_euler('z', np.arctan2(x[1] - y[0], x[0] + y[1])).as_matrix()
+    return Pose(turn @ frames.axes, frames.origin @ turn.T)
+
+
+def _draw(axes: Any, frames: Pose) -> None:
+    """Draw links as lines between the frames, and each joint's axis through its frame."""
+    origins: Array = frames.origin
     axes.plot(*origins.T, color='0.6', linewidth=2.0)
     for i, (origin, rotation) in enumerate(zip(origins, frames.axes, strict=True)):
         ends = np.stack([origin - AXIS_M * rotation[:, 2], origin + AXIS_M * rotation[:, 2]])
@@ -60,4 +75,5 @@ def _draw(axes: Any, chain: Chain) -> None:
     for limits, centre in zip(('x', 'y', 'z'), middle, strict=True):
         getattr(axes, f'set_{limits}lim')(centre - REACH_M, centre + REACH_M)
         getattr(axes, f'set_{limits}label')(f'{limits} [m]')
+        axes.locator_params(nbins=4)
     axes.view_init(elev=18.0, azim=-65.0)

@@ -13,7 +13,7 @@ from lip_id_ros.cli.output import console
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import Evaluation, Outcome, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
-from lip_id_ros.evaluation.tables import error_table, notes, percent, show, Table
+from lip_id_ros.evaluation.tables import error_table, notes, percent, show, show_lines, Table
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import Progress
 
@@ -136,9 +136,8 @@ def conclude(evaluation: Evaluation, output: Path) -> int:
     """Print figures and verdicts; return the exit status."""
     out = console()
     show(error_table(evaluation, TITLE), out)
-    for note in notes(evaluation):
-        out.print(note)
+    show_lines(notes(evaluation), out)
     verdicts = judge(evaluation, [TORQUE_NOISE] * len(evaluation.joint_names))
     show(verdict_table(verdicts), out)
-    out.print(f'Report: {output / REPORT / "index.html"}')
+    show_lines([f'Report: {output / REPORT / "index.html"}'], out)
     return 1 if any(verdict.failed for verdict in verdicts) else 0

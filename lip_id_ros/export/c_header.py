@@ -34,11 +34,9 @@ from lip_id_ros.friction.primitives import (
 
 TEMPLATE = 'dynamics.h.in'
 REMARKS = (
-    'All that the model has is here: links, rotors and every term of friction, of joints that '
-    'share a motor too. Standard deviations are not, and no Gaussian process: a model that has '
-    'one is not written as C.',
-    'Nothing is checked and nothing is limited: references, torques and their rates are left to '
-    'the controller.',
+    'The header has the links, rotors and every term of friction of the model, without standard '
+    'deviations. A model with a Gaussian process is not written as C.',
+    'It checks and limits nothing: references, torques and their rates are up to the controller.',
 )
 
 

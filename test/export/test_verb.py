@@ -154,7 +154,7 @@ def test_files_say_what_they_stand_for(tmp_path: Path, monkeypatch: pytest.Monke
             assert sentence in scaled_text
             assert sentence not in plain_text
         assert 'A gripper or load that the arm carried' in plain_text
-    assert 'no Gaussian process: a model that has one is not written as C' in scaled_text
+    assert 'A model with a Gaussian process is not written as C.' in scaled_text
 
 
 def test_a_remainder_is_left_out_of_urdf_and_refused_in_c(
