@@ -84,7 +84,7 @@ def factors(policy: Policy, excess: Array, counts: Counter[str], key: str) -> Ar
     ----------
     policy : Policy
     excess : ndarray
-        Above 1 where a sample is doubtful.
+        Above 1 where a sample is doubtful; what is not a number is.
     counts : Counter
         Gets the number of doubtful samples.
     key : str
@@ -97,6 +97,7 @@ def factors(policy: Policy, excess: Array, counts: Counter[str], key: str) -> Ar
         twice its distance, with `zero` at once.
 
     """
+    excess = np.where(np.isnan(excess), np.inf, excess)
     counts[key] += int(np.count_nonzero(excess > 1.0))
     if policy is Policy.SCALE:
         return np.clip(2.0 - excess, 0.0, 1.0)

@@ -47,13 +47,13 @@ def test_the_worst_joint_decides_on_the_standard_deviation() -> None:
 @pytest.mark.parametrize(
     ('policy', 'expected'),
     [
-        (Policy.WARN, [1.0, 1.0, 1.0, 1.0, 1.0]),
-        (Policy.SCALE, [1.0, 1.0, 0.75, 0.0, 0.0]),
-        (Policy.ZERO, [1.0, 1.0, 0.0, 0.0, 0.0]),
+        (Policy.WARN, [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]),
+        (Policy.SCALE, [1.0, 1.0, 0.75, 0.0, 0.0, 0.0]),
+        (Policy.ZERO, [1.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
     ],
 )
 def test_policies(policy: Policy, expected: list[float]) -> None:
     counts: Counter[str] = Counter()
-    excess = np.array([0.0, 1.0, 1.25, 3.0, np.inf])
+    excess = np.array([0.0, 1.0, 1.25, 3.0, np.inf, np.nan])
     np.testing.assert_array_equal(factors(policy, excess, counts, 'far'), expected)
-    assert counts == {'far': 3}
+    assert counts == {'far': 4}
