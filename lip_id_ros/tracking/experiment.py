@@ -157,7 +157,7 @@ def run_experiment(
 
 
 def recorded(run: Tracking, setup: Setup, experiment: Experiment) -> Dataset:
-    """Prepare what the sensors said as `lip_id fit` prepares a recording."""
+    """Prepare what the sensors measured as `lip_id fit` prepares a recording."""
     samples = JointSamples(
         run.t, run.q, run.dq, run.tau, setup.arm.joint_names, source='the simulated run'
     )

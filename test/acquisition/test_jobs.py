@@ -118,9 +118,7 @@ def test_a_job_ends_with_its_owner(jobs: Jobs, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_job_that_is_cancelled_says_so_and_another_may_follow(
-    jobs: Jobs, tmp_path: Path
-) -> None:
+def test_a_job_can_be_cancelled_and_another_may_follow(jobs: Jobs, tmp_path: Path) -> None:
     with pytest.raises(LipIdError, match=r'^no fit or data set is running\.$'):
         jobs.cancel()
     settings = flatten(Config()) | {'fit.iterations': 10**6, 'fit.subset': 400}
@@ -190,7 +188,7 @@ def test_a_fit_of_torques_that_no_arm_makes_shows_its_progress_and_can_be_cancel
     jobs.stop()
 
 
-def test_samples_that_cannot_be_passed_on_stay_and_a_sentence_says_why(
+def test_samples_that_cannot_be_passed_on_stay_and_a_sentence_has_the_reason(
     jobs: Jobs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*arguments: object) -> None:

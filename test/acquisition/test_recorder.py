@@ -213,7 +213,7 @@ def test_messages_without_velocity_are_neither_lost_nor_taken_for_saved(tmp_path
     assert [list(each.velocity) for each in kept if len(each.velocity)] == [[1.0, 2.0]]
 
 
-def test_a_full_disk_is_said_before_it_costs_the_recording(
+def test_a_full_disk_is_warned_of_before_it_costs_the_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder, path = filled(20), str(tmp_path / 'unsaved.mcap')

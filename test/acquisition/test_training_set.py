@@ -61,7 +61,7 @@ def test_what_effort_means_is_applied_and_noted() -> None:
     assert noted['gravity_compensated'] is True
 
 
-def test_sections_that_are_too_short_are_left_out_and_told() -> None:
+def test_sections_that_are_too_short_are_left_out_and_listed() -> None:
     sections = [samples(1), samples(500), samples(20), samples(20)]
     made = training_set(sections, [], CONFIG, silent)
     assert (

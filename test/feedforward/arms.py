@@ -1,4 +1,4 @@
-"""Arms whose torques are one line, for the tests of what is done with them."""
+"""Arms whose torques are one line, for tests of the ways of their torques."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def test_the_newest_reference_gets_its_standard_deviations(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_what_cannot_be_told_is_beyond_the_limit(tmp_path: Path) -> None:
+def test_an_unknown_deviation_is_beyond_the_limit(tmp_path: Path) -> None:
     model = random_model('recursive')
     path = str(tmp_path / 'model.npz')
     model.save(path)
@@ -113,7 +113,7 @@ def test_deviations_are_those_of_the_model_that_answers(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_process_that_cannot_begin_says_so(tmp_path: Path) -> None:
+def test_a_process_that_cannot_begin_is_an_error(tmp_path: Path) -> None:
     path = str(tmp_path / 'absent.npz')
     with pytest.raises(ModelError, match=r'process that computes them ended with an error; see'):
         Deviations(path, 2)

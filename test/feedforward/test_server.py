@@ -232,7 +232,7 @@ def test_measured_states_that_cannot_be_used_are_counted() -> None:
     assert server.values()['refused'] == {}
 
 
-def test_the_safe_torque_is_reached_in_its_own_time_and_the_diagnostics_say_the_truth() -> None:
+def test_the_safe_torque_is_reached_in_its_own_time_and_the_diagnostics_state_it() -> None:
     server = serving(stale_timeout_s=0.5, ramp_s=30.0, safe_ramp_s=0.2)
     for now in np.arange(0.0, 40.0, 0.1):
         server.sample(NAMES, [POINT], float(now))

@@ -1,4 +1,4 @@
-"""Shaping: whatever the model says, what leaves is finite, within limits, and no jump."""
+"""Shaping: whatever the model predicts, what leaves is finite, within limits, and no jump."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def test_limits_beyond_all_numbers_bound_no_rate() -> None:
     assert np.isinf(rules.rates).all()
 
 
-def test_a_missing_bound_is_said() -> None:
+def test_a_missing_bound_is_warned_of() -> None:
     assert unbounded(ServeSettings(torque_limits=(1.0,))) is None
     both = 'torque_limits is empty: torques are not limited, and neither are their steps: '
     assert str(unbounded(ServeSettings())).startswith(both)

@@ -47,7 +47,7 @@ def take(watching: Monitor, rows: range, contact: float = 0.0) -> list[Watched]:
 
 
 @pytest.mark.slow
-def test_a_contact_is_told_in_time_after_calibration(path: str) -> None:
+def test_a_contact_is_detected_in_time_after_calibration(path: str) -> None:
     watching = monitor(path)
     assert all(each.contact is None for each in take(watching, range(200)))
     assert watching.values()['state'] == 'without thresholds'
@@ -155,7 +155,7 @@ def test_another_robot_on_the_same_topic_disturbs_nothing(path: str, shift_s: fl
     assert (level, summary) == (Level.ERROR, 'blind: joint states refused: only foreign joints 3')
 
 
-def test_a_calibration_that_failed_says_why_and_keeps_the_thresholds(path: str) -> None:
+def test_a_calibration_that_failed_gives_the_reason_and_keeps_the_thresholds(path: str) -> None:
     watching = monitor(path, smallest_contact=(1e-4,), thresholds=(0.5,))
     watching.calibrate()
     take(watching, range(600))

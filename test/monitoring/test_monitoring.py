@@ -151,7 +151,7 @@ def test_slow_errors_are_left_out_and_a_step_is_not() -> None:
 
 
 @pytest.mark.parametrize(('gain', 'cutoff_hz'), [(50.0, 2.0), (20.0, 8.0)])
-def test_a_step_shows_as_much_as_is_said(gain: float, cutoff_hz: float) -> None:
+def test_a_step_shows_as_much_as_computed(gain: float, cutoff_hz: float) -> None:
     t = np.arange(0.0, 1.0, 1e-4)
     observed = 1.0 - np.exp(-gain * t)[:, np.newaxis]
     largest = high_pass(t, observed, cutoff_hz).max()
@@ -180,7 +180,7 @@ def test_a_contact_that_free_motion_hides_is_refused() -> None:
             Thresholds.between(('elbow',), np.full((1, 1), value), 0.0 if value == 0.0 else 5.0)
 
 
-def test_monitor_tells_the_torque_and_its_high_pass() -> None:
+def test_the_monitor_estimates_the_torque_and_its_high_pass() -> None:
     data = motion()
     monitor = ContactMonitor(knowing())
     rows = zip(data.t, data.q, data.dq, pushed(data), strict=True)

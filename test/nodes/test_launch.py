@@ -1,4 +1,4 @@
-"""Launch files: they start what they say, in any namespace, and end in good order."""
+"""Launch files: they start their nodes, in any namespace, and end in good order."""
 
 from __future__ import annotations
 

@@ -44,7 +44,9 @@ def states(rows: range, contact: float = 0.0) -> Iterator[JointState]:
         yield message
 
 
-def test_a_contact_is_told_after_calibration(ros: tuple[Graph, Client], model_path: str) -> None:
+def test_a_contact_is_published_after_calibration(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
     graph, client = ros
     graph.start('monitor', model_path=model_path, smallest_contact=[2.0], calibration_s=2.0)
     torques = client.listen(JointState, '/monitor/external_torque')

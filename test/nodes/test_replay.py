@@ -61,7 +61,7 @@ def test_what_cannot_be_published_gives_one_line(
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_pause_of_the_recording_is_said_and_can_be_ended(
+def test_a_pause_of_the_recording_is_logged_and_can_be_ended(
     number: int, ros: tuple[Graph, Client], tmp_path: Path
 ) -> None:
     graph, client = ros

@@ -1,4 +1,4 @@
-"""Node `serve` in a process of its own: its lifecycle, its answers, and what it never says."""
+"""Node `serve` in a process of its own: its lifecycle, its answers, and what it never sends."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_a_silent_stream_gets_zeros_until_it_comes_back_by_a_ramp(
     assert seen == sorted(seen)
 
 
-def test_limits_of_rate_and_range_hold_and_are_told(
+def test_limits_of_rate_and_range_hold_and_are_counted(
     ros: tuple[Graph, Client], model_path: str
 ) -> None:
     graph, client = ros

@@ -74,7 +74,7 @@ def test_one_wrong_stamp_spoils_nothing_and_a_restarted_clock_is_followed(
     assert after.start_s == 1.0
 
 
-def test_what_is_full_says_so(ros: tuple[Graph, Client]) -> None:
+def test_a_full_recorder_warns(ros: tuple[Graph, Client]) -> None:
     graph, client = ros
     graph.start('train', record_on_start=True, max_rows=5)
     publisher = joint_publisher(client)
@@ -88,11 +88,11 @@ def test_what_is_full_says_so(ros: tuple[Graph, Client]) -> None:
         'recording, 5 samples kept, no more fit under max_rows: call save_dataset, then clear'
     )
 
-    def told() -> bool:
+    def counted_there() -> bool:
         values = {pair.key: pair.value for pair in diagnostics[-1].status[0].values}
         return values.get('rejected.buffer full') == '3'
 
-    client.wait_until(lambda: diagnostics and told(), 'the count in /diagnostics')
+    client.wait_until(lambda: diagnostics and counted_there(), 'the count in /diagnostics')
     assert diagnostics[-1].status[0].level == b'\x01'
 
 

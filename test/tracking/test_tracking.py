@@ -81,7 +81,7 @@ def test_figures_are_those_of_the_definitions(trial: Trial) -> None:
     np.testing.assert_allclose(found.feedback_mean_square, (run.feedback**2).mean(axis=0))
 
 
-def test_gains_are_taken_within_a_trial_and_the_least_is_told() -> None:
+def test_gains_are_taken_within_a_trial_and_the_least_is_named() -> None:
     def run(seed: int, feedforward: str, scale: float) -> RunFigures:
         return RunFigures(seed, 0.5, feedforward, (scale, 2 * scale), (scale, 3 * scale))
 
