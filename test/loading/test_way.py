@@ -1,0 +1,75 @@
+"""Few modules and few types hold a value on its way from a bag to a data set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+import sys
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+from recording.bag_files import State, STEP_NS, write_mcap
+
+import lip_id_ros
+from lip_id_ros.loading import load_dataset
+
+MOST_MODULES = 15
+HOLDERS = {'MessageBlock', 'JointSamples', 'Segment', 'Dataset'}
+PACKAGE = Path(lip_id_ros.__file__).parent
+
+NAMES = ('a', 'b', 'c', 'd', 'e')
+"""So many joints that nothing else has as many columns."""
+
+
+def states(count: int) -> Iterable[State]:
+    phase = np.arange(len(NAMES))
+    for k in range(count):
+        q = np.sin(0.01 * k * (2.0 + phase) + phase).tolist()
+        yield State(10**18 + k * STEP_NS, position=q, velocity=q, effort=q, names=NAMES)
+
+
+def holds(value: Any, holders: set[str], depth: int = 3) -> bool:
+    """Whether a value is an array of joint states, or holds one; notes the types with fields."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind == 'f' and len(NAMES) in value.shape and value.size > 100
+    if depth == 0:
+        return False
+    names = getattr(value, '_fields', getattr(value, '__dataclass_fields__', ()))
+    if names and not isinstance(value, type):
+        parts = [getattr(value, name) for name in names]
+        if any(holds(part, holders, 1) for part in parts):
+            holders.add(type(value).__name__)
+            return True
+    elif isinstance(value, dict):
+        parts = list(value.values())[:10]
+    else:
+        parts = list(value[:10]) if isinstance(value, (list, tuple)) else []
+    return any(holds(part, holders, depth - 1) for part in parts)
+
+
+@pytest.mark.slow
+def test_few_modules_and_types_hold_a_value(tmp_path: Path) -> None:
+    bag = write_mcap(tmp_path / 'bag.mcap', list(states(600)))
+    modules: set[str] = set()
+    holders: set[str] = set()
+
+    def look(frame: FrameType, event: str, returned: Any) -> None:
+        path = Path(frame.f_code.co_filename)
+        if event == 'return' and PACKAGE in path.parents:
+            found = [holds(value, holders) for value in (*frame.f_locals.values(), returned)]
+            if any(found):
+                modules.add(path.relative_to(PACKAGE).as_posix())
+
+    load_dataset(bag)  # imports
+    before = sys.getprofile()
+    sys.setprofile(look)
+    try:
+        data = load_dataset(bag)
+    finally:
+        sys.setprofile(before)
+    assert data.n_samples > 50
+    assert holders == HOLDERS
+    assert {'recording/joint_messages.py', 'dataset/dataset.py'} < modules
+    assert len(modules) <= MOST_MODULES, sorted(modules)
