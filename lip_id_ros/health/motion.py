@@ -220,7 +220,7 @@ class EffortRegression:
         Share of the variance of each effort.
     friction_cosine : ndarray, shape (n,)
         Between velocity and the friction that was found, both without what position and
-        acceleration explain: about 1 for effort with the right sign, -1 where it is turned round.
+        acceleration explain: about 1 for effort with the right sign, -1 where it is reversed.
     friction_weight : ndarray, shape (n,)
         How many times larger the unexplained variance is without friction.
     lag_s : float
