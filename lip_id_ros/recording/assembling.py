@@ -11,21 +11,8 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.recording.collecting import SampleCollector
 from lip_id_ros.recording.joint_messages import CLOCKS, HEADER, MessageBlock, PUBLISHER
-from lip_id_ros.recording.joint_samples import (
-    complete,
-    counted,
-    JointSamples,
-    Reason,
-    SIGNALS,
-)
-from lip_id_ros.recording.spill import (
-    gathered,
-    large_array,
-    marked,
-    release,
-    row_blocks,
-    steps,
-)
+from lip_id_ros.recording.joint_samples import complete, counted, JointSamples, Reason, SIGNALS
+from lip_id_ros.recording.spill import gathered, large_array, marked, release, row_blocks, steps
 from lip_id_ros.recording.timing import (
     arrange,
     clock_of,
@@ -53,14 +40,8 @@ def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamp
     notes = {note: None for topic in topics for note in topic.notes}
     joints = next((topic.joints for topic in topics if topic.joints), ())
     blocks = [of_one_publisher(block, counts, notes) for block in blocks]
-    placed = covering([block for block in blocks if block.has_position], joints)
-    efforts = []
-    if placed and all(_absent(block, _EFFORT).all() for block in placed):
-        efforts = covering([block for block in blocks if not block.has_position], joints)
+    placed, efforts = _chosen(blocks, joints, counts)
     chosen = [*placed, *efforts]
-    for block in blocks:
-        if not any(block is one for one in chosen):
-            counts[_unused(block, joints)] += len(block.numbers)
     headers, received = ([block.numbers[:, k] for block in chosen] for k in CLOCKS.values())
     clock = clock_of(headers, received, wanted_clock, notes)
     if len(placed) > 1:
@@ -87,11 +68,20 @@ def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamp
     )
 
 
-def _unused(block: MessageBlock, joints: Sequence[str]) -> Reason:
-    if not block.has_position:
-        return Reason.NO_POSITION
-    has_all = set(block.joints) >= set(joints)
-    return Reason.OTHER_PUBLISHER if has_all else Reason.MISSING_JOINT
+def _chosen(
+    blocks: Sequence[MessageBlock], joints: Sequence[str], counts: Counter[str]
+) -> tuple[list[MessageBlock], list[MessageBlock]]:
+    """Choose blocks with positions, and where these lack efforts, efforts; count the others."""
+    placed = covering([block for block in blocks if block.has_position], joints)
+    efforts = []
+    if placed and all(_absent(block, _EFFORT).all() for block in placed):
+        efforts = covering([block for block in blocks if not block.has_position], joints)
+    for block in blocks:
+        if not any(block is one for one in (*placed, *efforts)):
+            has_all = set(block.joints) >= set(joints)
+            reason = Reason.OTHER_PUBLISHER if has_all else Reason.MISSING_JOINT
+            counts[reason if block.has_position else Reason.NO_POSITION] += len(block.numbers)
+    return placed, efforts
 
 
 def _columns(blocks: Sequence[MessageBlock], joints: Sequence[str]) -> IndexArray:

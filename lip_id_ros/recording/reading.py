@@ -68,11 +68,11 @@ def read_bag(
     """
     Read the joint samples of a rosbag2 folder, .mcap, .db3 or ROS 1 .bag.
 
-    The topics are those that the settings name, else as `choose_topics` finds. Times are
-    those of the message headers if these are of one clock (see `assembling.clock_of`), else those
-    of reception, unless the settings choose. Messages are put in the order of time (see
-    `timing.arrange`). Joints that come in messages of their own are merged (see
-    `assembling.merged`) where the settings name the joints.
+    The topics are those that the settings name, else as `choose_topics` finds. Times are those of
+    the message headers if these are of one clock (see `timing.clock_of`), else those of reception,
+    unless the settings choose. Messages are put in the order of time (see `timing.arrange`).
+    Joints and efforts that come in messages of their own are merged (see `assembling.assembled`),
+    joints where the settings name them.
 
     Memory does not grow with the number of messages, as long as their stamps are in order: arrays
     lie in temporary files once they are large (see `spill`).
