@@ -140,7 +140,7 @@ def _judge(
     highest_hz: float,
     settings: PreprocessingSettings,
 ) -> LeftOutTorques:
-    """Place the joints by what settings make of the recordings."""
+    """Place the joints by preprocessed recordings."""
     fitter = ArmFitter(data)
     chain = fitter.calibrated(SEED, silent).placements.chain
     return LeftOutTorques(segments, highest_hz, chain, fitter.link_std, settings)

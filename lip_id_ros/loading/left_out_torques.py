@@ -2,9 +2,9 @@
 The prediction of left-out efforts, by which settings of preprocessing are compared.
 
 Links with friction are linear in their parameters once the joints are placed. They are fitted to
-what a setting makes of all but one block of a recording, and predict the efforts of that block.
-What they have to predict is the same for every setting: efforts at common times, low-passed above
-all cut-offs that are compared. Otherwise the setting that removes most would seem to be the best.
+all but one block of a recording, preprocessed by a setting, and predict the efforts of that block.
+These are the same for every setting: efforts at common times, low-passed above all cut-offs that
+are compared. Otherwise the setting that removes most would seem to be the best.
 
 Friction follows a reversal late by pre-sliding (Dahl 1968), which a delay of the effort would mend
 in part. So it is viscous and Coulomb friction at several times around that of the effort.
@@ -37,7 +37,7 @@ MOST_JUDGED = 2000
 """Samples that links are fitted to."""
 
 REFERENCE = 1.5
-"""The low-pass of what has to be predicted, in highest cut-offs."""
+"""The low-pass of the efforts to predict, in highest cut-offs."""
 
 SIGN_WIDTH = 0.05
 """Width of the smooth sign, as a share of each joint's root mean square velocity."""

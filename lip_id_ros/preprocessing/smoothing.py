@@ -121,7 +121,7 @@ def resample(t: Array, values: Array, times: Array) -> Array:
 
 def resample_early(t: Array, values: Array, times: Array, delays_s: Sequence[float]) -> Array:
     """
-    Interpolate samples as `resample` does, column j as it was `delays_s[j]` later [s].
+    Interpolate as `resample` does, column j at times `delays_s[j]` later [s].
 
     Beyond the samples the first or the last one is repeated.
 

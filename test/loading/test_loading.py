@@ -80,7 +80,7 @@ def test_a_bare_data_set_has_the_joint_types_of_the_settings(tmp_path: Path) -> 
     assert load_dataset(tmp_path / 'bare.npz').joint_types == ('revolute',) * 2
 
 
-def test_other_joints_are_told(bag: Path, tmp_path: Path) -> None:
+def test_other_joints_are_reported(bag: Path, tmp_path: Path) -> None:
     other = write_bag(tmp_path / 'other', ('a', 'b'))
     with pytest.raises(
         DataError, match=r'^sources must have the same joints, not shoulder, elbow'
@@ -88,7 +88,7 @@ def test_other_joints_are_told(bag: Path, tmp_path: Path) -> None:
         load_dataset([bag, other])
 
 
-def test_no_source_is_told() -> None:
+def test_no_source_is_reported() -> None:
     with pytest.raises(
         SourceError, match=r'^at least one recording or data set is needed, but no'
     ):

@@ -107,7 +107,7 @@ def test_effort_is_scaled_and_offset_per_joint() -> None:
     assert data.gravity_compensated
 
 
-def test_no_effort_is_told() -> None:
+def test_no_effort_is_reported() -> None:
     samples = recording(T, effort=np.full((T.size, 2), np.nan))
     sentence = (
         r'^/joint_states in arm.mcap must have effort, but every message leaves it empty; re'
@@ -117,7 +117,7 @@ def test_no_effort_is_told() -> None:
 
 
 @pytest.mark.parametrize('name', ['effort_scale', 'effort_offset', 'joint_types'])
-def test_setting_of_another_number_of_joints_is_told(name: str) -> None:
+def test_setting_of_another_number_of_joints_is_reported(name: str) -> None:
     value = ('revolute',) if name == 'joint_types' else (1.0,)
     settings = RecordingSettings(**{name: value})  # type: ignore[arg-type]
     sentence = rf'^recording.{name} must have one value for each of shoulder, elbow, not 1; give 2'
@@ -126,7 +126,7 @@ def test_setting_of_another_number_of_joints_is_told(name: str) -> None:
 
 
 @pytest.mark.parametrize('count', [1, 40, 57])
-def test_too_short_a_recording_is_told(count: int) -> None:
+def test_too_short_a_recording_is_reported(count: int) -> None:
     with pytest.raises(DataError, match=r'^arm.mcap must hold .*; record'):
         preprocess(recording(T[:count]))
 

@@ -70,7 +70,7 @@ def test_file_cut_short_is_read_as_far_as_it_goes(tmp_path: Path, kind: str, sha
 
 @pytest.mark.parametrize('kind', WRITERS)
 @pytest.mark.parametrize('size', [1, 20, 60])
-def test_file_cut_to_almost_nothing_is_told(tmp_path: Path, kind: str, size: int) -> None:
+def test_file_cut_to_almost_nothing_is_reported(tmp_path: Path, kind: str, size: int) -> None:
     path = WRITERS[kind](tmp_path)
     os.truncate(path, size)
     with pytest.raises(SourceError, match=rf'^{path} (cannot be read as|must have a topic of) '):
@@ -209,7 +209,7 @@ def test_file_that_metadata_does_not_name_is_read(tmp_path: Path) -> None:
     assert samples.notes == ('metadata.yaml does not name bag_1.mcap',)
 
 
-def test_file_that_is_missing_is_told(tmp_path: Path) -> None:
+def test_file_that_is_missing_is_reported(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / 'bag', moving(20), '.mcap')
     metadata = folder / 'metadata.yaml'
     text = metadata.read_text(encoding='utf-8')
@@ -246,7 +246,7 @@ def test_unreadable_definition_of_another_topic_in_mcap(tmp_path: Path) -> None:
     assert read_bag(folder).n_samples == 5
 
 
-def test_mangled_schema_of_a_database_is_told(tmp_path: Path) -> None:
+def test_mangled_schema_of_a_database_is_reported(tmp_path: Path) -> None:
     path = write_file(tmp_path / 'a', moving(5), '.db3')
     with sqlite3.connect(path) as database:
         database.execute('DROP TABLE messages')

@@ -135,7 +135,7 @@ def test_the_publisher_with_efforts_is_preferred(tmp_path: Path) -> None:
     assert_right_times(samples, 100, 1e-6)
 
 
-def test_two_publishers_that_only_their_frames_tell_apart(tmp_path: Path) -> None:
+def test_two_publishers_that_differ_in_their_frames_only(tmp_path: Path) -> None:
     other = [
         replace(
             state, frame_id='other', receive_ns=state.stamp_ns, stamp_ns=state.stamp_ns + 10**7
@@ -157,7 +157,7 @@ def test_a_frame_of_its_own_for_every_message_is_no_publisher_of_its_own(tmp_pat
     assert samples.counts == {}
 
 
-def test_two_clocks_that_nothing_tells_apart_give_times_of_reception(tmp_path: Path) -> None:
+def test_two_clocks_that_look_alike_give_times_of_reception(tmp_path: Path) -> None:
     ahead = [
         replace(state, receive_ns=state.stamp_ns, stamp_ns=state.stamp_ns + 3 * 10**9)
         for state in driver(100, delay_s=0.004)

@@ -157,7 +157,7 @@ def test_efforts_of_some_joints_are_none(tmp_path: Path) -> None:
     assert samples.n_samples == samples.counts[Reason.NO_POSITION] == 50
 
 
-def test_joints_that_never_come_are_told(tmp_path: Path) -> None:
+def test_joints_that_never_come_are_reported(tmp_path: Path) -> None:
     states = [alone(state, 0) for state in moving(5)]
     sentence = r'^joint elbow expected in .*, which has shoulder; correct the names, '
     with pytest.raises(SourceError, match=sentence):

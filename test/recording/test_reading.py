@@ -130,7 +130,7 @@ def test_messages_of_other_publishers_are_counted(tmp_path: Path) -> None:
     assert samples.counts == {Reason.FOREIGN_JOINTS: 1, Reason.MISSING_JOINT: 1}
 
 
-def test_first_message_of_the_wrong_publisher_is_told(tmp_path: Path) -> None:
+def test_first_message_of_the_wrong_publisher_is_reported(tmp_path: Path) -> None:
     states = [State(0, [1.0], [1.0], [1.0], ['finger']), *moving(10)[1:]]
     path = write_folder(tmp_path / 'bag', states)
     sentence = (
@@ -231,7 +231,7 @@ def test_topic_without_messages(tmp_path: Path, suffix: str) -> None:
         read_bag(path)
 
 
-def test_missing_joint_is_told(tmp_path: Path) -> None:
+def test_missing_joint_is_reported(tmp_path: Path) -> None:
     path = write_folder(tmp_path / 'bag', moving(3))
     sentence = (
         r'^joint wrist expected in /joint_states in .*bag, which has shoulder, elbow; correct the '
@@ -243,7 +243,7 @@ def test_missing_joint_is_told(tmp_path: Path) -> None:
         read(path, joints=('shuolder', 'ebow'))
 
 
-def test_nan_everywhere_is_told(tmp_path: Path) -> None:
+def test_nan_everywhere_is_reported(tmp_path: Path) -> None:
     path = write_folder(tmp_path / 'bag', moving(3, effort=(float('nan'), 1.0)))
     with pytest.raises(SourceError, match=r'can be used \(3 value not finite\); record position'):
         read_bag(path)

@@ -192,7 +192,7 @@ def test_sqlite_log_that_was_never_merged_is_read(tmp_path: Path) -> None:
     assert (path.parent / 'a.db3-wal').read_bytes() == log
 
 
-def test_sqlite_log_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+def test_sqlite_log_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
     path = write_file(tmp_path / 'a', moving(30), '.db3')
     with sqlite3.connect(path) as database:
         database.execute('PRAGMA journal_mode=WAL')
