@@ -149,15 +149,10 @@ class PlannedPoint(Point, Protocol):
 
 class JointOrder:
     """
-    Where each joint of the model stands in a message.
+    Where the joints of a model, base to tip, are in a message.
 
     The order of names may change with every message; the last one is remembered, so that a steady
     stream costs one comparison.
-
-    Parameters
-    ----------
-    joint_names : sequence of str
-        The joints of the model, base to tip.
 
     """
 
@@ -168,17 +163,7 @@ class JointOrder:
 
     def columns(self, names: Sequence[str]) -> IndexArray:
         """
-        Find the model's joints among the names of a message.
-
-        Parameters
-        ----------
-        names : sequence of str
-            As the message has them.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            ``names[columns[i]]`` is the model's joint i.
+        Return columns (n,) such that ``names[columns[i]]`` is the model's joint i.
 
         Raises
         ------
@@ -194,18 +179,7 @@ class JointOrder:
 
     def states(self, names: Sequence[str], points: Sequence[Point]) -> Array:
         """
-        Stack the points of a trajectory in the model's order of joints.
-
-        Parameters
-        ----------
-        names : sequence of str
-            The trajectory's joints.
-        points : sequence of Point
-
-        Returns
-        -------
-        ndarray, shape (3, number of points, n)
-            Positions [rad or m], velocities, accelerations.
+        Return positions, velocities and accelerations of points of named joints, (3, points, n).
 
         Raises
         ------
@@ -239,13 +213,7 @@ class JointOrder:
 
 def require_unique(setting: str, names: Sequence[str]) -> None:
     """
-    Refuse a list that names a joint twice: of values per joint the last would silently hold.
-
-    Parameters
-    ----------
-    setting : str
-        The list's own name, for the sentence.
-    names : sequence of str
+    Refuse a setting that names a joint twice: of values per joint the last would silently hold.
 
     Raises
     ------
@@ -266,12 +234,12 @@ def by_joint(
     default: float,
 ) -> Array:
     """
-    Bring a setting into the order of the model's joints.
+    Return the values of a setting in the order of the model's joints, shape (n,).
 
     Parameters
     ----------
     name : str
-        Of the setting, for the sentence.
+        Of the setting.
     values : sequence of float
         One per joint, one for all joints, or none: the default.
     named : sequence of str
@@ -279,12 +247,6 @@ def by_joint(
     joint_names : sequence of str
         The model's joints.
     default : float
-        Where there is none.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        One per joint of the model.
 
     Raises
     ------
@@ -308,16 +270,7 @@ def require_joints(
     found: Sequence[str], expected: Sequence[str], path: str | os.PathLike[str]
 ) -> None:
     """
-    Refuse a model of another robot.
-
-    Parameters
-    ----------
-    found : sequence of str
-        Joints of the model.
-    expected : sequence of str
-        Joints that it must have, in any order; empty for any.
-    path : path
-        The model's file, for the sentence.
+    Refuse a model file of another robot: of other joints than expected, in any order, if any are.
 
     Raises
     ------
