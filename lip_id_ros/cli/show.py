@@ -44,7 +44,7 @@ AS_TABLES = (
     'remainder',
 )
 """What of a fit is shown by tables, or by its effect."""
-UNITS = 'rad or m and per second; effort as recorded, tau in N m or N'
+UNITS = '[rad or m, s]; effort as recorded, tau in N m or N'
 INDENT = '  '
 MOST_BESIDE = 3
 DEFAULTS = {'recording': RecordingSettings(), 'preprocessing': PreprocessingSettings()}
@@ -258,7 +258,7 @@ def ranges(by_joint: Mapping[str, Mapping[str, Sequence[float] | None]]) -> Tabl
         (joint, *(_range(values[signal]) for signal in signals))
         for joint, values in by_joint.items()
     ]
-    return Table(f'ranges, {UNITS}', ('', *signals), rows)
+    return Table(f'Ranges, {UNITS}', ('', *signals), rows)
 
 
 def _range(values: Sequence[float] | None) -> str:

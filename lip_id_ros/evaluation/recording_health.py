@@ -18,7 +18,7 @@ COLUMNS = {
     'velocity_scale': 'dq / differentiated q',
     'effort_explained': 'effort explained',
 }
-TITLE = 'motion in rad or m and s; share of the variance of the effort that a regression explains'
+TITLE = 'Motion [rad or m, s], and how much of each effort a regression on it explains'
 MOST_LINES = 2
 UNKNOWN_UNITS = dict.fromkeys(POSITION_UNITS, 'rad or m')
 """Units of positions where the types of the joints are not known."""
