@@ -26,11 +26,18 @@ if TYPE_CHECKING:
     from lip_id_ros.identification import fit
     from lip_id_ros.loading import load_dataset
     from lip_id_ros.model import InverseDynamicsModel, Prediction
-    from lip_id_ros.settings import FitSettings
+    from lip_id_ros.settings import (
+        Config,
+        FitSettings,
+        PreprocessingSettings,
+        read_config,
+        RecordingSettings,
+    )
 
 __version__ = '0.1.0'
 
 _HOMES = {
+    'Config': 'settings',
     'ConfigError': 'errors',
     'DataError': 'errors',
     'Dataset': 'dataset',
@@ -41,15 +48,19 @@ _HOMES = {
     'LipIdError': 'errors',
     'ModelError': 'errors',
     'Prediction': 'model',
+    'PreprocessingSettings': 'settings',
+    'RecordingSettings': 'settings',
     'ShapeError': 'errors',
     'SourceError': 'errors',
     'evaluate': 'evaluation',
     'fit': 'identification',
     'load_dataset': 'loading',
+    'read_config': 'settings',
 }
 """The room of every public name."""
 
 __all__ = [
+    'Config',
     'ConfigError',
     'DataError',
     'Dataset',
@@ -60,12 +71,15 @@ __all__ = [
     'LipIdError',
     'ModelError',
     'Prediction',
+    'PreprocessingSettings',
+    'RecordingSettings',
     'ShapeError',
     'SourceError',
     '__version__',
     'evaluate',
     'fit',
     'load_dataset',
+    'read_config',
 ]
 
 
