@@ -47,7 +47,10 @@ NOISES = (0.1, 1.0)
 """Variances of the noise that are tried at least, in variances of the process."""
 
 LEAST_GAIN = 0.1
-"""Least decrease of the logarithm of left-out errors for which a joint has a process."""
+"""
+Least decrease of the logarithm of left-out errors for which a joint has a process beside its
+links, and for which it does without them.
+"""
 
 NOTHING = 1e-3
 """Left-out errors, as a share of the torque's deviation, below which nothing is left to learn."""
@@ -108,11 +111,12 @@ class Errors:
         score = 0.5 * np.mean(np.log(np.maximum(means, 1e-300)))
         return cls(squares, float(np.sqrt(means[0])), float(score))
 
-    def gain_over(self, other: Errors) -> float:
-        """Return the mean decrease of log errors over the folds, in its standard errors."""
+    def are_below(self, other: Errors) -> bool:
+        """Return whether errors are less than others by enough, and by more than chance may do."""
         gains = np.log(other.mean_squares / np.maximum(self.mean_squares, 1e-300))
         error = float(gains.std(ddof=1) / np.sqrt(gains.size))
-        return float(gains.mean() / max(error, 1e-300))
+        enough = self.score < other.score - LEAST_GAIN
+        return enough and bool(gains.mean() >= LEAST_ERRORS * error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,15 +251,15 @@ class RemainderElection:
         alone = Errors.of(folds, [fold.residual[fold.out, joint] for fold in folds])
         if alone.block_std < NOTHING * self._targets.tau[:, joint].std():
             return None
-        (beside, errors_beside), (instead, errors_instead) = (
-            min(self._candidates(joint, replaces, folds), key=lambda each: each[1].score)
-            for replaces in (False, True)
-        )
-        # Links have to earn their place where a process does without them.
-        better = errors_instead.score < errors_beside.score + LEAST_GAIN
-        best, errors = (instead, errors_instead) if better else (beside, errors_beside)
-        gains = errors.score < alone.score - LEAST_GAIN
-        return best if gains and errors.gain_over(alone) >= LEAST_ERRORS else None
+        best: RemainderProcess | None = None
+        errors = alone
+        # Links go before what does without them, which has to earn its place.
+        for replaces in (False, True):
+            candidates = self._candidates(joint, replaces, folds)
+            candidate, left_out = min(candidates, key=lambda each: each[1].score)
+            if left_out.are_below(errors):
+                best, errors = candidate, left_out
+        return best
 
     def _candidates(
         self, joint: int, replaces: bool, folds: Sequence[Fold]

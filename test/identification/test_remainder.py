@@ -72,6 +72,16 @@ def test_a_function_of_the_state_is_learned_beside_the_links() -> None:
     assert np.std(learned[:, 1] - 0.3 * np.sin(2.0 * q[:, 1])) < 0.03
 
 
+def test_links_are_kept_where_a_process_does_as_well_without_them() -> None:
+    q = motion()[0]
+    residual = 0.1 * np.random.default_rng(0).standard_normal((N, 2))
+    residual[:, 1] += 0.3 * np.sin(2.0 * q[:, 1])
+    found = elected(residual, residual + np.sin(q))
+    assert found is not None
+    assert found.joints[1]
+    assert not found.replaces.any()
+
+
 def test_links_that_explain_nothing_are_replaced() -> None:
     q, dq, ddq = motion()
     tau = np.sin(q + 0.5 * q[:, ::-1]) + 0.2 * np.tanh(20.0 * dq)
