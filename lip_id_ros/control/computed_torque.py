@@ -263,7 +263,9 @@ class PlanController:
             raise RefusedError(Refusal.NOT_INCREASING)
         if not np.isfinite(effort).all():
             raise RefusedError(Refusal.NOT_FINITE)
-        if max(np.abs(motion[:2]).max(), np.abs(effort).max()) > LARGEST:
+        with np.errstate(over='ignore'):
+            between = np.diff(motion[0], axis=0) / np.diff(t)[:, np.newaxis]  # velocities
+        if max(np.abs(values).max() for values in (*motion[:2], between, effort)) > LARGEST:
             raise RefusedError(Refusal.TOO_LARGE)
         return _Plan(t, motion[0], motion[1], effort)
 

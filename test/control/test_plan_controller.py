@@ -141,6 +141,7 @@ def test_limits_are_kept_to_the_last_digit() -> None:
         ([PLAN[0], Point([0, 1e300], [0, 0], Time(1), [1, 1])], 'larger than that of any arm'),
         ([PLAN[0], Point([0, 0], [0, -1e300], Time(1), [1, 1])], 'larger than that of any arm'),
         ([PLAN[0], Point([0, 0], [0, 0], Time(1), [1e300, 1])], 'larger than that of any arm'),
+        ([PLAN[0], Point([0, 2], [0, 0], Time(0, 1), [1, 1])], 'larger than that of any arm'),
         ([PLAN[0], Point([0, math.inf], [0, 0], Time(1), [1, 1])], 'must be finite'),
     ],
 )
