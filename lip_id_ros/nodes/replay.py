@@ -28,9 +28,9 @@ from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from lip_id_ros.errors import LipIdError, SourceError
+from lip_id_ros.errors import SourceError
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.running import RCLError
+from lip_id_ros.nodes.running import in_words, START_ERRORS
 from lip_id_ros.recording import Bag, Topic
 
 KINDS: Mapping[str, tuple[Any, Callable[[Any], Any]]] = {
@@ -66,8 +66,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         node = rclpy.create_node('replay')
         count = replay(Path(arguments.bag), node, arguments.speed)
         node.get_logger().info(f'published {count} messages of {arguments.bag}')
-    except (LipIdError, OSError, RCLError) as error:
-        get_logger('lip_id_ros').fatal(str(error))
+    except START_ERRORS as error:
+        get_logger('lip_id_ros').fatal(in_words(error))
         return 1
     except KeyboardInterrupt:
         return 1

@@ -13,7 +13,7 @@ from types import FrameType
 from typing import Any, TypeVar
 
 import rclpy
-from rclpy.exceptions import InvalidParameterValueException
+from rclpy.exceptions import InvalidParameterValueException, ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
@@ -29,7 +29,11 @@ Result = TypeVar('Result')
 BROKEN_SECONDS = 5.0
 """The executor itself is broken when it raises for so long without running a callback."""
 
-RCLError = rclpy_implementation.RCLError  # such as a parameter file that is not YAML
+START_ERRORS = (
+    *(LipIdError, OSError, ParameterException),
+    *(rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError),
+)
+"""Errors of wrong arguments, such as a parameter file that is not YAML, or of their values."""
 
 
 def run(make_node: Callable[[], NodeBase], arguments: Sequence[str] | None = None) -> int:
@@ -57,8 +61,8 @@ def run(make_node: Callable[[], NodeBase], arguments: Sequence[str] | None = Non
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
-    except (LipIdError, InvalidParameterValueException, RCLError, OSError) as error:
-        get_logger('lip_id_ros').fatal(str(error))
+    except START_ERRORS as error:
+        get_logger('lip_id_ros').fatal(in_words(error))
         rclpy.try_shutdown()
         return 1
     _spare_collections()
@@ -67,6 +71,16 @@ def run(make_node: Callable[[], NodeBase], arguments: Sequence[str] | None = Non
     finally:  # after an error of the executor too: the robot is released, the data is kept
         ended = _stop(node)
     return ended
+
+
+def in_words(error: Exception) -> str:
+    """Return the sentence of a `START_ERRORS`."""
+    if isinstance(error, rclpy_implementation.UnknownROSArgsError):
+        return f'there are no such ROS arguments: {error}; correct them.'
+    if isinstance(error, InvalidParameterValueException):
+        # rclpy puts the value before it and the name after
+        return str(error).partition('Reason: ')[2].rpartition(': ')[0]
+    return str(error)
 
 
 def _spare_collections() -> None:

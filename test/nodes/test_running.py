@@ -78,6 +78,38 @@ def test_errors_past_the_guard(executor: str, broken: bool, tmp_path: Path) -> N
         assert int(words[-1]) >= 149
 
 
+WRONG = """
+from lip_id_ros.nodes import running
+from lip_id_ros.nodes.serve import ServeNode
+
+for given in (
+    ['--frobnicate'],
+    ['-p', 'use_sim_time:=5'],
+    ['-p', 'torque_limits:=abc'],
+    ['-p', 'ramp_s:=-1.0'],
+    ['--params-file', 'none.yaml'],
+):
+    print(running.run(ServeNode, ['--ros-args', *given]))
+"""
+
+
+def test_wrong_arguments_end_a_node_with_a_sentence_each(tmp_path: Path) -> None:
+    ended = run_to_end(
+        [sys.executable, '-c', WRONG],
+        tmp_path,
+        env={**os.environ, 'ROS_LOG_DIR': str(tmp_path)},
+    )
+    assert ended.stdout.split() == ['1'] * 5, ended.stderr
+    assert 'Traceback' not in ended.stderr
+    logged = [line.partition('[lip_id_ros]: ')[2] for line in ended.stderr.splitlines()]
+    sentences = [text for text in logged if text]
+    assert sentences[0] == ("there are no such ROS arguments: ['--frobnicate']; correct them.")
+    assert "parameter 'use_sim_time' to '5' of type 'INTEGER'" in sentences[1]
+    assert sentences[2] == "torque_limits must be a list of numbers >= 0 N m or N, not 'abc'."
+    assert sentences[3].startswith('Parameter ramp_s out of range Min: 0.0')
+    assert "Couldn't parse params file" in sentences[4]
+
+
 class Busy(SingleThreadedExecutor):
     """Looks for nodes until it is shut down, or for a moment."""
 
