@@ -151,7 +151,6 @@ def supports(new: BoolArray, period: int) -> BoolArray:
     if period > 1:
         rows = np.flatnonzero(~new[1:]) + 1
         keep[rows] = ~_is_held(_numbers(rows), period)
-        keep[-1:] = True
     return keep
 
 

@@ -119,8 +119,11 @@ class Segment:
         release(*(signal for signal in signals if signal is not None))
 
     def _supported(self, name: str, values: Array) -> tuple[Array, Array]:
-        rows = self.supports.get(name)
-        return (self.t, values) if rows is None else (self.t[rows], values[rows])
+        if name not in self.supports:
+            return self.t, values
+        rows = self.supports[name].copy()
+        rows[[0, -1]] = True  # nothing is extrapolated
+        return self.t[rows], values[rows]
 
 
 def segments_of(
