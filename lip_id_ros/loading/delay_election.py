@@ -40,15 +40,7 @@ LEVEL = 0.01
 
 
 class DelayElection:
-    """
-    Delays of efforts behind motions.
-
-    Parameters
-    ----------
-    judge : LeftOutTorques
-    smoothed : Smoothed
-
-    """
+    """Delays of efforts behind motions that are smoothed in some way."""
 
     def __init__(self, judge: LeftOutTorques, smoothed: Smoothed) -> None:
         self._judge, self._smoothed = judge, smoothed

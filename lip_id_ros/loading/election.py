@@ -47,19 +47,7 @@ SEED = 0
 
 @dataclass(frozen=True, eq=False)
 class Elected:
-    """
-    Settings that were elected, and the figures that elected them.
-
-    Attributes
-    ----------
-    preprocessing : PreprocessingSettings
-        With a cut-off and a derivative.
-    recording : RecordingSettings
-        With delays of efforts.
-    report : dict
-        JSON-able.
-
-    """
+    """Settings with cut-off, derivative and delays as elected, and figures for the provenance."""
 
     preprocessing: PreprocessingSettings
     recording: RecordingSettings
@@ -73,16 +61,7 @@ def elect_preprocessing(
     progress: Progress = silent,
 ) -> Elected:
     """
-    Elect cut-off, derivative and delays for recordings of one arm.
-
-    Parameters
-    ----------
-    recordings : sequence of JointSamples
-        Training data alone.
-    settings : PreprocessingSettings
-        With `cutoff_hz: auto`.
-    recording : RecordingSettings
-    progress : callable
+    Elect cut-off, derivative and delays for recordings of one arm, training data alone.
 
     Raises
     ------

@@ -59,19 +59,8 @@ def uniform_segments(
     """
     Bring segments of recordings, or some pieces of long ones, to uniform times.
 
-    Parameters
-    ----------
-    segments : sequence of Segment
-    settings : PreprocessingSettings
-    lowest_hz : float
-        The lowest cut-off that is compared.
-    reach_s : float
-        How far from an effort motions are looked at.
-
-    Returns
-    -------
-    list of (Segment, int)
-        With how many samples at both ends are not compared.
+    Each comes with how many samples at both ends are not compared, where the lowest cut-off
+    invents a continuation, or motions are looked at from `reach_s` away.
 
     """
     found = []
@@ -245,13 +234,8 @@ class Smoothed:
     """
     Motions as functions of time, and efforts to learn from.
 
-    Parameters
-    ----------
-    splines : sequence of CubicSpline
-        Positions, velocities and accelerations of every segment.
-    times : sequence of arrays
-        [s].
-    effort : array, shape (N, n)
+    Splines are of positions, velocities and accelerations of every segment, times those of its
+    efforts [s]; these are of all segments, shape (N, n).
 
     """
 

@@ -188,12 +188,7 @@ def elected_config(
     """
     Elect the preprocessing of recordings by the first share of them.
 
-    Returns
-    -------
-    config : Config
-        With numbers in the place of `auto`.
-    report : dict
-        Figures, for the provenance.
+    Returns settings with numbers in the place of `auto`, and figures for the provenance.
 
     Raises
     ------
@@ -217,13 +212,7 @@ def with_report(data: Dataset, report: Mapping[str, Any]) -> Dataset:
 
 def with_elected(config: Config, provenance: Mapping[str, Any]) -> Config:
     """
-    Put what was elected for other recordings in the place of `cutoff_hz: auto`.
-
-    Parameters
-    ----------
-    config : Config
-    provenance : mapping
-        Of the data or of the model.
+    Put the settings elected for training data, or a model, in the place of `cutoff_hz: auto`.
 
     Raises
     ------

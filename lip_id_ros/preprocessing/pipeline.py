@@ -51,22 +51,10 @@ def preprocess(
     recording: RecordingSettings | None = None,
 ) -> Dataset:
     """
-    Make a data set of one or several recordings.
+    Make a data set of one or several recordings of the same joints.
 
-    Parameters
-    ----------
-    samples : JointSamples or sequence of them
-        Recordings of the same joints.
-    settings : PreprocessingSettings
-        Filter, gaps, decimation.
-    recording : RecordingSettings
-        Joint types, effort scale and offset, gravity compensation.
-
-    Returns
-    -------
-    Dataset
-        Its provenance lists, for each source, the settings and how many samples were dropped
-        for which reason.
+    Its provenance lists, for each source, the settings and how many samples were dropped for which
+    reason.
 
     Raises
     ------
