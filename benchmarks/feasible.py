@@ -100,11 +100,13 @@ def _weighted_rows(arm: ArmPosterior, data: Dataset) -> tuple[Array, Array]:
     """
     Return the triangular factor of [features, torques] and prior, and the prior's deviations.
 
-    Rows are in units of the noise, parameters in units of their deviations a priori; placements,
-    friction terms and noise are those of the arm.
+    Rows are in units of the residuals of the arm, parameters in units of their deviations a
+    priori; placements and friction terms are those of the arm.
 
     """
-    features, weights = _features(arm, data), 1.0 / arm.noise.std_at(data.dq)
+    features, near_rest = _features(arm, data), arm.noise.weights(data.dq)
+    squares = near_rest * (data.tau - arm.torque(data.q, data.dq, data.ddq)) ** 2
+    weights = np.sqrt(near_rest / squares.mean(axis=0))
     friction = FRICTION_STD * data.tau.std(axis=0).max() * np.ones(arm.friction.basis.size)
     prior = np.concatenate([link_prior_std(data).ravel(), friction])
     rows = np.concatenate([features * prior, data.tau[..., None]], axis=2) * weights[..., None]
