@@ -158,8 +158,9 @@ def _root(placed: PlacedArm, solution: Solution) -> Array:
     there; with the placements given, they have that of the second.
 
     """
-    first = placed.covariance_root
     count = DIRECTIONS * len(solution.links)
+    # widths of signs are taken as known
+    first = placed.covariance_root[: count + len(solution.covariance_root)]
     triangle = np.asarray(np.linalg.qr(first.T, mode='r')).T  # placements in the first columns
     columns = [triangle[:, :count]]
     for root in (solution.covariance_root, _deviations(solution)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+import math
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,6 +14,9 @@ from lip_id_ros.errors import ModelError
 from lip_id_ros.friction import terms
 from lip_id_ros.friction.primitives import Column, LOAD, Primitive, SIGN, VELOCITY
 from lip_id_ros.friction.terms import DriveState, FREE, FrictionTerm
+
+WIDTH_STEP = 1e-2
+"""Of the logarithm of a width, for its slope."""
 
 
 @dataclass(frozen=True)
@@ -152,6 +156,32 @@ class SharedFriction:
     def columns(self) -> tuple[Column, ...]:
         """Return the same features as sums of primitives."""
         return ((1.0, Primitive(VELOCITY)),), ((1.0, Primitive(SIGN, self.width)),)
+
+
+@dataclass(frozen=True)
+class SignWidth:
+    """
+    Slope of Coulomb friction by the logarithm of its width, as a central difference.
+
+    A direction of the posterior: the width was elected, and its deviation is that of the
+    coefficient, which is zero, in units of the coefficient of Coulomb friction.
+
+    """
+
+    width: float
+    name: ClassVar[str] = 'sign width'
+    lower: ClassVar[tuple[float, ...]] = (FREE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        (column,) = self.columns()
+        signs = [factor * np.tanh(state.dq / sign.width) for factor, sign in column]
+        return np.sum(signs, axis=0)[:, None]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        steps = WIDTH_STEP, -WIDTH_STEP
+        return (tuple((0.5 / h, Primitive(SIGN, self.width * math.exp(h))) for h in steps),)
 
 
 _TERMS: dict[str, type[FrictionTerm]] = {

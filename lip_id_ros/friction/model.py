@@ -12,7 +12,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError, ShapeError
-from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
+from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SignWidth
 from lip_id_ros.friction.primitives import LOAD
 from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
 
@@ -42,6 +42,15 @@ class FrictionBasis:
         """The coefficients of every term."""
         ends = np.cumsum([0, *(each.size for each in self.terms)])
         return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    def with_sign_widths(self) -> FrictionBasis:
+        """Return the basis with the width of each Coulomb friction as a term at the end."""
+        widths = (
+            DriveTerm(each.drive, SignWidth(each.term.width))
+            for each in self.terms
+            if isinstance(each.term, Coulomb)
+        )
+        return FrictionBasis(self.n_joints, (*self.terms, *widths))
 
     @property
     def lower(self) -> Array:
@@ -128,6 +137,18 @@ class FrictionModel:
                 'friction coefficients that never drive a joint were expected, but some are '
                 'negative; fit them with their bounds.'
             )
+
+    def with_sign_widths(self) -> FrictionModel:
+        """Return the same friction in the basis with the widths of its signs."""
+        basis = self.basis.with_sign_widths()
+        return FrictionModel(basis, np.pad(self.coefficients, (0, basis.size - self.basis.size)))
+
+    @property
+    def coulomb(self) -> Array:
+        """Coefficients of the terms of Coulomb friction, in their order."""
+        parts = zip(self.basis.terms, self.basis.slices, strict=True)
+        starts = [place.start for part, place in parts if isinstance(part.term, Coulomb)]
+        return self.coefficients[starts]
 
     @property
     def n_joints(self) -> int:

@@ -13,7 +13,11 @@ from lip_id_ros.friction.noise import sticking_noise, TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
 from lip_id_ros.identification.geometry_election import elect_geometry
-from lip_id_ros.identification.laplace import free_placements_root, posterior
+from lip_id_ros.identification.laplace import (
+    free_placements_root,
+    posterior,
+    root_with_sign_widths,
+)
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.recording_effects import recording_deviations, with_recordings
 from lip_id_ros.identification.remainder_election import elect_remainder
@@ -158,6 +162,7 @@ def _identified(
         final = fitter.tempered(left_out.inflation)
         fit = final.refined(fitter.some(MOST_SAMPLES), fit)
         fit, arm, left_out = posterior(final, fit)
+    arm = replace(arm, covariance_root=root_with_sign_widths(final, fit, left_out))
     deviations = recording_deviations(fitter, fit, left_out.inflation)
     arm = with_recordings(arm, deviations, fitter.some(MOST_SAMPLES).dq)
     remainder = elect_remainder(fitter, fit)

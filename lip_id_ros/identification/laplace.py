@@ -49,6 +49,14 @@ Of the Gauss-Newton steps, in squares of the columns, so that what is not identi
 
 STEPS = 2
 
+WIDTH_STD, LEAST_COULOMB = 1.0, 1e-9
+"""
+Deviation of the logarithm of a width a priori, and the least Coulomb friction that has one, in
+the largest deviation of a torque.
+"""
+
+NONE: Array = np.empty(0)
+
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
@@ -108,6 +116,16 @@ def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Lef
     return fit, ArmPosterior(fit.chain, fit.links, fit.friction, noise, covariance_root), left_out
 
 
+def root_with_sign_widths(fitter: ArmFitter, fit: ArmFit, left_out: LeftOut) -> Array:
+    """Return a square root of the covariance that has the widths of signs as well."""
+    friction = fit.friction.with_sign_widths()
+    numbers = np.pad(fit.state.friction, (0, friction.basis.size - fit.friction.basis.size))
+    wide = replace(fit, friction=friction, state=replace(fit.state, friction=numbers))
+    coulomb = np.maximum(friction.coulomb, LEAST_COULOMB * fitter.torque_std.max())
+    blocks = block_statistics(fitter, wide)
+    return _covariance_root(fitter, wide, blocks, left_out, 1.0 / (WIDTH_STD * coulomb))
+
+
 def free_placements_root(fitter: ArmFitter, fit: ArmFit, left_out: LeftOut) -> Array:
     """
     Return a square root of the covariance of the placements, (6 n, r), without elections.
@@ -123,10 +141,18 @@ def free_placements_root(fitter: ArmFitter, fit: ArmFit, left_out: LeftOut) -> A
 
 
 def _covariance_root(
-    fitter: ArmFitter, fit: ArmFit, blocks: list[TorqueStatistics], left_out: LeftOut
+    fitter: ArmFitter,
+    fit: ArmFit,
+    blocks: list[TorqueStatistics],
+    left_out: LeftOut,
+    of_widths: Array = NONE,
 ) -> Array:
+    """Return S of the posterior; `of_widths` are precisions of its last coordinates a priori."""
     problem, whole = fitter.problem(fitter.some(1), fit), blocks[0].merge(*blocks[1:])
-    root = _root(whole, _prior_rows(problem, fit.state), left_out.unbiased_std)
+    prior = _prior_rows(problem, fit.state)
+    last = np.arange(len(prior) - of_widths.size, len(prior))
+    prior[last, last] = of_widths
+    root = _root(whole, prior, left_out.unbiased_std)
     return np.asarray(np.sqrt(left_out.inflation) * _coordinates(problem, fit.state, root))
 
 

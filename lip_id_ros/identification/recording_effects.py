@@ -20,6 +20,8 @@ from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, CHUNK
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 LEAST_RECORDINGS = 3
 ROUNDS = 300
@@ -130,7 +132,7 @@ def with_recordings(arm: ArmPosterior, deviations: Array, dq: Array) -> ArmPoste
     varying = np.flatnonzero(deviations)
     if not varying.size:
         return arm
-    first = len(arm.covariance_root) - deviations.size
+    first = (DIRECTIONS + LINK_PARAMETERS) * len(arm.links)
     columns = np.zeros((len(arm.covariance_root), varying.size))
     columns[first + varying, np.arange(varying.size)] = deviations[varying]
     zero = np.zeros_like(dq)

@@ -36,11 +36,11 @@ class ArmDeviation:
         self._root = np.ascontiguousarray(arm.covariance_root[self._used])
         reversed_rows = self._root[:, ::-1] != 0.0
         self._ends = self._root.shape[1] - np.argmax(reversed_rows, axis=1)
-        basis = arm.friction.basis
+        friction = arm.friction.with_sign_widths()
         self._packed = (
-            *pack(arm, CompiledFriction.features_of(basis)),
-            np.flatnonzero(basis.is_loaded),
-            arm.friction.coefficients,
+            *pack(arm, CompiledFriction.features_of(friction.basis)),
+            np.flatnonzero(friction.basis.is_loaded),
+            friction.coefficients,
         )
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:

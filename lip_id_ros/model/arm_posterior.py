@@ -9,7 +9,7 @@ from scipy.linalg import qr, solve_triangular
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.compiled import friction_features
-from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
@@ -39,7 +39,8 @@ class ArmPosterior:
 
     Coordinates of the covariance are, in this order: small rotations about the axes of each
     joint's own frame and translations in its parent, joint by joint (6 n); the parameters of the
-    links (11 n); the coefficients of friction (K).
+    links (11 n); the coefficients of friction (K); the widths of the signs of Coulomb friction
+    (W, see `SignWidth`), where they are not taken as known.
 
     Attributes
     ----------
@@ -49,7 +50,7 @@ class ArmPosterior:
     friction : FrictionModel
     noise : TorqueNoise
         Of measured torques about the model.
-    covariance_root : array, shape (17 n + K, r)
+    covariance_root : array, shape (17 n + K, r) or (17 n + K + W, r)
         S with covariance S S^T.
 
     """
@@ -78,19 +79,27 @@ class ArmPosterior:
         return np.asarray(links + self.friction.torque(q, dq, links))
 
     def jacobian(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Differentiate the torques by the coordinates, shape (N, n, 17 n + K) [N m or N]."""
+        """Differentiate the torques by placements, links and coefficients, (N, n, 17 n + K)."""
+        return self._jacobian(self.friction.basis, q, dq, ddq)
+
+    def jacobian_of_coordinates(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Differentiate the torques by the coordinates of the covariance [N m or N]."""
+        whole = self._jacobian(self.friction.basis.with_sign_widths(), q, dq, ddq)
+        return whole[..., : len(self.covariance_root)]
+
+    def _jacobian(self, basis: FrictionBasis, q: Array, dq: Array, ddq: Array) -> Array:
         state = _contiguous(q, dq, ddq)
         regressor = torque_regressor(self.chain, *state)
         placements = placement_derivatives(self.chain, self.links, *state)
         load = regressor @ self.links.ravel()
         loads = np.concatenate([placements.reshape(*dq.shape, -1), regressor], axis=2)
         loads += self.friction.load_slopes(q, dq, load) @ loads
-        friction = friction_features(self.friction.basis, q, dq, load)
+        friction = friction_features(basis, q, dq, load)
         return np.concatenate([loads, friction], axis=2)
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return standard deviations of the noiseless torques, shape (N, n) [N m or N]."""
-        spread = self.jacobian(q, dq, ddq) @ self.covariance_root
+        spread = self.jacobian_of_coordinates(q, dq, ddq) @ self.covariance_root
         variance: Array = np.sum(spread**2, axis=2)
         return np.sqrt(variance)
 
@@ -169,18 +178,26 @@ def compacted(arm: ArmPosterior, ranges: tuple[Array, Array]) -> ArmPosterior:
 def _random_states(
     arm: ArmPosterior, ranges: tuple[Array, Array], rng: np.random.Generator
 ) -> Array:
-    """Draw q, dq, ddq, shape (3, STATES, n): whole turns, and twice the range of all else."""
+    """
+    Draw q, dq, ddq, shape (3, STATES, n): whole turns, and twice the range of all else.
+
+    Many velocities are near rest, where friction changes.
+
+    """
     low, high = ranges
     middle, extent = 0.5 * (low + high), np.maximum(high - low, 1e-6)
     extent[0, ~arm.chain.prismatic] = np.pi
-    return middle[:, None] + extent[:, None] * rng.uniform(-1.0, 1.0, (3, STATES, low.shape[1]))
+    shape = STATES, low.shape[1]
+    states = middle[:, None] + extent[:, None] * rng.uniform(-1.0, 1.0, (3, *shape))
+    states[1] *= rng.uniform(size=shape) ** 2
+    return states
 
 
 def _in_few_coordinates(arm: ArmPosterior, states: Array, tolerance: float) -> Array:
     """Return a root whose rows are zero but for coordinates whose torques are independent."""
     root = arm.covariance_root
     std = np.linalg.norm(root, axis=1)
-    jacobian = arm.jacobian(*states).reshape(-1, len(std)) * std
+    jacobian = arm.jacobian_of_coordinates(*states).reshape(-1, len(std)) * std
     triangle, pivots = qr(jacobian, mode='r', pivoting=True)
     size = np.abs(np.diagonal(triangle))
     rank = int(np.sum(size > tolerance * size[0]))

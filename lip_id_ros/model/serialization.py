@@ -162,7 +162,8 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
         },
     )
     _require_possible(arrays, coordinates)
-    root = np.zeros((17 * n + friction.basis.size, arrays['arm_covariance_root'].shape[1]))
+    size = 17 * n + friction.basis.with_sign_widths().size
+    root = np.zeros((size, arrays['arm_covariance_root'].shape[1]))
     root[coordinates] = arrays['arm_covariance_root']
     places = arrays['arm_rotations'], arrays['arm_translations']
     chain = Chain(*places, is_prismatic(types), arrays['arm_gravity'])

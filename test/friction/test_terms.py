@@ -10,7 +10,7 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError, ShapeError
 from lip_id_ros.friction import drives, terms
-from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
+from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction, SignWidth
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
@@ -93,14 +93,14 @@ def primitive_value(primitive: Primitive, state: DriveState) -> Array:
 
 
 def test_every_term_is_tested() -> None:
-    assert {type(term).__name__ for term in EVERY} == {
+    assert {type(term).__name__ for term in (*EVERY, SignWidth(0.1))} == {
         name
         for name, kind in (*vars(terms).items(), *vars(drives).items())
         if isinstance(kind, type) and hasattr(kind, 'columns') and name != 'FrictionTerm'
     }
 
 
-@pytest.mark.parametrize('term', EVERY, ids=name)
+@pytest.mark.parametrize('term', [*EVERY, SignWidth(0.1)], ids=name)
 def test_primitives_add_up_to_the_features(term: FrictionTerm) -> None:
     state = states()
     sums = [

@@ -12,11 +12,12 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
-from lip_id_ros.friction.terms import LoadCoulomb
+from lip_id_ros.friction.terms import Coulomb, LoadCoulomb
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
-from lip_id_ros.identification.laplace import linearised, posterior
+from lip_id_ros.identification.laplace import linearised, posterior, root_with_sign_widths
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.sample_selection import covering
 from lip_id_ros.model.arm_posterior import ArmPosterior
@@ -164,6 +165,25 @@ def test_two_standard_deviations_cover_the_truth() -> None:
         measured.append(np.mean(np.abs(error) < 2.0 * found.measurement_std(*unseen)))
     assert np.mean(covered) > 0.8
     assert 0.9 < np.mean(measured) < 0.99
+
+
+def test_widths_of_signs_are_as_certain_as_samples_near_rest_make_them() -> None:
+    fitter, fit = fitted()
+    data, coulomb = fitter.dataset, fit.friction.coulomb
+    _, arm, left_out = posterior(fitter, fit)
+    root = root_with_sign_widths(fitter, fit, left_out)
+    assert len(root) == len(arm.covariance_root) + len(TYPES)
+    std = np.linalg.norm(root[-len(TYPES) :], axis=1) / coulomb
+    basis = fit.friction.with_sign_widths().basis
+    features = friction_features(basis, data.q, data.dq, np.zeros_like(data.dq))
+    slopes = coulomb * np.diagonal(features[..., -len(TYPES) :], axis1=1, axis2=2)
+    alone = fit.noise.std / np.sqrt(np.sum(fit.noise.weights(data.dq) * slopes**2, axis=0))
+    assert (std > 0.9 * alone).all()
+    assert (std < 3.0 * np.sqrt(left_out.inflation) * alone).all()
+    terms = (part.term for part in fit.friction.basis.terms)
+    widths = np.array([term.width for term in terms if isinstance(term, Coulomb)])
+    truth = np.where(np.sqrt(np.mean(data.dq**2, axis=0)) > 1.0, 0.1, 0.015)
+    assert (np.abs(np.log(widths / truth)) < 4.0 * std).all()
 
 
 def test_a_step_takes_in_samples_that_the_descent_left_out(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from gp.processes import process_of
@@ -14,7 +15,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.drives import DriveTerm
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.terms import Coulomb
 from lip_id_ros.kernels import JointStates, TorquePrior, Weights
 from lip_id_ros.kernels.torque_process import BLOCK
 from lip_id_ros.model import InverseDynamicsModel, StandardDeviation
@@ -199,6 +202,42 @@ def test_compiled_deviations_are_the_plain_ones(count: int) -> None:
     x = queries(count)
     got = model.torque_std(*x)
     np.testing.assert_allclose(got, model.arm.torque_std(*x), rtol=1e-12)
+
+
+def widened(arm: ArmPosterior, by: Array) -> ArmPosterior:
+    """Return the arm with logarithms of the widths of Coulomb friction changed, shape (W,)."""
+    terms, factors = [], iter(np.exp(by).tolist())
+    for part in arm.friction.basis.terms:
+        term = part.term
+        if isinstance(term, Coulomb):
+            term = Coulomb(term.width * next(factors))
+        terms.append(DriveTerm(part.drive, term))
+    basis = FrictionBasis(arm.friction.n_joints, tuple(terms))
+    return replace(arm, friction=FrictionModel(basis, arm.friction.coefficients))
+
+
+def test_widths_of_signs_have_deviations(tmp_path: Path) -> None:
+    """By differences of the mean; compiled, and from a file, the same."""
+    model = random_model(ARTICULATED, remainder=False)
+    assert model.arm is not None
+    std, step = np.array([0.1, 0.2, 0.05]), 1e-4
+    root = np.zeros((len(model.arm.covariance_root) + std.size, std.size))
+    root[-std.size :] = np.diag(std * model.arm.friction.coulomb)
+    arm = replace(model.arm, covariance_root=root.astype(np.float32).astype(np.float64))
+    q, dq, ddq = queries(50)
+    x = q, 0.2 * dq, ddq
+    slopes = [
+        (widened(arm, step * unit).torque(*x) - widened(arm, -step * unit).torque(*x)) / (2 * step)
+        for unit in np.eye(std.size)
+    ]
+    expected = np.sqrt(np.einsum('kti,k->ti', np.square(slopes), std**2))
+    np.testing.assert_allclose(arm.torque_std(*x), expected, rtol=1e-3, atol=1e-3)
+    uncertain = replace(model, arm=arm)
+    few = [some[:FEW] for some in x]
+    np.testing.assert_allclose(uncertain.torque_std(*few), arm.torque_std(*few), rtol=1e-12)
+    uncertain.save(tmp_path / 'arm.npz')
+    loaded = InverseDynamicsModel.load(tmp_path / 'arm.npz')
+    np.testing.assert_allclose(loaded.torque_std(*few), arm.torque_std(*few), rtol=1e-12)
 
 
 @pytest.mark.parametrize('seed', range(3))
