@@ -185,12 +185,12 @@ class TrainNode(NodeBase):
             result = await outcome(self, work)
         except (LipIdError, OSError) as error:
             return self._answer(response, False, str(error))
-        text = '; '.join([f'{result["n_samples"]} samples in {result["path"]}', *result['rescue']])
+        parts = [f'{result["n_samples"]} samples in {result["path"]}']
         if result['thinned'] or result['left_out']:
-            # the recording is kept when the node ends, since the data set is not all of it
-            return self._answer(response, True, f'{text}; the recording has more than these')
-        saved()
-        return self._answer(response, True, text)
+            parts.append('the recording has more than these')
+        else:  # what is not all of the recording does not save it: it is kept when the node ends
+            saved()
+        return self._answer(response, True, '; '.join([*parts, *result['rescue']]))
 
     def _start(
         self, kind: str, path: str
