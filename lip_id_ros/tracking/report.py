@@ -84,7 +84,7 @@ def draw_energies(run: Tracking, kinetic: Array, potential: Array) -> Figure:
     rows = style.shown_rows(len(run.t))
     for panel, (title, estimate, truth, color, error) in zip(panels, curves, strict=True):
         panel.plot(run.t[rows], truth[rows], color=style.MEASURED, linewidth=3.0, label='true')
-        panel.plot(run.t[rows], estimate[rows], color=color, label='estimated')
+        panel.plot(run.t[rows], estimate[rows], color=color, label='predicted')
         panel.set_title(title, loc='left')
         panel.set_ylabel('energy [J]')
         style.remark(panel, float(error))
