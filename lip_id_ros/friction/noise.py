@@ -126,7 +126,7 @@ def sticking_noise(
     deviation of half their distance over the root of three. The narrowest sign of saturating
     viscous friction counts as Coulomb friction here: both hold a joint that sticks. Beyond the
     width of that sign a joint moves, however wide the velocities are at which the recording has
-    more noise.
+    more noise; and beyond these velocities the recording shows that friction is known.
 
     Parameters
     ----------
@@ -149,7 +149,8 @@ def sticking_noise(
     coulomb = 0.5 * np.mean(np.maximum(torques[0] - torques[1], 0.0), axis=0)
     known = np.square(noise.std * noise.ratio)
     stuck = np.sqrt(np.maximum(coulomb**2 / 3.0 - known, 0.0))
-    return replace(noise, stuck=stuck, width=width)
+    seen = np.where(noise.ratio > 0.0, noise.velocity, np.inf)
+    return replace(noise, stuck=stuck, width=np.minimum(width, seen))
 
 
 def leverage_weights(features: Sequence[Array], threshold: float = 20.0) -> Array:

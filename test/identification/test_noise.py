@@ -76,6 +76,15 @@ def test_a_joint_sticks_within_the_width_of_its_sign_only() -> None:
     np.testing.assert_allclose(got.std_at(slow), seen.std_at(slow), rtol=1e-3)
 
 
+def test_a_joint_sticks_at_velocities_with_more_noise_only() -> None:
+    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), Coulomb(0.5)),))
+    seen = TorqueNoise(np.array([0.1]), np.array([2.0]), np.array([0.05]))
+    zero, slow = np.zeros((1, 1)), np.full((1, 1), 0.2)
+    got = sticking_noise(seen, FrictionModel(basis, np.array([10.0])), zero, zero)
+    np.testing.assert_allclose(got.std_at(zero), 10.0 / np.sqrt(3.0), rtol=0.04)
+    np.testing.assert_allclose(got.std_at(slow), seen.std_at(slow), rtol=1e-3)
+
+
 def test_joints_that_never_move_have_constant_noise() -> None:
     residuals = np.random.default_rng(0).standard_normal((50, 1))
     got = estimate_noise(residuals, np.zeros((50, 1)))
