@@ -80,7 +80,7 @@ def test_rows_of_real_arms_are_those_of_the_pages() -> None:
 
 def test_a_page_has_the_result_of_every_benchmark() -> None:
     root = Path(__file__).parents[1]
-    pages = [page.read_text() for page in (*root.glob('*.md'), *root.glob('docs/*.md'))]
+    pages = [page.read_text() for page in (*root.glob('*.md'), *root.glob('docs/**/*.md'))]
     named = set(re.findall(r'benchmarks\s+(\w+)', ' '.join(pages)))
     assert sorted(set(available()) - named) == []
 
