@@ -77,7 +77,7 @@ def finding(code: str, joint: str) -> dict[str, str]:
 
 def test_findings_without_a_joint_are_counted() -> None:
     lines = finding_lines([finding('short', '')] * 4)
-    assert lines == ['warning short: it is so. 3 times more.']
+    assert lines == ['warning short: it is so. In all recordings: 4 times.']
 
 
 def recording(seconds: float) -> JointSamples:

@@ -92,7 +92,7 @@ def test_indefinite_inertia_is_reported() -> None:
 
     assert evaluation.inertia_not_pd_percent == 100.0
     assert evaluation.inertia_min_eigenvalue == pytest.approx(-0.02)
-    assert 'at 100 % of the samples' in notes(evaluation)[1]
+    assert 'positive definite at 0 % of the samples only' in notes(evaluation)[1]
 
 
 def test_json_holds_the_documented_keys_and_no_nan() -> None:
