@@ -157,7 +157,10 @@ def test_joints_are_chosen_by_name() -> None:
     turned = data.with_joints(['elbow', 'shoulder'])
     assert turned.joint_types == ('prismatic', 'revolute')
     np.testing.assert_array_equal(turned.tau, data.tau[:, ::-1])
-    with pytest.raises(DataError, match=r"^joint 'hand' is not in .* has shoulder, elbow; name"):
+    sentence = (
+        r'^joint hand expected in the data set, which has shoulder, elbow; correct the names'
+    )
+    with pytest.raises(DataError, match=sentence):
         data.with_joints(['hand'])
 
 
