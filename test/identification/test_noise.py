@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
@@ -66,19 +67,13 @@ def test_noise_that_was_seen_near_rest_is_kept() -> None:
     np.testing.assert_array_equal(got.std_at(np.zeros((1, 2))), TRUTH.std_at(np.zeros((1, 2))))
 
 
-def test_a_joint_sticks_within_the_width_of_its_sign_only() -> None:
-    """However wide the velocities at which the recording has a little more noise."""
-    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), Coulomb(0.05)),))
-    seen = TorqueNoise(np.array([0.1]), np.array([2.0]), np.array([1.0]))
-    zero, slow = np.zeros((1, 1)), np.full((1, 1), 0.2)
-    got = sticking_noise(seen, FrictionModel(basis, np.array([10.0])), zero, zero)
-    np.testing.assert_allclose(got.std_at(zero), 10.0 / np.sqrt(3.0), rtol=0.04)
-    np.testing.assert_allclose(got.std_at(slow), seen.std_at(slow), rtol=1e-3)
-
-
-def test_a_joint_sticks_at_velocities_with_more_noise_only() -> None:
-    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), Coulomb(0.5)),))
-    seen = TorqueNoise(np.array([0.1]), np.array([2.0]), np.array([0.05]))
+@pytest.mark.parametrize(('width', 'velocity'), [(0.05, 1.0), (0.5, 0.05)])
+def test_a_joint_sticks_within_the_width_of_its_sign_and_near_rest(
+    width: float, velocity: float
+) -> None:
+    """However wide the velocities with a little more noise, or however wide the sign."""
+    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), Coulomb(width)),))
+    seen = TorqueNoise(np.array([0.1]), np.array([2.0]), np.array([velocity]))
     zero, slow = np.zeros((1, 1)), np.full((1, 1), 0.2)
     got = sticking_noise(seen, FrictionModel(basis, np.array([10.0])), zero, zero)
     np.testing.assert_allclose(got.std_at(zero), 10.0 / np.sqrt(3.0), rtol=0.04)
