@@ -297,16 +297,7 @@ class RemainderElection:
 
 
 def elect_remainder(fitter: ArmFitter, fit: ArmFit) -> Remainder | None:
-    """
-    Return the processes that predict better than links and friction alone, if any.
-
-    Parameters
-    ----------
-    fitter : ArmFitter
-    fit : ArmFit
-        To all samples.
-
-    """
+    """Return the processes that predict better than links and friction of a fit alone, if any."""
     return conditioned_remainder(fitter, fit, elect_processes(fitter, fit))
 
 
