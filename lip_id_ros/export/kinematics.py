@@ -12,10 +12,8 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.denavit_hartenberg import table, with_standard_frames
+from lip_id_ros.rigid_body.denavit_hartenberg import PARAMETERS, table, UNITS, with_standard_frames
 
-PARAMETERS, UNITS = ('twist', 'length', 'angle', 'offset'), ('deg', 'm', 'deg', 'm')
-"""By the modified convention (Craig, Introduction to Robotics, section 3.4)."""
 HEADER = tuple(f'{name} [{unit}]' for name, unit in zip(PARAMETERS, UNITS, strict=True))
 TRANSFORM = 'Rot_x(twist) Trans_x(length) Rot_z(angle) Trans_z(offset)'
 KEYS = tuple(f'{name}_{unit}' for name, unit in zip(PARAMETERS, UNITS, strict=True))
@@ -145,9 +143,7 @@ def kinematics_of(
         raise ValueError(f'deviations of shape {std.shape} for {len(joint_names)} joints')
     if not chain.gravity.any() and 'description' not in summary:
         std[(std > 0.0) & IS_DISTANCE] = np.inf  # those of 0 are so by the convention
-    values = np.column_stack([found.twist, found.length, found.angle, found.offset])
-    degrees = np.where(IS_DISTANCE, 1.0, np.degrees(1.0))
-    return Kinematics(tuple(joint_names), values * degrees, std, np.degrees(found.tilt))
+    return Kinematics(tuple(joint_names), found.reported, std, np.degrees(found.tilt))
 
 
 def _cell(unit: str, value: float, std: float, identified: bool) -> str:

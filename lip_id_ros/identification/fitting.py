@@ -20,7 +20,7 @@ from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.rigid_body.denavit_hartenberg import table, with_standard_frames
+from lip_id_ros.rigid_body.denavit_hartenberg import PARAMETERS, table, UNITS, with_standard_frames
 from lip_id_ros.settings import FitSettings
 
 LEAST_SAMPLES = 10
@@ -146,12 +146,8 @@ def _kinematics(found: Identified) -> dict[str, list[float]]:
     chain, _ = with_standard_frames(found.arm.chain, found.arm.links)
     report: dict[str, Array] = {}
     for ending, values in (('', table(chain)), ('_std', found.kinematics_std)):
-        report |= {
-            f'twist{ending}_deg': np.degrees(values.twist),
-            f'length{ending}_m': values.length,
-            f'angle{ending}_deg': np.degrees(values.angle),
-            f'offset{ending}_m': values.offset,
-        }
+        columns = zip(PARAMETERS, UNITS, values.reported.T, strict=True)
+        report |= {f'{name}{ending}_{unit}': column for name, unit, column in columns}
     # the sum makes 0 of -0
     return {name: (np.round(each, 5) + 0.0).tolist() for name, each in report.items()}
 

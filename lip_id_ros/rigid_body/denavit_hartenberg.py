@@ -31,6 +31,10 @@ STEP = 1e-6
 """Of central differences [rad, m]."""
 
 
+PARAMETERS, UNITS = ('twist', 'length', 'angle', 'offset'), ('deg', 'm', 'deg', 'm')
+"""Those that are reported, and their units; a tilt is seldom there."""
+
+
 class DenavitHartenberg(NamedTuple):
     """
     Rot_x(twist) Trans_x(length) Rot_y(tilt) Rot_z(angle) Trans_z(offset), for each joint.
@@ -56,6 +60,12 @@ class DenavitHartenberg(NamedTuple):
     angle: Array
     offset: Array
     tilt: Array
+
+    @property
+    def reported(self) -> Array:
+        """`PARAMETERS` in their `UNITS`, shape (n, 4)."""
+        columns = np.degrees(self.twist), self.length, np.degrees(self.angle), self.offset
+        return np.column_stack(columns)
 
 
 _ANGLES = [DenavitHartenberg._fields.index(name) for name in ('twist', 'angle', 'tilt')]
