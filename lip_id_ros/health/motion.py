@@ -8,12 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.preprocessing.sample_times import (
-    changes_between,
-    changes_of,
-    source_periods,
-    stale,
-)
+from lip_id_ros.preprocessing.sample_times import source_periods, without_stale
 from lip_id_ros.preprocessing.segments import segment_of
 from lip_id_ros.preprocessing.smoothing import (
     cut,
@@ -101,9 +96,7 @@ def _is_finite(samples: JointSamples) -> bool:
 
 
 def _smooth_segments(samples: JointSamples, rate: float, every: int) -> Iterator[SmoothSegment]:
-    changes = changes_of(samples)
-    keep = ~stale(samples, changes)
-    fresh, changes = samples.select(keep), changes_between(changes, keep)
+    fresh, changes, _ = without_stale(samples)
     derivative = DERIVATIVES[_SETTINGS.derivative]
     periods = source_periods(changes)
     fresh = replace(fresh, velocity=_or_zero(fresh.velocity), effort=_or_zero(fresh.effort))

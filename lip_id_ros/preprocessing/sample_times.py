@@ -120,6 +120,13 @@ def stale(samples: JointSamples, changes: Changes) -> BoolArray:
     return marks
 
 
+def without_stale(samples: JointSamples) -> tuple[JointSamples, Changes, BoolArray]:
+    """Return the samples that are not stale, their changes, and which of all were, (N,)."""
+    changes = changes_of(samples)
+    is_stale = stale(samples, changes)
+    return samples.select(~is_stale), changes_between(changes, ~is_stale), is_stale
+
+
 def source_period(new: BoolArray, moved: BoolArray) -> int:
     """Return how many samples of a moving arm the source of a signal takes for a new one."""
     new, moved = _some(new), _some(moved)

@@ -12,14 +12,12 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ConfigError, DataError, SourceError
 from lip_id_ros.preprocessing.sample_times import (
     Changes,
-    changes_between,
-    changes_of,
     evenly_timed,
     longest_silence,
     retimed,
     source_periods,
-    stale,
     supports,
+    without_stale,
 )
 from lip_id_ros.preprocessing.smoothing import cut, longest_step, resample, resample_early
 from lip_id_ros.recording import JointSamples
@@ -149,16 +147,13 @@ def segments_of(
         If there are fewer than two different samples.
 
     """
-    changes = changes_of(samples)
-    is_stale = stale(samples, changes)
-    fresh = samples.select(~is_stale)
+    fresh, changes, is_stale = without_stale(samples)
     if fresh.n_samples < 2:
         raise DataError(
             f'{fresh.source} must hold at least two different samples, but has '
             f'{fresh.n_samples}; record while the arm moves.'
         )
     fresh = replace(fresh, effort=torque(fresh, recording))
-    changes = changes_between(changes, ~is_stale)
     periods = source_periods(changes)
     spread = _spread(fresh)
     given = cut(spread.t, settings.max_gap_s or longest_step(spread.t, settings.cutoff))
@@ -200,7 +195,7 @@ def segment_of(
     rows : slice
         Samples without a gap.
     changes, periods : mappings
-        Of `fresh` (`sample_times.changes_between`, `sample_times.source_periods`).
+        Of `fresh` (`sample_times.without_stale`, `sample_times.source_periods`).
     rate_hz : float
         Of the uniform times that the samples are brought to.
 
