@@ -73,9 +73,10 @@ def _chosen(
 ) -> tuple[list[MessageBlock], list[MessageBlock]]:
     """Choose blocks with positions, and where these lack efforts, efforts; count the others."""
     placed = covering([block for block in blocks if block.has_position], joints)
+    alone = [block for block in blocks if not block.has_position]
     efforts = []
-    if placed and all(_absent(block, _EFFORT).all() for block in placed):
-        efforts = covering([block for block in blocks if not block.has_position], joints)
+    if alone and placed and all(_absent(block, _EFFORT).all() for block in placed):
+        efforts = covering(alone, joints)
     for block in blocks:
         if not any(block is one for one in (*placed, *efforts)):
             has_all = set(block.joints) >= set(joints)
