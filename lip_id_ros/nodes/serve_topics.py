@@ -232,8 +232,8 @@ class Inputs:
 
     def _answer(self, raw: bytes) -> None:
         """Answer a plan, or a sample of a stream."""
-        if len(raw) > INLINE_BYTES and self._count_points(raw) > 1:
-            self._submit(raw)
+        if len(raw) > INLINE_BYTES and (count := self._count_points(raw)) > 1:
+            self._submit(raw, count)
             return
         try:
             message = deserialize_message(raw, JointTrajectory)
@@ -250,11 +250,11 @@ class Inputs:
         with self._references.refusing():
             return messages.count_points(raw)
 
-    def _submit(self, raw: bytes) -> None:
+    def _submit(self, raw: bytes, n_points: int) -> None:
         """Have a long plan answered beside the stream."""
         with self._references.refusing():
             self._server.ready_arm()
-            if messages.count_points(raw) > self._settings.max_plan_points:
+            if n_points > self._settings.max_plan_points:
                 raise RefusedError(Refusal.TOO_LONG)
             if self._worker is None:
                 raise RefusedError(Refusal.INACTIVE)
