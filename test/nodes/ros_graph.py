@@ -280,4 +280,6 @@ def spinning(made: Graph) -> Iterator[Client]:
         with running.spinning(client.node, executor=executor):
             yield client
     finally:
+        # what it latched must not reach the next test in this domain
+        client.node.destroy_node()
         rclpy.shutdown(context=made.context)
