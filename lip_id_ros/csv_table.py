@@ -1,9 +1,15 @@
-"""Tables of numbers in CSV files: one header line, commas, no empty cells."""
+"""
+Tables of numbers in CSV files: a line of names, then lines of numbers, no empty cells.
+
+Cells are separated by commas, or else by semicolons, tabs or blanks; decimal commas are read then.
+Lines that begin with # or % are left out; the last one before the numbers may have the names.
+
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 import csv
 import os
@@ -19,6 +25,8 @@ from lip_id_ros.files import require_regular_file
 
 CSV_SUFFIX = '.csv'
 
+_DELIMITERS = (',', ';', '\t', ' ')
+_COMMENT = ('#', '%')
 _MOST_COLUMNS = 20_000
 _SHOWN = 12
 
@@ -41,9 +49,18 @@ class CsvTable(NamedTuple):
         return np.column_stack([self.columns[f'{signal}_{joint}'] for joint in joints])
 
 
+class _Header(NamedTuple):
+    """Names of the columns, number of their line, what separates them, and ends every line."""
+
+    names: tuple[str, ...]
+    line: int
+    delimiter: str
+    is_ended: bool
+
+
 def read_header(path: PathLike) -> tuple[str, ...]:
     """
-    Read the names of the columns.
+    Read the names of the columns; one without a name is left out if it is the first.
 
     Raises
     ------
@@ -55,13 +72,20 @@ def read_header(path: PathLike) -> tuple[str, ...]:
         If its first line names no columns, or a name twice.
 
     """
+    return tuple(name for name in _header(path).names if name)
+
+
+def _header(path: PathLike) -> _Header:
     require_regular_file(path)
     try:
-        with open(path, encoding='utf-8-sig', newline='') as file:
-            names = tuple(name.strip() for name in next(csv.reader(file), []))
+        with open(path, encoding='utf-8-sig') as file:
+            line, text = _line_of_names(file)
+        separating = (each for each in _DELIMITERS if len(_names(text, each)) > 1)
+        delimiter = next(separating, _DELIMITERS[0])
+        names = _names(text, delimiter)
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(_no_text(path, error)) from error
-    if not names or not all(names) or any(_is_number(name) for name in names):
+    if not any(names) or not all(names[1:]) or any(_is_number(name) for name in names):
         raise DataError(
             f'the first line of {os.fspath(path)} must name the columns, such as t,q_shoulder,'
             f'tau_shoulder, but is {",".join(names[:_SHOWN])[:80]!r}; add such a line.'
@@ -77,7 +101,26 @@ def read_header(path: PathLike) -> tuple[str, ...]:
             f'the columns of {os.fspath(path)} must have different names, but {name!r} comes '
             f'{count} times; rename one of them.'
         )
-    return names
+    return _Header(names, line, delimiter, text.rstrip(' \r\n').endswith(delimiter))
+
+
+def _line_of_names(file: Iterable[str]) -> tuple[int, str]:
+    """Return number and text of the first line that is no comment, or of a comment before it."""
+    comment = (1, '')
+    for number, text in enumerate(file, start=1):
+        if text.startswith(_COMMENT):
+            comment = number, text.lstrip(''.join(_COMMENT))
+        elif text.strip():
+            cell = re.split(r'[;,\s]', text.strip())[0]
+            return comment if comment[1] and _is_number(cell) else (number, text)
+    return comment
+
+
+def _names(text: str, delimiter: str) -> tuple[str, ...]:
+    """Return the names in a line, without what follows a last delimiter."""
+    cells = text.split() if delimiter == ' ' else next(csv.reader([text], delimiter=delimiter), [])
+    names = [cell.strip() for cell in cells]
+    return tuple(names[:-1] if names[-1:] == [''] else names)
 
 
 def read_table(path: PathLike) -> CsvTable:
@@ -96,16 +139,18 @@ def read_table(path: PathLike) -> CsvTable:
         If it has no header, no rows, or a cell that is no number; names the line.
 
     """
-    names = read_header(path)
-    rows = _numbers(path, len(names), None)
+    header = _header(path)
+    rows = _numbers(path, header, None)
     notes: tuple[str, ...] = ()
     if rows is None:
-        last = _only_last_line_wrong(path, names)
-        rows = _numbers(path, len(names), last)
+        last = _only_last_line_wrong(path, header)
+        rows = _numbers(path, header, last)
         notes = (f'line {last}, the last one, was cut short and left out',)
     if rows is None or rows.size == 0:
         raise DataError(f'{os.fspath(path)} must hold rows of numbers, but has none; record some.')
-    return CsvTable(dict(zip(names, rows.T, strict=True)), notes)
+    columns = dict(zip(header.names, rows.T, strict=True))
+    columns.pop('', None)
+    return CsvTable(columns, notes)
 
 
 def joints_of(names: Sequence[str]) -> tuple[str, ...]:
@@ -137,39 +182,50 @@ def quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if re.search(r'[",\s]', name) else name
 
 
-def _numbers(path: PathLike, width: int, before: int | None) -> Array | None:
+def _numbers(path: PathLike, header: _Header, before: int | None) -> Array | None:
     """Read the rows above a line; None where a cell or a row is wrong."""
     try:
         with warnings.catch_warnings(category=UserWarning, action='ignore'):  # no rows
-            lines = (text for _, text in _lines(path, before))
+            lines = (text for _, text in _lines(path, header, before))
             rows = np.loadtxt(lines, delimiter=',', ndmin=2, comments=None, quotechar='"')
     except UnicodeDecodeError as error:
         raise DataError(_no_text(path, error)) from error
     except ValueError:
         return None
-    return None if rows.size and rows.shape[1] != width else rows
+    return None if rows.size and rows.shape[1] != len(header.names) else rows
 
 
-def _lines(path: PathLike, before: int | None = None) -> Iterator[tuple[int, str]]:
-    """Yield number and text of the lines that are not empty, without the first."""
+def _lines(
+    path: PathLike, header: _Header, before: int | None = None
+) -> Iterator[tuple[int, str]]:
+    """Yield number and text of the lines of numbers, with commas between these only."""
     with open(path, encoding='utf-8-sig') as file:
         for number, text in enumerate(file, start=1):
             if number == before:
                 return
-            if number > 1 and text.strip():
-                yield number, text
+            if number > header.line and text.strip() and not text.startswith(_COMMENT):
+                yield number, _with_commas(text, header)
 
 
-def _only_last_line_wrong(path: PathLike, names: tuple[str, ...]) -> int:
+def _with_commas(text: str, header: _Header) -> str:
+    """Return a line of numbers with decimal points, and commas between the numbers only."""
+    if header.delimiter == ' ':
+        text = ' '.join(text.split()) + '\n' * text.endswith('\n')
+    if header.delimiter != ',':
+        text = text.replace(',', '.').replace(header.delimiter, ',')
+    return re.sub(r', *$', '', text) if header.is_ended else text
+
+
+def _only_last_line_wrong(path: PathLike, header: _Header) -> int:
     """Return the number of the last line; DataError where another one is wrong too."""
-    number, wrong = 1, ''
-    for following, text in _lines(path):
+    number, wrong = header.line, ''
+    for following, text in _lines(path, header):
         if wrong:
             raise DataError(wrong)
         number = following
-        wrong = _fault(path, number, text, names)
+        wrong = _fault(path, number, text, header.names)
     is_cut = not text.endswith('\n')
-    if not wrong or not is_cut or number == 2:
+    if not wrong or not is_cut or number == header.line + 1:
         raise DataError(
             wrong or f'{os.fspath(path)} must hold numbers separated by commas; export it.'
         )
@@ -189,7 +245,7 @@ def _fault(path: PathLike, number: int, text: str, names: tuple[str, ...]) -> st
             shown = cell if len(cell) <= 80 else f'{cell[:80]}...'
             return (
                 f'{name} in line {number} of {os.fspath(path)} must be a number, not '
-                f'{shown!r}; correct it or leave the line out.'
+                f'{shown!r}; correct it, or leave out the line or the column.'
             )
     return ''
 

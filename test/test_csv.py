@@ -102,7 +102,11 @@ def test_a_log_may_lack_velocities_and_have_other_columns(tmp_path: Path) -> Non
 def test_rows_that_cannot_be_used_are_counted(tmp_path: Path) -> None:
     text = '\ufefft, q_a, tau_a\n0,1,2\n\n1,nan,2\n1,1,2\n1,1,2\n2,1,inf\n3,4,5\n'
     samples = read_log(log(tmp_path / 'log.csv', text))
-    assert samples.counts == {'value not finite': 2, 'stamp repeated': 1}
+    assert samples.counts == {
+        'value not finite': 1,
+        'effort empty where others have it': 1,
+        'stamp repeated': 1,
+    }
     np.testing.assert_array_equal(samples.t, [0.0, 1.0, 3.0])
     np.testing.assert_array_equal(samples.position[:, 0], [1.0, 1.0, 4.0])
 
@@ -211,6 +215,82 @@ def test_last_line_that_was_cut_short_is_left_out(tmp_path: Path, rest: str) -> 
     samples = read_log(log(tmp_path / 'log.csv', text))
     assert samples.n_samples == 6107
     assert samples.notes == ('line 6109, the last one, was cut short and left out',)
+
+
+TABLE = 't,q_a,dq_a,tau_a\n0,1.5,2,-3\n0.25,2.5,2,4e-1\n0.5,3.5,2,5\n'
+LINES = TABLE.splitlines()
+WRITTEN_OTHERWISE = {
+    'semicolons': TABLE.replace(',', ';'),
+    'decimal commas': TABLE.replace(',', ';').replace('.', ','),
+    'tabs': TABLE.replace(',', '\t'),
+    'blanks': '\n'.join(f' {line}  '.replace(',', '   ') for line in LINES) + '\n',
+    'delimiters at the ends': TABLE.replace('\n', ';\n').replace(',', ';'),
+    'names in a comment': f'# {TABLE}',
+    'comments before': f'% logger 3\n#\n\n{TABLE}',
+    'comments between': TABLE.replace('\n0.25', '\n# contact\n0.25'),
+    'names in a comment, blanks': f'# {TABLE}'.replace(',', ' '),
+    'numbered lines': f',{LINES[0]}\n' + ''.join(f'{k},{x}\n' for k, x in enumerate(LINES[1:])),
+}
+
+
+@pytest.mark.parametrize('kind', WRITTEN_OTHERWISE)
+def test_tables_of_other_programs_are_read(tmp_path: Path, kind: str) -> None:
+    samples = read_log(log(tmp_path / 'log.csv', WRITTEN_OTHERWISE[kind]))
+    assert samples.joint_names == ('a',)
+    np.testing.assert_array_equal(samples.t, [0.0, 0.25, 0.5])
+    np.testing.assert_array_equal(samples.position[:, 0], [1.5, 2.5, 3.5])
+    np.testing.assert_array_equal(samples.effort[:, 0], [-3.0, 0.4, 5.0])
+
+
+@pytest.mark.parametrize('kind', WRITTEN_OTHERWISE)
+def test_tables_of_other_programs_may_be_cut_short(tmp_path: Path, kind: str) -> None:
+    text = WRITTEN_OTHERWISE[kind].rstrip()
+    for end in (len(text) - 2, len(text) - 4):
+        samples = read_log(log(tmp_path / 'log.csv', text[:end]))
+        assert samples.n_samples == 2
+        assert 'was cut short and left out' in samples.notes[0]
+
+
+def test_an_effort_for_some_joints_only_is_refused(tmp_path: Path) -> None:
+    """The positions q_d_a may be desired ones; the log seemed to have no efforts at all."""
+    path = log(tmp_path / 'log.csv', 't,q_a,q_d_a,dq_a,tau_a\n0,1,1,2,3\n1,1,1,2,3\n')
+    sentence = (
+        r'^.*log.csv must have an effort for every position, but tau_d_a is missing; add it, or '
+        r'choose joints with recording.joints.$'
+    )
+    with pytest.raises(DataError, match=sentence):
+        read_log(path)
+    assert read_log(path, ('a',)).has_velocity
+
+
+def test_velocities_of_some_joints_only_are_noted(tmp_path: Path) -> None:
+    samples = read_log(log(tmp_path / 'log.csv', 't,q_a,q_b,dq_a,tau_a,tau_b\n0,1,1,2,3,4\n'))
+    assert not samples.has_velocity
+    assert samples.notes == ('velocities were not read, since dq_b is missing',)
+
+
+def test_columns_of_nothing_but_nan_were_not_recorded(tmp_path: Path) -> None:
+    text = 't,q_a,q_b,dq_a,dq_b,tau_a,tau_b\n' + ''.join(
+        f'{k},1,{k},nan,nan,{k},{effort}\n' for k, effort in enumerate('345x6')
+    )
+    samples = read_log(log(tmp_path / 'log.csv', text.replace('x', 'nan')))
+    assert not samples.has_velocity
+    assert samples.has_effort
+    assert samples.counts == {'value not finite': 1}
+    assert samples.notes == ('some values of b are not finite',)
+
+
+def test_rows_without_efforts_are_left_out(tmp_path: Path) -> None:
+    samples = read_log(log(tmp_path / 'log.csv', 't,q_a,tau_a\n0,1,2\n1,1,nan\n2,1,3\n'))
+    assert samples.counts == {'effort empty where others have it': 1}
+    np.testing.assert_array_equal(samples.effort[:, 0], [2.0, 3.0])
+
+
+@pytest.mark.parametrize('start', [1.7e12, 1.7e15, 1.7e18])
+def test_times_that_are_not_in_seconds_are_refused(tmp_path: Path, start: float) -> None:
+    text = 't,q_a,tau_a\n' + ''.join(f'{start + k},{k},1\n' for k in range(30))
+    with pytest.raises(SourceError, match=r't in .*log.csv must be in seconds, but is 1.7e\+'):
+        read_log(log(tmp_path / 'log.csv', text))
 
 
 def test_two_wrong_lines_are_not_a_cut(tmp_path: Path) -> None:

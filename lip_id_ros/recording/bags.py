@@ -212,8 +212,8 @@ def kind_of(path: Path) -> str:
     require_regular_file(path)
     if not is_storage(path):
         raise SourceError(
-            f'{path} must be a rosbag2 folder, a {", ".join(SUFFIXES)} file or a data set .npz; '
-            'convert it, or correct the name.'
+            f'{path} must be a rosbag2 folder, a {", ".join(SUFFIXES)} file, a log .csv or a data '
+            'set .npz; unpack or convert it, or correct the name.'
         )
     return KINDS[storage_suffix(path)]
 

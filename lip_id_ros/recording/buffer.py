@@ -171,13 +171,15 @@ class SampleBuffer:
         self, stamp: float, order: IndexArray, parts: tuple[Any, Any, Any]
     ) -> Reason | None:
         row = self._rows[self._size]
+        absent = np.array([not len(values) for values in parts])
         for part, values in enumerate(parts):
-            row[part] = np.asarray(values)[order] if len(values) else 0.0
+            row[part] = 0.0 if absent[part] else np.asarray(values)[order]
         if not (np.abs(row) <= LARGEST).all():
-            return Reason.ABSURD if np.isfinite(row).all() else Reason.NOT_FINITE
-        for part, values in enumerate(parts):
-            if not len(values):
-                row[part] = np.nan
+            absent[1:] |= ~np.isfinite(row[1:]).any(axis=1)  # see joint_samples.usable
+            row[absent] = 0.0
+            if not (np.abs(row) <= LARGEST).all():
+                return Reason.ABSURD if np.isfinite(row).all() else Reason.NOT_FINITE
+        row[absent] = np.nan
         self._stamps[self._size] = self._last_stamp = stamp
         self._size += 1
         return None

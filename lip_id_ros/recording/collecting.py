@@ -13,7 +13,13 @@ from numpy.typing import DTypeLike, NDArray
 from lip_id_ros.arrays import BoolArray, IndexArray
 from lip_id_ros.recording import spill
 from lip_id_ros.recording.joint_messages import MessageBlock, PUBLISHER, Publisher
-from lip_id_ros.recording.joint_samples import columns_of, Reason, usable
+from lip_id_ros.recording.joint_samples import (
+    columns_of,
+    not_finite,
+    not_finite_note,
+    Reason,
+    usable,
+)
 from lip_id_ros.recording.timing import LATEST_NS
 
 _MOST_BLOCKS = 64
@@ -53,6 +59,7 @@ class SampleCollector:
         self.seen: dict[str, None] = {}
         self.notes: dict[str, None] = {}
         self._denormal = 0
+        self._not_finite: dict[str, None] = {}
         self._growing: dict[_Key, _GrowingBlock] = {}
 
     def add(self, pieces: Sequence[Piece]) -> None:
@@ -86,6 +93,8 @@ class SampleCollector:
 
     def blocks(self) -> list[MessageBlock]:
         """Return what was collected; nothing may be added any more."""
+        if self._not_finite:
+            self.notes[not_finite_note(self._not_finite)] = None
         if self._denormal:
             self.notes[
                 f'{self._denormal} denormal values (memory never filled in) were read as 0'
@@ -97,6 +106,7 @@ class SampleCollector:
         joints = tuple(block.joints[column] for column in columns)
         values = block.values if joints == block.joints else block.values[:, :, columns]
         keep = usable(values, self.counts)
+        self._not_finite |= dict.fromkeys(not_finite(joints, values))
         denormal = (np.abs(values) < _SMALLEST) & (values != 0.0)
         self._denormal += int(denormal.sum())
         values[denormal] = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
@@ -170,7 +170,14 @@ def stacked(*signals: Array) -> Array:
 
 
 def usable(values: Array, counts: Counter[str]) -> BoolArray:
-    """Mark samples of sensible numbers, given as by `stacked`; count the others."""
+    """
+    Mark samples of sensible numbers, given as by `stacked`; count the others.
+
+    A velocity or effort that is finite for no joint becomes NaN, as one that was not recorded:
+    ros2_control publishes such values for interfaces that the joints do not have.
+
+    """
+    values[:, 1:][np.isinf(values[:, 1:]).all(axis=2)] = np.nan
     largest = np.fmax.reduce(np.abs(values), axis=(1, 2))
     infinite = int(np.isinf(largest).sum())
     keep: BoolArray = largest <= LARGEST
@@ -187,6 +194,17 @@ def complete(no_velocity: BoolArray, no_effort: BoolArray, counts: Counter[str])
             counts[reason] += int((keep & absent).sum())
             keep &= ~absent
     return keep
+
+
+def not_finite(joints: Sequence[str], values: Array) -> list[str]:
+    """Return the joints with values, as `usable` left them, that are not finite."""
+    is_bad = np.isinf(values).any(axis=(0, 1))
+    return [joint for joint, bad in zip(joints, is_bad, strict=True) if bad]
+
+
+def not_finite_note(joints: Iterable[str]) -> str:
+    """Return the note on joints with values that are not finite."""
+    return f'some values of {", ".join(joints)} are not finite'
 
 
 def name_reason(names: Sequence[str]) -> Reason | None:

@@ -8,17 +8,21 @@ import os
 
 import numpy as np
 
-from lip_id_ros.csv_table import check_columns, joints_of, read_table
-from lip_id_ros.errors import missing_joints, SourceError
+from lip_id_ros.arrays import Array
+from lip_id_ros.csv_table import check_columns, CsvTable, joints_of, read_table
+from lip_id_ros.errors import DataError, missing_joints, SourceError
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.assembling import assembled
 from lip_id_ros.recording.bags import Bag, Topic
 from lip_id_ros.recording.collecting import SampleCollector
 from lip_id_ros.recording.joint_messages import EXTRACTORS, JOINT_STATE, message_blocks
 from lip_id_ros.recording.joint_samples import (
+    complete,
     counted,
     JointSamples,
     MOST_JOINTS,
+    not_finite,
+    not_finite_note,
     Reason,
     stacked,
     usable,
@@ -126,18 +130,19 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
             'some with recording.joints.'
         )
     check_columns(path, table, ['t', *(f'q_{name}' for name in names)])
-    nothing = np.empty((table.n_rows, 0))
-    values = stacked(
-        *(
-            table.per_joint(signal, names)
-            if all(f'{signal}_{joint}' in table.columns for joint in names)
-            else nothing
-            for signal in _CSV_SIGNALS
-        )
-    )
+    values, notes = _csv_signals(path, table, names)
     counts: Counter[str] = Counter()
     keep = usable(values, counts)
+    if strange := not_finite(names, values):
+        notes.append(not_finite_note(strange))
+    no_velocity, no_effort = (np.isnan(values[keep, signal, 0]) for signal in (1, 2))
+    keep[keep] = complete(no_velocity, no_effort, counts)
     t = table.columns['t']
+    if np.median(np.abs(t)) > _LATEST_S:
+        raise SourceError(
+            f't in {os.fspath(path)} must be in seconds, but is {np.median(t):.4g}; divide it, by '
+            '1e3 if it is in ms, by 1e9 if it is in ns.'
+        )
     known = np.abs(t) <= _LATEST_S  # not where t is nan
     counts[Reason.BAD_STAMP] += int((keep & ~known).sum())
     kept = np.flatnonzero(keep & known)
@@ -145,7 +150,11 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
     counts.update(timeline.dropped)
     if not timeline.rows.size:
         reasons = ', '.join(f'{reason}: {count}' for reason, count in counted(counts).items())
-        raise SourceError(f'no row of {os.fspath(path)} can be used ({reasons}); correct the log.')
+        why = '; '.join([reasons, *notes])
+        raise SourceError(
+            f'no row of {os.fspath(path)} can be used ({why}); correct the log, or choose joints '
+            'with recording.joints.'
+        )
     rows = kept[timeline.rows]
     return JointSamples(
         timeline.t,
@@ -157,8 +166,36 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
         counts=counted(counts),
         source=os.fspath(path),
         seen_joints=names,
-        notes=(*table.notes, *timeline.notes),
+        notes=(*table.notes, *notes, *timeline.notes),
     )
+
+
+def _csv_signals(
+    path: PathLike, table: CsvTable, joints: Sequence[str]
+) -> tuple[Array, list[str]]:
+    """
+    Return positions, velocities and efforts of a CSV log as `stacked` does, and notes.
+
+    Raises
+    ------
+    DataError
+        If some joints have efforts and others have none.
+
+    """
+    signals, notes = [], []
+    for signal in _CSV_SIGNALS:
+        columns = [f'{signal}_{joint}' for joint in joints]
+        missing = [name for name in columns if name not in table.columns]
+        if signal == 'tau' and 0 < len(missing) < len(columns):
+            raise DataError(
+                f'{os.fspath(path)} must have an effort for every position, but {missing[0]} is '
+                'missing; add it, or choose joints with recording.joints.'
+            )
+        if 0 < len(missing) < len(columns):
+            notes.append(f'velocities were not read, since {missing[0]} is missing')
+        nothing = np.empty((table.n_rows, 0))
+        signals.append(nothing if missing else table.per_joint(signal, joints))
+    return stacked(*signals), notes
 
 
 def joint_topics(bag: Bag) -> list[Topic]:
@@ -300,9 +337,10 @@ def _why_empty(samples: JointSamples) -> str:
     absent = [name for name in samples.joint_names if name not in samples.seen_joints]
     if absent:
         return missing_joints(absent, where, samples.seen_joints[:_SHOWN_JOINTS])
+    why = '; '.join([_reasons(samples), *samples.notes])
     return (
-        f'no message of {where} can be used ({_reasons(samples)}); record position, velocity and '
-        'effort of every joint, or choose other joints with recording.joints.'
+        f'no message of {where} can be used ({why}); record position, velocity and effort of '
+        'every joint, or choose other joints with recording.joints.'
     )
 
 

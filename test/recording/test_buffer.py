@@ -101,6 +101,18 @@ def test_bad_message_is_dropped_and_counted(message: Any, reason: Reason) -> Non
     np.testing.assert_array_equal(samples.position, [[1, 2, 3], [1, 2, 3]])
 
 
+def test_a_signal_of_nothing_but_nan_was_not_recorded() -> None:
+    """As ros2_control publishes where no joint has such an interface."""
+    nothing = [math.nan] * 3
+    buffer = SampleBuffer(NAMES)
+    assert buffer.add(1.0, NAMES, [1, 2, 3], nothing, [4, 5, 6]) is None
+    assert buffer.add(2.0, NAMES, [1, 2, 3], [], [4, 5, 6]) is None
+    samples = buffer.samples()
+    assert (samples.has_velocity, samples.has_effort) == (False, True)
+    np.testing.assert_array_equal(samples.effort, [[4, 5, 6], [4, 5, 6]])
+    assert buffer.add(3.0, NAMES, nothing, nothing, nothing) is Reason.NOT_FINITE
+
+
 @pytest.mark.parametrize('first', [0.0, 1e-9])
 def test_first_stamp_may_be_zero_or_next_to_it(first: float) -> None:
     assert len(filled(SampleBuffer(), [first, 1.0])) == 2

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 import shutil
 import sqlite3
+from typing import Any
 
 import numpy as np
 import pytest
@@ -245,8 +246,25 @@ def test_missing_joint_is_reported(tmp_path: Path) -> None:
 
 def test_nan_everywhere_is_reported(tmp_path: Path) -> None:
     path = write_folder(tmp_path / 'bag', moving(3, effort=(float('nan'), 1.0)))
-    with pytest.raises(SourceError, match=r'can be used \(3 value not finite\); record position'):
+    sentence = (
+        r'can be used \(3 value not finite; some values of shoulder are not finite\); record'
+    )
+    with pytest.raises(SourceError, match=sentence):
         read_bag(path)
+    assert read(path, joints=('elbow',)).n_samples == 3
+
+
+@pytest.mark.parametrize('signal', ['velocity', 'effort'])
+def test_a_signal_of_nothing_but_nan_was_not_recorded(tmp_path: Path, signal: str) -> None:
+    """As ros2_control publishes where no joint has such an interface."""
+    nothing: dict[str, Any] = {signal: (float('nan'), float('nan'))}
+    path = write_folder(tmp_path / 'bag', moving(30, **nothing))
+    samples = read_bag(path)
+    assert samples.n_samples == 30
+    assert (samples.has_velocity, samples.has_effort) == (signal == 'effort', signal == 'velocity')
+    states = [*moving(10, **nothing), *moving(30)[10:]]
+    samples = read_bag(write_folder(tmp_path / 'late', states))
+    assert samples.counts == {f'{signal} empty where others have it': 10}
 
 
 @pytest.mark.parametrize('name', ['bag.txt', 'bag', 'bag.npz', 'bag.MCAP.zip'])
