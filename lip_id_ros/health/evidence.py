@@ -19,11 +19,13 @@ from lip_id_ros.health.motion import (
     VelocityAgreement,
 )
 from lip_id_ros.joint_types import POSITION_UNITS
+from lip_id_ros.preprocessing.continuity import jumps
 from lip_id_ros.preprocessing.sample_times import (
     Changes,
     changes_between,
     changes_of,
     repeated,
+    source_period,
     source_periods,
     stale,
 )
@@ -203,7 +205,8 @@ class Evidence:
     """
     A recording and quantities derived from it, each computed at its first use.
 
-    Efforts of `samples` are scaled to torques where the settings give scales.
+    Efforts of `samples` are scaled to torques where the settings give scales, and whole turns of
+    positions are undone.
 
     """
 
@@ -234,6 +237,12 @@ class Evidence:
     def source_periods(self) -> dict[str, int]:
         """Samples that each signal takes for a new value, stale ones not counted."""
         return source_periods(changes_between(self.changes, ~self.is_stale))
+
+    @cached_property
+    def jumps(self) -> IndexArray:
+        """Rows before which a position jumps as no arm moves."""
+        new = self.changes['position']
+        return jumps(self.samples, new, source_period(new, new))
 
     @cached_property
     def motion(self) -> SmoothMotion:

@@ -11,9 +11,12 @@ import numpy as np
 from lip_id_ros.health import effort_checks, excitation_checks, signal_checks
 from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import Check, Finding, Severity
+from lip_id_ros.joint_types import is_prismatic, REVOLUTE
+from lip_id_ros.preprocessing.continuity import unwrapped
 from lip_id_ros.preprocessing.segments import per_joint, torque
+from lip_id_ros.preprocessing.smoothing import longest_step
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.settings import RecordingSettings
+from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 CHECKS: tuple[Check, ...] = tuple(
     each
@@ -28,7 +31,7 @@ _ORDER = tuple(severity.value for severity in Severity)
 
 def evidence_of(samples: JointSamples, recording: RecordingSettings | None = None) -> Evidence:
     """
-    Prepare a recording for the checks: joint types, and scale and offset of the efforts.
+    Prepare a recording for the checks: joint types, efforts scaled, whole turns undone.
 
     Raises
     ------
@@ -37,10 +40,11 @@ def evidence_of(samples: JointSamples, recording: RecordingSettings | None = Non
 
     """
     recording = recording or RecordingSettings()
-    kinds = per_joint(samples, 'joint_types', recording.joint_types, 'revolute')
+    kinds = per_joint(samples, 'joint_types', recording.joint_types, REVOLUTE)
     if samples.has_effort:
         samples = replace(samples, effort=torque(samples, recording))
-    return Evidence(samples, kinds)
+    longest_s = longest_step(samples.t, PreprocessingSettings().cutoff)
+    return Evidence(unwrapped(samples, ~is_prismatic(kinds), longest_s), kinds)
 
 
 def examine(evidence: Evidence) -> tuple[Finding, ...]:

@@ -31,7 +31,7 @@ PLACES = (
 )
 WITHIN_SHOULDER = (('pan', 'yaw', 'rotation'), ('lift', 'pitch'))
 SIDES = ('left', 'right', 'l', 'r')
-TIP = ('gripper', 'finger')
+NO_ARM = ('gripper', 'finger', 'knuckle', 'jaw', 'wheel', 'caster', 'head')
 
 
 @joint_check(
@@ -142,15 +142,39 @@ def joint_order(evidence: Evidence) -> Iterator[JointText]:
         yield '', f'joint {pair[0]} comes before {pair[1]}{alphabetical}'
 
 
+@check(
+    'two_arms',
+    Severity.WARNING,
+    'name the joints of one arm, from base to tip, in recording.joints',
+)
+def two_arms(evidence: Evidence) -> Iterator[JointText]:
+    """Two or more joints of a left side have the names of joints of a right side."""
+    names = [name for name in evidence.names if not _is_no_arm(name)]
+    stems = {side: {_stem(name) for name in names if _side(name) == side} for side in 'lr'}
+    pairs = len(stems['l'] & stems['r'])
+    if pairs > 1:
+        yield '', f'{pairs} joints of a left arm are joints of a right arm too'
+
+
 @joint_check(
     'gripper_joint',
-    Severity.NOTE,
+    Severity.WARNING,
     'leave it out by recording.joints unless it is to be identified',
 )
 def gripper_joint(joint: Joint) -> Iterator[str]:
-    """By its name a joint belongs to a gripper."""
-    if any(word in TIP for word in _words(joint.name)):
-        yield f'{joint.name} seems to be part of a gripper'
+    """By its name a joint belongs to a gripper, a wheel, a caster or a head."""
+    if _is_no_arm(joint.name):
+        yield f'{joint.name} seems to be no joint of an arm'
+
+
+def _is_no_arm(name: str) -> bool:
+    return any(word in NO_ARM for word in _words(name))
+
+
+def _stem(name: str) -> str:
+    """Return a name without its side."""
+    words = re.findall(r'[a-z]+|\d+', _lower(name))
+    return ' '.join(word for word in words if word not in SIDES)
 
 
 def _misplaced(names: Sequence[str]) -> tuple[str, str] | None:
@@ -193,4 +217,8 @@ def _side(name: str) -> str:
 
 
 def _words(name: str) -> list[str]:
-    return re.findall(r'[a-z]+', re.sub(r'([a-z])([A-Z])', r'\1_\2', name).lower())
+    return re.findall(r'[a-z]+', _lower(name))
+
+
+def _lower(name: str) -> str:
+    return re.sub(r'([a-z])([A-Z])', r'\1_\2', name).lower()

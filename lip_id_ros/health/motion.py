@@ -9,9 +9,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.preprocessing.sample_times import source_periods, without_stale
-from lip_id_ros.preprocessing.segments import segment_of
+from lip_id_ros.preprocessing.segments import segment_of, uninterrupted
 from lip_id_ros.preprocessing.smoothing import (
-    cut,
     DERIVATIVES,
     is_long_enough,
     longest_step,
@@ -100,7 +99,8 @@ def _smooth_segments(samples: JointSamples, rate: float, every: int) -> Iterator
     derivative = DERIVATIVES[_SETTINGS.derivative]
     periods = source_periods(changes)
     fresh = replace(fresh, velocity=_or_zero(fresh.velocity), effort=_or_zero(fresh.effort))
-    for rows in cut(fresh.t, longest_step(fresh.t, _SETTINGS.cutoff)):
+    longest_s = longest_step(fresh.t, _SETTINGS.cutoff)
+    for rows in uninterrupted(fresh, changes, periods, longest_s)[0]:
         if not is_long_enough(fresh.t[rows], rate, _SETTINGS):
             continue
         segment = segment_of(fresh, rows, changes, periods, rate)

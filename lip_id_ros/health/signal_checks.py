@@ -15,7 +15,7 @@ from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step, some
 from lip_id_ros.settings import PreprocessingSettings
 
 SHORT_S = 20.0
-LOW_RATE_HZ = 20.0
+LOW_RATE_HZ, STRANGE_RATE_HZ = 20.0, 2.0
 MOST_JITTER = 0.2
 MOST_DROPPED = 0.01
 MOST_STALE = 0.01
@@ -34,11 +34,12 @@ ALIKE = 0.7
 PROPORTIONAL = 0.95
 LEAST_SCALE, MOST_SCALE = 0.8, 1.25
 SPEED_UNITS = {
-    180.0 / math.pi: 'degrees per second',
-    30.0 / math.pi: 'revolutions per minute',
-    0.5 / math.pi: 'revolutions per second',
-    1e3: 'thousandths',
-    1e-3: 'thousands',
+    180.0 / math.pi: 'in degrees per second',
+    math.pi / 180.0: 'positions were in degrees',
+    30.0 / math.pi: 'in revolutions per minute',
+    0.5 / math.pi: 'in revolutions per second',
+    1e3: 'in thousandths, or times in ms',
+    1e-3: 'in thousands',
 }
 UNIT_TOLERANCE = 0.05
 LEAST_LAG_S = 0.01
@@ -59,7 +60,8 @@ def low_rate(evidence: Evidence) -> Iterator[JointText]:
     """Samples come at less than 20 Hz."""
     step = median_step(evidence.samples.t)
     if step > 1.0 / LOW_RATE_HZ:
-        yield '', f'samples come at {1.0 / step:.3g} Hz'
+        unit = ', as if times were not in s' if step > 1.0 / STRANGE_RATE_HZ else ''
+        yield '', f'samples come at {1.0 / step:.3g} Hz{unit}'
 
 
 @check('jitter', Severity.NOTE, 'let the driver stamp the messages when it reads the encoders')
@@ -161,6 +163,21 @@ def outliers(joint: Joint) -> Iterator[str]:
         )
 
 
+@check(
+    'position_jump',
+    Severity.WARNING,
+    'see what the driver publishes at these times; motion is cut there, and its edges are lost',
+)
+def position_jump(evidence: Evidence) -> Iterator[JointText]:
+    """A position jumps at once by more than 0.05 rad or m, far faster than before and after."""
+    rows, position = evidence.jumps, evidence.samples.position
+    if rows.size:
+        step = position[rows[0]] - position[rows[0] - 1]
+        joint = int(np.argmax(np.abs(step)))
+        at = f'at {evidence.samples.t[rows[0]]:.4g} s by {step[joint]:.3g}'
+        yield '', f'positions jump {rows.size} times, first that of {evidence.names[joint]} {at}'
+
+
 @joint_check('coarse', Severity.NOTE, 'record it with more digits, or move more')
 def coarse(joint: Joint) -> Iterator[str]:
     """
@@ -232,7 +249,11 @@ def velocity_missing(evidence: Evidence) -> Iterator[JointText]:
         yield '', 'no velocities were recorded'
 
 
-@joint_check('velocity_constant', Severity.WARNING, 'set preprocessing.velocity to differentiated')
+@joint_check(
+    'velocity_constant',
+    Severity.NOTE,
+    'nothing needs to be done, the positions of all joints are differentiated instead',
+)
 def velocity_constant(joint: Joint) -> Iterator[str]:
     """A velocity never changes although the joint moves."""
     if 'velocity' in joint.signals and joint.moves and not joint.varies('velocity'):
@@ -245,8 +266,7 @@ def velocity_constant(joint: Joint) -> Iterator[str]:
 @joint_check(
     'velocity_sign',
     Severity.WARNING,
-    'set preprocessing.velocity to differentiated, and check which of the two signs fits the '
-    'effort',
+    'check which of the two signs fits the effort (positions are differentiated instead)',
 )
 def velocity_sign(joint: Joint) -> Iterator[str]:
     """A velocity has the other sign than the change of position."""
@@ -257,7 +277,7 @@ def velocity_sign(joint: Joint) -> Iterator[str]:
 @joint_check(
     'velocity_scale',
     Severity.WARNING,
-    'correct the unit in the driver, or set preprocessing.velocity to differentiated',
+    'correct the unit that is wrong (positions are differentiated instead)',
 )
 def velocity_scale(joint: Joint) -> Iterator[str]:
     """A velocity is less than 0.8 or more than 1.25 times the change of position."""
@@ -266,14 +286,14 @@ def velocity_scale(joint: Joint) -> Iterator[str]:
         unit = next((u for k, u in SPEED_UNITS.items() if abs(scale / k - 1) < UNIT_TOLERANCE), '')
         yield (
             f'the velocity of {joint.name} is {scale:.3g} times the change of its position'
-            f'{unit and f", as if in {unit}"}'
+            f'{unit and f", as if {unit}"}'
         )
 
 
 @joint_check(
     'velocity_unlike',
     Severity.WARNING,
-    'see whether it belongs to another joint, or set preprocessing.velocity to differentiated',
+    'see whether it belongs to another joint (positions are differentiated instead)',
 )
 def velocity_unlike(joint: Joint) -> Iterator[str]:
     """A velocity correlates with the change of position by less than 0.7."""

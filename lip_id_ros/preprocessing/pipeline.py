@@ -17,7 +17,8 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.preprocessing.segments import per_joint, Segment, segments_of, uses_velocity
+from lip_id_ros.joint_types import REVOLUTE
+from lip_id_ros.preprocessing.segments import per_joint, Segment, segments_of
 from lip_id_ros.preprocessing.smoothing import (
     DERIVATIVES,
     edge_length,
@@ -93,9 +94,6 @@ def _recording(
         'content': content_digest(samples.joint_names, samples.position, samples.effort),
         'dropped': {str(reason): count for reason, count in dropped.items() if count},
         'filtered': is_filtered(rate, settings.cutoff),
-        'velocity': 'recorded'
-        if uses_velocity(samples, settings)
-        else 'differentiated from position',
         'kept_every': stride(rate, settings),
         'segments': len(motions),
         **report,
@@ -105,7 +103,7 @@ def _recording(
     return Dataset(
         **{name: np.concatenate([motion[name] for motion in motions]) for name in motions[0]},
         joint_names=samples.joint_names,
-        joint_types=per_joint(samples, 'joint_types', recording.joint_types, 'revolute'),
+        joint_types=per_joint(samples, 'joint_types', recording.joint_types, REVOLUTE),
         segment=np.repeat(np.arange(len(motions)), [motion['t'].size for motion in motions]),
         gravity_compensated=recording.gravity_compensated,
         provenance={'sources': [source]},

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ConfigError, DataError, SourceError
+from lip_id_ros.joint_types import is_prismatic, REVOLUTE
+from lip_id_ros.preprocessing.continuity import contradicted, jumps, refuse_wrong_units, unwrapped
 from lip_id_ros.preprocessing.sample_times import (
     Changes,
     evenly_timed,
@@ -47,7 +50,7 @@ class Segment:
     position, effort : ndarrays, shape (N, n)
         Efforts are torques [N m or N].
     velocity : ndarray, shape (N, n), or None
-        None where velocities were not recorded or are not to be used.
+        None where velocities were not recorded or are not used.
     rate_hz : float
         Of the uniform times that the samples are brought to.
     delays_s : tuple of n floats
@@ -128,7 +131,9 @@ def segments_of(
     samples: JointSamples, settings: PreprocessingSettings, recording: RecordingSettings
 ) -> tuple[list[Segment], dict[str, Any]]:
     """
-    Remove stale samples, scale efforts to torques, cut at gaps and mend stamps.
+    Remove stale samples, scale efforts to torques, cut at gaps and jumps, and mend stamps.
+
+    Recorded velocities are not used in segments where they contradict the positions of a joint.
 
     Returns
     -------
@@ -144,7 +149,7 @@ def segments_of(
     ConfigError
         If a setting per joint has another length than there are joints.
     DataError
-        If there are fewer than two different samples.
+        If there are fewer than two different samples, or times or positions in another unit.
 
     """
     fresh, changes, is_stale = without_stale(samples)
@@ -153,30 +158,52 @@ def segments_of(
             f'{fresh.source} must hold at least two different samples, but has '
             f'{fresh.n_samples}; record while the arm moves.'
         )
-    fresh = replace(fresh, effort=torque(fresh, recording))
+    given = replace(fresh, effort=torque(fresh, recording))
+    kinds = per_joint(samples, 'joint_types', recording.joint_types, REVOLUTE)
+    longest_s = settings.max_gap_s or longest_step(given.t, settings.cutoff)
+    fresh = unwrapped(given, ~is_prismatic(kinds), longest_s)
     periods = source_periods(changes)
     spread = _spread(fresh)
-    given = cut(spread.t, settings.max_gap_s or longest_step(spread.t, settings.cutoff))
-    pieces = [spread.rows(rows) for rows in given]
+    longest_s = settings.max_gap_s or longest_step(spread.t, settings.cutoff)
+    parts, n_jumps = uninterrupted(spread, changes, periods, longest_s)
+    pieces = [spread.rows(rows) for rows in parts]
     stamps = [_retimed(piece, samples.t, is_stale) for piece in pieces]
     rate = _rate(stamps)
     delays = per_joint(samples, 'effort_delay_s', recording.effort_delay_s, 0.0)
-    recorded = uses_velocity(samples, settings)
-    segments = [segment_of(fresh, rows, changes, periods, rate) for rows in given]
+    is_wanted = samples.has_velocity and settings.velocity == 'recorded'
+    wrong = [contradicted(piece) if is_wanted else () for piece in pieces]
+    if any(wrong):
+        refuse_wrong_units(fresh)
+    used = [is_wanted and not joints for joints in wrong]
+    segments = [segment_of(fresh, rows, changes, periods, rate) for rows in parts]
     segments = [
-        replace(each, t=t, delays_s=delays, velocity=each.velocity if recorded else None)
-        for each, t in zip(segments, stamps, strict=True)
+        replace(each, t=t, delays_s=delays, velocity=each.velocity if is_used else None)
+        for each, t, is_used in zip(segments, stamps, used, strict=True)
     ]
     mended = (t is not piece.t for t, piece in zip(stamps, pieces, strict=True))
     return segments, {
+        'velocity': 'recorded' if any(used) else 'differentiated from position',
+        'velocity_contradicted': sorted({joint for joints in wrong for joint in joints}),
         'rate_hz': rate,
         'repeated': {
             'positions': int(np.count_nonzero(~changes['position'])),
             'position_steps': _position_steps(fresh),
         },
+        'unwrapped': fresh is not given,
+        'jumps': n_jumps,
         'retimed': spread is not fresh or any(mended),
         'source_periods': {name: k for name, k in periods.items() if k > 1},
     }
+
+
+def uninterrupted(
+    fresh: JointSamples, changes: Changes, periods: Mapping[str, int], longest_s: float
+) -> tuple[list[slice], int]:
+    """Return the rows between gaps and jumps of positions, and the number of the jumps."""
+    at_jumps = jumps(fresh, changes['position'], periods['position'])
+    starts = [rows.start for rows in cut(fresh.t, longest_s)]
+    ends = [*sorted({*starts, *at_jumps.tolist()} - {0}), fresh.n_samples]
+    return [slice(*each) for each in pairwise([0, *ends])], at_jumps.size
 
 
 def segment_of(
@@ -210,11 +237,6 @@ def segment_of(
         {name: supports(changes[name][rows], k) for name, k in periods.items() if k > 1},
         max(periods.values()),
     )
-
-
-def uses_velocity(samples: JointSamples, settings: PreprocessingSettings) -> bool:
-    """Whether recorded velocities are used."""
-    return samples.has_velocity and settings.velocity == 'recorded'
 
 
 def torque(samples: JointSamples, recording: RecordingSettings) -> Array:

@@ -81,7 +81,8 @@ class PreprocessingSettings(Settings):
     )
     velocity: str = setting(
         'recorded',
-        'Velocities as recorded, where they are, or the derivative of the positions.',
+        'Velocities as recorded, where they agree with the positions, or the derivative of the '
+        'positions.',
         choices=('recorded', 'differentiated'),
     )
     derivative: str = setting(

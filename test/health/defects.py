@@ -23,6 +23,7 @@ Break = Callable[[JointSamples], JointSamples]
 
 
 JOINT = 4
+SIDES = tuple(f'{side}_arm_{name}' for side in ('left', 'right') for name in ('a', 'b', 'c'))
 
 
 def jittered(samples: JointSamples) -> JointSamples:
@@ -85,6 +86,14 @@ def frozen(signal: str) -> Break:
         return column(samples, signal, JOINT, values)
 
     return stop
+
+
+def jumping(samples: JointSamples) -> JointSamples:
+    """Two trials, one written after the other."""
+    first = np.arange(samples.n_samples) < 2000
+    return column(
+        samples, 'position', JOINT, samples.position[:, JOINT] - np.where(first, 0.3, 0.0)
+    )
 
 
 def resting(samples: JointSamples) -> JointSamples:
@@ -189,7 +198,8 @@ DEFECTS: dict[str, tuple[Break, set[str]]] = {
     'effort_huge': (times('effort', 1e4), set()),
     'coarse': (rounded('effort', 0.5), set()),
     'frozen': (frozen('effort'), set()),
-    'position_frozen': (frozen('position'), set()),
+    'position_frozen': (frozen('position'), {'position_jump'}),
+    'position_jump': (jumping, set()),
     'still': (small_motion(1e-6), set()),
     'little_range': (small_motion(0.05), {'gentle', 'slow'}),
     'slow': (slowed, {'gentle'}),
@@ -198,5 +208,6 @@ DEFECTS: dict[str, tuple[Break, set[str]]] = {
     'together': (together, set()),
     'resting': (resting, set()),
     'joint_order': (renamed(tuple(sorted(f'arm_joint{n}' for n in range(5, 12)))), set()),
+    'two_arms': (renamed(('torso', *SIDES)), set()),
     'gripper_joint': (renamed((*NAMES[:-1], 'panda_finger_joint1')), set()),
 }

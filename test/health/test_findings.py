@@ -55,8 +55,7 @@ def test_findings_name_the_joint_and_say_what_to_do() -> None:
     assert finding.severity == 'warning'
     assert finding.text == (
         'the velocity of arm_joint5 is 57.3 times the change of its position, as if in degrees '
-        'per second; correct the unit in the driver, or set preprocessing.velocity to '
-        'differentiated.'
+        'per second; correct the unit that is wrong (positions are differentiated instead).'
     )
 
 

@@ -1,0 +1,204 @@
+"""
+Positions that jump, and velocities that are not those of the positions.
+
+A joint without stops is reported within one turn, and its position jumps by a turn where it leaves
+that range: these jumps are undone. At other jumps (trials written one after another, an encoder
+that misread) motion is cut. Velocities that a driver leaves at zero, or reports in another unit or
+with another sign, differ from the changes of the positions when they are integrated.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
+from lip_id_ros.errors import DataError
+from lip_id_ros.preprocessing.sample_times import longest_silence
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.spill import extent, large_array, release, row_blocks
+from lip_id_ros.recording.timing import median_step
+
+TURN = 2.0 * math.pi
+LEAST_WRAP = 0.75
+"""Least jump of a position that is reported within one turn, in turns."""
+MOST_REACH = 1.01
+"""Range of such a position, in turns."""
+
+LEAST_JUMP = 0.05
+"""A smaller step may be that of a coarse encoder [rad or m]."""
+LEAST_ACCELERATION = 300.0
+LONE = 10.0
+"""A jump is so many times faster than the motion before and after it."""
+BESIDE = (-3, -2, 2, 3)
+"""Steps that a jump is compared with: where an encoder misreads, the next one is a jump too."""
+
+WINDOW_S = 0.25
+"""Changes of position are compared over a period of the usual low-pass."""
+LEAST_LENGTH = 25
+"""Samples of such a period at least, since the unit of the times may be wrong."""
+LEAST_WAY = 0.01
+LEAST_WINDOWS = 20
+ALIKE = 0.7
+LEAST_SCALE, MOST_SCALE = 0.8, 1.25
+PROPORTIONAL = 0.95
+UNIT_TOLERANCE = 0.05
+MOST_ROWS, BLOCKS = 2**16, 16
+
+WRONG_UNITS: Mapping[float, tuple[str, str]] = {
+    1e3: ('times in s', 'ms'),
+    1e6: ('times in s', 'us'),
+    1e9: ('times in s', 'ns'),
+    math.pi / 180.0: ('positions in rad', 'degrees'),
+}
+"""By the velocities of all joints over the changes of their positions: expected, and what came."""
+
+
+def unwrapped(samples: JointSamples, is_revolute: BoolArray, longest_s: float) -> JointSamples:
+    """
+    Undo the jumps by whole turns of revolute joints that are reported within one turn.
+
+    A step of more than `longest_s` is a gap, after which positions are those recorded. The samples
+    themselves are returned where nothing jumps.
+
+    """
+    if not samples.n_samples:
+        return samples
+    reach = np.subtract(*extent(samples.position)[::-1])
+    within = is_revolute & (reach > LEAST_WRAP * TURN) & (reach <= MOST_REACH * TURN)
+    if not any(turns.any() for _, turns in _turns(samples, within, longest_s)):
+        return samples
+    position = large_array(*samples.position.shape)
+    for rows, turns in _turns(samples, within, longest_s):
+        position[rows] = samples.position[rows] - TURN * turns
+        release(samples.position, position)
+    return replace(samples, position=position)
+
+
+def _turns(
+    samples: JointSamples, within: BoolArray, longest_s: float
+) -> Iterator[tuple[slice, Array]]:
+    """Yield blocks of rows and the turns made since the last gap, (K, n)."""
+    if not within.any():
+        return
+    total = np.zeros(samples.n_joints)
+    for rows in row_blocks(samples.n_samples):
+        before = np.maximum(np.arange(rows.start, rows.stop) - 1, 0)
+        step = samples.position[rows] - samples.position[before]
+        is_gap = samples.t[rows] - samples.t[before] > longest_s
+        is_jump = within & ~is_gap[:, np.newaxis] & (np.abs(step) > LEAST_WRAP * TURN)
+        turns = total + np.cumsum(np.where(is_jump, np.sign(step), 0.0), axis=0)
+        last_gap = np.maximum.accumulate(np.where(is_gap, np.arange(is_gap.size), -1))
+        turns -= np.where(last_gap[:, np.newaxis] >= 0, turns[last_gap], 0.0)
+        yield rows, turns
+        total = turns[-1]
+        release(samples.position, samples.t)
+
+
+def jumps(samples: JointSamples, new: BoolArray, period: int) -> IndexArray:
+    """
+    Return the rows before which a position jumps as no arm moves.
+
+    Parameters
+    ----------
+    samples : JointSamples
+    new : ndarray of bool, shape (N,)
+        Where positions differ from those before.
+    period : int
+        Samples that the positions take for new values.
+
+    """
+    least_s = max(median_step(samples.t), longest_silence(samples.t))
+    margin = 2 * BESIDE[-1] * period
+    found = [np.empty(0, np.intp)]
+    for block in row_blocks(samples.n_samples):
+        first, last = max(0, block.start - margin), min(samples.n_samples, block.stop + margin)
+        rows = first + np.flatnonzero(new[first:last])
+        at = rows[1:][_is_jump(samples.t[rows], samples.position[rows], least_s)]
+        found.append(at[(at >= block.start) & (at < block.stop)])
+        release(samples.position, samples.t)
+    return np.concatenate(found)
+
+
+def _is_jump(t: Array, position: Array, least_s: float) -> BoolArray:
+    """Mark steps far faster than those beside them, which no drive could accelerate to."""
+    step = np.abs(np.diff(position, axis=0))
+    duration = np.maximum(np.diff(t), least_s)[:, np.newaxis]
+    speed = step / duration
+    margin = BESIDE[-1]
+    padded = np.pad(speed, ((margin, margin), (0, 0)))
+    beside = np.max([padded[margin + k : margin + k + len(speed)] for k in BESIDE], axis=0)
+    is_fast = (speed > LEAST_ACCELERATION * duration) & (speed > LONE * beside)
+    jumping: BoolArray = (is_fast & (step > LEAST_JUMP)).any(axis=1)
+    return jumping
+
+
+def contradicted(samples: JointSamples) -> tuple[str, ...]:
+    """Return the joints whose recorded velocities are not the changes of their positions."""
+    scale, cosine = velocity_scales(samples)
+    agree = (cosine >= ALIKE) & (scale >= LEAST_SCALE) & (scale <= MOST_SCALE)
+    is_wrong = np.isfinite(scale) & ~agree
+    return tuple(np.array(samples.joint_names, object)[is_wrong].tolist())
+
+
+def refuse_wrong_units(samples: JointSamples) -> None:
+    """Raise a DataError if velocities show that times or positions have another unit."""
+    scale, cosine = velocity_scales(samples)
+    known = np.isfinite(scale)
+    for factor, (expected, unit) in WRONG_UNITS.items():
+        alike = (np.abs(scale / factor - 1.0) < UNIT_TOLERANCE) & (cosine > PROPORTIONAL)
+        if known.any() and alike[known].all():
+            raise DataError(
+                f'{samples.source} must have {expected}, but its velocities are {factor:.4g} '
+                f'times the changes of its positions, as if these were in {unit}; convert them.'
+            )
+
+
+def velocity_scales(samples: JointSamples) -> tuple[Array, Array]:
+    """
+    Compare the integrals of recorded velocities with the changes of positions.
+
+    Returns
+    -------
+    scale, cosine : ndarrays, shape (n,)
+        Integral over change of position, and the cosine between the two; nan for joints that
+        hardly move.
+
+    """
+    least_s = max(median_step(samples.t), longest_silence(samples.t))
+    length = max(LEAST_LENGTH, round(WINDOW_S / least_s) if least_s > 0.0 else 0)
+    sums = np.zeros((4, samples.n_joints))
+    for rows in _some_rows(samples.n_samples):
+        t, position = samples.t[rows], samples.position[rows]
+        if t.size > length:
+            way = position[length:] - position[:-length]
+            integral = _integral(t, samples.velocity[rows])
+            driven = integral[length:] - integral[:-length]
+            is_whole = t[length:] - t[:-length] < 2.0 * length * least_s
+            moves = is_whole[:, np.newaxis] & (np.abs(way) > LEAST_WAY)
+            terms = (np.ones_like(way), way**2, way * driven, driven**2)
+            sums += [np.where(moves, term, 0.0).sum(axis=0) for term in terms]
+        release(samples.t, samples.position, samples.velocity)
+    count, ways, both, squares = sums
+    with np.errstate(divide='ignore', invalid='ignore'):
+        scale = np.where(count >= LEAST_WINDOWS, both / ways, np.nan)
+        cosine = both / np.sqrt(ways * squares)
+    return scale, cosine
+
+
+def _integral(t: Array, velocity: Array) -> Array:
+    steps = 0.5 * (velocity[1:] + velocity[:-1]) * np.diff(t)[:, np.newaxis]
+    return np.concatenate([np.zeros((1, velocity.shape[1])), np.cumsum(steps, axis=0)])
+
+
+def _some_rows(size: int) -> list[slice]:
+    """Return all rows, or of very many some blocks from the beginning to the end."""
+    if size <= MOST_ROWS:
+        return [slice(0, size)]
+    length = MOST_ROWS // BLOCKS
+    starts = np.linspace(0, size - length, BLOCKS).astype(int).tolist()
+    return [slice(start, start + length) for start in starts]
