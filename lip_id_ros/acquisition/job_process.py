@@ -116,6 +116,8 @@ def _fit(
         judged = evaluate(model, held_out, progress).to_json()
     saved = _save(model.save, request['path'])
     cautions = fit_cautions(model.joint_names, model.summary)
+    if judged is not None:
+        cautions += no_better_than_mean(model.joint_names, judged['nmse_percent'])
     return {**saved, 'summary': model.summary, 'cautions': cautions, 'holdout': judged}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 
 from lip_id_ros.cli import arguments, fleet
 
@@ -97,12 +98,12 @@ def run(args: argparse.Namespace) -> None:
             output.destination(args.output), lambda path: models.save(path, model)
         )
     console = output.console(args.output)
-    show.fitted(model, console, training)
+    show.fitted(model, console)
     if evaluation is not None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
         show.evaluated(evaluation, title, console)
-        where = f'{" ".join(args.sources)} --last {args.holdout:g}'
-        show_lines([f'Plots: lip_id evaluate {args.output} {where} --report DIR'], console)
+        where = shlex.join(['lip_id', 'evaluate', args.output, *args.sources])
+        show_lines([f'Plots: {where} --last {args.holdout:g} --report DIR'], console)
     copies = copy_cautions(training.provenance)
     elected = election_lines(training.provenance)
     show_lines([*health.lines, *copies, *elected, *models.cautions(model)], console)

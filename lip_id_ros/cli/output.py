@@ -190,7 +190,7 @@ def progress_display() -> Iterator[Progress]:
 
 
 class Lines:
-    """One line for each stage, then at most one every ten seconds."""
+    """One line for each stage, then at most one every ten seconds; a stage may begin anew."""
 
     def __init__(self, stream: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
         self._stream = stream
@@ -198,11 +198,16 @@ class Lines:
         self._last = clock()
         self._lines: set[str] = set()
         self._begun: dict[str, tuple[float, int]] = {}
+        self._done: dict[str, int] = {}
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Take a report."""
         line = f'{stage}: {done} of {total}' if total else stage
         now = self._clock()
+        if done < self._done.get(stage, 0):
+            self._begun[stage] = now, done
+            self._lines = {each for each in self._lines if not each.startswith(f'{stage}: ')}
+        self._done[stage] = done
         is_new_stage = stage not in self._lines
         if line in self._lines or not (is_new_stage or now - self._last >= QUIET_SECONDS):
             return
@@ -228,11 +233,16 @@ class _Stages:
     def __init__(self, bars: Bars) -> None:
         self._bars = bars
         self._tasks: dict[str, TaskID] = {}
+        self._done: dict[str, int] = {}
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         if stage not in self._tasks:
             self._tasks[stage] = self._bars.add_task(stage, total=None)
-        self._bars.update(self._tasks[stage], completed=done, total=total or None)
+        task = self._tasks[stage]
+        if done < self._done.get(stage, 0):  # the stage begins anew
+            self._bars.reset(task)
+        self._done[stage] = done
+        self._bars.update(task, completed=done, total=total or None)
 
 
 def _require_name(path: str) -> None:

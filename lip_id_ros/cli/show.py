@@ -20,6 +20,7 @@ from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.evaluation.tables import (
     error_table,
     notes,
+    percent,
     show,
     show_lines,
     Table,
@@ -42,6 +43,8 @@ AS_TABLES = (
     'friction_between_recordings',
     'noise_std',
     'remainder',
+    'unexplained_left_out',
+    'unexplained_percent',
 )
 """What of a fit is shown by tables, or by its effect."""
 UNITS = '[rad or m, s]; effort as recorded, tau in N m or N'
@@ -50,8 +53,8 @@ MOST_BESIDE = 3
 DEFAULTS = {'recording': RecordingSettings(), 'preprocessing': PreprocessingSettings()}
 
 
-def fitted(model: Model, console: Console, training: Dataset | None = None) -> None:
-    """Show what a fit found; with the deviations of the torques that it was fitted to."""
+def fitted(model: Model, console: Console) -> None:
+    """Show what a fit found."""
     if isinstance(model, Baseline):
         record = model.record
         text = (
@@ -60,21 +63,24 @@ def fitted(model: Model, console: Console, training: Dataset | None = None) -> N
         )
         show_lines([text], console)
         return
-    show(_joint_table(model, training), console)
+    show(_joint_table(model), console)
     if model.arm is not None:
         show_links(model, console)
 
 
-def _joint_table(model: InverseDynamicsModel, training: Dataset | None) -> Table:
+def _joint_table(model: InverseDynamicsModel) -> Table:
     units = [TORQUE_UNITS[kind] for kind in model.joint_types]
     header = ['', 'type', 'noise']
     columns = [model.joint_names, model.joint_types, _with_units(model.noise_std, units)]
-    if training is not None:
-        header.append('std of torque')
-        columns.append(_with_units(training.tau.std(axis=0), units))
+    if (shares := model.summary.get('unexplained_percent')) is not None:
+        header.append('unexplained [%]')
+        columns.append([percent(share) for share in shares])
     if model.arm is not None:
-        header.append('friction')
-        columns.append([', '.join(names) for names in model.arm.friction.names()])
+        terms = [list(names) for names in model.arm.friction.names()]
+        common = [name for name in terms[0] if all(name in names for names in terms)]
+        more = [', '.join(name for name in names if name not in common) for names in terms]
+        header.append(f'friction: {", ".join(common)}' + ', and' * any(more))
+        columns.append(more)
     title = f'{model.kernel} kernel, {model.n_samples} samples'
     if (seconds := model.summary.get('seconds_total')) is not None:
         title += f', fitted in {seconds:.3g} s'

@@ -19,6 +19,7 @@ from lip_id_ros.baselines import Method, method
 from lip_id_ros.baselines.registry import MEANINGS
 from lip_id_ros.comparison.cell import Case, Cell, code_version, measure
 from lip_id_ros.errors import DataError, FitError
+from lip_id_ros.evaluation.cautions import USELESS_PERCENT
 from lip_id_ros.evaluation.tables import percent, Table
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import TorquePrediction
@@ -179,9 +180,10 @@ def meanings(cells: Sequence[Cell]) -> dict[str, str]:
 
 
 def remarks(results: Results) -> list[str]:
-    """Return the failures, and a warning where other code made some of the results."""
+    """Return the failures, the models that explain nothing of a joint, and results of old code."""
     codes = (cell.code for cell in results.cells)
-    return [*results.failures, *_made_by_others(codes, code_version())]
+    useless = _no_better_than_mean(results.cells)
+    return [*results.failures, *useless, *_made_by_others(codes, code_version())]
 
 
 def to_json(results: Results) -> dict[str, Any]:
@@ -194,6 +196,24 @@ def to_json(results: Results) -> dict[str, Any]:
         'cells': [cell.to_json() for cell in results.cells],
         'failures': list(results.failures),
     }
+
+
+def _no_better_than_mean(cells: Sequence[Cell]) -> Iterator[str]:
+    """Yield a sentence for each group with models that predict a joint as its mean would."""
+    for group, by_model in groups(cells).items():
+        found = {model: _medians(some)['nmse_percent'] for model, some in by_model.items()}
+        names = {
+            model: [
+                name
+                for name, error in zip(by_model[model][0].joint_names, errors, strict=True)
+                if error is not None and error >= USELESS_PERCENT
+            ]
+            for model, errors in found.items()
+        }
+        if listed := [
+            f'{model} at {", ".join(joints)}' for model, joints in names.items() if joints
+        ]:
+            yield f'{group}: no better than the mean of the torque: {"; ".join(listed)}.'
 
 
 def _made_by_others(codes: Iterable[str], here: str) -> list[str]:

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.metrics import not_positive_definite_percent
+from lip_id_ros.evaluation.tables import percent
 from lip_id_ros.model import InverseDynamicsModel
 
 MOST_CHECKED = 1000
@@ -27,23 +29,34 @@ def with_checks(model: InverseDynamicsModel, training: Dataset) -> InverseDynami
 
     `inertia_not_pd_percent` is the share of samples at which M(q) is not positive definite,
     `inertia_min_eigenvalue` its smallest eigenvalue at any of them [kg m^2 or kg], and
-    `unexplained_percent` the noise variance of each joint in percent of the variance of its
-    torque (None where that is constant).
+    `unexplained_percent` the noise variance of each joint, or its error on left-out blocks where
+    that is larger, in percent of the variance of its torque (None where that is constant).
 
     """
     smallest = np.linalg.eigvalsh(
         model.inertia_matrix(training.q[:: 1 + training.n_samples // MOST_CHECKED])
     )[:, 0]
     variance = training.tau.var(axis=0)
+    squares = np.maximum(model.noise_std**2, _left_out_squares(model, variance))
     checks: dict[str, Any] = {
         'inertia_not_pd_percent': not_positive_definite_percent(smallest),
         'inertia_min_eigenvalue': float(smallest.min()),
         'unexplained_percent': [
-            100.0 * float(noise) ** 2 / float(total) if total > 0.0 else None
-            for noise, total in zip(model.noise_std, variance, strict=True)
+            100.0 * float(square) / float(total) if total > 0.0 else None
+            for square, total in zip(squares, variance, strict=True)
         ],
     }
     return replace(model, summary={**model.summary, **checks})
+
+
+def _left_out_squares(model: InverseDynamicsModel, variance: Array) -> Array:
+    """Return mean squares of the errors of links on left-out blocks; 0 where not known, (n,)."""
+    shares = model.summary.get('unexplained_left_out')
+    if shares is None:
+        return np.zeros(len(variance))
+    # the noise of a joint with a Gaussian process is its error on left-out blocks
+    has_process = model.remainder.joints if model.remainder else np.zeros(len(variance), bool)
+    return np.where(has_process, 0.0, np.asarray(shares) * variance)
 
 
 def fit_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:
@@ -64,7 +77,13 @@ def fit_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list
     """
     texts = [note] if (note := summary.get('device_note')) else []
     texts += summary.get('description', {}).get('sentences', ())
-    texts += no_better_than_mean(joint_names, summary.get('unexplained_percent', ()))
+    shares = summary.get('unexplained_percent', ())
+    texts += no_better_than_mean(joint_names, shares, 'On left-out training data the model')
+    if summary.get('searches_agreed') is False:
+        texts.append(
+            'Two searches for the placements of the joints ended in different ones: do not use '
+            'the geometry, and record faster motion of all joints.'
+        )
     if ignored := summary.get('ignored_settings'):
         texts.append(
             f'The fit did not use {", ".join(ignored)}: this kind of model has no such setting; '
@@ -95,7 +114,9 @@ def copy_cautions(provenance: Mapping[str, Any]) -> list[str]:
 
 
 def no_better_than_mean(
-    joint_names: Sequence[str], nmse_percent: Sequence[float | None]
+    joint_names: Sequence[str],
+    nmse_percent: Sequence[float | None],
+    subject: str = 'The model',
 ) -> list[str]:
     """
     Return a warning where a model predicts a torque no better than the torque's mean would.
@@ -106,6 +127,8 @@ def no_better_than_mean(
     nmse_percent : sequence of float or None
         Mean squared error per joint in percent of the variance of the torque; nan or None where
         the torque is constant. Empty where it is unknown.
+    subject : str
+        Begins the sentence.
 
     """
     useless = [
@@ -115,9 +138,9 @@ def no_better_than_mean(
     ]
     if not useless:
         return []
-    errors = ', '.join(f'{name} ({value:.3g} %)' for name, value in useless)
+    errors = ', '.join(f'{name} ({percent(value)} %)' for name, value in useless)
     return [
-        f'The model predicts no better than the mean of the torque at {len(useless)} of '
+        f'{subject} predicts no better than the mean of the torque at {len(useless)} of '
         f'{len(joint_names)} joints (error in % of the variance): {errors}. Do not serve it; '
         'check the efforts, the order and the types of the joints with lip_id inspect, and '
         'record more motion.'

@@ -106,7 +106,8 @@ def _settings_for(
 
 def health_table(joints: Mapping[str, Mapping[str, float | None]]) -> Table:
     """Return the figures of each joint, as `lip_id_ros.health.health` gives them."""
-    known = [name for name in COLUMNS if any(name in figures for figures in joints.values())]
+    some = {name for each in joints.values() for name, x in each.items() if x is not None}
+    known = [name for name in COLUMNS if name in some]
     rows = [
         (joint, *(_text(name, figures.get(name)) for name in known))
         for joint, figures in joints.items()

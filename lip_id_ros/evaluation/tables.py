@@ -118,6 +118,11 @@ def notes(evaluation: Evaluation) -> list[str]:
         f'{evaluation.n_samples} samples, compared with the {against}; '
         'nMSE = 100 mean(error^2) / var(torque).'
     ]
+    if evaluation.within_two_std_percent is not None:
+        texts.append(
+            'Within 2 std: share of measured torques within two standard deviations of the '
+            'prediction; 95 % are expected, fewer where the motion is unlike the training data.'
+        )
     if evaluation.inertia_not_pd_percent is None:
         return texts
     where = 'all samples'
@@ -128,12 +133,12 @@ def notes(evaluation: Evaluation) -> list[str]:
 
 
 def percent(value: float | None) -> str:
-    """Return a percentage in four decimals or digits, or a dash where there is none."""
+    """Return a percentage in three digits, or a dash where there is none."""
     if value is None or math.isnan(value):
         return '-'
     if value < LEAST_PERCENT:
         return f'<{LEAST_PERCENT}'
-    return f'{value:.4f}' if value < 10 else f'{value:.4g}'
+    return f'{value:.3g}' if value < 999.5 else f'{value:.0f}'
 
 
 def _cell(text: str) -> Text:

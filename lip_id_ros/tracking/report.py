@@ -15,7 +15,6 @@ from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.evaluation.metrics import nmse_percent, nmse_percent_without_offset
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.report.page import page, Picture, picture, write_folder
-from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.simulation import Tracking
 from lip_id_ros.tracking.experiment import Experiment, LEARNED, NOMINAL, Trial
 from lip_id_ros.tracking.figures import Figures, learned_energies, notes, tables
@@ -126,7 +125,7 @@ def write_report(
     pictures = [
         each for amplitude in experiment.amplitudes for each in _pictures(trial, amplitude)
     ]
-    text = page(TITLE, (), tables(of), notes(of), pictures, _facts(experiment, trial, of))
+    text = page(TITLE, _facts(experiment, trial, of), (), tables(of), notes(of), pictures)
     return write_folder(folder, text, pictures)
 
 
@@ -153,8 +152,8 @@ def _pictures(trial: Trial, amplitude: float) -> list[Picture]:
         ]
 
 
-def _facts(experiment: Experiment, trial: Trial, of: Figures) -> Table:
-    facts = (
+def _facts(experiment: Experiment, trial: Trial, of: Figures) -> tuple[tuple[str, str], ...]:
+    return (
         ('reference', f'q_d(t) = posture + A / T t cos(pi t), T = {experiment.horizon:g} s'),
         (
             'nominal model',
@@ -166,4 +165,3 @@ def _facts(experiment: Experiment, trial: Trial, of: Figures) -> Table:
         ('model', f'{trial.model.kernel} kernel, {trial.model.n_samples} samples'),
         ('pictures', f'of nominal model {trial.seed}'),
     )
-    return Table('Experiment', (), facts)

@@ -33,7 +33,7 @@ def test_inspect_says_what_is_wrong(workshop: Workshop, here: Path, capsys: Capt
     page = (here / 'out' / 'index.html').read_text(encoding='utf-8')
     assert 'the velocity of shoulder is 57.3 times' in page
     assert {path.name for path in (here / 'out').iterdir()} == {
-        'index.html', 'signals.png', 'coverage.png'
+        'index.html', 'signals.png', 'motion.png'
     }  # fmt: skip
 
 

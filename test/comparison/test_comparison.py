@@ -162,6 +162,14 @@ def test_results_of_other_code_are_kept_and_named(
     assert sentence in page.read_text(encoding='utf-8')
 
 
+def test_models_no_better_than_the_mean_are_named(tmp_path: Path) -> None:
+    methods: dict[str, Method] = {'zero': Scaled(0.0), 'good': Scaled(1.9)}
+    results = run(tmp_path, methods, [case()])
+    joints = ', '.join(results.cells[0].joint_names)
+    sentence = f'pendulums: no better than the mean of the torque: zero at {joints}.'
+    assert remarks(results) == [sentence]
+
+
 def test_a_cell_from_before_codes_were_noted_is_of_unknown_code(tmp_path: Path) -> None:
     (cell,) = run(tmp_path, {'half': Scaled(1.0)}, [case()]).cells
     content = cell.to_json()

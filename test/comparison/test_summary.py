@@ -44,7 +44,7 @@ def test_costs_of_several_cases_are_medians() -> None:
     assert (found['fit_seconds'], found['query_us'], found['size']) == (2.0, 20.0, 7.0)
     assert found['motions'] == 9
     errors, costs = tables(Results(cells, (), ()))
-    assert errors.rows == [('x', '2.0000', '3.0000', '6.0000', '6.0000')]
+    assert errors.rows == [('x', '2', '3', '6', '6')]
     assert costs.rows == [('x', '2', '20', '7')]
     assert 'median of 9 unseen motions' in errors.title
 

@@ -62,6 +62,20 @@ def test_a_constant_torque_has_no_share() -> None:
     assert checked.summary['unexplained_percent'][1] is None
 
 
+def test_errors_on_left_out_blocks_count_where_they_exceed_the_noise() -> None:
+    model, data = small_model(), training()
+    known = replace(model, summary={**model.summary, 'unexplained_left_out': [1.2, 0.0, 0.0]})
+    found = with_checks(known, data).summary['unexplained_percent']
+    assert found[0] == pytest.approx(120.0)
+    assert found[1:] == with_checks(model, data).summary['unexplained_percent'][1:]
+
+
+@pytest.mark.parametrize(('agreed', 'count'), [(True, 0), (False, 1)])
+def test_searches_that_did_not_agree_are_a_caution(agreed: bool, count: int) -> None:
+    cautions = fit_cautions(NAMES, {'searches_agreed': agreed})
+    assert len([text for text in cautions if 'placements of the joints ended' in text]) == count
+
+
 @pytest.mark.slow
 def test_the_page_warns_of_joints_that_are_not_explained(tmp_path: Path) -> None:
     outcome = run(Knowing(torque_error=50.0), swing(1))

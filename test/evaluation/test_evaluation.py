@@ -226,7 +226,10 @@ def test_table_shows_every_joint_and_energy() -> None:
 
 @pytest.mark.parametrize(
     ('value', 'text'),
-    [(math.nan, '-'), (0.0, '<0.0001'), (0.01234, '0.0123'), (3.14159, '3.1416'), (42.0, '42')],
+    [
+        *((math.nan, '-'), (0.0, '<0.0001'), (0.01234, '0.0123'), (3.14159, '3.14')),
+        *((42.0, '42'), (999.6, '1000'), (12345.6, '12346')),
+    ],
 )
 def test_percent(value: float, text: str) -> None:
     assert percent(value) == text

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.evaluation.recording_health import RecordingHealth, UNKNOWN_UNITS
-from lip_id_ros.evaluation.report.recording_report import coverage, signals, write_recording_report
+from lip_id_ros.evaluation.report.recording_report import motion, signals, write_recording_report
 from lip_id_ros.health import evidence_of, health
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import RecordingSettings
@@ -33,7 +33,7 @@ def test_pictures_show_every_joint_as_it_was_recorded() -> None:
         assert (rows[0], rows[-1]) == (0, samples.n_samples - 1)
         assert len(rows) >= min(1000, samples.n_samples)
         assert np.ptp(np.diff(rows)) <= 1
-    covered = coverage(evidence_of(samples))
+    covered = motion(evidence_of(samples))
     assert [panel.get_title(loc='left') for panel in covered.axes if panel.get_visible()] == list(
         samples.joint_names
     )
@@ -87,8 +87,8 @@ def test_a_prismatic_joint_is_drawn_in_metres_and_an_unknown_one_in_either() -> 
     assert evidence.joint_types == ('prismatic', *('revolute',) * 6)
     found = labels(signals(evidence))
     assert {'q [m]', 'q [rad]', 'dq [m/s]', 'dq [rad/s]', 'tau [N]', 'tau [N m]'} <= found
-    assert 'position [m]' in labels(coverage(evidence))
-    unknown = labels(signals(evidence, UNKNOWN_UNITS)) | labels(coverage(evidence, UNKNOWN_UNITS))
+    assert 'position [m]' in labels(motion(evidence))
+    unknown = labels(signals(evidence, UNKNOWN_UNITS)) | labels(motion(evidence, UNKNOWN_UNITS))
     assert {'q [rad or m]', 'dq [rad/s or m/s]', 'position [rad or m]'} <= unknown
     assert not any('[rad]' in label for label in unknown)
 

@@ -143,6 +143,19 @@ def test_bars_are_the_errors() -> None:
     ]
 
 
+def test_a_joint_predicted_no_better_than_its_mean_is_called_that_in_pictures() -> None:
+    outcome, uncertainty = assessed(swing(1), Knowing())
+    evaluation = score(outcome)
+    useless = replace(evaluation, nmse_percent=(95.0, *evaluation.nmse_percent[1:]))
+    first, second, *_ = evaluation_report.torque(outcome, useless, uncertainty).axes
+    assert first.get_title('right') == 'no better than the mean: nMSE 95 %'
+    assert second.get_title('right').startswith('nMSE')
+    panel = evaluation_report.errors(useless).axes[0]
+    (line,) = panel.get_lines()
+    assert list(np.asarray(line.get_xdata())) == [100.0, 100.0]
+    assert panel.get_xlim()[1] > 100.0
+
+
 def test_band_is_that_of_a_measurement_and_known_everywhere() -> None:
     outcome, uncertainty = assessed(swing(1, duration=40.0), Knowing())
 

@@ -20,15 +20,17 @@ from lip_id_ros.evaluation.metrics import Evaluation, Outcome, standard_deviatio
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.report.page import drawn, page, Picture, write_folder
 from lip_id_ros.evaluation.rollout import Rollouts
-from lip_id_ros.evaluation.tables import error_table, notes, rollout_tables, Table
+from lip_id_ros.evaluation.tables import error_table, notes, rollout_tables
 from lip_id_ros.model import DynamicsModel, Prediction, TorqueModel
 from lip_id_ros.progress import Progress, silent
 
 CAPTIONS = {
     'torque': 'Measured torque (grey), predicted torque (blue) and two standard deviations '
     '(of prediction and noise) on both sides.',
-    'errors': 'Normalised mean squared error; the axis is logarithmic.',
-    'residual': 'Measured minus predicted torque: noise and errors of the model.',
+    'errors': 'Normalised mean squared error; the axis is logarithmic. At the dashed line, 100 %, '
+    'a prediction is no better than the mean of the torque.',
+    'residual': 'Measured minus predicted torque, and two standard deviations on both sides of '
+    'zero.',
     'energies': 'Predicted energies of the motion; the true ones, where known, in grey. The '
     'constant of the potential energy is free.',
     'torque_split': 'The predicted torque is the sum of these parts.',
@@ -100,11 +102,12 @@ def write_report(
     simulated = rollout_tables(rollouts, names, types) if rollouts else []
     text = page(
         labels.title,
-        [*labels.warnings, *no_better_than_mean(evaluation.joint_names, evaluation.nmse_percent)],
-        [error_table(evaluation), *simulated],
+        labels.facts,
+        [*no_better_than_mean(evaluation.joint_names, evaluation.nmse_percent), *labels.warnings],
+        [error_table(evaluation)],
         notes(evaluation),
         pictures,
-        Table('Model and data', (), labels.facts),
+        simulated,
     )
     return write_folder(folder, text, pictures)
 
@@ -122,7 +125,7 @@ def _pictures(
             'Torque, measured and predicted',
             lambda: torque(outcome, evaluation, band),
         ),
-        'errors': ('Errors', lambda: errors(evaluation)),
+        'errors': ('Normalised errors', lambda: errors(evaluation)),
         'residual': ('Residual', lambda: residual(outcome, band)),
     }
     if predicted.kinetic is not None or predicted.potential is not None:
@@ -139,6 +142,7 @@ def _pictures(
 
 
 MOST_SAMPLES = 200  # a standard deviation costs far more than a prediction
+MEAN_PERCENT = 100.0  # error of predicting the mean
 
 Bar = tuple[str, float, str]
 
@@ -290,7 +294,8 @@ def errors(evaluation: Evaluation) -> Figure:
     drawn = panel.barh(range(len(bars)), shown, tick_label=labels, color=colors, height=0.62)
     panel.bar_label(drawn, labels=[_label(value) for value in values], padding=5)
     panel.set_xscale('log')
-    panel.set_xlim(min(1e-2, shown.min()) / 3, max(1.0, shown.max()) * 4)
+    panel.set_xlim(min(1e-2, shown.min()) / 3, max(MEAN_PERCENT, shown.max()) * 4)
+    panel.axvline(MEAN_PERCENT, color=style.MEASURED, linestyle='--', zorder=0)
     panel.invert_yaxis()
     panel.grid(visible=False, axis='y')
     panel.set_xlabel('normalised mean squared error [%]')

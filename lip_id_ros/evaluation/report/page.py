@@ -36,7 +36,7 @@ td { font-variant-numeric: tabular-nums; }
 figure { margin: 0; background: white; padding: 12px; border: 1px solid #e4e7eb; }
 figure img { width: 100%; height: auto; display: block; }
 .warning { background: #fef3c7; border-left: 4px solid #d97706; padding: 8px 14px; }
-.facts td { text-align: left; overflow-wrap: anywhere; }
+.facts td { text-align: left; overflow-wrap: anywhere; padding: 3px 14px; }
 .scroll { overflow-x: auto; margin-bottom: 10px; }
 """
 
@@ -53,11 +53,12 @@ class Picture:
 
 def page(
     title: str,
+    facts: Iterable[tuple[str, str]],
     warnings: Iterable[str],
     tables: Iterable[Table],
     notes: Iterable[str],
     pictures: Iterable[Picture],
-    facts: Table,
+    details: Iterable[Table] = (),
 ) -> str:
     """
     Return the page as HTML.
@@ -65,25 +66,28 @@ def page(
     Parameters
     ----------
     title : str
+    facts : iterable of (str, str)
+        Name and value: origin of model and data, below the title.
     warnings : iterable of str
-        Shown above everything else.
+        Shown above the tables.
     tables : iterable of Table
         The errors.
     notes : iterable of str
         Shown below the tables.
     pictures : iterable of Picture
         Embedded in the page.
-    facts : Table
-        Origin of model and data; its header is not shown.
+    details : iterable of Table
+        Shown below the pictures.
 
     """
     body = [
         f'<h1>{for_page(title)}</h1>',
+        f'<div class="scroll"><table class="facts">\n{_rows(facts)}\n</table></div>',
         *(f'<p class="warning">{for_page(warning)}</p>' for warning in warnings),
         *(_table(table) for table in tables),
         *(f'<p>{for_page(note)}</p>' for note in notes),
         *(_figure(picture) for picture in pictures),
-        _facts(facts),
+        *(_table(table) for table in details),
     ]
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -97,20 +101,12 @@ def page(
 def _table(table: Table) -> str:
     return (
         f'<h2>{for_page(table.title)}</h2>\n<div class="scroll"><table>\n'
-        f'{_row("th", table.header)}\n' + _rows(table) + '\n</table></div>'
+        f'{_row("th", table.header)}\n{_rows(table.rows)}\n</table></div>'
     )
 
 
-def _facts(table: Table) -> str:
-    return (
-        f'<h2>{for_page(table.title)}</h2>\n<div class="scroll"><table class="facts">\n'
-        + _rows(table)
-        + '\n</table></div>'
-    )
-
-
-def _rows(table: Table) -> str:
-    return '\n'.join(_row('td', row) for row in table.rows)
+def _rows(rows: Iterable[Iterable[str]]) -> str:
+    return '\n'.join(_row('td', row) for row in rows)
 
 
 def _row(tag: str, cells: Iterable[str]) -> str:

@@ -20,17 +20,16 @@ from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.recording_health import finding_lines, health_table
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.report.page import Drawing, drawn, page, write_folder
-from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.health import Evidence
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.progress import Progress, silent
 
 ROW_HEIGHT = 1.5
-COVERAGE_COLUMNS = 4
+MOTION_COLUMNS = 4
 SIGNALS = (
     'Position, velocity and effort as they were recorded (effort with the scale of the settings).'
 )
-COVERAGE = (
+MOTION = (
     'Position and velocity of each joint, low-passed. A model is reliable near these lines only.'
 )
 
@@ -107,11 +106,11 @@ def _report(
     )
     text = page(
         'Health of a recording',
+        facts,
         finding_lines(finding for finding in findings if finding['severity'] != 'note'),
         [health_table(health['joints'])],
         finding_lines(finding for finding in findings if finding['severity'] == 'note'),
         pictures,
-        Table('Recording', (), facts),
     )
     return write_folder(target, text, pictures)
 
@@ -121,7 +120,7 @@ def _drawings(
 ) -> Iterator[Drawing]:
     yield 'signals', 'Recorded signals', SIGNALS, partial(signals, evidence, units, are_torques)
     if evidence.motion.segments:
-        yield 'coverage', 'Coverage', COVERAGE, partial(coverage, evidence, units)
+        yield 'motion', 'Velocity over position', MOTION, partial(motion, evidence, units)
 
 
 def signals(
@@ -151,10 +150,10 @@ def signals(
     return figure
 
 
-def coverage(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> Figure:
+def motion(evidence: Evidence, units: Mapping[str, str] = POSITION_UNITS) -> Figure:
     """Draw velocity over position of each joint."""
     n_joints = len(evidence.names)
-    n_columns = min(COVERAGE_COLUMNS, n_joints)
+    n_columns = min(MOTION_COLUMNS, n_joints)
     figure = Figure(
         figsize=(style.WIDTH, 2.6 * math.ceil(n_joints / n_columns) + 0.2),
         layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08),
