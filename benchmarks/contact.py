@@ -32,7 +32,7 @@ from lip_id_ros.simulation import (
     Tracking,
 )
 from lip_id_ros.simulation.arm import MOTION
-from lip_id_ros.tracking.experiment import panda_setup, Setup
+from lip_id_ros.simulation.panda_drives import panda_setup, Setup
 
 EVERY = 10  # the observer runs at 100 Hz
 FIRST, APART, LASTS = 1.0, 2.0, 0.5  # contacts [s]

@@ -18,6 +18,7 @@ SOURCES = Path(__file__).resolve().parents[1] / PACKAGE
 # itself and BASE.
 BASE = {
     'arrays',
+    'checked_file',
     'csv_table',
     'errors',
     'escaping',
@@ -31,6 +32,7 @@ PARTS = {
     'arrays': set(),
     'errors': set(),
     'escaping': set(),
+    'checked_file': set(),
     'csv_table': set(),
     'files': set(),
     'joint_types': set(),
@@ -193,6 +195,9 @@ LIGHT = {
     'lip_id_ros.model': ('torch', 'rclpy', 'matplotlib', 'pinocchio', 'rosbags'),
     'lip_id_ros.gp': ('torch', 'rclpy', 'matplotlib', 'pinocchio', 'rosbags'),
     'lip_id_ros.cli': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
+    'lip_id_ros.acquisition.recorder': ('torch', 'numba', 'matplotlib', 'pinocchio'),
+    'lip_id_ros.acquisition.settings': ('torch', 'numba', 'matplotlib', 'pinocchio'),
+    'lip_id_ros.control.computed_torque': ('torch', 'numba', 'matplotlib', 'pinocchio'),
     'lip_id_ros.baselines': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
 }
 

@@ -28,7 +28,7 @@ class Patience:
 
     def __init__(self) -> None:
         self._begun = self._looked = self._busy = time.monotonic()
-        self._used = _cpu_seconds()
+        self._used: dict[int, float] = {}  # looking takes longer than most waits
 
     @property
     def exhausted(self) -> bool:

@@ -8,9 +8,9 @@ import os
 from pathlib import Path
 from typing import Any
 
+from lip_id_ros.checked_file import is_model
 from lip_id_ros.dataset.formats import is_data_set
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.model.checked_file import is_model
 from lip_id_ros.settings import (
     Config,
     executor_setting,

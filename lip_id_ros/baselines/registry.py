@@ -20,17 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.baselines.interface import Baseline, FitRecord, Method, Urdf
-from lip_id_ros.dataset import Dataset
-from lip_id_ros.errors import ConfigError, DataError, LipIdError, ModelError
-from lip_id_ros.identification import fit
-from lip_id_ros.model import TorqueModel
-from lip_id_ros.model.checked_file import (
+from lip_id_ros.checked_file import (
     Arrays,
     COMPARED,
     contradiction,
     read_checked,
     write_checked,
 )
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import ConfigError, DataError, LipIdError, ModelError
+from lip_id_ros.identification import fit
+from lip_id_ros.model import TorqueModel
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
 

@@ -69,6 +69,7 @@ def run(args: argparse.Namespace) -> None:
     if fleet.is_asked(args):
         fleet.run(args)
         return
+    from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.errors import LipIdError
     from lip_id_ros.evaluation import evaluate
@@ -77,7 +78,6 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
     from lip_id_ros.loading import election_lines, load_dataset
-    from lip_id_ros.model.checked_file import is_model
     from lip_id_ros.preprocessing import for_training
 
     inputs = [*args.sources, *filter(None, [args.urdf, args.config])]

@@ -87,13 +87,13 @@ def is_asked(args: argparse.Namespace) -> bool:
 
 def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
+    from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
     from lip_id_ros.fleet.cache import default_folder, FolderCache
     from lip_id_ros.fleet.fit import fit_fleet
     from lip_id_ros.fleet.sources import find
-    from lip_id_ros.model.checked_file import is_model
     from lip_id_ros.settings import AUTO
 
     _check(args)

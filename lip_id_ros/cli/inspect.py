@@ -62,8 +62,8 @@ def run(args: argparse.Namespace) -> None:
 def _is_model(file: str) -> bool:
     from pathlib import Path
 
+    from lip_id_ros.checked_file import COMPARED, MODEL, schema_of
     from lip_id_ros.dataset import DATASET_SUFFIX
-    from lip_id_ros.model.checked_file import COMPARED, MODEL, schema_of
 
     return Path(file).suffix == DATASET_SUFFIX and schema_of(file) in (MODEL, COMPARED)
 

@@ -11,12 +11,12 @@ from typing import Any
 from lip_id_ros.baselines import Baseline, learn, OURS
 from lip_id_ros.baselines.registry import load as load_baseline
 from lip_id_ros.baselines.registry import save as save_baseline
+from lip_id_ros.checked_file import COMPARED, schema_of
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import fit_cautions, matched, with_checks
 from lip_id_ros.identification import fit
 from lip_id_ros.loading import load_dataset, with_elected
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.checked_file import COMPARED, schema_of
 from lip_id_ros.model.serialization import contradictions
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config, FitSettings, override, read_config

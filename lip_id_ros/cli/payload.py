@@ -70,6 +70,7 @@ def flange(text: str) -> tuple[float, float]:
 
 def run(args: argparse.Namespace) -> None:
     """Find the payload, show it, and write what is asked for."""
+    from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output
     from lip_id_ros.evaluation import evaluate, no_better_than_mean
     from lip_id_ros.evaluation.tables import show_lines
@@ -85,7 +86,6 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.files import write_whole
     from lip_id_ros.identification.payload import identify_payload
     from lip_id_ros.model import InverseDynamicsModel
-    from lip_id_ros.model.checked_file import is_model
 
     inputs = [args.model, *args.sources]
     output.check_distinct(args.yaml, args.output)

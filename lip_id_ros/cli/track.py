@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> None:
     """Simulate, learn, track, show and write."""
     from lip_id_ros.cli import output
     from lip_id_ros.evaluation.tables import show, show_lines
+    from lip_id_ros.simulation.panda_drives import panda_setup
     from lip_id_ros.tracking import Experiment, figures, trials
-    from lip_id_ros.tracking.experiment import panda_setup
     from lip_id_ros.tracking.figures import notes, tables
     from lip_id_ros.tracking.report import write_report
 

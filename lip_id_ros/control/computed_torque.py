@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.model import DynamicsModel
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START
@@ -25,6 +24,9 @@ from lip_id_ros.signals.joints import (
     require_unique,
 )
 from lip_id_ros.signals.status import Level, Status, Tally
+
+if TYPE_CHECKING:  # numba, which the node starts without
+    from lip_id_ros.model import DynamicsModel
 
 
 class Feedforward(Protocol):

@@ -32,7 +32,7 @@ from lip_id_ros.simulation import (
     with_encoder_noise,
 )
 from lip_id_ros.simulation.arm import MOTION
-from lip_id_ros.tracking.experiment import panda_setup
+from lip_id_ros.simulation.panda_drives import panda_setup
 
 RETRY_S, REPEAT_S = 0.2, 5.0
 POINTS_HZ = 100.0

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.description import is_text
 from lip_id_ros.description.robot import Body, moved, RobotDescription, rotation_to, transform
 from lip_id_ros.errors import DataError
 from lip_id_ros.files import require_regular_file
@@ -68,11 +69,6 @@ def load_description(
     except UnicodeDecodeError as error:
         raise DataError(f'{text} is not a URDF in UTF-8 ({error}); give another file.') from error
     return parse_description(content, text, joint_names, joint_types)
-
-
-def is_text(source: str) -> bool:
-    """Whether a source is the text of a URDF, and not the name of a file."""
-    return source.lstrip().startswith('<')
 
 
 def parse_description(

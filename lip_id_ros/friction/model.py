@@ -204,13 +204,25 @@ class FrictionModel:
             Of the torque of joint i by the load of joint j.
 
         """
+        slopes, loaded = np.zeros((*load.shape, self.n_joints)), self._loaded
+        if not loaded.basis.terms:
+            return slopes
         sign = np.where(load < 0.0, -1.0, 1.0)
-        without = self.torque(q, dq, np.zeros_like(load))
-        slopes = np.empty((*load.shape, self.n_joints))
+        without = loaded.torque(q, dq, np.zeros_like(load))
         for j in range(self.n_joints):
             unit = sign * (np.arange(self.n_joints) == j)
-            slopes[:, :, j] = sign[:, j, None] * (self.torque(q, dq, unit) - without)
+            slopes[:, :, j] = sign[:, j, None] * (loaded.torque(q, dq, unit) - without)
         return slopes
+
+    @cached_property
+    def _loaded(self) -> FrictionModel:
+        """The terms that depend on the load."""
+        parts = zip(self.basis.terms, self.basis.slices, strict=True)
+        is_loaded = self.basis.is_loaded
+        kept = [(part, place) for part, place in parts if is_loaded[place].any()]
+        basis = FrictionBasis(self.n_joints, tuple(part for part, _ in kept))
+        values = [self.coefficients[place] for _, place in kept]
+        return FrictionModel(basis, np.concatenate([np.zeros(0), *values]))
 
     def names(self) -> tuple[tuple[str, ...], ...]:
         """Return the names of the terms of every joint, in the words of the literature."""

@@ -155,32 +155,38 @@ class PayloadProblem:
 
     def rows(self, at: LoadedState) -> Array:
         """Differentiate all torques by a step, in standard deviations, without and with body."""
-        to_parameters = self.parameter_map(at)
-        own = len(to_parameters) - BODY
-        bare = at.arm.jacobian(*self.bare.state) / self.bare.std[..., None]
-        loaded = with_body(at.arm, at.body).jacobian(*self.loaded.state)
+        out = np.zeros((at.residual.size, self.size))
         last = (DIRECTIONS + LINK_PARAMETERS) * len(at.numbers)
-        body = loaded[:, :, last - LINK_PARAMETERS : last - 1]  # it is part of the last link
-        loaded = np.concatenate([loaded, body], axis=2) / self.loaded.std[..., None]
-        return np.concatenate(
-            [
-                bare.reshape(-1, own) @ to_parameters[:own],
-                loaded.reshape(-1, own + BODY) @ to_parameters,
-            ]
-        )
+        blocks = self._blocks(at)
+        first = 0
+        for arm, given in ((at.arm, self.bare), (with_body(at.arm, at.body), self.loaded)):
+            rows = out[first : first + given.tau.size]
+            first += given.tau.size
+            found = arm.jacobian(*given.state).reshape(len(rows), -1)
+            found /= given.std.reshape(-1, 1)
+            rows[:, :-BODY] = found
+            if given is self.loaded:  # the body is part of the last link
+                rows[:, -BODY:] = found[:, last - LINK_PARAMETERS : last - 1]
+            for place, block in blocks:
+                rows[:, place] = found[:, place] @ block
+        return out
 
     def parameter_map(self, at: LoadedState) -> Array:
         """Differentiate the coordinates of `ArmPosterior`, and the body, by a step, (m, m)."""
         out = np.eye(self.size)
-        first = DIRECTIONS * len(at.numbers)
-        for k, block in enumerate(link_parameter_jacobian(at.numbers, self._scale)):
-            place = slice(first + LINK_PARAMETERS * k, first + LINK_PARAMETERS * (k + 1))
+        for place, block in self._blocks(at):
             out[place, place] = block
+        return out
+
+    def _blocks(self, at: LoadedState) -> list[tuple[slice, Array]]:
+        """Return the blocks of `parameter_map` that are not the identity, and where they are."""
+        first, blocks = DIRECTIONS * len(at.numbers), []
+        for block in link_parameter_jacobian(at.numbers, self._scale):
+            blocks.append((slice(first, first + LINK_PARAMETERS), block))
+            first += LINK_PARAMETERS
         friction = at.arm.friction
         slopes = np.where(friction.basis.is_positive, friction.coefficients, 1.0)
-        place = slice(first + at.numbers.size, self.size - BODY)
-        out[place, place] = np.diag(slopes)
-        return out
+        return [*blocks, (slice(first, self.size - BODY), np.diag(slopes))]
 
     def _sizes(self) -> tuple[int, int, int]:
         n = len(self.arm.links)

@@ -18,7 +18,7 @@ from lip_id_ros.rigid_body.regressor import (
     potential_regressor,
     torque_regressor,
 )
-from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
 
 MOST_CHANGE = 5e-4
 """Largest relative change of a deviation at random states that a compact posterior may make."""
@@ -92,10 +92,15 @@ class ArmPosterior:
         regressor = torque_regressor(self.chain, *state)
         placements = placement_derivatives(self.chain, self.links, *state)
         load = regressor @ self.links.ravel()
-        loads = np.concatenate([placements.reshape(*dq.shape, -1), regressor], axis=2)
-        loads += self.friction.load_slopes(q, dq, load) @ loads
-        friction = friction_features(basis, q, dq, load)
-        return np.concatenate([loads, friction], axis=2)
+        n, count = dq.shape[1] * DIRECTIONS, regressor.shape[2]
+        out = np.empty((*dq.shape, n + count + basis.size))
+        out[..., :n] = placements.reshape(*dq.shape, -1)
+        out[..., n : n + count] = regressor
+        slopes = self.friction.load_slopes(q, dq, load)
+        if slopes.any():
+            out[..., : n + count] += slopes @ out[..., : n + count]
+        out[..., n + count :] = friction_features(basis, q, dq, load)
+        return out
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return standard deviations of the noiseless torques, shape (N, n) [N m or N]."""

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.checked_file import Arrays, MODEL, read_checked, write_checked
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.kernels import TorquePosterior
 from lip_id_ros.model import serialization
 from lip_id_ros.model.arm_deviation import ArmDeviation
 from lip_id_ros.model.arm_mean import ArmMean
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.checked_file import Arrays, MODEL, read_checked, write_checked
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.process_mean import ProcessMean
 from lip_id_ros.model.remainder import Remainder

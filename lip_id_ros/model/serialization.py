@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.checked_file import Arrays, contradiction
 from lip_id_ros.errors import LipIdError, ShapeError
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
@@ -27,7 +28,6 @@ from lip_id_ros.kernels import (
 )
 from lip_id_ros.kernels.program import unit_weights, with_potential_after
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.checked_file import Arrays, contradiction
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS

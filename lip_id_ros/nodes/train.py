@@ -23,7 +23,7 @@ from lip_id_ros.acquisition.settings import (
     train_parameters,
     TrainSettings,
 )
-from lip_id_ros.description.urdf import is_text
+from lip_id_ros.description import is_text
 from lip_id_ros.errors import ConfigError, DataError, LipIdError
 from lip_id_ros.nodes import qos, running
 from lip_id_ros.nodes.node import NodeBase

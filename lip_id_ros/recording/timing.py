@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.recording.joint_samples import Reason
@@ -222,6 +221,8 @@ def _far(stamps: IntArray) -> BoolArray:
     size = min(_NEIGHBOURS, stamps.size - 1 + stamps.size % 2)
     if size < 3:
         return np.zeros(stamps.size, bool)
+    from scipy.ndimage import median_filter  # live nodes start without it
+
     distance = np.abs(stamps - median_filter(stamps, size, mode='mirror'))
     reach = size // 2
     at_end = np.ones(stamps.size, bool)

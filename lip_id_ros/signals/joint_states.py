@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
-from lip_id_ros.model import EffortCalibration
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
+
+if TYPE_CHECKING:  # numba, which `train` and `computed_torque` start without
+    from lip_id_ros.model import EffortCalibration
 
 CONFIRMED_BY = 3
 """So many messages in a row that follow a doubted stamp show that the clock did jump."""

@@ -14,10 +14,10 @@ import pytest
 
 from lip_id_ros.baselines import Baseline, learn, LITERATURE, needs_urdf
 from lip_id_ros.baselines.registry import flattened, load, rebuilt, save
+from lip_id_ros.checked_file import COMPARED, write_checked
 from lip_id_ros.errors import ConfigError, ModelError
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.checked_file import COMPARED, write_checked
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation.arm import panda_urdf

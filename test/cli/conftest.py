@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from made_once import made_once
 import pytest
 from simulation.pendulums import swing
 
@@ -40,14 +41,20 @@ class Workshop:
 
 @pytest.fixture(scope='session')
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Workshop:
-    folder = tmp_path_factory.mktemp('workshop')
-    files = Workshop(folder / 'run', folder / 'other', folder / 'arm.yaml', folder / 'arm.npz')
+    return workshop_in(made_once(tmp_path_factory, 'workshop', furnish))
+
+
+def workshop_in(folder: Path) -> Workshop:
+    return Workshop(folder / 'run', folder / 'other', folder / 'arm.yaml', folder / 'arm.npz')
+
+
+def furnish(folder: Path) -> None:
+    folder.mkdir()
+    files = workshop_in(folder)
     for seed, bag in enumerate((files.bag, files.other_bag)):
         write_bag(bag, swing(seed, rate=50.0), start=1.7e9)
     files.settings.write_text(SETTINGS)
-    status = main(['fit', str(files.bag), '-o', str(files.model), '--config', str(files.settings)])
-    assert status == 0
-    return files
+    lip_id('fit', files.bag, '-o', files.model, '--config', files.settings)
 
 
 @pytest.fixture

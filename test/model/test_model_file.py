@@ -250,7 +250,7 @@ def check_contradiction(
 ) -> None:
     """Compare the sentence for a file that is changed and has its hash nevertheless."""
     stored = read_npz(path)[1]['sha256']
-    monkeypatch.setattr('lip_id_ros.model.checked_file._digest', lambda *_: stored)
+    monkeypatch.setattr('lip_id_ros.checked_file._digest', lambda *_: stored)
     sentence = f'says it is a model but lacks or contradicts itself in .*{what}'
     check_refused(changed(path, change), sentence)
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.checked_file import MODEL, write_checked
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_npz
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.checked_file import MODEL, write_checked
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 
 

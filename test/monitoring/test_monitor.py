@@ -24,9 +24,7 @@ CONTACT = np.array([0.0, 2.0])
 
 @pytest.fixture(scope='module')
 def path(tmp_path_factory: pytest.TempPathFactory) -> str:
-    path = tmp_path_factory.mktemp('model') / 'toy.npz'
-    toy.model().save(path)
-    return str(path)
+    return toy.model_path(tmp_path_factory)
 
 
 def monitor(path: str, **values: object) -> Monitor:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nodes import toy
 import pytest
+
+from lip_id_ros.model import InverseDynamicsModel
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph
@@ -56,14 +59,12 @@ def serving(shared: tuple[Graph, Client], model_path: str) -> tuple[Graph, Clien
 @pytest.fixture(scope='session')
 def model_path(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Model of the two pendulums."""
-    path = tmp_path_factory.mktemp('model') / 'model.npz'
-    toy.model().save(path)
-    return str(path)
+    return toy.model_path(tmp_path_factory)
 
 
 @pytest.fixture(scope='session')
-def foreign_model_path(tmp_path_factory: pytest.TempPathFactory) -> str:
+def foreign_model_path(tmp_path_factory: pytest.TempPathFactory, model_path: str) -> str:
     """Model of an arm with joints of other names."""
     path = tmp_path_factory.mktemp('model') / 'foreign.npz'
-    toy.model(('left', 'right')).save(path)
+    replace(InverseDynamicsModel.load(model_path), joint_names=('left', 'right')).save(path)
     return str(path)

@@ -20,8 +20,8 @@ import yaml
 from lip_id_ros.control import Gains
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import GrowingCosine
+from lip_id_ros.simulation.panda_drives import panda_setup, POSTURE
 from lip_id_ros.tracking import Experiment, run_experiment
-from lip_id_ros.tracking.experiment import panda_setup, POSTURE
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph

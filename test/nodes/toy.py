@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from made_once import made_once
 import numpy as np
+import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -60,6 +62,11 @@ def model(joints: tuple[str, ...] = JOINTS) -> InverseDynamicsModel:
     fitted = fit(dataset(joints), CHEAP)
     fitted.predict(*np.zeros((3, 1, 2)))
     return fitted
+
+
+def model_path(factory: pytest.TempPathFactory) -> str:
+    """Return the file of the model."""
+    return str(made_once(factory, 'toy.npz', lambda path: model().save(path)))
 
 
 def model_with_weight(factor: float) -> InverseDynamicsModel:

@@ -83,8 +83,8 @@ def comparison(folder: Path) -> Path:
 
 def tracking(folder: Path) -> Path:
     pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
+    from lip_id_ros.simulation.panda_drives import panda_setup
     from lip_id_ros.tracking import Experiment, figures, run_experiment
-    from lip_id_ros.tracking.experiment import panda_setup
     from lip_id_ros.tracking.report import write_report
 
     experiment = Experiment(horizon=2.0, fit=FitSettings(subset=20, iterations=3))

@@ -13,6 +13,7 @@ from lip_id_ros import tracking
 from lip_id_ros.cli import main
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import GrowingCosine
+from lip_id_ros.simulation.panda_drives import panda_setup, POSTURE
 from lip_id_ros.tracking import (
     Experiment,
     Figures,
@@ -23,7 +24,7 @@ from lip_id_ros.tracking import (
     run_experiment,
     Trial,
 )
-from lip_id_ros.tracking.experiment import panda_setup, POSTURE, recorded
+from lip_id_ros.tracking.experiment import recorded
 from lip_id_ros.tracking.figures import FEEDBACK, notes, POSITION, RunFigures, tables
 
 pytestmark = pytest.mark.slow
