@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lapack, solve_triangular
+from scipy.linalg import lapack
 from scipy.optimize import nnls
 
 from lip_id_ros.arrays import Array, IndexArray
@@ -161,7 +161,7 @@ class LeftOutBlocks:
         """Estimate the noise of every joint by the root mean square of left-out residuals."""
         noise = INITIAL_NOISE * self._torque_std
         for _ in range(NOISE_ROUNDS):
-            squares = self.fit(selected, noise).mean_squares
+            (squares,) = self.mean_squares(selected, [np.empty(0, dtype=np.intp)], noise)
             noise = np.maximum(np.sqrt(squares), LEAST_NOISE * self._torque_std)
         return noise
 
@@ -188,6 +188,15 @@ class LeftOutBlocks:
             )
             for g in range(len(groups))
         ]
+
+    def mean_squares(
+        self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
+    ) -> Array:
+        """Return `LeftOutFit.mean_squares` with one more group of parameters each, (groups, n)."""
+        parts = self._normal_equations(noise_std)
+        whole = np.sum(parts, axis=0)
+        thetas = [self._solutions(whole - part, selected, groups) for part in parts]
+        return np.asarray(self._squares(self._schemes[0], thetas).mean(axis=0))
 
     def _normal_equations(self, noise_std: Array) -> list[Array]:
         """Return [F, tau]^T [F, tau] of every block in units of the noise."""
@@ -259,11 +268,11 @@ class _Reduced:
     ) -> None:
         self._free, self._rest = free, rest
         at = np.append(rest, len(normal) - 1)
-        shared = normal[np.ix_(free, free)]
+        shared = normal[free[:, None], free]
         shared.flat[:: len(shared) + 1] += prior_std[free] ** -2.0
         self._factor = _cholesky(shared)
-        self._half, _ = lapack.dtrtrs(self._factor, normal[np.ix_(free, at)], lower=1)
-        self._system = normal[np.ix_(at, at)] - self._half.T @ self._half
+        self._half, _ = lapack.dtrtrs(self._factor, normal[free[:, None], at], lower=1)
+        self._system = normal[at[:, None], at] - self._half.T @ self._half
         diagonal = np.arange(rest.size)
         self._system[diagonal, diagonal] += prior_std[rest] ** -2.0
 
@@ -272,9 +281,11 @@ class _Reduced:
         at = np.searchsorted(self._rest, more)
         x = np.zeros(0)
         if more.size:
-            lower = _cholesky(self._system[np.ix_(at, at)])
-            right, _ = lapack.dtrtrs(lower, self._system[at, -1], lower=1)
-            x = bounded_solution(np.column_stack([lower.T, right]), n_free)
+            lower = _cholesky(self._system[at[:, None], at])
+            root = np.empty((at.size, at.size + 1))
+            root[:, :-1] = lower.T
+            root[:, -1], _ = lapack.dtrtrs(lower, self._system[at, -1], lower=1)
+            x = bounded_solution(root, n_free)
         theta[more] = x
         rest = self._half[:, -1] - self._half[:, at] @ x
         theta[self._free], _ = lapack.dtrtrs(self._factor, rest, lower=1, trans=1)
@@ -314,5 +325,6 @@ def bounded_solution(root: Array, n_free: int) -> Array:
     if p > f:
         x[f:], _ = nnls(root[f:p, f:p], root[f:p, p])
     if f:
-        x[:f] = solve_triangular(root[:f, :f], root[:f, p] - root[:f, f:p] @ x[f:])
+        right = root[:f, p] - root[:f, f:p] @ x[f:]
+        x[:f], _ = lapack.dtrtrs(root[:f, :f].T, right, lower=1, trans=1)
     return x

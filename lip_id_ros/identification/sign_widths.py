@@ -151,8 +151,10 @@ class SignWidths:
             )
             for joint in range(n):
                 rest = [sign[n * k + other] for other, k in enumerate(index) if other != joint]
-                fits = blocks.with_each(np.concatenate([fixed, *rest]), sign[joint::n], noise)
-                scores[:, joint] = [np.log(fit.mean_squares).sum() for fit in fits]
+                squares = blocks.mean_squares(
+                    np.concatenate([fixed, *rest]), sign[joint::n], noise
+                )
+                scores[:, joint] = [np.log(each).sum() for each in squares]
                 index[joint] = np.argmin(scores[:, joint])
             if np.array_equal(index, before):
                 break
