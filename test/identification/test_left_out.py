@@ -85,6 +85,15 @@ def test_one_more_term_without_solving_anew() -> None:
             np.testing.assert_allclose(mine, its, rtol=1e-8)
 
 
+def test_mean_squares_are_those_of_the_fits() -> None:
+    features, tau = samples()
+    blocks, selected = blocks_of(features, tau), np.array([1, 2, 6])
+    groups = [np.array([0]), np.array([3, 4]), np.zeros(0, dtype=np.intp)]
+    fits = blocks.with_each(selected, groups, NOISE)
+    found = blocks.mean_squares(selected, groups, NOISE)
+    np.testing.assert_array_equal(found, [each.mean_squares for each in fits])
+
+
 def test_noise_is_estimated() -> None:
     features, tau = samples()
     got = blocks_of(features, tau).noise(np.arange(P))
