@@ -7,6 +7,7 @@ from pathlib import Path
 from feedforward.arms import point
 from model.models import random_model
 import numpy as np
+import psutil
 import pytest
 from waiting import wait_until
 
@@ -32,6 +33,15 @@ def wait_for(deviations: Deviations) -> Deviated:
 
 def offer(deviations: Deviations, state: Array, tag: str, now: float) -> None:
     deviations.offer(state, tag, now, 0.1)
+
+
+def process_of_deviations() -> psutil.Process:
+    (found,) = (
+        each
+        for each in psutil.Process().children()
+        if 'lip_id_ros.feedforward.deviations' in each.cmdline()
+    )
+    return found
 
 
 @pytest.mark.slow
@@ -77,8 +87,11 @@ def test_an_unknown_deviation_is_beyond_the_limit(tmp_path: Path) -> None:
     server.enable()
     rest = [0.1] * model.n_joints
     points = [point(rest, rest, rest)]
+    process = process_of_deviations()
     try:
+        process.suspend()
         assert not server.sample(model.joint_names, points, 0.0).tau.any()  # not computed yet
+        process.resume()
         wait_for(arm.deviations)
         assert server.sample(model.joint_names, points, 0.1).tau.all()
         assert server.judge('', 0.1)[0] == Level.WARN
