@@ -248,7 +248,7 @@ def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
     SourceError
         If no effort was recorded.
     ConfigError
-        If scale or offset are not given for each joint.
+        If scale or offset are not given for each joint, or a scale is 0.
 
     """
     if not samples.has_effort:
@@ -259,6 +259,12 @@ def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
         )
     scale = np.array(per_joint(samples, 'effort_scale', recording.effort_scale, 1.0))
     offset = np.array(per_joint(samples, 'effort_offset', recording.effort_offset, 0.0))
+    if not scale.all():
+        joint = samples.joint_names[int(np.argmin(scale != 0.0))]
+        raise ConfigError(
+            f'recording.effort_scale must not be 0, as it is for {joint}: every torque would be; '
+            'give 1 where the effort is a torque.'
+        )
     if (scale == 1.0).all() and (offset == 0.0).all():
         return samples.effort
     return mapped(lambda effort: effort * scale + offset, samples.effort)

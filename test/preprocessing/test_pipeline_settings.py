@@ -125,6 +125,13 @@ def test_setting_of_another_number_of_joints_is_reported(name: str) -> None:
         preprocess(recording(T), recording=settings)
 
 
+def test_an_effort_scale_of_zero_is_refused() -> None:
+    settings = RecordingSettings(effort_scale=(2.0, 0.0))
+    sentence = r'^recording.effort_scale must not be 0, as it is for elbow: .*; give 1 where'
+    with pytest.raises(ConfigError, match=sentence):
+        preprocess(recording(T), recording=settings)
+
+
 @pytest.mark.parametrize('count', [1, 40, 57])
 def test_too_short_a_recording_is_reported(count: int) -> None:
     with pytest.raises(DataError, match=r'^arm.mcap must hold .*; record'):
