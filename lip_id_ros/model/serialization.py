@@ -33,6 +33,7 @@ from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 REMAINDER = ('x', 'lengths', 'noise', 'variance', 'left_out_std', 'alpha', 'friction')
 CONTRADICTIONS = (AttributeError, IndexError, KeyError, TypeError, ValueError, LipIdError)
@@ -162,7 +163,7 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
         },
     )
     _require_possible(arrays, coordinates)
-    size = 17 * n + friction.basis.with_sign_widths().size
+    size = (DIRECTIONS + LINK_PARAMETERS) * n + friction.basis.with_sign_widths().size
     root = np.zeros((size, arrays['arm_covariance_root'].shape[1]))
     root[coordinates] = arrays['arm_covariance_root']
     places = arrays['arm_rotations'], arrays['arm_translations']
