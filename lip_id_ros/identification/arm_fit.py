@@ -17,8 +17,10 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.friction.compiled import friction_features
+from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.friction.terms import Spring
 from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
@@ -125,11 +127,18 @@ class ArmFitter:
         In the order of time.
     described : tuple of RobotDescription and DescriptionSettings, optional
         Prior of placements and links.
+    search_terms : tuple of DriveTerm
+        That the search for placements has beside viscous and Coulomb friction and offsets.
 
     """
 
-    def __init__(self, dataset: Dataset, described: Described | None = None) -> None:
-        self.dataset, self._described = dataset, described
+    def __init__(
+        self,
+        dataset: Dataset,
+        described: Described | None = None,
+        search_terms: tuple[DriveTerm, ...] = (),
+    ) -> None:
+        self.dataset, self._described, self._search_terms = dataset, described, search_terms
         self.link_std = link_prior_std(dataset)
         usual = scale_of(float(self.link_std[0, 0]), LENGTH)
         if described is None:
@@ -140,6 +149,11 @@ class ArmFitter:
         self.torque_std = np.where(torque > 0.0, torque, 1.0)
         self._chosen: dict[int, Dataset] = {}
         self.least_noise = FINEST * self.torque_std
+
+    @property
+    def is_described(self) -> bool:
+        """Whether the placements of a robot description are taken as they are."""
+        return self.prior.chain is not None
 
     def some(self, count: int) -> Dataset:
         """Return so many of the samples, well spread."""
@@ -154,8 +168,14 @@ class ArmFitter:
         return self.of(self.dataset.select(evenly(self.dataset.n_samples, most)))
 
     def of(self, dataset: Dataset) -> ArmFitter:
-        """Return a fitter of other samples, with the same description."""
-        return ArmFitter(dataset, self._described)
+        """Return a fitter of other samples, with the same description and search."""
+        return ArmFitter(dataset, self._described, self._search_terms)
+
+    def with_springs(self) -> ArmFitter:
+        """Return a fitter whose search has a spring at every joint."""
+        drives = map(Drive.of_joint, range(self.dataset.n_joints))
+        springs = tuple(DriveTerm(drive, Spring()) for drive in drives)
+        return ArmFitter(self.dataset, self._described, springs)
 
     def tempered(self, inflation: float) -> ArmFitter:
         """
@@ -172,43 +192,44 @@ class ArmFitter:
 
     def calibrated(self, seed: int, progress: Progress) -> Calibration:
         """
-        Find the placements of the joints, with viscous and Coulomb friction and offsets.
+        Find the placements of the joints, with the friction terms of the search.
 
         Those of a robot description are taken as they are.
 
         """
+        samples = self._search_samples(self.some(SEARCH_SAMPLES))
         if self.prior.chain is not None:
-            return calibration_at(self.prior.chain, self._plain_samples(self.some(SEARCH_SAMPLES)))
-        return calibrate(
-            self._plain_samples(self.some(SEARCH_SAMPLES)), FEW_SAMPLES, seed, progress
-        )
+            return calibration_at(self.prior.chain, samples)
+        return calibrate(samples, FEW_SAMPLES, seed, progress)
 
     def recalibrated(self, calibration: Calibration) -> Calibration:
         """Refine placements that were found in other samples."""
+        samples = self._search_samples(self.some(SEARCH_SAMPLES))
         if self.prior.chain is not None:
-            return calibration_at(self.prior.chain, self._plain_samples(self.some(SEARCH_SAMPLES)))
-        return refine(self._plain_samples(self.some(SEARCH_SAMPLES)), FEW_SAMPLES, calibration)
+            return calibration_at(self.prior.chain, samples)
+        return refine(samples, FEW_SAMPLES, calibration)
 
-    def log_residual(self, chain: Chain) -> float:
-        """Return the mean logarithm of the joints' residuals with the joints in given places."""
-        calibration = calibration_at(chain, self._plain_samples(self.some(START_SAMPLES)))
-        return float(np.log(calibration.noise_std).mean())
+    def log_residuals(self, chain: Chain) -> Array:
+        """Return the logarithms of the joints' residuals with the joints in given places, (n,)."""
+        calibration = calibration_at(chain, self._search_samples(self.some(START_SAMPLES)))
+        return np.asarray(np.log(calibration.noise_std))
 
     def residual(self, placements: Placements) -> Array:
         """Return the residuals of a calibration at all samples, shape (N, n) [N m or N]."""
         count = self.dataset.n_samples
         return np.concatenate(
             [
-                placements_residual(placements, self._plain_samples(self.dataset.select(rows)))
+                placements_residual(placements, self._search_samples(self.dataset.select(rows)))
                 for rows in np.array_split(np.arange(count), -(-count // CHUNK))
             ]
         )
 
-    def _plain_samples(self, dataset: Dataset) -> Samples:
-        """Return samples with viscous and Coulomb friction and offsets."""
+    def _search_samples(self, dataset: Dataset) -> Samples:
+        """Return samples with the friction terms of the search."""
         speed = np.sqrt(np.mean(self.dataset.dq**2, axis=0))
         widths = SIGN_WIDTH * np.where(speed > 0.0, speed, 1.0)
-        basis = plain_friction(self.dataset.n_joints, widths)
+        plain = plain_friction(self.dataset.n_joints, widths)
+        basis = replace(plain, terms=plain.terms + self._search_terms)
         noise = TorqueNoise(np.ones_like(widths), np.full_like(widths, REST_RATIO), widths)
         return self._samples(dataset, basis, None, noise.weights(dataset.dq))
 

@@ -122,10 +122,13 @@ def _corrections(fitter: ArmFitter, fit: ArmFit, description: RobotDescription) 
     """Return the corrections that explain the data far better, the best first."""
     chain, found = description.chain, list[str]()
     # Until it is fitted, a right description with small errors can look like a wrong one.
-    least = min(fitter.log_residual(chain), fit.score / len(description.joint_names))
+    least = min(
+        float(fitter.log_residuals(chain).mean()), fit.score / len(description.joint_names)
+    )
     for _ in description.joint_names:
         trials = [
-            (fitter.log_residual(each), text, each) for text, each in _variants(chain, description)
+            (float(fitter.log_residuals(each).mean()), text, each)
+            for text, each in _variants(chain, description)
         ]
         lowest, _, best = min(trials, key=lambda trial: trial[0])
         if lowest > least - LEAST_GAIN:

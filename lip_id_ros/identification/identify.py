@@ -23,6 +23,7 @@ from lip_id_ros.identification.recording_effects import recording_deviations, wi
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.sample_selection import explained, plausible
 from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.spring_search import find_placements
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.progress import Progress, silent
@@ -141,7 +142,7 @@ def _identified(
 ) -> Identified:
     count = dataset.n_samples
     fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))), described)
-    calibration = fitter.calibrated(seed, progress)
+    fitter, calibration = find_placements(fitter, seed, progress)
     kept = explained(fitter.residual(calibration.placements))
     if not kept.all():
         fitter = fitter.of(fitter.dataset.select(np.flatnonzero(kept)))

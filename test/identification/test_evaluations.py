@@ -19,12 +19,17 @@ from lip_id_ros.identification.kinematic_calibration import PlacementProblem
 
 
 def most_of_placements() -> int:
-    """Both searches to their last batch; refinements of few and of all samples, done twice."""
+    """
+    Both searches to their last batch, without springs, with them probed, and with them.
+
+    Refinements of few and of all samples are done after each, and once more without outliers.
+
+    """
     search = placement_search
     descents = search.SEARCHES * (search.STARTS + search.MOST_BATCHES * search.ROUNDS)
     # one more evaluation a round, for its noise
     refined = (search.CANDIDATES + search.FINALISTS) * search.MORE_EVALUATIONS + 2
-    return descents * search.EVALUATIONS + 2 * search.REFINEMENTS * refined
+    return 2 * descents * search.EVALUATIONS + search.REFINEMENTS * (3 * refined + 2)
 
 
 def most_of_arms() -> int:

@@ -1,0 +1,71 @@
+"""
+The search for placements, once more with springs where these explain torques.
+
+A strong spring, as of a counterbalance, looks like gravity of a link in a wrong place, so that the
+search ends in a wrong minimum. There a spring still explains some of what is not explained
+(docs/maths.md, section 10).
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.placement_search import Calibration
+from lip_id_ros.progress import Progress
+from lip_id_ros.rigid_body import Chain
+
+PROBE = 0.2
+"""
+Decrease of the logarithm of a joint's residual, by springs at the placements of a search without
+them, that is worth another search.
+"""
+
+LEAST_GAIN = 0.1
+"""Least decrease of the mean logarithm of the joints' left-out residuals by the other search."""
+
+
+def find_placements(
+    fitter: ArmFitter, seed: int, progress: Progress
+) -> tuple[ArmFitter, Calibration]:
+    """
+    Find the placements of the joints, with springs if these predict left-out blocks better.
+
+    Parameters
+    ----------
+    fitter : ArmFitter
+    seed : int
+        Of the starts.
+    progress : callable
+
+    Returns
+    -------
+    ArmFitter
+        The one given, or one whose search has springs.
+    Calibration
+
+    Raises
+    ------
+    FitError
+        If the data are not finite in units of the noise.
+
+    """
+    found = fitter.calibrated(seed, progress)
+    sprung, chain = fitter.with_springs(), found.placements.chain
+    if fitter.is_described or (_gain(fitter, sprung, chain) < PROBE).all():
+        return fitter, found
+    other = sprung.calibrated(seed, progress)
+    gain = _log_left_out(fitter, found) - _log_left_out(sprung, other)
+    return (sprung, other) if gain >= LEAST_GAIN else (fitter, found)
+
+
+def _gain(fitter: ArmFitter, sprung: ArmFitter, chain: Chain) -> Array:
+    """Return by how much springs lower the logarithm of each joint's residual, shape (n,)."""
+    return fitter.log_residuals(chain) - sprung.log_residuals(chain)
+
+
+def _log_left_out(fitter: ArmFitter, found: Calibration) -> float:
+    """Return the mean logarithm of the joints' left-out residuals, with elected friction."""
+    return float(np.log(fitter.elected(found.placements.chain).noise.std).mean())

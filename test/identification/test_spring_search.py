@@ -1,0 +1,75 @@
+"""Placements of arms with springs that are as strong as gravity, and of torques that none make."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gp.arms import dataset_of, noise_of
+from gp.chains import ChainArm, R, random_arm
+import numpy as np
+import pytest
+
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.terms import Spring
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.identify import identify
+from lip_id_ros.identification.spring_search import find_placements
+from lip_id_ros.progress import silent
+
+NOISE = 0.01
+STIFFNESS = np.array([0.0, 30.0, -20.0])
+
+
+def sprung(arm: ChainArm, count: int, seed: int) -> Dataset:
+    """Return samples of an arm that has springs, with noise."""
+    motion = arm.motion(count, seed)
+    tau = arm.torque(*motion) + STIFFNESS * motion[0]
+    return dataset_of(arm, motion, tau + noise_of(tau, NOISE))
+
+
+@pytest.mark.slow
+def test_strong_springs_do_not_mislead_the_search() -> None:
+    arm = random_arm((R, R, R), seed=1)
+    train, unseen = sprung(arm, 200, seed=0), sprung(arm, 100, seed=1)
+    fitter = ArmFitter(train)
+    found, calibration = find_placements(fitter, 0, silent)
+    assert found is not fitter
+    assert (calibration.noise_std < 2.0 * NOISE * fitter.torque_std).all()
+    arm_found = identify(train)
+    terms = arm_found.arm.friction.basis.terms
+    assert {each.drive.joints for each in terms if isinstance(each.term, Spring)} == {(1,), (2,)}
+    error = arm_found.torque(unseen.q, unseen.dq, unseen.ddq) - unseen.tau
+    assert (error.std(axis=0) < 2.0 * NOISE * unseen.tau.std(axis=0)).all()
+
+
+def test_torques_that_springs_do_not_explain_leave_the_search_as_it_is() -> None:
+    arm = random_arm((R, R, R), seed=1)
+    motion = arm.motion(150, seed=0)
+    tau = arm.torque(*motion)
+    tau[:, 2] = np.random.default_rng(0).standard_normal(len(tau))
+    fitter = ArmFitter(dataset_of(arm, motion, tau))
+    found, calibration = find_placements(fitter, 0, silent)
+    assert found is fitter
+    assert calibration.noise_std[2] > 0.9 * tau[:, 2].std()
+
+
+def test_torques_that_links_explain_are_searched_once() -> None:
+    arm = random_arm((R, R), seed=1)
+    motion = arm.motion(150, seed=0)
+    fitter, stages = ArmFitter(dataset_of(arm, motion)), list[str]()
+
+    def note(stage: str, done: int, total: int) -> None:
+        stages.extend([stage] if done == 0 else [])
+
+    found, _ = find_placements(fitter, 0, note)
+    assert found is fitter
+    assert len(stages) == 1
+
+
+def test_samples_of_a_fitter_with_springs_keep_them() -> None:
+    arm = random_arm((R, R), seed=1)
+    data = dataset_of(arm, arm.motion(150, seed=0))
+    stiff = replace(data, tau=data.tau + np.array([40.0, 0.0]) * data.q)
+    fitter = ArmFitter(data).with_springs().of(stiff)
+    calibration = fitter.recalibrated(fitter.calibrated(0, silent))
+    assert (calibration.noise_std < 1e-3 * fitter.torque_std).all()
