@@ -48,6 +48,9 @@ def test_every_snippet_of_the_page_runs(
         exec(compile(snippet, 'docs/python.md', 'exec'), session)
     nmse = lip.evaluate(session['model'], session['held_out']).nmse_percent  # type: ignore[arg-type]
     assert max(nmse) < 1.0
+    joints = 'shoulder, elbow'
+    assert repr(session['model']).startswith(f'<articulated model of {joints}; ')
+    assert repr(session['held_out']).startswith(f'<data set of {joints}; ')
     assert 'must have shape' in capsys.readouterr().out
 
 

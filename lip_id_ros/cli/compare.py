@@ -145,7 +145,8 @@ def _tests(
 
 
 def _facts(args: argparse.Namespace) -> list[tuple[str, str]]:
-    unseen = ', '.join(args.test) if args.test else f'the rest after {args.train_share:g}'
+    last = f'the last {100 * (1 - args.train_share):g} % of the samples'
+    unseen = ', '.join(args.test) if args.test else last
     return [
         ('recordings', ', '.join(args.sources)),
         ('unseen', unseen),

@@ -62,11 +62,11 @@ def _is_exported(path: Path) -> bool:
 
 def run(args: argparse.Namespace) -> None:
     """Write the files, and compare them where that is asked for."""
-    from lip_id_ros.cli import output
+    from lip_id_ros.cli import models, output
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.export.arm import describe
     from lip_id_ros.export.c_header import identifier
-    from lip_id_ros.export.formats import FORMATS, write
+    from lip_id_ros.export.formats import FORMATS, formatted
     from lip_id_ros.export.kinematics import model_kinematics
     from lip_id_ros.export.urdf_template import template_remarks
     from lip_id_ros.model import InverseDynamicsModel
@@ -81,24 +81,30 @@ def run(args: argparse.Namespace) -> None:
     model = InverseDynamicsModel.load(args.model)
     with contradictions(args.model):
         model_kinematics(model)
+        lines = models.cautions(model)
     name = identifier(Path(args.model).stem if args.name is None else args.name)
     exported = describe(model, name)
     console = output.console(*targets.values())
     remainder = exported.remainder
-    left_out = [] if remainder is None else [f'Left out: {remainder}.']
     of_what = 'the model' if remainder is None else 'the links and friction in the file'
-    for format_name, target in targets.items():
-        template = _template(args, model) if format_name == 'urdf' else None
-        written = write(format_name, output.destination(target), exported, template)
-        lines = [f'Written: {target}', *left_out]
-        if template is not None:
-            lines += template_remarks(written.exported.arm, template.description, args.origins)
-        show_lines(lines, console)
+    template = _template(args, model)
+    files = {
+        name: formatted(name, exported, template if name == 'urdf' else None) for name in targets
+    }
+    for format_name, file in files.items():
+        file.save(output.destination(targets[format_name]))
+        show_lines([f'Written: {targets[format_name]}'], console)
         if args.check:
-            agreement = written.check(model, STATES)
+            agreement = file.check(model, STATES)
             show_lines([agreement.sentence(of_what)], console)
-            if template is None or args.origins:
+            if template is None or args.origins or format_name != 'urdf':
                 agreement.require(AGREED)
+    if remainder is not None:
+        lines.append(f'Left out: {remainder}. Torques of the files are less accurate there.')
+    if template is not None:
+        arm = files['urdf'].exported.arm
+        lines += template_remarks(arm, template.description, args.origins)
+    show_lines(lines, console)
 
 
 def _targets(args: argparse.Namespace, names: Iterable[str]) -> dict[str, str]:

@@ -11,7 +11,6 @@ from lip_id_ros.cli import arguments
 from lip_id_ros.errors import ConfigError, LipIdError
 
 if TYPE_CHECKING:
-    from lip_id_ros.evaluation.tables import Table
     from lip_id_ros.fleet.engines import Engine
     from lip_id_ros.fleet.results import FleetResult
 
@@ -170,36 +169,14 @@ def _show(result: FleetResult, console: object) -> None:
     from rich.console import Console
 
     from lip_id_ros.cli import show
-    from lip_id_ros.evaluation.tables import show as show_table
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.fleet.results import FITTED
 
     assert isinstance(console, Console)
-    show_table(_noise_table(result), console)
-    show.show_links(result.model, console)
+    n_fitted = sum(each.status == FITTED for each in result.recordings)
+    show.fitted(result.model, console, f'{n_fitted} of {len(result.recordings)} recordings, ')
     left_out = [each for each in result.recordings if each.status != FITTED]
     lines = [f'{each.name} {each.status}: {each.reason}' for each in left_out[:MOST_LISTED]]
     if len(left_out) > MOST_LISTED:
         lines.append(f'{len(left_out) - MOST_LISTED} more are in the report (--report).')
     show_lines(lines, console)
-
-
-def _noise_table(result: FleetResult) -> Table:
-    from lip_id_ros.evaluation.tables import Table
-    from lip_id_ros.fleet.results import FITTED
-    from lip_id_ros.joint_types import TORQUE_UNITS
-
-    model = result.model
-    fitted = [each for each in result.recordings if each.status == FITTED]
-    samples = sum(each.n_samples for each in fitted)
-    title = (
-        f'{len(fitted)} of {len(result.recordings)} recordings, {samples} samples, fitted in '
-        f'{model.summary["seconds_total"]:.3g} s'
-    )
-    rows = [
-        (name, kind, f'{noise:.3g} {TORQUE_UNITS[kind]}')
-        for name, kind, noise in zip(
-            model.joint_names, model.joint_types, model.noise_std, strict=True
-        )
-    ]
-    return Table(title, ('', 'type', 'noise'), rows)

@@ -25,6 +25,7 @@ from lip_id_ros.evaluation.tables import (
     show_lines,
     Table,
 )
+from lip_id_ros.export.arm import remainder_of
 from lip_id_ros.export.kinematics import HEADER, model_kinematics, TRANSFORM, UNIDENTIFIED
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model import InverseDynamicsModel
@@ -53,8 +54,8 @@ MOST_BESIDE = 3
 DEFAULTS = {'recording': RecordingSettings(), 'preprocessing': PreprocessingSettings()}
 
 
-def fitted(model: Model, console: Console) -> None:
-    """Show what a fit found."""
+def fitted(model: Model, console: Console, origin: str = '') -> None:
+    """Show what a fit found; `origin` comes before the number of samples."""
     if isinstance(model, Baseline):
         record = model.record
         text = (
@@ -63,12 +64,12 @@ def fitted(model: Model, console: Console) -> None:
         )
         show_lines([text], console)
         return
-    show(_joint_table(model), console)
+    show(_joint_table(model, origin), console)
     if model.arm is not None:
-        show_links(model, console)
+        _show_links(model, console)
 
 
-def _joint_table(model: InverseDynamicsModel) -> Table:
+def _joint_table(model: InverseDynamicsModel, origin: str) -> Table:
     units = [TORQUE_UNITS[kind] for kind in model.joint_types]
     header = ['', 'type', 'noise']
     columns = [model.joint_names, model.joint_types, _with_units(model.noise_std, units)]
@@ -81,7 +82,7 @@ def _joint_table(model: InverseDynamicsModel) -> Table:
         more = [', '.join(name for name in names if name not in common) for names in terms]
         header.append(f'friction: {", ".join(common)}' + ', and' * any(more))
         columns.append(more)
-    title = f'{model.kernel} kernel, {model.n_samples} samples'
+    title = f'{model.kernel} kernel, {origin}{model.n_samples} samples'
     if (seconds := model.summary.get('seconds_total')) is not None:
         title += f', fitted in {seconds:.3g} s'
     return Table(title, header, list(zip(*columns, strict=True)))
@@ -91,16 +92,14 @@ def _with_units(values: Array, units: Sequence[str]) -> list[str]:
     return [f'{value:.3g} {unit}' for value, unit in zip(values, units, strict=True)]
 
 
-def show_links(model: InverseDynamicsModel, console: Console) -> None:
+def _show_links(model: InverseDynamicsModel, console: Console) -> None:
     """Show the placements that a fit found, and whether anything else explains torques."""
     kinematics = model_kinematics(model)
     assert kinematics is not None, 'the model has links'
     show(Table(f'Denavit-Hartenberg: {TRANSFORM}', ('', *HEADER), kinematics.cells()), console)
-    joints = _remainder_joints(model)
-    if joints:
-        text = f'Gaussian processes model the residual of {", ".join(joints)}.'
-    else:
-        text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
+    text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
+    if (remainder := remainder_of(model)) is not None:
+        text = f'The model has {remainder}.'
     show_lines([UNIDENTIFIED] * (not kinematics.identified.all()) + [text], console)
 
 

@@ -23,7 +23,7 @@ from lip_id_ros.joint_types import is_prismatic
 _NO_NUMBERS: IntArray = np.empty(0, np.int64)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Dataset:
     """
     Samples of an arm's motion, N samples of n joints; every array is float64 and read-only.
@@ -128,6 +128,9 @@ class Dataset:
     def n_samples(self) -> int:
         """Number of samples N."""
         return int(self.q.shape[0])
+
+    def __repr__(self) -> str:
+        return f'<data set of {", ".join(self.joint_names)}; {self.n_samples} samples>'
 
     @property
     def n_joints(self) -> int:

@@ -121,7 +121,7 @@ def notes(evaluation: Evaluation) -> list[str]:
     if evaluation.within_two_std_percent is not None:
         texts.append(
             'Within 2 std: share of measured torques within two standard deviations of the '
-            'prediction; 95 % are expected, fewer where the motion is unlike the training data.'
+            'prediction; 95 % are expected, fewer on motions unlike those that were learned.'
         )
     if evaluation.inertia_not_pd_percent is None:
         return texts

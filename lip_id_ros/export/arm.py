@@ -174,7 +174,7 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
             f'rigid links were expected, but the model has the kernel {model.kernel!r} alone, '
             'which no other program evaluates; fit with the default kernel.'
         )
-    remainder = _remainder(model)
+    remainder = remainder_of(model)
     remarks = [BASE_PARAMETERS, RECORDED, _load(model), *_efforts(model)]
     remarks += [] if model.has_potential else [NO_GRAVITY]
     remarks += [] if remainder is None else [f'Left out: {remainder}.']
@@ -211,7 +211,8 @@ def _efforts(model: InverseDynamicsModel) -> list[str]:
     ]
 
 
-def _remainder(model: InverseDynamicsModel) -> str | None:
+def remainder_of(model: InverseDynamicsModel) -> str | None:
+    """Return the joints with Gaussian processes in words, None where there is none."""
     remainder = model.remainder
     if remainder is None:
         return None

@@ -63,7 +63,7 @@ class Agreement:
         names = sorted({term_name(part) for part in self.left_out})
         without = f' without {", ".join(names)}' if names else ''
         return (
-            f'{self.reader} gives the torques of {of_what}{without} to '
+            f'{self.reader} gives the torques of {of_what}{without}, to '
             f'{self.difference.max():.1e} of the largest, at {self.n_states} random states.'
         )
 

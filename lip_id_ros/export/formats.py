@@ -55,9 +55,9 @@ FORMATS = {
 
 
 @dataclass(frozen=True)
-class Written:
+class Formatted:
     """
-    An arm that has been written.
+    An arm as the text of a file.
 
     Attributes
     ----------
@@ -70,6 +70,10 @@ class Written:
     form: Format
     exported: Exported
     text: str
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the file; OSError if that fails."""
+        write_whole(path, self.text.encode())
 
     def check(self, model: DynamicsModel, count: int) -> Agreement:
         """
@@ -111,14 +115,9 @@ class Template:
         )
 
 
-def write(
-    name: str,
-    path: str | os.PathLike[str],
-    exported: Exported,
-    template: Template | None = None,
-) -> Written:
+def formatted(name: str, exported: Exported, template: Template | None = None) -> Formatted:
     """
-    Write an arm in one of `FORMATS`, or into a template.
+    Return an arm in one of `FORMATS`, or in a template.
 
     Raises
     ------
@@ -126,8 +125,6 @@ def write(
         If a program that the format needs is missing.
     ModelError
         If the format cannot have the arm.
-    OSError
-        If the file cannot be written.
 
     """
     form = FORMATS[name]
@@ -139,6 +136,4 @@ def write(
         )
     if template is not None:
         form, exported = template.form, replace(exported, arm=exported.in_model_frames)
-    text = form.text(exported.arm)
-    write_whole(path, text.encode())
-    return Written(form, exported, text)
+    return Formatted(form, exported, form.text(exported.arm))

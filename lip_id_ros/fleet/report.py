@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.escaping import for_page, printable
+from lip_id_ros.evaluation.cautions import fit_cautions
 from lip_id_ros.evaluation.report.page import MAKER, STYLE
 from lip_id_ros.files import write_whole
 from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult
@@ -65,6 +66,7 @@ def _data(result: FleetResult) -> dict[str, Any]:
     number_of = {group: number for number, group in enumerate(groups)}
     return {
         'joints': _texts(result.model.joint_names),
+        'warnings': _texts(fit_cautions(result.model.joint_names, result.model.summary)),
         'noise': result.noise_std.tolist(),
         'terms': _texts(result.friction_names),
         'betweenRecordings': np.nan_to_num(result.deviation_of_recordings).tolist(),

@@ -30,7 +30,7 @@ ARTICULATED = 'articulated'
 """Name of the kernel of a model that is an arm."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class InverseDynamicsModel:
     """
     Torques and energies of an arm, with their uncertainty.
@@ -79,6 +79,10 @@ class InverseDynamicsModel:
     process: TorquePosterior | None = None
     summary: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        joints = ', '.join(self.joint_names)
+        return f'<{self.kernel} model of {joints}; {self.n_samples} training samples>'
 
     @property
     def n_joints(self) -> int:

@@ -15,7 +15,7 @@ from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import describe
 from lip_id_ros.export.check import COMPILERS
-from lip_id_ros.export.formats import FORMATS, write
+from lip_id_ros.export.formats import FORMATS, formatted
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_prior import DescriptionSettings
 from lip_id_ros.identification.laplace import posterior
@@ -47,9 +47,7 @@ def fitted(data: Dataset, description: RobotDescription) -> InverseDynamicsModel
 
 @pytest.mark.skipif(not any(map(shutil.which, COMPILERS)), reason='needs a C compiler')
 @pytest.mark.parametrize('name', ['UR10', 'Panda, 30 Hz', 'TIAGo'])
-def test_all_formats_give_the_torques_of_the_model(
-    name: str, shared_data: Path, tmp_path: Path
-) -> None:
+def test_all_formats_give_the_torques_of_the_model(name: str, shared_data: Path) -> None:
     """The last one has a prismatic torso."""
     arm = ARMS[name]
     data = concatenate(arm.datasets(shared_data))
@@ -58,4 +56,4 @@ def test_all_formats_give_the_torques_of_the_model(
     model = fitted(data, load_description(shared_data / arm.urdf, arm.joints, data.joint_types))
     exported = describe(model, 'arm')
     for form in FORMATS:
-        write(form, tmp_path / form, exported).check(model, 10_000).require(1e-9)
+        formatted(form, exported).check(model, 10_000).require(1e-9)

@@ -168,6 +168,8 @@ def test_a_remainder_is_left_out_of_urdf_and_refused_in_c(
     assert 'beside links and friction at joint_1 and in place of links and friction' in shown
     assert 'pinocchio gives the torques of the links and friction in the file' in shown
     assert 'Left out: ' in (tmp_path / 'a.urdf').read_text()
-    assert main(['export', str(path), '--c', str(tmp_path / 'a.h')]) == 1
+    both = '--urdf', str(tmp_path / 'b.urdf'), '--c', str(tmp_path / 'a.h')
+    assert main(['export', str(path), *both]) == 1
     assert 'the C header has links and friction only' in capsys.readouterr().err
     assert not (tmp_path / 'a.h').exists()
+    assert not (tmp_path / 'b.urdf').exists()  # all files or none

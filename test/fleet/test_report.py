@@ -43,6 +43,16 @@ def test_a_log_has_no_time_of_day(tmp_path: Path) -> None:
     np.testing.assert_array_equal(start, [np.nan, *(each.start_s for each in others)])
 
 
+def test_the_page_warns_of_joints_that_are_not_explained(tmp_path: Path) -> None:
+    result = made_up(3)
+    shares = [99.0, *[1.0] * (result.model.n_joints - 1)]
+    poor = replace(result.model, summary={**result.model.summary, 'unexplained_percent': shares})
+    write_fleet_report(tmp_path / 'fleet.html', replace(result, model=poor))
+    page = (tmp_path / 'fleet.html').read_text()
+    warning = data_of(page)['warnings'][0]
+    assert f'no better than the mean of the torque at 1 of {len(shares)} joints' in warning
+
+
 def test_a_page_is_known_by_its_maker(tmp_path: Path) -> None:
     write_fleet_report(tmp_path / 'fleet.html', made_up(3))
     (tmp_path / 'other.html').write_text('<html></html>')

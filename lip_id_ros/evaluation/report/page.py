@@ -37,6 +37,7 @@ figure { margin: 0; background: white; padding: 12px; border: 1px solid #e4e7eb;
 figure img { width: 100%; height: auto; display: block; }
 .warning { background: #fef3c7; border-left: 4px solid #d97706; padding: 8px 14px; }
 .facts td { text-align: left; overflow-wrap: anywhere; padding: 3px 14px; }
+.facts td:first-child { white-space: nowrap; }
 .scroll { overflow-x: auto; margin-bottom: 10px; }
 """
 
