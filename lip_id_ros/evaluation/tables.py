@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import math
+import statistics
 from typing import Literal, TYPE_CHECKING
 
 from rich.console import Console
@@ -62,7 +63,7 @@ def show_lines(texts: Iterable[str], console: Console) -> None:
 
 
 def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
-    """Return errors and coverage of every joint, the mean error and errors of the energies."""
+    """Return errors and coverage of every joint, their means, and errors of the energies."""
     columns = zip(
         evaluation.joint_names,
         evaluation.nmse_percent,
@@ -82,6 +83,9 @@ def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
             row.append(f'{covered:.3g}')
     rest = [''] * (len(header) - 2)
     rows.append(['mean of the joints', percent(evaluation.nmse_percent_mean), *rest])
+    known = [max(x, LEAST_PERCENT) for x in evaluation.nmse_percent if not math.isnan(x)]
+    if known:
+        rows.append(['geometric mean', percent(statistics.geometric_mean(known)), *rest])
     for name, value in (
         ('kinetic energy', evaluation.kinetic_nmse_percent),
         ('potential energy', evaluation.potential_nmse_percent),

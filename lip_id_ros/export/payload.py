@@ -70,13 +70,18 @@ def remainder_cautions(model: InverseDynamicsModel) -> list[str]:
 
 
 def mass_cautions(payload: Payload) -> list[str]:
-    """Return a sentence where the torques do not show the mass, as on a single vertical axis."""
-    if payload.mass_std <= max(HALF * payload.mass, LEAST_MASS):
-        return []
-    return [
-        f'The mass is not identified: its standard deviation is {payload.mass_std:.3g} kg; '
-        'move joints that lift the payload.'
-    ]
+    """Return a sentence where the torques show no mass, or not which, as on one vertical axis."""
+    if payload.mass_std > max(HALF * payload.mass, LEAST_MASS):
+        return [
+            f'The mass is not identified: its standard deviation is {payload.mass_std:.3g} kg; '
+            'move joints that lift the payload.'
+        ]
+    if payload.mass <= 2.0 * payload.mass_std:
+        return [
+            'No payload is found: the mass is within two standard deviations of zero; do not use '
+            'its centre of mass and inertia.'
+        ]
+    return []
 
 
 def payload_in_flange(loaded: LoadedArm, shift: float, turn: float) -> Payload:

@@ -218,6 +218,7 @@ def test_table_shows_every_joint_and_energy() -> None:
         'elbow',
         'wrist',
         'mean of the joints',
+        'geometric mean',
         'kinetic energy',
         'potential energy',
     ]
