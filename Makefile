@@ -4,7 +4,10 @@ ENV := . scripts/env.sh &&
 ARGS ?=
 # one worker more than cores, since tests of nodes wait; a worker needs 2 GB of memory.
 # nproc obeys OMP_NUM_THREADS, which is about threads and not about cores
-WORKERS ?= -n $(shell expr $$(env -u OMP_NUM_THREADS nproc) + 1) --maxprocesses 5 --dist loadgroup
+WORKERS ?= -n $(shell expr $$(env -u OMP_NUM_THREADS nproc) + 1) --maxprocesses 5 --dist loadgroup \
+  --no-loadscope-reorder
+# where it is set, each of the many processes would compile all that it imports anew
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help setup setup-run demo test test-fast check mutants bench clean distclean
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 from pathlib import Path
+from typing import Any
 
 from hypothesis import HealthCheck, settings
 import pytest
@@ -66,12 +67,24 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         # a worker makes the fixtures of a module once
         if not item.get_closest_marker('xdist_group'):
             item.add_marker(pytest.mark.xdist_group(item.location[0]))
+    # files that take long come first, so that no worker is alone with one at the end
+    long = {_group(item) for item in items if _is_long(item)}
+    items.sort(key=lambda item: _group(item) not in long)
     for marker, missing in (('ros', _no_ros), ('gpu', _no_gpu)):
         marked = [item for item in items if item.get_closest_marker(marker)]
         reason = missing() if marked else None
         if reason:
             for item in marked:
                 item.add_marker(pytest.mark.skip(reason=reason))
+
+
+def _group(item: pytest.Item) -> Any:
+    marker = item.get_closest_marker('xdist_group')
+    return marker and marker.args[0]
+
+
+def _is_long(item: pytest.Item) -> bool:
+    return any(item.get_closest_marker(name) for name in ('slow', 'ros'))
 
 
 def _no_ros() -> str | None:

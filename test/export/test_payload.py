@@ -37,7 +37,7 @@ def arm() -> ArmDescription:
 
 
 def motion() -> Dataset:
-    return recorded(arm(), body(), 0, NOISE)
+    return recorded(arm(), body(), 0, NOISE).select(np.arange(0, 1000, 3))
 
 
 def known(point: Array | None = None) -> LoadedArm:

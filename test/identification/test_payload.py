@@ -90,7 +90,7 @@ def test_one_kilogram_at_five_centimetres(kinds: str) -> None:
 def test_without_noise_all_ten_numbers_are_found() -> None:
     """Also the load-dependent friction, which grows with the payload."""
     arm = arm_of('RRRRRR')
-    found = payload_of(arm, recorded(arm, body(), 0, 0.0))
+    found = payload_of(arm, recorded(arm, body(), 0, 0.0).select(np.arange(0, 1000, 3)))
     np.testing.assert_allclose(found.parameters, body(), atol=1e-6)
 
 

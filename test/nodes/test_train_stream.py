@@ -20,7 +20,8 @@ from sensor_msgs.msg import JointState
 from benchmarks._hostile import hostile_states
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.nodes import messages
-from lip_id_ros.recording import read_sources
+from lip_id_ros.preprocessing import preprocess
+from lip_id_ros.recording import JointSamples, read_sources
 from lip_id_ros.settings import RecordingSettings
 
 if TYPE_CHECKING:
@@ -159,11 +160,12 @@ def test_bags_and_live_samples_make_one_data_set(
     toy.dataset().save(tmp_path / 'earlier.npz')
     graph.start('train', bags=['earlier.npz'], recording__effort_scale=[1.0, -1.0])
     start_recording(client)
-    _, q, dq, _ = toy.motion(400, seed=3)
+    _, q, dq, ddq = toy.motion(400, seed=3)
+    effort = [1.0, -1.0] * toy.torque(q, ddq)
 
     def state(row: int) -> JointState:
         values = {'position': q[row].tolist(), 'velocity': dq[row].tolist()}
-        return joint_state(row, effort=q[row].tolist(), **values)
+        return joint_state(row, effort=effort[row].tolist(), **values)
 
     publish_all(client, map(state, range(400)))
     client.status('train', lambda status: status['rows'] == 400)
@@ -176,4 +178,9 @@ def test_bags_and_live_samples_make_one_data_set(
     assert data.n_samples == result['n_samples'] > 600
     live = data.segment == data.segment[0]
     assert np.count_nonzero(~live) == 600
-    np.testing.assert_allclose(data.tau[live], [1.0, -1.0] * data.q[live], atol=1e-6)
+    scale = RecordingSettings(effort_scale=(1.0, -1.0))
+    samples = JointSamples(0.01 * np.arange(400), q, dq, effort, toy.JOINTS)
+    expected = preprocess(samples, recording=scale)
+    np.testing.assert_allclose(data.tau[live], expected.tau, rtol=1e-4, atol=1e-4)
+    truth = toy.torque(data.q[live], data.ddq[live])
+    assert np.abs(data.tau[live] - truth).max() < 0.1 * np.abs(truth).max()
