@@ -129,10 +129,10 @@ def test_evaluate_writes_figures_and_report(
     assert figures['joint_names'] == ['shoulder', 'elbow', 'wrist']
     assert max(figures['nmse_percent']) < 5
     assert figures['kinetic_nmse_percent'] is None
-    assert 'training data' not in output
+    assert 'samples of the same recording' not in output
     page = (here / 'out' / 'index.html').read_text(encoding='utf-8')
     assert str(workshop.other_bag) in page
-    assert 'training data' not in page
+    assert 'samples of the same recording' not in page
 
 
 def test_evaluating_the_training_data_is_said_plainly(
