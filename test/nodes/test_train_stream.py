@@ -160,8 +160,8 @@ def test_bags_and_live_samples_make_one_data_set(
     toy.dataset().save(tmp_path / 'earlier.npz')
     graph.start('train', bags=['earlier.npz'], recording__effort_scale=[1.0, -1.0])
     start_recording(client)
-    _, q, dq, ddq = toy.motion(400, seed=3)
-    effort = [1.0, -1.0] * toy.torque(q, ddq)
+    t, q, dq, ddq = toy.motion(400, seed=3)
+    effort = np.array([1.0, -1.0]) * toy.torque(q, ddq)
 
     def state(row: int) -> JointState:
         values = {'position': q[row].tolist(), 'velocity': dq[row].tolist()}
@@ -179,7 +179,7 @@ def test_bags_and_live_samples_make_one_data_set(
     live = data.segment == data.segment[0]
     assert np.count_nonzero(~live) == 600
     scale = RecordingSettings(effort_scale=(1.0, -1.0))
-    samples = JointSamples(0.01 * np.arange(400), q, dq, effort, toy.JOINTS)
+    samples = JointSamples(t, q, dq, effort, toy.JOINTS)
     expected = preprocess(samples, recording=scale)
     np.testing.assert_allclose(data.tau[live], expected.tau, rtol=1e-4, atol=1e-4)
     truth = toy.torque(data.q[live], data.ddq[live])
