@@ -21,7 +21,11 @@ from lip_id_ros.fleet.results import RecordingStatistics
 from lip_id_ros.friction.compiled import CompiledFriction, friction_features
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
-from lip_id_ros.identification.sample_selection import explained, plausible
+from lip_id_ros.identification.sample_selection import (
+    explained,
+    plausible,
+    without_long_rests,
+)
 from lip_id_ros.identification.statistics import TorqueStatistics
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.model.arm_mean import evaluate_arm_many, pack
@@ -117,6 +121,7 @@ def statistics_of_source(
 
 def statistics_of(dataset: Dataset, regression: Regression) -> RecordingStatistics:
     """Gather the statistics of a recording without its bad samples."""
+    dataset = dataset.select(without_long_rests(dataset))
     kept = plausible(dataset) & explained(regression.residual(dataset))
     statistics = empty_statistics(regression)
     good = np.flatnonzero(kept)

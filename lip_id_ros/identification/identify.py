@@ -21,7 +21,11 @@ from lip_id_ros.identification.laplace import (
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.recording_effects import recording_deviations, with_recordings
 from lip_id_ros.identification.remainder_election import elect_remainder
-from lip_id_ros.identification.sample_selection import explained, plausible
+from lip_id_ros.identification.sample_selection import (
+    explained,
+    plausible,
+    without_long_rests,
+)
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.spring_search import find_placements
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
@@ -140,6 +144,7 @@ def prediction_noise(
 def _identified(
     dataset: Dataset, seed: int, progress: Progress, described: Described | None
 ) -> Identified:
+    dataset = dataset.select(without_long_rests(dataset))
     count = dataset.n_samples
     fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))), described)
     fitter, calibration = find_placements(fitter, seed, progress)

@@ -1,5 +1,5 @@
 """
-Samples of an identification: those that are left out as absurd, and few that cover the rest.
+Samples of an identification: those left out as absurd, or of long rests, and few that cover all.
 
 Scales are quantiles, which a few absurd values do not move (Huber, Robust Statistics, 1981).
 
@@ -18,6 +18,12 @@ FARTHEST_MOTION, FARTHEST_TORQUE = 20.0, 6.0
 Largest velocities and accelerations, and torques about their median, in their 90 % quantiles.
 """
 
+AT_REST, FAST_QUANTILE = 0.01, 0.99
+"""An arm whose speed is below a share of that quantile of its speeds rests."""
+
+OF_ONE_REST = 0.25
+"""Samples of one rest over those of the motion, at most."""
+
 FARTHEST_RESIDUAL = 12.0
 """Largest residual, in standard deviations as the median residual gives them."""
 
@@ -29,6 +35,28 @@ MOST_COVERED = 10_000
 
 NORMAL_MEDIAN = 0.6745
 """Median absolute value of a standard normal variable."""
+
+
+def without_long_rests(dataset: Dataset) -> IndexArray:
+    """
+    Return the rows of the moving arm, and of its rests no more than a few.
+
+    A rest is one measurement, repeated: with all of its samples, those of the motion would be the
+    exception, and be left out as absurd. Of each rest at most a quarter as many samples are kept,
+    at even distances, as there are of the motion, and of all together as many.
+
+    """
+    speed = np.linalg.norm(dataset.dq, axis=1)
+    is_rest = speed < AT_REST * np.quantile(speed, FAST_QUANTILE)
+    moving = int(np.count_nonzero(~is_rest))
+    edges = np.flatnonzero(np.diff(is_rest, prepend=False, append=False))
+    most = max(1, int(OF_ONE_REST * moving))
+    rests = [
+        start + evenly(end - start, most)
+        for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    ]
+    rest = np.concatenate([np.empty(0, np.intp), *rests])
+    return np.union1d(np.flatnonzero(~is_rest), rest[evenly(rest.size, max(1, moving))])
 
 
 def plausible(dataset: Dataset) -> BoolArray:

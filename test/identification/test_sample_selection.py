@@ -10,7 +10,12 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.sample_selection import explained, plausible
+from lip_id_ros.identification import fit
+from lip_id_ros.identification.sample_selection import (
+    explained,
+    plausible,
+    without_long_rests,
+)
 
 
 def recorded() -> Dataset:
@@ -33,6 +38,50 @@ def test_absurd_values_are_left_out(name: str) -> None:
     values[[7, 90], 1] *= 1e3
     kept = plausible(replace(dataset, **{name: values}))
     np.testing.assert_array_equal(np.flatnonzero(~kept), [7, 90])
+
+
+def resting(dataset: Dataset, begins: list[int], lengths: list[int], force: float) -> Dataset:
+    """Let the arm rest before some samples; its friction then holds back any force."""
+    rng = np.random.default_rng(0)
+    rows, number = [], 0
+    for begin, length in zip(begins, lengths, strict=True):
+        rows += [*range(number, begin), *[begin] * length]
+        number = begin
+    chosen = np.array([*rows, *range(number, dataset.n_samples)])
+    is_rest = np.diff(chosen, prepend=-1) == 0
+    dq, ddq = (np.where(is_rest[:, None], 0.0, each[chosen]) for each in (dataset.dq, dataset.ddq))
+    arm = random_arm((R, R), seed=1)
+    tau = arm.torque(dataset.q[chosen], dq, ddq)
+    tau += np.where(is_rest[:, None], force + 1e-3 * rng.standard_normal(tau.shape), 0.0)
+    return replace(dataset_of(arm, (dataset.q[chosen], dq, ddq), tau))
+
+
+def test_of_a_long_rest_a_few_samples_are_kept() -> None:
+    dataset = resting(recorded(), [0, 200], [50, 1000], 0.1)
+    rows = without_long_rests(dataset)
+    is_rest = (dataset.dq == 0.0).all(axis=1)
+    assert np.isin(np.flatnonzero(~is_rest), rows).all()
+    kept = rows[is_rest[rows]]
+    assert (kept < 50).sum() == 49
+    assert 98 <= (kept > 200).sum() <= 100
+    assert kept[-1] > 1200
+    many = resting(recorded(), [40 * k for k in range(10)], [90] * 10, 0.1)
+    assert 750 <= without_long_rests(many).size <= 800
+
+
+def test_without_long_rests_all_samples_are_kept() -> None:
+    dataset = resting(recorded(), [0, 200], [50, 60], 0.1)
+    np.testing.assert_array_equal(without_long_rests(dataset), np.arange(dataset.n_samples))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seconds', [1000, 8000])
+def test_a_fit_does_not_suffer_from_a_long_rest(seconds: int) -> None:
+    """All samples of the motion were the exception, and were left out as absurd."""
+    dataset = recorded()
+    model = fit(resting(dataset, [0], [seconds], 0.5))
+    error = np.mean((model.predict(dataset.q, dataset.dq, dataset.ddq).tau - dataset.tau) ** 2)
+    assert error < 1e-3 * dataset.tau.var()
 
 
 def test_large_residuals_are_left_out() -> None:
