@@ -16,10 +16,10 @@ from lip_id_ros.files import write_whole
 
 CHECKSUM_BYTES = 16
 MADE_BY = (
-    *('arrays.py', 'csv_table.py', 'files.py', 'joint_types.py', 'linear_algebra.py'),
-    *('numba_jit.py', 'dataset', 'description', 'evaluation', 'fleet', 'friction', 'gp'),
-    *('health', 'identification', 'kernels', 'loading', 'model', 'preprocessing', 'recording'),
-    *('rigid_body', 'settings'),
+    *('arrays.py', 'checked_file.py', 'csv_table.py', 'files.py', 'joint_types.py'),
+    *('linear_algebra.py', 'numba_jit.py', 'dataset', 'description', 'evaluation', 'fleet'),
+    *('friction', 'gp', 'health', 'identification', 'kernels', 'loading', 'model'),
+    *('preprocessing', 'recording', 'rigid_body', 'settings'),
 )
 """Modules and rooms that results depend on: another text of one of them makes another version."""
 
