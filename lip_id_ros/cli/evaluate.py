@@ -62,6 +62,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation import score
     from lip_id_ros.evaluation.cautions import copy_cautions, training_data_warnings
     from lip_id_ros.evaluation.report import band, Labels, write_report
+    from lip_id_ros.evaluation.rollout import rollout_cautions
     from lip_id_ros.evaluation.tables import rollout_tables, show_lines
     from lip_id_ros.evaluation.tables import show as show_table
 
@@ -83,7 +84,7 @@ def run(args: argparse.Namespace) -> None:
         evaluation = score(outcome)
         if args.rollout:
             rollouts = _rollouts(model, dataset, args.urdf)
-            warnings += _not_simulated(model)
+            warnings += _not_simulated(model) + rollout_cautions(rollouts, model.joint_names)
         if args.report:
             facts = (('model', args.model), ('recordings', sources), *models.facts(model))
             labels = Labels('Inverse dynamics: model against measurement', warnings, facts)
@@ -125,6 +126,8 @@ def _rollouts(model: Model, dataset: Dataset, urdf: str | None) -> Rollouts:
 
 def _not_simulated(model: Model) -> list[str]:
     """Return what of a model a rollout leaves out."""
-    if getattr(model, 'remainder', None) is None:
-        return []
-    return ['The rollout leaves out the Gaussian processes beside the links.']
+    from lip_id_ros.baselines import Baseline
+    from lip_id_ros.export.arm import remainder_of
+
+    remainder = None if isinstance(model, Baseline) else remainder_of(model)
+    return [] if remainder is None else [f'The rollout leaves out {remainder}.']

@@ -9,6 +9,7 @@ measured torques and a weak feedback, and the simulated motion is compared with 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -220,6 +221,19 @@ class Rollouts(NamedTuple):
         arms = {name: rollouts for name, rollouts in self._asdict().items() if rollouts}
         errors = {name: [x.to_json() for x in rollouts] for name, rollouts in arms.items()}
         return {'feedback_rad_s': FEEDBACK, **errors}
+
+
+def rollout_cautions(rollouts: Rollouts, joint_names: Sequence[str]) -> list[str]:
+    """Return a sentence for each length of windows in which errors exceed the travel."""
+    texts = []
+    for each in rollouts.model:
+        lost = np.asarray(joint_names)[each.position >= each.travel].tolist()
+        if lost:
+            texts.append(
+                f'In windows of {each.horizon_s:g} s the errors of the simulated motion exceed the '
+                f'travel at {", ".join(lost)}: it is no better there than an arm at rest.'
+            )
+    return texts
 
 
 def roll_out(arm: ForwardArm, dataset: Dataset) -> tuple[Rollout, ...]:

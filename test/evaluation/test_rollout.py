@@ -14,7 +14,15 @@ from lip_id_ros.cli import main
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.errors import DataError
-from lip_id_ros.evaluation.rollout import FEEDBACK, ForwardArm, roll_out, window_starts
+from lip_id_ros.evaluation.rollout import (
+    FEEDBACK,
+    ForwardArm,
+    roll_out,
+    Rollout,
+    rollout_cautions,
+    Rollouts,
+    window_starts,
+)
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.urdf import rotor_inertias, to_urdf
 from lip_id_ros.friction.model import FrictionModel, plain_friction
@@ -86,6 +94,15 @@ def test_wrong_links_stray() -> None:
         roll_out(x, data)[1] for x in (forward(arm), replace(forward(arm), links=heavy))
     )
     assert wrong.position[:4].max() > 5.0 * right.position[:4].max()
+
+
+def test_errors_beyond_the_travel_are_a_caution() -> None:
+    some = np.array([0.1, 0.2])
+    good = Rollout(0.1, 50, position=0.1 * some, velocity=some, travel=some)
+    lost = Rollout(1.0, 50, position=np.array([0.05, 0.3]), velocity=some, travel=some)
+    (caution,) = rollout_cautions(Rollouts((good, lost)), ('a', 'b'))
+    begin = 'In windows of 1 s the errors of the simulated motion exceed the travel at b: '
+    assert caution.startswith(begin)
 
 
 def test_windows_are_uninterrupted() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
@@ -322,10 +323,13 @@ def rollout(rollouts: Rollouts, joint_names: Sequence[str]) -> Figure:
         panel.set_title(model.title, loc='left', fontsize=11)
         panel.set_yticks(rows, [for_plot(name) for name in joint_names] if k == 0 else [])
         panel.set_xscale('log')
+        panel.xaxis.set_minor_formatter(NullFormatter())  # the bars have numbers
         panel.margins(x=0.2)
         panel.invert_yaxis()
         panel.grid(visible=False, axis='y')
-    figure.supxlabel('root mean square of position [rad or m]')
+    figure.supxlabel(
+        'root mean square of position [rad or m]', fontsize=style.SETTINGS['font.size']
+    )
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc='upper center', ncol=len(labels))
     return figure
