@@ -230,8 +230,8 @@ def rollout_cautions(rollouts: Rollouts, joint_names: Sequence[str]) -> list[str
         lost = np.asarray(joint_names)[each.position >= each.travel].tolist()
         if lost:
             texts.append(
-                f'In windows of {each.horizon_s:g} s the errors of the simulated motion exceed the '
-                f'travel at {", ".join(lost)}: it is no better there than an arm at rest.'
+                f'In windows of {each.horizon_s:g} s the errors of the simulated motion exceed '
+                f'the travel at {", ".join(lost)}: it is no better there than an arm at rest.'
             )
     return texts
 
