@@ -65,18 +65,16 @@ def test_every_name_exists() -> None:
         assert not name or name[0] in defined(module), f'{page}: {name[0]} is not in {module}'
 
 
-def of_monitor(folder: Path) -> Mapping[str, Any]:
-    path = folder / 'model.npz'
-    toy.model().save(path)
-    return Monitor(MonitorSettings(model_path=str(path))).values()
+def of_monitor(factory: pytest.TempPathFactory) -> Mapping[str, Any]:
+    return Monitor(MonitorSettings(model_path=toy.model_path(factory))).values()
 
 
-def of_controller(_: Path) -> Mapping[str, Any]:
+def of_controller(_: pytest.TempPathFactory) -> Mapping[str, Any]:
     settings = ControlSettings(joints=('a',), stiffness=(1.0,), damping=(1.0,))
     return PlanController(settings).status().values
 
 
-STATUSES: Mapping[str, Callable[[Path], Mapping[str, Any]]] = {
+STATUSES: Mapping[str, Callable[[pytest.TempPathFactory], Mapping[str, Any]]] = {
     'serve': lambda _: Server().values(),
     'train': lambda _: Recorder((), 1).status(),
     'monitor': of_monitor,
@@ -85,8 +83,10 @@ STATUSES: Mapping[str, Callable[[Path], Mapping[str, Any]]] = {
 
 
 @pytest.mark.parametrize('node', STATUSES)
-def test_every_key_of_a_status_is_described(node: str, tmp_path: Path) -> None:
+def test_every_key_of_a_status_is_described(
+    node: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     _, _, section = INTERFACES.partition(f'### `ros2 run lip_id_ros {node}`\n')
     words = set(re.findall(r'\w+', section.partition('\n### ')[0]))
-    missing = set(STATUSES[node](tmp_path)) - words
+    missing = set(STATUSES[node](tmp_path_factory)) - words
     assert not missing, f'describe {missing} of ~/status in docs/interfaces.md'

@@ -168,6 +168,7 @@ def test_a_job_that_saves_already_is_not_called_cancelled(
     jobs.stop()
 
 
+@pytest.mark.slow
 def test_a_fit_of_torques_that_no_arm_makes_shows_its_progress_and_can_be_cancelled(
     jobs: Jobs, tmp_path: Path
 ) -> None:

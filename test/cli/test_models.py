@@ -15,6 +15,7 @@ from lip_id_ros.files import read_npz
 from lip_id_ros.model import InverseDynamicsModel
 
 
+@pytest.mark.slow
 def test_models_of_the_literature_are_fitted_evaluated_and_predict(
     workshop: Workshop, here: Path, capsys: Capture
 ) -> None:

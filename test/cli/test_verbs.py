@@ -280,6 +280,7 @@ def test_a_data_set_goes_to_standard_output_and_its_table_elsewhere(
     assert list(here.iterdir()) == [here / 'data.npz']
 
 
+@pytest.mark.slow
 def test_a_model_goes_through_a_pipe_of_the_shell(workshop: Workshop, here: Path) -> None:
     command = f'{sys.executable} -m lip_id_ros.cli predict {workshop.model} {workshop.bag} -o -'
     subprocess.run(f'{command} | cat > out.npz', shell=True, check=True)

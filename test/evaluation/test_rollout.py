@@ -128,6 +128,7 @@ def test_links_without_inertia_are_refused() -> None:
         nothing.acceleration(q, dq, tau, ddq, 0.0)
 
 
+@pytest.mark.slow
 def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The nominal Panda, which lacks rotors and friction, strays farther than its model."""
     arm = arm_with(0.2)

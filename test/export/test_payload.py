@@ -163,6 +163,7 @@ def test_where_the_last_frame_is_counts_in_the_deviations() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     motion().save(tmp_path / 'run.npz')
     model_of(arm()).save(tmp_path / 'arm.npz')
@@ -220,6 +221,7 @@ def test_processes_of_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert attached(replace(model, remainder=only), known()).remainder is None
 
 
+@pytest.mark.slow
 def test_outputs_of_the_verb(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

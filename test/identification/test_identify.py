@@ -58,6 +58,7 @@ def test_gravity_of_another_size(gravity: float) -> None:
     assert_predicts(identify(samples_of(arm)), motion, arm.torque(*motion))
 
 
+@pytest.mark.slow
 def test_torques_without_gravity() -> None:
     arm = random_arm((R, P, R), seed=9, gravity=0.0)
     found = identify(replace(samples_of(arm), gravity_compensated=True))
@@ -161,6 +162,7 @@ def test_torques_of_any_size(size: float) -> None:
     assert_predicts(identify(replace(dataset, tau=size * dataset.tau)), motion, expected)
 
 
+@pytest.mark.slow
 def test_an_absurd_acceleration_and_spikes_change_little() -> None:
     arm = random_arm((R, R, R), seed=1)
     dataset, motion = samples_of(arm, 200), arm.motion(100, seed=1)

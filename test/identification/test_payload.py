@@ -77,6 +77,7 @@ def recorded(
 
 
 @pytest.mark.parametrize('kinds', ['RRRRRR', 'PRRRR', 'RRRRRRR'])
+@pytest.mark.slow
 def test_one_kilogram_at_five_centimetres(kinds: str) -> None:
     arm = arm_of(kinds)
     found = payload_of(arm, recorded(arm, body(), 0, NOISE))
@@ -87,6 +88,7 @@ def test_one_kilogram_at_five_centimetres(kinds: str) -> None:
     np.testing.assert_allclose(found.inertia, GYRATION**2 * MASS * np.eye(3), atol=5e-3)
 
 
+@pytest.mark.slow
 def test_without_noise_all_ten_numbers_are_found() -> None:
     """Also the load-dependent friction, which grows with the payload."""
     arm = arm_of('RRRRRR')
@@ -94,6 +96,7 @@ def test_without_noise_all_ten_numbers_are_found() -> None:
     np.testing.assert_allclose(found.parameters, body(), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_process_beside_links_is_no_payload() -> None:
     """What it was learned to correct of the bare arm is not explained by the payload."""
     arm = arm_of('RRRRRR')

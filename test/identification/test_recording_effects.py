@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from benchmarks._drives import N_JOINTS, recording
 from lip_id_ros.dataset import concatenate
@@ -27,6 +28,7 @@ def test_deviations_of_many_groups_are_recovered() -> None:
     assert got[2] < 0.06
 
 
+@pytest.mark.slow
 def test_offsets_that_drift_widen_the_prediction() -> None:
     arm, dataset = recording(0, [])
     size = arm.torque(dataset.q, dataset.dq, dataset.ddq).std(axis=0)
