@@ -168,10 +168,10 @@ def check_columns(path: PathLike, table: CsvTable, wanted: Sequence[str]) -> Non
     missing = [name for name in wanted if name not in table.columns]
     if len(wanted) == 1 or missing:
         present = [*table.columns][:_SHOWN]
-        more = len(table.columns) - len(present)
+        more, first = len(table.columns) - len(present), (missing or ['q_NAME'])[0]
         raise DataError(
             f'{os.fspath(path)} must have the columns t, q_NAME, tau_NAME of every joint NAME '
-            f'(and dq_NAME, ddq_NAME where known), but {(missing or ["q_NAME"])[0]} is missing '
+            f'(and dq_NAME, ddq_NAME where known), in s, rad and N m, but {first} is missing '
             f'beside {", ".join(present)}{f" and {more} more" if more else ""}; name the columns '
             'so.'
         )

@@ -10,6 +10,7 @@ import numpy as np
 from lip_id_ros.health.evidence import Evidence, Joint, STILL
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
 from lip_id_ros.joint_types import PRISMATIC, REVOLUTE
+from lip_id_ros.preprocessing.continuity import MOST_TURNS, TURN
 
 LEAST_RANGE = {REVOLUTE: 0.3, PRISMATIC: 0.05}
 LEAST_SPEED = {REVOLUTE: 0.05, PRISMATIC: 0.005}
@@ -17,7 +18,7 @@ LEAST_ACCELERATION = {REVOLUTE: 0.5, PRISMATIC: 0.05}
 LEAST_RETURN = 0.1
 TOGETHER = 0.97
 LEAST_SAMPLES = 100
-MOST_RANGE = {REVOLUTE: 10.0 * np.pi, PRISMATIC: 20.0}
+MOST_RANGE = {REVOLUTE: MOST_TURNS * TURN, PRISMATIC: 20.0}
 MOST_REST = 0.5
 AT_REST = 0.02
 

@@ -29,6 +29,9 @@ LEAST_WRAP = 0.75
 MOST_REACH = 1.01
 """Range of such a position, in turns."""
 
+MOST_TURNS = 5.0
+"""Most joints of an arm never turn so far."""
+
 LEAST_JUMP = 0.05
 """A smaller step may be that of a coarse encoder [rad or m]."""
 LEAST_ACCELERATION = 300.0
@@ -143,6 +146,16 @@ def contradicted(samples: JointSamples) -> tuple[str, ...]:
     agree = (cosine >= ALIKE) & (scale >= LEAST_SCALE) & (scale <= MOST_SCALE)
     is_wrong = np.isfinite(scale) & ~agree
     return tuple(np.array(samples.joint_names, object)[is_wrong].tolist())
+
+
+def refuse_absurd_ranges(samples: JointSamples) -> None:
+    """Raise a DataError if most joints turn as those of no arm do."""
+    reach = np.subtract(*extent(samples.position)[::-1])
+    if samples.n_joints > 1 and (reach > MOST_TURNS * TURN).mean() > 0.5:
+        raise DataError(
+            f'{samples.source} must have positions in rad, but most joints turn by more than '
+            f'{MOST_TURNS:g} turns, as if they were in degrees; convert them.'
+        )
 
 
 def refuse_wrong_units(samples: JointSamples) -> None:

@@ -12,7 +12,13 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ConfigError, DataError, SourceError
 from lip_id_ros.joint_types import is_prismatic, REVOLUTE
-from lip_id_ros.preprocessing.continuity import contradicted, jumps, refuse_wrong_units, unwrapped
+from lip_id_ros.preprocessing.continuity import (
+    contradicted,
+    jumps,
+    refuse_absurd_ranges,
+    refuse_wrong_units,
+    unwrapped,
+)
 from lip_id_ros.preprocessing.sample_times import (
     Changes,
     evenly_timed,
@@ -161,6 +167,7 @@ def segments_of(
     given = replace(fresh, effort=torque(fresh, recording))
     kinds = per_joint(samples, 'joint_types', recording.joint_types, REVOLUTE)
     longest_s = settings.max_gap_s or longest_step(given.t, settings.cutoff)
+    refuse_absurd_ranges(given)
     fresh = unwrapped(given, ~is_prismatic(kinds), longest_s)
     periods = source_periods(changes)
     spread = _spread(fresh)

@@ -190,8 +190,22 @@ def test_times_in_another_unit_are_refused(factor: float, unit: str) -> None:
 
 def test_positions_in_degrees_are_refused() -> None:
     samples = recording(uniform(3000, 100.0))
+    position, velocity = np.degrees(0.2 * samples.position), 0.2 * samples.velocity
+    degrees = replace(samples, position=position, velocity=velocity)
     with pytest.raises(DataError, match=r'must have positions in rad, .* these were in degrees; '):
-        preprocess(replace(samples, position=np.degrees(samples.position)))
+        preprocess(degrees)
+
+
+def test_positions_of_most_joints_in_degrees_are_refused_without_velocities() -> None:
+    samples = recording(uniform(3000, 100.0))
+    degrees = replace(samples, position=np.degrees(samples.position))
+    for other in (np.degrees(samples.velocity), np.full_like(samples.velocity, np.nan)):
+        with pytest.raises(
+            DataError, match=r'must have positions in rad, but most joints turn by'
+        ):
+            preprocess(replace(degrees, velocity=other))
+    one = np.column_stack([degrees.position[:, 0], samples.position[:, 1]])
+    preprocess(replace(samples, position=one))
 
 
 @pytest.mark.parametrize(
