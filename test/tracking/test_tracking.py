@@ -110,7 +110,7 @@ def test_the_verb_writes_figures_pictures_and_page(
 ) -> None:
     fit = FitSettings(subset=20, iterations=3)
     monkeypatch.setattr(tracking, 'Experiment', partial(Experiment, horizon=2.0, fit=fit))
-    monkeypatch.setattr('lip_id_ros.tracking.experiment.panda_setup', partial(panda_setup, 2))
+    monkeypatch.setattr('lip_id_ros.simulation.panda_drives.panda_setup', partial(panda_setup, 2))
     out, file = tmp_path / 'out', tmp_path / 'figures.json'
 
     assert main(['track', '-o', str(out), '--json', str(file)]) == 0
