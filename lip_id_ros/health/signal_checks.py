@@ -9,6 +9,7 @@ import numpy as np
 
 from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
+from lip_id_ros.preprocessing.continuity import usual_range
 from lip_id_ros.preprocessing.smoothing import longest_step
 from lip_id_ros.recording.spill import extent, thinned
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step, some_steps
@@ -26,9 +27,6 @@ FROZEN_S = 1.0
 FROZEN_SHARE = 0.2
 LEAST_WAY = 0.05
 MOST_VALUES = 2**18
-OUTLIER_PERCENT = 1.0
-OUTLIER_RANGES = 10.0
-LEAST_RANGE = 1e-3
 
 ALIKE = 0.7
 PROPORTIONAL = 0.95
@@ -151,9 +149,7 @@ def outliers(joint: Joint) -> Iterator[str]:
         values = signal.some_values()
         if not values.size:
             return
-        low = float(np.percentile(values, OUTLIER_PERCENT, method='higher'))
-        high = float(np.percentile(values, 100.0 - OUTLIER_PERCENT, method='lower'))
-        reach = OUTLIER_RANGES * max(high - low, LEAST_RANGE)
+        low, high, reach = usual_range(values)
         if low - reach <= signal.ends[0] and signal.ends[1] <= high + reach:
             continue
         count = signal.count_beyond(low - reach, high + reach)

@@ -1,5 +1,5 @@
 """
-Positions that jump, and velocities that are not those of the positions.
+Positions that jump, efforts that spike, and velocities that are not those of the positions.
 
 A joint without stops is reported within one turn, and its position jumps by a turn where it leaves
 that range: these jumps are undone. At other jumps (trials written one after another, an encoder
@@ -20,7 +20,14 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import DataError
 from lip_id_ros.preprocessing.sample_times import longest_silence
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.recording.spill import extent, large_array, release, row_blocks
+from lip_id_ros.recording.spill import (
+    extent,
+    large_array,
+    marked,
+    release,
+    row_blocks,
+    thinned,
+)
 from lip_id_ros.recording.timing import median_step
 
 TURN = 2.0 * math.pi
@@ -39,6 +46,10 @@ LONE = 10.0
 """A jump is so many times faster than the motion before and after it."""
 BESIDE = (-3, -2, 2, 3)
 """Steps that a jump is compared with: where an encoder misreads, the next one is a jump too."""
+
+OUTLIER_PERCENT, OUTLIER_RANGES, LEAST_RANGE = 1.0, 10.0, 1e-3
+MOST_VALUES = 2**18
+LONGEST_SPIKE = 3
 
 WINDOW_S = 0.25
 """Changes of position are compared over a period of the usual low-pass."""
@@ -169,6 +180,30 @@ def refuse_wrong_units(samples: JointSamples) -> None:
                 f'{samples.source} must have {expected}, but its velocities are {factor:.4g} '
                 f'times the changes of its positions, as if these were in {unit}; convert them.'
             )
+
+
+def usual_range(values: Array) -> tuple[float, float, float]:
+    """
+    Return the 1 and 99 % quantiles of values (N,), and how far beyond these lie outliers.
+
+    Values of more than 260,000 samples are thinned.
+
+    """
+    some = thinned(values, MOST_VALUES)
+    low = float(np.percentile(some, OUTLIER_PERCENT, method='higher'))
+    high = float(np.percentile(some, 100.0 - OUTLIER_PERCENT, method='lower'))
+    return low, high, OUTLIER_RANGES * max(high - low, LEAST_RANGE)
+
+
+def spikes(efforts: Array) -> BoolArray:
+    """Mark the samples with outliers among efforts, shape (N, n), that last three at most."""
+    ranges = [usual_range(column) for column in efforts.T]
+    low, high = np.array([(least - reach, most + reach) for least, most, reach in ranges]).T
+    marks = marked(lambda rows: ((rows < low) | (rows > high)).any(axis=1), efforts)
+    edges = np.flatnonzero(np.diff(marks, prepend=False, append=False))
+    for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        marks[start:end] = end - start <= LONGEST_SPIKE
+    return marks
 
 
 def velocity_scales(samples: JointSamples) -> tuple[Array, Array]:

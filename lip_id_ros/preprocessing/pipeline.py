@@ -34,6 +34,7 @@ from lip_id_ros.recording.joint_samples import content_digest
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 STALE = 'sample stale'
+SPIKE = 'effort far from all others'
 SHORT_SEGMENT = 'segment too short'
 EDGE = 'edge of a segment'
 DECIMATED = 'decimated'
@@ -79,7 +80,9 @@ def _recording(
 ) -> Dataset:
     segments, report = segments_of(samples, settings, recording)
     dropped = Counter(samples.counts)
-    dropped[STALE] = samples.n_samples - sum(segment.n_samples for segment in segments)
+    left_out = samples.n_samples - sum(segment.n_samples for segment in segments)
+    dropped[SPIKE] = report['spikes']
+    dropped[STALE] = left_out - report['spikes']
     motions = _motions(segments, settings, dropped)
     if not motions:
         raise DataError(_too_short(samples.source, segments, settings))

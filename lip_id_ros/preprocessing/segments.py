@@ -17,10 +17,12 @@ from lip_id_ros.preprocessing.continuity import (
     jumps,
     refuse_absurd_ranges,
     refuse_wrong_units,
+    spikes,
     unwrapped,
 )
 from lip_id_ros.preprocessing.sample_times import (
     Changes,
+    changes_between,
     evenly_timed,
     longest_silence,
     retimed,
@@ -165,6 +167,8 @@ def segments_of(
             f'{fresh.n_samples}; record while the arm moves.'
         )
     given = replace(fresh, effort=torque(fresh, recording))
+    if (is_spike := spikes(given.effort)).any():
+        given, changes = given.select(~is_spike), changes_between(changes, ~is_spike)
     kinds = per_joint(samples, 'joint_types', recording.joint_types, REVOLUTE)
     longest_s = settings.max_gap_s or longest_step(given.t, settings.cutoff)
     refuse_absurd_ranges(given)
@@ -196,6 +200,7 @@ def segments_of(
             'positions': int(np.count_nonzero(~changes['position'])),
             'position_steps': _position_steps(fresh),
         },
+        'spikes': int(np.count_nonzero(is_spike)),
         'unwrapped': fresh is not given,
         'jumps': n_jumps,
         'retimed': spread is not fresh or any(mended),

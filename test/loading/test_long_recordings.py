@@ -28,6 +28,7 @@ BOUNDS = {
     'preprocessing.sample_times.BLOCK_ROWS': 1000,
     'preprocessing.sample_times.MOST_MARKS': 1000,
     'preprocessing.continuity.MOST_ROWS': 1000,
+    'preprocessing.continuity.MOST_VALUES': 1000,
     'preprocessing.smoothing._WINDOW': 1000,
     'health.evidence._MOST_VALUES': 1000,
     'health.signal_checks.MOST_VALUES': 1000,

@@ -15,7 +15,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.health import evidence_of, examine
 from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.preprocessing.continuity import contradicted, jumps, TURN, unwrapped
+from lip_id_ros.preprocessing.continuity import contradicted, jumps, spikes, TURN, unwrapped
 from lip_id_ros.preprocessing.sample_times import changes_of, source_periods
 from lip_id_ros.recording import JointSamples, read_bag
 from lip_id_ros.recording.reading import read_log
@@ -116,6 +116,20 @@ def test_a_sample_that_an_encoder_misread_is_left_out() -> None:
     assert jump_rows(broken) == [1200, 1201]
     data = preprocess(broken)
     assert relative_error(2.0 * data.ddq + 0.5 * data.dq, data.tau) < 0.01
+
+
+def test_efforts_that_spike_are_left_out() -> None:
+    """A hundred times the range in one sample was a torque of a tenth of it for 0.1 s."""
+    samples = recording(uniform(3000, 100.0))
+    effort = samples.effort.copy()
+    effort[[300, 1100, 1101, 2000], 1] = 100.0 * np.ptp(effort)
+    data = preprocess(replace(samples, effort=effort))
+    assert relative_error(2.0 * data.ddq + 0.5 * data.dq, data.tau) < 0.01
+    (source,) = data.provenance['sources']
+    assert source['dropped']['effort far from all others'] == 4
+    assert source['segments'] == 1
+    effort[2500:2510, 0] = 100.0 * np.ptp(samples.effort)
+    assert np.flatnonzero(spikes(effort)).tolist() == [300, 1100, 1101, 2000]
 
 
 @given(st.integers(0, 10_000), st.sampled_from([10.0, 30.0, 125.0, 1000.0]))
