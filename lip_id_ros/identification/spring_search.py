@@ -23,6 +23,9 @@ Decrease of the logarithm of a joint's residual, by springs at the placements of
 them, that is worth another search.
 """
 
+LEAST_RESIDUAL = 0.02
+"""The same of that residual, as a share of the torque's deviation; places are right below."""
+
 LEAST_GAIN = 0.1
 """Least decrease of the mean logarithm of the joints' left-out residuals by the other search."""
 
@@ -54,7 +57,8 @@ def find_placements(
     """
     found = fitter.calibrated(seed, progress)
     sprung, chain = fitter.with_springs(), found.placements.chain
-    if fitter.is_described or (_gain(fitter, sprung, chain) < PROBE).all():
+    is_large = found.noise_std > LEAST_RESIDUAL * fitter.torque_std
+    if fitter.is_described or not (is_large & (_gain(fitter, sprung, chain) > PROBE)).any():
         return fitter, found
     other = sprung.calibrated(seed, progress)
     gain = _log_left_out(fitter, found) - _log_left_out(sprung, other)
