@@ -13,7 +13,13 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nodes import toy
-from nodes.test_train import joint_publisher, joint_state, publish_all, start_recording
+from nodes.test_train import (
+    joint_publisher,
+    joint_state,
+    publish_all,
+    START_NS,
+    start_recording,
+)
 import numpy as np
 from sensor_msgs.msg import JointState
 
@@ -160,7 +166,7 @@ def test_bags_and_live_samples_make_one_data_set(
     toy.dataset().save(tmp_path / 'earlier.npz')
     graph.start('train', bags=['earlier.npz'], recording__effort_scale=[1.0, -1.0])
     start_recording(client)
-    t, q, dq, ddq = toy.motion(400, seed=3)
+    _, q, dq, ddq = toy.motion(400, seed=3)
     effort = np.array([1.0, -1.0]) * toy.torque(q, ddq)
 
     def state(row: int) -> JointState:
@@ -179,8 +185,9 @@ def test_bags_and_live_samples_make_one_data_set(
     live = data.segment == data.segment[0]
     assert np.count_nonzero(~live) == 600
     scale = RecordingSettings(effort_scale=(1.0, -1.0))
-    samples = JointSamples(t, q, dq, effort, toy.JOINTS)
+    stamps = START_NS + 10_000_000 * np.arange(400)
+    samples = JointSamples(1e-9 * stamps, q, dq, effort, toy.JOINTS)
     expected = preprocess(samples, recording=scale)
-    np.testing.assert_allclose(data.tau[live], expected.tau, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(data.tau[live], expected.tau, rtol=0.0, atol=1e-9)
     truth = toy.torque(data.q[live], data.ddq[live])
     assert np.abs(data.tau[live] - truth).max() < 0.1 * np.abs(truth).max()
