@@ -144,7 +144,9 @@ def prediction_noise(
 def _identified(
     dataset: Dataset, seed: int, progress: Progress, described: Described | None
 ) -> Identified:
-    dataset = dataset.select(without_long_rests(dataset))
+    rows = without_long_rests(dataset)
+    if rows.size < dataset.n_samples:  # a long recording is not copied for nothing
+        dataset = dataset.select(rows)
     count = dataset.n_samples
     fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))), described)
     fitter, calibration = find_placements(fitter, seed, progress)
