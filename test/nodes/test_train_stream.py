@@ -186,7 +186,7 @@ def test_bags_and_live_samples_make_one_data_set(
     assert np.count_nonzero(~live) == 600
     scale = RecordingSettings(effort_scale=(1.0, -1.0))
     stamps = START_NS + 10_000_000 * np.arange(400)
-    samples = JointSamples(1e-9 * stamps, q, dq, effort, toy.JOINTS)
+    samples = JointSamples(1e-9 * stamps.astype(np.float64), q, dq, effort, toy.JOINTS)
     expected = preprocess(samples, recording=scale)
     np.testing.assert_allclose(data.tau[live], expected.tau, rtol=0.0, atol=1e-9)
     truth = toy.torque(data.q[live], data.ddq[live])
