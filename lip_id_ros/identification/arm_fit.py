@@ -9,6 +9,7 @@ and friction are fitted together.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -173,9 +174,10 @@ class ArmFitter:
 
     def with_springs(self) -> ArmFitter:
         """Return a fitter whose search has a spring at every joint."""
+        other = copy(self)
         drives = map(Drive.of_joint, range(self.dataset.n_joints))
-        springs = tuple(DriveTerm(drive, Spring()) for drive in drives)
-        return ArmFitter(self.dataset, self._described, springs)
+        other._search_terms = tuple(DriveTerm(drive, Spring()) for drive in drives)
+        return other
 
     def tempered(self, inflation: float) -> ArmFitter:
         """
@@ -185,7 +187,7 @@ class ArmFitter:
         samples' squares are too large by this factor. A prior that matters has to keep pace.
 
         """
-        other = self.of(self.dataset)
+        other = copy(self)
         precision = np.sqrt(inflation) * self.prior.precision
         other.prior = replace(self.prior, precision=precision)
         return other
@@ -343,7 +345,7 @@ class ArmFitter:
         problem = ArmProblem(samples, noise.std, basis.is_positive, self.prior, geometry)
         own, coefficients = linear.link_parameters(samples), linear.friction_coefficients(samples)
         states = [problem.start(chain, own, coefficients, lift) for lift in LIFTS]
-        if self.prior.chain is not None:  # the described links
+        if self.is_described:  # the described links
             numbers = np.zeros_like(states[-1].numbers)
             states.append(problem.evaluated(replace(states[-1], numbers=numbers)))
         for state in states:
