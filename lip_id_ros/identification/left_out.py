@@ -169,22 +169,15 @@ class LeftOutBlocks:
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> list[LeftOutFit]:
         """Return the fits with one more group of parameters each."""
-        parts = self._normal_equations(noise_std)
-        whole = np.sum(parts, axis=0)
+        whole = np.sum(self._normal_equations(noise_std), axis=0)
         every = self._solutions(whole, selected, groups)
-        left_out, squares = [], []
-        for scheme in self._schemes:
-            thetas = [
-                self._solutions(whole - sum(parts[k] for k in out), selected, groups)
-                for out in scheme
-            ]
-            left_out.append(thetas)
-            squares.append(self._squares(scheme, thetas))
+        found = [self._left_out(scheme, selected, groups, noise_std) for scheme in self._schemes]
+        thetas, _ = found[0]
         return [
             LeftOutFit(
                 every[g],
-                tuple(theta[g] for theta in left_out[0]),
-                tuple(each[:, g] for each in squares),
+                tuple(theta[g] for theta in thetas),
+                tuple(squares[:, g] for _, squares in found),
             )
             for g in range(len(groups))
         ]
@@ -193,10 +186,23 @@ class LeftOutBlocks:
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> Array:
         """Return `LeftOutFit.mean_squares` with one more group of parameters each, (groups, n)."""
+        _, squares = self._left_out(self._schemes[0], selected, groups, noise_std)
+        return np.asarray(squares.mean(axis=0))
+
+    def _left_out(
+        self,
+        scheme: list[list[int]],
+        selected: IndexArray,
+        groups: Sequence[IndexArray],
+        noise_std: Array,
+    ) -> tuple[list[Array], Array]:
+        """Return the parameters without each set of blocks, and mean squares of their errors."""
         parts = self._normal_equations(noise_std)
         whole = np.sum(parts, axis=0)
-        thetas = [self._solutions(whole - part, selected, groups) for part in parts]
-        return np.asarray(self._squares(self._schemes[0], thetas).mean(axis=0))
+        thetas = [
+            self._solutions(whole - sum(parts[k] for k in out), selected, groups) for out in scheme
+        ]
+        return thetas, self._squares(scheme, thetas)
 
     def _normal_equations(self, noise_std: Array) -> list[Array]:
         """Return [F, tau]^T [F, tau] of every block in units of the noise."""
