@@ -19,7 +19,7 @@ from lip_id_ros.baselines import Method, method
 from lip_id_ros.baselines.registry import MEANINGS
 from lip_id_ros.comparison.cell import Case, Cell, code_version, measure
 from lip_id_ros.errors import DataError, FitError
-from lip_id_ros.evaluation.cautions import USELESS_PERCENT
+from lip_id_ros.evaluation.cautions import is_useless
 from lip_id_ros.evaluation.tables import percent, Table
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import TorquePrediction
@@ -206,7 +206,7 @@ def _no_better_than_mean(cells: Sequence[Cell]) -> Iterator[str]:
             model: [
                 name
                 for name, error in zip(by_model[model][0].joint_names, errors, strict=True)
-                if error is not None and error >= USELESS_PERCENT
+                if is_useless(error)
             ]
             for model, errors in found.items()
         }

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-import math
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,6 +112,11 @@ def copy_cautions(provenance: Mapping[str, Any]) -> list[str]:
     ]
 
 
+def is_useless(nmse_percent: float | None) -> TypeGuard[float]:
+    """Whether a known error is no smaller than that of the torque's mean, or hardly."""
+    return nmse_percent is not None and nmse_percent >= USELESS_PERCENT  # nan is not
+
+
 def no_better_than_mean(
     joint_names: Sequence[str],
     nmse_percent: Sequence[float | None],
@@ -134,7 +138,7 @@ def no_better_than_mean(
     useless = [
         (name, value)
         for name, value in zip(joint_names, nmse_percent, strict=False)
-        if value is not None and not math.isnan(value) and value >= USELESS_PERCENT
+        if is_useless(value)
     ]
     if not useless:
         return []

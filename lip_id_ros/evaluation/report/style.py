@@ -16,7 +16,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import for_plot
-from lip_id_ros.evaluation.cautions import USELESS_PERCENT
+from lip_id_ros.evaluation.cautions import is_useless
 from lip_id_ros.joint_types import PRISMATIC, TORQUE_UNITS
 
 MEASURED = '#9aa5b1'
@@ -139,7 +139,7 @@ def remark(panel: Axes, nmse_percent: float | None) -> None:
     """Write an error at the upper right of a panel, where there is one."""
     if nmse_percent is not None and not math.isnan(nmse_percent):
         text = f'nMSE {nmse_percent:.3g} %'
-        if nmse_percent >= USELESS_PERCENT:
+        if is_useless(nmse_percent):
             text = f'no better than the mean: {text}'
         panel.set_title(text, loc='right', fontsize=11, fontweight='normal', color='#52606d')
 
