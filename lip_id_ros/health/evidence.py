@@ -19,7 +19,7 @@ from lip_id_ros.health.motion import (
     VelocityAgreement,
 )
 from lip_id_ros.joint_types import POSITION_UNITS
-from lip_id_ros.preprocessing.continuity import jumps
+from lip_id_ros.preprocessing.continuity import jumps, MOST_VALUES
 from lip_id_ros.preprocessing.sample_times import (
     Changes,
     changes_between,
@@ -39,7 +39,6 @@ STILL = 1e-3
 CONSTANT = 1e-5
 """Range of a signal that is constant, over its largest value or 1 [rad/s, N m, A]."""
 
-_MOST_VALUES = 2**18
 _TOP_WIDTH = 0.002
 _LEAST_TOP = 0.005
 _TOP_OVER_NEXT = 5
@@ -80,7 +79,7 @@ class Signal:
 
     def some_values(self) -> Array:
         """Return all values, or very many of them at even distances."""
-        return thinned(self.values, _MOST_VALUES)
+        return thinned(self.values, MOST_VALUES)
 
     def count_beyond(self, low: float, high: float) -> int:
         """Return how many values are smaller or larger than two limits."""

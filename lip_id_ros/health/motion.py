@@ -19,7 +19,7 @@ from lip_id_ros.preprocessing.smoothing import (
 )
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.joint_samples import SIGNALS
-from lip_id_ros.recording.spill import release
+from lip_id_ros.recording.spill import release, some_blocks
 from lip_id_ros.recording.timing import median_step
 from lip_id_ros.settings import PreprocessingSettings
 
@@ -73,20 +73,11 @@ def motion_of(samples: JointSamples) -> SmoothMotion:
     if step > 0.0:
         rate = 1.0 / step
         every = max(1, int(rate / HIGHEST_RATE_HZ))
-        for block in _blocks(samples):
+        for rows in some_blocks(samples.n_samples, MOST_SAMPLES, BLOCKS):
+            block = samples.rows(rows)
             if _is_finite(block):
                 segments += list(_smooth_segments(block, rate, every))
     return SmoothMotion(rate / every, tuple(segments))
-
-
-def _blocks(samples: JointSamples) -> Iterator[JointSamples]:
-    size = samples.n_samples
-    if size <= MOST_SAMPLES:
-        yield samples
-        return
-    length = MOST_SAMPLES // BLOCKS
-    for start in np.linspace(0, size - length, BLOCKS).astype(int).tolist():
-        yield samples.rows(slice(start, start + length))
 
 
 def _is_finite(samples: JointSamples) -> bool:

@@ -9,7 +9,15 @@ import numpy as np
 
 from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
-from lip_id_ros.preprocessing.continuity import usual_range
+from lip_id_ros.preprocessing.continuity import (
+    ALIKE,
+    LEAST_SCALE,
+    MOST_SCALE,
+    MOST_VALUES,
+    PROPORTIONAL,
+    UNIT_TOLERANCE,
+    usual_range,
+)
 from lip_id_ros.preprocessing.smoothing import longest_step
 from lip_id_ros.recording.spill import extent, thinned
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step, some_steps
@@ -26,11 +34,7 @@ COARSE = {'position': 0.01, 'velocity': 0.1, 'effort': 0.1}
 FROZEN_S = 1.0
 FROZEN_SHARE = 0.2
 LEAST_WAY = 0.05
-MOST_VALUES = 2**18
 
-ALIKE = 0.7
-PROPORTIONAL = 0.95
-LEAST_SCALE, MOST_SCALE = 0.8, 1.25
 SPEED_UNITS = {
     180.0 / math.pi: 'in degrees per second',
     math.pi / 180.0: 'positions were in degrees',
@@ -39,7 +43,6 @@ SPEED_UNITS = {
     1e3: 'in thousandths, or times in ms',
     1e-3: 'in thousands',
 }
-UNIT_TOLERANCE = 0.05
 LEAST_LAG_S = 0.01
 LEAST_SPEED = 0.01
 

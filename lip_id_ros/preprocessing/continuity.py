@@ -26,6 +26,7 @@ from lip_id_ros.recording.spill import (
     marked,
     release,
     row_blocks,
+    some_blocks,
     thinned,
 )
 from lip_id_ros.recording.timing import median_step
@@ -220,7 +221,7 @@ def velocity_scales(samples: JointSamples) -> tuple[Array, Array]:
     least_s = max(median_step(samples.t), longest_silence(samples.t))
     length = max(LEAST_LENGTH, round(WINDOW_S / least_s) if least_s > 0.0 else 0)
     sums = np.zeros((4, samples.n_joints))
-    for rows in _some_rows(samples.n_samples):
+    for rows in some_blocks(samples.n_samples, MOST_ROWS, BLOCKS):
         t, position = samples.t[rows], samples.position[rows]
         if t.size > length:
             way = position[length:] - position[:-length]
@@ -241,12 +242,3 @@ def velocity_scales(samples: JointSamples) -> tuple[Array, Array]:
 def _integral(t: Array, velocity: Array) -> Array:
     steps = 0.5 * (velocity[1:] + velocity[:-1]) * np.diff(t)[:, np.newaxis]
     return np.concatenate([np.zeros((1, velocity.shape[1])), np.cumsum(steps, axis=0)])
-
-
-def _some_rows(size: int) -> list[slice]:
-    """Return all rows, or of very many some blocks from the beginning to the end."""
-    if size <= MOST_ROWS:
-        return [slice(0, size)]
-    length = MOST_ROWS // BLOCKS
-    starts = np.linspace(0, size - length, BLOCKS).astype(int).tolist()
-    return [slice(start, start + length) for start in starts]

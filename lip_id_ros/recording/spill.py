@@ -100,6 +100,15 @@ def steps(values: NDArray[Any]) -> Iterator[NDArray[Any]]:
         release(values)
 
 
+def some_blocks(size: int, most: int, count: int) -> list[slice]:
+    """Return all rows, or of more than `most` so many blocks from the beginning to the end."""
+    if size <= most:
+        return [slice(0, size)]
+    length = most // count
+    starts = np.linspace(0, size - length, count).astype(int).tolist()
+    return [slice(start, start + length) for start in starts]
+
+
 def extent(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the least and the largest value of each column; there is at least one row."""
     ends = []

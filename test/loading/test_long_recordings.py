@@ -30,7 +30,7 @@ BOUNDS = {
     'preprocessing.continuity.MOST_ROWS': 1000,
     'preprocessing.continuity.MOST_VALUES': 1000,
     'preprocessing.smoothing._WINDOW': 1000,
-    'health.evidence._MOST_VALUES': 1000,
+    'health.evidence.MOST_VALUES': 1000,
     'health.signal_checks.MOST_VALUES': 1000,
     'health.motion.MOST_SAMPLES': 6000,
 }
