@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         ShapeError,
         SourceError,
     )
-    from lip_id_ros.evaluation import evaluate, Evaluation
+    from lip_id_ros.evaluation import evaluate, Evaluation, fit_cautions
     from lip_id_ros.identification import fit
     from lip_id_ros.loading import load_dataset
     from lip_id_ros.model import InverseDynamicsModel, Prediction
@@ -54,6 +54,7 @@ _HOMES = {
     'SourceError': 'errors',
     'evaluate': 'evaluation',
     'fit': 'identification',
+    'fit_cautions': 'evaluation',
     'load_dataset': 'loading',
     'read_config': 'settings',
 }
@@ -78,6 +79,7 @@ __all__ = [
     '__version__',
     'evaluate',
     'fit',
+    'fit_cautions',
     'load_dataset',
     'read_config',
 ]

@@ -19,13 +19,7 @@ from typing import Any, TextIO
 from lip_id_ros.acquisition.recording_file import receive
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError, LipIdError
-from lip_id_ros.evaluation import (
-    evaluate,
-    fit_cautions,
-    matched,
-    no_better_than_mean,
-    with_checks,
-)
+from lip_id_ros.evaluation import evaluate, fit_cautions, matched, no_better_than_mean
 from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.export.payload import (
     attached,
@@ -110,12 +104,12 @@ def _fit(
     if request['holdout'] > 0.0:
         training, held_out = data.split(1.0 - request['holdout'])
     training = for_training(training, config.preprocessing, config.fit.kernel)
-    model = with_checks(fit(training, config.fit, progress), training)
+    model = fit(training, config.fit, progress)
     judged = None
     if held_out is not None:
         judged = evaluate(model, held_out, progress).to_json()
     saved = _save(model.save, request['path'])
-    cautions = fit_cautions(model.joint_names, model.summary)
+    cautions = fit_cautions(model)
     if judged is not None:
         cautions += no_better_than_mean(model.joint_names, judged['nmse_percent'])
     return {**saved, 'summary': model.summary, 'cautions': cautions, 'holdout': judged}

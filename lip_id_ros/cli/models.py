@@ -13,7 +13,7 @@ from lip_id_ros.baselines.registry import load as load_baseline
 from lip_id_ros.baselines.registry import save as save_baseline
 from lip_id_ros.checked_file import COMPARED, schema_of
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation import fit_cautions, matched, with_checks
+from lip_id_ros.evaluation import fit_cautions, matched
 from lip_id_ros.identification import fit
 from lip_id_ros.loading import load_dataset, with_elected
 from lip_id_ros.model import InverseDynamicsModel
@@ -31,7 +31,7 @@ def learned(
 ) -> Model:
     """Fit the model that `args.model` names, by default the one of this package."""
     if args.model is None or args.model in OURS:
-        return with_checks(fit(training, settings, progress), training)
+        return fit(training, settings, progress)
     return learn(args.model, training, settings, args.urdf, progress)
 
 
@@ -73,9 +73,7 @@ def facts(model: Model) -> tuple[tuple[str, str], ...]:
 
 def cautions(model: Model) -> list[str]:
     """Return what was unusual about the fit of a model of this package."""
-    if isinstance(model, Baseline):
-        return []
-    return fit_cautions(model.joint_names, model.summary)
+    return [] if isinstance(model, Baseline) else fit_cautions(model)
 
 
 def load_for(model: Model, sources: list[str], path: str | None, progress: Progress) -> Dataset:

@@ -19,7 +19,7 @@ import numpy as np
 from lip_id_ros.cli.output import progress_display
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo.judge import REPORT, report, run_demo, TORQUE_NOISE
-from lip_id_ros.evaluation import Evaluation, run, with_checks
+from lip_id_ros.evaluation import Evaluation, run
 from lip_id_ros.identification import fit
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import for_training
@@ -83,7 +83,7 @@ def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
         test = record(output / TEST_BAG, TEST_SEED, size)
         recorded = load_dataset([training.bag], config, progress)
         chosen = for_training(recorded, config.preprocessing, config.fit.kernel)
-        model = with_checks(fit(chosen, config.fit, progress), chosen)
+        model = fit(chosen, config.fit, progress)
         model.save(output / MODEL)
         unseen = test.with_truth(load_dataset([test.bag], config, progress))
         facts = (

@@ -1,6 +1,6 @@
 """The quality of a model on a data set: figures, tables, plots and cautions."""
 
-from lip_id_ros.evaluation.cautions import fit_cautions, no_better_than_mean, with_checks
+from lip_id_ros.evaluation.cautions import fit_cautions, no_better_than_mean
 from lip_id_ros.evaluation.metrics import evaluate, Evaluation, matched, Outcome, run, score
 
 __all__ = [
@@ -12,5 +12,4 @@ __all__ = [
     'no_better_than_mean',
     'run',
     'score',
-    'with_checks',
 ]

@@ -1,79 +1,28 @@
-"""Checks of a fitted model, and warnings about it and about the data it is evaluated on."""
+"""Warnings about a fitted model, and about the data it is evaluated on."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation.metrics import not_positive_definite_percent
 from lip_id_ros.evaluation.tables import percent
 from lip_id_ros.model import InverseDynamicsModel
-
-MOST_CHECKED = 1000
-"""Samples at which M(q) is checked, at most."""
 
 USELESS_PERCENT = 90.0
 """A joint whose nMSE reaches this is predicted no better than by the mean of its torque."""
 
 
-def with_checks(model: InverseDynamicsModel, training: Dataset) -> InverseDynamicsModel:
-    """
-    Add checks to the summary of a model, computed at samples of its training data.
-
-    `inertia_not_pd_percent` is the share of samples at which M(q) is not positive definite,
-    `inertia_min_eigenvalue` its smallest eigenvalue at any of them [kg m^2 or kg], and
-    `unexplained_percent` the noise variance of each joint, or its error on left-out blocks where
-    that is larger, in percent of the variance of its torque (None where that is constant).
-
-    """
-    smallest = np.linalg.eigvalsh(
-        model.inertia_matrix(training.q[:: 1 + training.n_samples // MOST_CHECKED])
-    )[:, 0]
-    variance = training.tau.var(axis=0)
-    squares = np.maximum(model.noise_std**2, _left_out_squares(model, variance))
-    checks: dict[str, Any] = {
-        'inertia_not_pd_percent': not_positive_definite_percent(smallest),
-        'inertia_min_eigenvalue': float(smallest.min()),
-        'unexplained_percent': [
-            100.0 * float(square) / float(total) if total > 0.0 else None
-            for square, total in zip(squares, variance, strict=True)
-        ],
-    }
-    return replace(model, summary={**model.summary, **checks})
+def fit_cautions(model: InverseDynamicsModel) -> list[str]:
+    """Return what was unusual about the fit of a model: sentences, none where all went well."""
+    return summary_cautions(model.joint_names, model.summary)
 
 
-def _left_out_squares(model: InverseDynamicsModel, variance: Array) -> Array:
-    """Return mean squares of the errors of links on left-out blocks; 0 where not known, (n,)."""
-    shares = model.summary.get('unexplained_left_out')
-    if shares is None:
-        return np.zeros(len(variance))
-    # the noise of a joint with a Gaussian process is its error on left-out blocks
-    has_process = model.remainder.joints if model.remainder else np.zeros(len(variance), bool)
-    return np.where(has_process, 0.0, np.asarray(shares) * variance)
-
-
-def fit_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:
-    """
-    Return what was unusual about a fit.
-
-    Parameters
-    ----------
-    joint_names : sequence of str
-    summary : mapping
-        Of the model, after `with_checks`.
-
-    Returns
-    -------
-    list of str
-        Sentences, none where all went well.
-
-    """
+def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:
+    """Return what the summary of a fit says that was unusual about it, see `fit_cautions`."""
     texts = [note] if (note := summary.get('device_note')) else []
     texts += summary.get('description', {}).get('sentences', ())
     shares = summary.get('unexplained_percent', ())

@@ -19,6 +19,7 @@ from lip_id_ros.model import (
     TorqueModel,
     TorquePrediction,
 )
+from lip_id_ros.model.fit_checks import not_positive_definite_percent
 from lip_id_ros.progress import Progress, silent
 
 BLOCK = 500
@@ -54,11 +55,6 @@ def rmse(estimate: Array, truth: Array) -> Array:
     """Root mean squared error in the unit of the arguments, shape () or (n,)."""
     error: Array = np.sqrt(np.mean(np.square(estimate - truth), axis=0))
     return error
-
-
-def not_positive_definite_percent(smallest_eigenvalue: Array) -> float:
-    """Share [percent] of inertia matrices whose smallest eigenvalue (N,) is not positive."""
-    return 100.0 * float(np.mean(smallest_eigenvalue <= 0))
 
 
 def mean_of_known(values: tuple[float, ...]) -> float:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.evaluation.cautions import with_checks
 from lip_id_ros.fleet.placements import chosen, PlacedArm
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.solution import Solution
@@ -25,6 +24,7 @@ from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.effort_calibration import effort_calibrations
+from lip_id_ros.model.fit_checks import with_checks
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.rigid_body.pseudo_inertia import log_cholesky
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
@@ -104,7 +104,8 @@ def model_of(
         'noise_std': arm.noise.std.tolist(),
         'recordings': len(surveys),
     }
-    return with_checks(_assembled(placed, surveys, arm, remainder, report), placed.dataset)
+    model = _assembled(placed, surveys, arm, remainder, report)
+    return with_checks(model, placed.dataset.q, placed.dataset.tau)
 
 
 def _remainder(

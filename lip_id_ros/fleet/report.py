@@ -66,7 +66,7 @@ def _data(result: FleetResult) -> dict[str, Any]:
     number_of = {group: number for number, group in enumerate(groups)}
     return {
         'joints': _texts(result.model.joint_names),
-        'warnings': _texts(fit_cautions(result.model.joint_names, result.model.summary)),
+        'warnings': _texts(fit_cautions(result.model)),
         'noise': result.noise_std.tolist(),
         'terms': _texts(result.friction_names),
         'betweenRecordings': np.nan_to_num(result.deviation_of_recordings).tolist(),

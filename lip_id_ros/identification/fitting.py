@@ -18,6 +18,7 @@ from lip_id_ros.identification.arm_prior import DescriptionSettings
 from lip_id_ros.identification.identify import Identified, identify, LEAST_SAMPLES_PER_JOINT
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.effort_calibration import effort_calibrations
+from lip_id_ros.model.fit_checks import with_checks
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body.denavit_hartenberg import PARAMETERS, table, UNITS, with_standard_frames
@@ -76,7 +77,7 @@ def fit(
     report['seconds_total'] = round(time.monotonic() - started, 3)
     process = parts.get('process')
     report['ignored_settings'] = _ignored(settings, OF_ARMS if process else OF_PROCESSES)
-    return InverseDynamicsModel(
+    model = InverseDynamicsModel(
         joint_names=dataset.joint_names,
         joint_types=dataset.joint_types,
         potential_reference=dataset.q.mean(axis=0),
@@ -88,6 +89,7 @@ def fit(
         provenance={**dataset.provenance, 'n_samples_available': dataset.n_samples},
         **parts,
     )
+    return with_checks(model, dataset.q, dataset.tau)
 
 
 def _fitted(

@@ -151,12 +151,8 @@ def test_hyperparameters_at_a_bound_are_a_caution(workshop: Workshop) -> None:
     model = InverseDynamicsModel.load(workshop.model)
     free = replace(model, summary={**model.summary, 'at_bounds': []})
     stuck = replace(model, summary={**model.summary, 'at_bounds': ['noise_variance[0]']})
-    assert not any(
-        'ran to a bound' in text for text in fit_cautions(model.joint_names, free.summary)
-    )
-    (found,) = (
-        text for text in fit_cautions(model.joint_names, stuck.summary) if 'ran to a bound' in text
-    )
+    assert not any('ran to a bound' in text for text in fit_cautions(free))
+    (found,) = (text for text in fit_cautions(stuck) if 'ran to a bound' in text)
     assert '1 hyperparameters ran to a bound (noise_variance[0])' in found
 
 
@@ -164,8 +160,8 @@ def test_an_indefinite_inertia_is_a_caution(workshop: Workshop) -> None:
     model = InverseDynamicsModel.load(workshop.model)
     good = replace(model, summary={**model.summary, 'inertia_not_pd_percent': 0.0})
     bad = replace(model, summary={**model.summary, 'inertia_not_pd_percent': 12.5})
-    assert not any('inertia' in text for text in fit_cautions(model.joint_names, good.summary))
-    (found,) = (text for text in fit_cautions(model.joint_names, bad.summary) if 'inertia' in text)
+    assert not any('inertia' in text for text in fit_cautions(good))
+    (found,) = (text for text in fit_cautions(bad) if 'inertia' in text)
     assert 'is not positive definite at 12.5 % of the training samples' in found
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
-from evaluation.models import small_model, training
+from evaluation.models import QUICK, small_model, training
 from evaluation.stubs import Knowing
 import numpy as np
 import pytest
@@ -18,11 +18,13 @@ from lip_id_ros.evaluation import (
     no_better_than_mean,
     run,
     score,
-    with_checks,
 )
+from lip_id_ros.evaluation.cautions import summary_cautions
 from lip_id_ros.evaluation.recording_health import finding_lines, RecordingHealth
 from lip_id_ros.evaluation.report import Labels, write_report
+from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.fit_checks import with_checks
 from lip_id_ros.recording import JointSamples
 
 NAMES = ('shoulder', 'elbow', 'wrist')
@@ -47,32 +49,39 @@ def test_noise_as_large_as_the_torque_is_a_caution_of_the_fit(tmp_path: Path) ->
     model, data = small_model(), training()
     standard = (data.tau - data.tau.mean(axis=0)) / data.tau.std(axis=0)
     hardly_noisier = replace(data, tau=standard * model.noise_std / np.sqrt(0.95))
-    with_checks(model, hardly_noisier).save(tmp_path / 'model.npz')
+    with_checks(model, hardly_noisier.q, hardly_noisier.tau).save(tmp_path / 'model.npz')
     found = InverseDynamicsModel.load(tmp_path / 'model.npz').summary
     np.testing.assert_allclose(found['unexplained_percent'], 95.0)
-    assert any('at 3 of 3 joints' in text for text in fit_cautions(NAMES, found))
-    good = with_checks(model, data).summary
-    assert not any('no better' in text for text in fit_cautions(NAMES, good))
+    assert any('at 3 of 3 joints' in text for text in summary_cautions(NAMES, found))
+    good = with_checks(model, data.q, data.tau).summary
+    assert not any('no better' in text for text in summary_cautions(NAMES, good))
+
+
+def test_a_fit_from_python_warns_of_torques_that_it_does_not_explain() -> None:
+    tau = np.random.default_rng(0).standard_normal(training().tau.shape)
+    model = fit(replace(training(), tau=tau), QUICK)
+    assert any('no better than the mean' in text for text in fit_cautions(model))
+    assert not any('no better' in text for text in fit_cautions(small_model()))
 
 
 def test_a_constant_torque_has_no_share() -> None:
     tau = np.array(training().tau)
     tau[:, 1] = 2.0
-    checked = with_checks(small_model(), replace(training(), tau=tau))
+    checked = with_checks(small_model(), training().q, tau)
     assert checked.summary['unexplained_percent'][1] is None
 
 
 def test_errors_on_left_out_blocks_count_where_they_exceed_the_noise() -> None:
     model, data = small_model(), training()
     known = replace(model, summary={**model.summary, 'unexplained_left_out': [1.2, 0.0, 0.0]})
-    found = with_checks(known, data).summary['unexplained_percent']
+    found = with_checks(known, data.q, data.tau).summary['unexplained_percent']
     assert found[0] == pytest.approx(120.0)
-    assert found[1:] == with_checks(model, data).summary['unexplained_percent'][1:]
+    assert found[1:] == with_checks(model, data.q, data.tau).summary['unexplained_percent'][1:]
 
 
 @pytest.mark.parametrize(('agreed', 'count'), [(True, 0), (False, 1)])
 def test_searches_that_did_not_agree_are_a_caution(agreed: bool, count: int) -> None:
-    cautions = fit_cautions(NAMES, {'searches_agreed': agreed})
+    cautions = summary_cautions(NAMES, {'searches_agreed': agreed})
     assert len([text for text in cautions if 'placements of the joints ended' in text]) == count
 
 

@@ -10,8 +10,9 @@ from gp.processes import process_of
 import numpy as np
 import pytest
 
-from lip_id_ros.evaluation import evaluate, with_checks
+from lip_id_ros.evaluation import evaluate
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.fit_checks import with_checks
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
@@ -21,7 +22,7 @@ def test_the_summary_has_what_an_evaluation_finds(sign: float, tmp_path: Path) -
     model = replace(small_model(), process=replace(process, alpha=sign * process.alpha))
     own = [np.flatnonzero((training().q == q).all(axis=1))[0] for q in process.states.q]
     data = training().select(np.array(own))
-    with_checks(model, data).save(tmp_path / 'model.npz')
+    with_checks(model, data.q, data.tau).save(tmp_path / 'model.npz')
     summary = InverseDynamicsModel.load(tmp_path / 'model.npz').summary
     expected = evaluate(model, data)
     assert summary['inertia_not_pd_percent'] == pytest.approx(expected.inertia_not_pd_percent)

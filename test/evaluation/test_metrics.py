@@ -10,6 +10,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation import metrics
+from lip_id_ros.model.fit_checks import not_positive_definite_percent
 
 columns = arrays(np.float64, (12, 2), elements=st.floats(-1e3, 1e3, width=32))
 
@@ -56,4 +57,4 @@ def test_the_mean_as_an_estimate_has_a_hundred_percent(truth: Array) -> None:
 
 def test_an_eigenvalue_of_zero_is_not_positive() -> None:
     smallest = np.array([0.1, 0.0, -0.1, 2.0])
-    assert metrics.not_positive_definite_percent(smallest) == pytest.approx(50.0)
+    assert not_positive_definite_percent(smallest) == pytest.approx(50.0)

@@ -78,6 +78,8 @@ def test_summary() -> None:
         'device',
         'device_note',
         'ignored_settings',
+        'inertia_min_eigenvalue',
+        'inertia_not_pd_percent',
         'iterations',
         'negative_log_likelihood',
         'noise_std',
@@ -85,6 +87,7 @@ def test_summary() -> None:
         'rejected_steps',
         'seconds_optimising',
         'seconds_total',
+        'unexplained_percent',
     }
     np.testing.assert_allclose(summary['noise_std'], model.noise_std)
     assert 0.0 <= summary['seconds_optimising'] <= summary['seconds_total']
@@ -103,7 +106,7 @@ def test_settings_that_a_fit_does_not_use_are_named(
     settings: dict[str, Any], sentence: str | None
 ) -> None:
     model = fit(samples(100), FitSettings(**settings))
-    found = [text for text in fit_cautions(model.joint_names, model.summary) if 'not use' in text]
+    found = [text for text in fit_cautions(model) if 'not use' in text]
     assert len(found) == (sentence is not None)
     assert all(sentence in text for text in found if sentence is not None)
 
