@@ -2,7 +2,7 @@
 The search for placements, once more with springs where these explain torques.
 
 A strong spring, as of a counterbalance, looks like gravity of a link in a wrong place, so that the
-search ends in a wrong minimum. There a spring still explains some of what is not explained
+search ends in a wrong minimum. A descent from there with springs lowers the residuals
 (docs/maths.md, section 10).
 
 """
@@ -11,16 +11,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.placement_search import Calibration
 from lip_id_ros.progress import Progress
-from lip_id_ros.rigid_body import Chain
 
-PROBE = 0.2
+PROBE = 0.5
 """
-Decrease of the logarithm of a joint's residual, by springs at the placements of a search without
-them, that is worth another search.
+Decrease of the logarithm of a joint's residual, by a descent with springs from the minima of a
+search without them, that is worth another search.
 """
 
 LEAST_RESIDUAL = 0.02
@@ -56,18 +54,16 @@ def find_placements(
 
     """
     found = fitter.calibrated(seed, progress)
-    sprung, chain = fitter.with_springs(), found.placements.chain
     is_large = found.noise_std > LEAST_RESIDUAL * fitter.torque_std
-    if fitter.is_described or not (is_large & (_gain(fitter, sprung, chain) > PROBE)).any():
+    if fitter.is_described or not is_large.any():
+        return fitter, found
+    sprung = fitter.with_springs()
+    probed = sprung.recalibrated(found)
+    if not (is_large & (np.log(found.noise_std / probed.noise_std) > PROBE)).any():
         return fitter, found
     other = sprung.calibrated(seed, progress)
     gain = _log_left_out(fitter, found) - _log_left_out(sprung, other)
     return (sprung, other) if gain >= LEAST_GAIN else (fitter, found)
-
-
-def _gain(fitter: ArmFitter, sprung: ArmFitter, chain: Chain) -> Array:
-    """Return by how much springs lower the logarithm of each joint's residual, shape (n,)."""
-    return fitter.log_residuals(chain) - sprung.log_residuals(chain)
 
 
 def _log_left_out(fitter: ArmFitter, found: Calibration) -> float:

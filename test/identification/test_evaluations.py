@@ -22,14 +22,15 @@ def most_of_placements() -> int:
     """
     Both searches to their last batch, without springs, with them probed, and with them.
 
-    Refinements of few and of all samples are done after each, and once more without outliers.
+    Refinements of few and of all samples are done after each of the three, and once more without
+    outliers.
 
     """
     search = placement_search
     descents = search.SEARCHES * (search.STARTS + search.MOST_BATCHES * search.ROUNDS)
     # one more evaluation a round, for its noise
     refined = (search.CANDIDATES + search.FINALISTS) * search.MORE_EVALUATIONS + 2
-    return 2 * descents * search.EVALUATIONS + search.REFINEMENTS * (3 * refined + 2)
+    return 2 * descents * search.EVALUATIONS + search.REFINEMENTS * 4 * refined
 
 
 def most_of_arms() -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from gp.arms import dataset_of, noise_of
@@ -17,13 +18,15 @@ from lip_id_ros.identification.spring_search import find_placements
 from lip_id_ros.progress import silent
 
 NOISE = 0.01
-STIFFNESS = np.array([0.0, 30.0, -20.0])
+STIFFNESS = (0.0, 30.0, -20.0)
 
 
-def sprung(arm: ChainArm, count: int, seed: int) -> Dataset:
+def sprung(
+    arm: ChainArm, count: int, seed: int, stiffness: Sequence[float] = STIFFNESS
+) -> Dataset:
     """Return samples of an arm that has springs, with noise."""
     motion = arm.motion(count, seed)
-    tau = arm.torque(*motion) + STIFFNESS * motion[0]
+    tau = arm.torque(*motion) + np.array(stiffness) * motion[0]
     return dataset_of(arm, motion, tau + noise_of(tau, NOISE))
 
 
@@ -40,6 +43,16 @@ def test_strong_springs_do_not_mislead_the_search() -> None:
     assert {each.drive.joints for each in terms if isinstance(each.term, Spring)} == {(1,), (2,)}
     error = arm_found.torque(unseen.q, unseen.dq, unseen.ddq) - unseen.tau
     assert (error.std(axis=0) < 2.0 * NOISE * unseen.tau.std(axis=0)).all()
+
+
+def test_a_spring_that_explains_nothing_at_the_places_found_is_found_by_a_descent() -> None:
+    fitter = ArmFitter(sprung(random_arm((R, R), seed=8), 200, 0, stiffness=(0.0, 20.0)))
+    wrong = fitter.calibrated(0, silent)
+    assert wrong.noise_std[1] > 0.1 * fitter.torque_std[1]
+    there = fitter.log_residuals(wrong.placements.chain)
+    assert there[1] - fitter.with_springs().log_residuals(wrong.placements.chain)[1] < 0.1
+    _, found = find_placements(fitter, 0, silent)
+    assert (found.noise_std < 2.0 * NOISE * fitter.torque_std).all()
 
 
 def test_torques_that_springs_do_not_explain_leave_the_search_as_it_is() -> None:
