@@ -18,6 +18,7 @@ from benchmarks._cells import show
 from benchmarks._real import ARMS, RealArm
 from benchmarks._results import Results, Row
 from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.progress import silent
 
 SAME = 0.016
@@ -61,7 +62,7 @@ def _fitter(arm: RealArm, data: Path) -> ArmFitter:
 
 def _searched(fitter: ArmFitter, seed: int) -> Row:
     started = time.process_time()
-    found = fitter.calibrated(seed, silent)
+    found = ArmSearch(fitter).calibrated(seed, silent)
     return {
         'log_residual': float(np.log(found.noise_std / fitter.torque_std).mean()),
         'agreed': found.agreed,

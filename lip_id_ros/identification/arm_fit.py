@@ -18,53 +18,27 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.friction.compiled import friction_features
-from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
-from lip_id_ros.friction.terms import Spring
 from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
 from lip_id_ros.identification.kinematic_calibration import (
     PlacementProblem,
-    Placements,
-    placements_residual,
     Samples,
 )
 from lip_id_ros.identification.link_torques import (
     link_prior_std,
     links_torque,
 )
-from lip_id_ros.identification.placement_search import (
-    calibrate,
-    Calibration,
-    calibration_at,
-    FINEST,
-    LENGTH,
-    refine,
-)
+from lip_id_ros.identification.placement_search import FINEST, LENGTH
 from lip_id_ros.identification.sample_selection import covering, evenly
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain, STANDARD_GRAVITY
 from lip_id_ros.rigid_body.pseudo_inertia import scale_of
 
-MOST_SAMPLES, SEARCH_SAMPLES, START_SAMPLES, FEW_SAMPLES = 1000, 500, 150, 100
-"""
-Of the fit, of the refinement of placements, of the comparison of starts, and of the search.
-"""
-
-CHUNK = 5000
-"""Samples whose features are in memory together."""
-
-SIGN_WIDTH = 0.05
-"""Width of the first smooth sign, as a share of each joint's root mean square velocity."""
-
-REST_RATIO = 8.0
-"""
-Standard deviation at rest in that of motion while placements are searched for; below
-`SIGN_WIDTH` a joint is near rest.
-"""
+MOST_SAMPLES, SEARCH_SAMPLES, START_SAMPLES = 1000, 500, 150
+"""Of the fit, of the refinement of placements, and of the comparison of starts."""
 
 LIFTS = (1e-1, 1e-2)
 """Least eigenvalues of the scaled pseudo-inertias of the first links that can exist."""
@@ -128,18 +102,11 @@ class ArmFitter:
         In the order of time.
     described : tuple of RobotDescription and DescriptionSettings, optional
         Prior of placements and links.
-    search_terms : tuple of DriveTerm
-        That the search for placements has beside viscous and Coulomb friction and offsets.
 
     """
 
-    def __init__(
-        self,
-        dataset: Dataset,
-        described: Described | None = None,
-        search_terms: tuple[DriveTerm, ...] = (),
-    ) -> None:
-        self.dataset, self._described, self._search_terms = dataset, described, search_terms
+    def __init__(self, dataset: Dataset, described: Described | None = None) -> None:
+        self.dataset, self._described = dataset, described
         self.link_std = link_prior_std(dataset)
         usual = scale_of(float(self.link_std[0, 0]), LENGTH)
         if described is None:
@@ -169,15 +136,8 @@ class ArmFitter:
         return self.of(self.dataset.select(evenly(self.dataset.n_samples, most)))
 
     def of(self, dataset: Dataset) -> ArmFitter:
-        """Return a fitter of other samples, with the same description and search."""
-        return ArmFitter(dataset, self._described, self._search_terms)
-
-    def with_springs(self) -> ArmFitter:
-        """Return a fitter whose search has a spring at every joint."""
-        other = copy(self)
-        drives = map(Drive.of_joint, range(self.dataset.n_joints))
-        other._search_terms = tuple(DriveTerm(drive, Spring()) for drive in drives)
-        return other
+        """Return a fitter of other samples, with the same description."""
+        return ArmFitter(dataset, self._described)
 
     def tempered(self, inflation: float) -> ArmFitter:
         """
@@ -191,49 +151,6 @@ class ArmFitter:
         precision = np.sqrt(inflation) * self.prior.precision
         other.prior = replace(self.prior, precision=precision)
         return other
-
-    def calibrated(self, seed: int, progress: Progress) -> Calibration:
-        """
-        Find the placements of the joints, with the friction terms of the search.
-
-        Those of a robot description are taken as they are.
-
-        """
-        samples = self._search_samples(self.some(SEARCH_SAMPLES))
-        if self.prior.chain is not None:
-            return calibration_at(self.prior.chain, samples)
-        return calibrate(samples, FEW_SAMPLES, seed, progress)
-
-    def recalibrated(self, calibration: Calibration) -> Calibration:
-        """Refine placements that were found in other samples."""
-        samples = self._search_samples(self.some(SEARCH_SAMPLES))
-        if self.prior.chain is not None:
-            return calibration_at(self.prior.chain, samples)
-        return refine(samples, FEW_SAMPLES, calibration)
-
-    def log_residuals(self, chain: Chain) -> Array:
-        """Return the logarithms of the joints' residuals with the joints in given places, (n,)."""
-        calibration = calibration_at(chain, self._search_samples(self.some(START_SAMPLES)))
-        return np.asarray(np.log(calibration.noise_std))
-
-    def residual(self, placements: Placements) -> Array:
-        """Return the residuals of a calibration at all samples, shape (N, n) [N m or N]."""
-        count = self.dataset.n_samples
-        return np.concatenate(
-            [
-                placements_residual(placements, self._search_samples(self.dataset.select(rows)))
-                for rows in np.array_split(np.arange(count), -(-count // CHUNK))
-            ]
-        )
-
-    def _search_samples(self, dataset: Dataset) -> Samples:
-        """Return samples with the friction terms of the search."""
-        speed = np.sqrt(np.mean(self.dataset.dq**2, axis=0))
-        widths = SIGN_WIDTH * np.where(speed > 0.0, speed, 1.0)
-        plain = plain_friction(self.dataset.n_joints, widths)
-        basis = replace(plain, terms=plain.terms + self._search_terms)
-        noise = TorqueNoise(np.ones_like(widths), np.full_like(widths, REST_RATIO), widths)
-        return self._samples(dataset, basis, None, noise.weights(dataset.dq))
 
     def elected(self, chain: Chain) -> ElectedFriction:
         """Elect friction terms with the joints in given places."""
@@ -291,10 +208,10 @@ class ArmFitter:
         """Return the least-squares problem of samples around a fit."""
         basis, noise = fit.friction.basis, fit.noise
         arm = fit.chain, fit.links
-        samples = self._samples(dataset, basis, arm, noise.weights(dataset.dq))
+        samples = self.samples(dataset, basis, arm, noise.weights(dataset.dq))
         return ArmProblem(samples, noise.std, basis.is_positive, self.prior, fit.geometry)
 
-    def _samples(
+    def samples(
         self,
         dataset: Dataset,
         basis: FrictionBasis,
@@ -340,7 +257,7 @@ class ArmFitter:
     ) -> Iterator[ArmFit]:
         """Yield starts near the linear fit with the joints in given places."""
         arm, basis = (chain, links), friction.basis
-        samples = self._samples(dataset, basis, arm, noise.weights(dataset.dq))
+        samples = self.samples(dataset, basis, arm, noise.weights(dataset.dq))
         linear = PlacementProblem(samples, noise.std).at(chain.rotations, chain.translations)
         problem = ArmProblem(samples, noise.std, basis.is_positive, self.prior, geometry)
         own, coefficients = linear.link_parameters(samples), linear.friction_coefficients(samples)

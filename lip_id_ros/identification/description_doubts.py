@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
+from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
@@ -120,14 +121,14 @@ def _sentences(
 
 def _corrections(fitter: ArmFitter, fit: ArmFit, description: RobotDescription) -> tuple[str, ...]:
     """Return the corrections that explain the data far better, the best first."""
-    chain, found = description.chain, list[str]()
+    search, chain, found = ArmSearch(fitter), description.chain, list[str]()
     # Until it is fitted, a right description with small errors can look like a wrong one.
     least = min(
-        float(fitter.log_residuals(chain).mean()), fit.score / len(description.joint_names)
+        float(search.log_residuals(chain).mean()), fit.score / len(description.joint_names)
     )
     for _ in description.joint_names:
         trials = [
-            (float(fitter.log_residuals(each).mean()), text, each)
+            (float(search.log_residuals(each).mean()), text, each)
             for text, each in _variants(chain, description)
         ]
         lowest, _, best = min(trials, key=lambda trial: trial[0])

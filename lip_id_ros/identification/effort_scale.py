@@ -18,6 +18,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.statistics import triangular
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body import Chain
@@ -144,7 +145,7 @@ def find_effort_scale(
 def _placed(dataset: Dataset, seed: int, progress: Progress) -> tuple[Chain, Array]:
     """Search for the places of the joints; return them with the prior deviations of the links."""
     fitter = ArmFitter(dataset)
-    return fitter.calibrated(seed, progress).placements.chain, fitter.link_std
+    return ArmSearch(fitter).calibrated(seed, progress).placements.chain, fitter.link_std
 
 
 def fit_scale(

@@ -11,6 +11,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.noise import sticking_noise, TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
+from lip_id_ros.identification.arm_search import find_placements
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import (
@@ -27,7 +28,6 @@ from lip_id_ros.identification.sample_selection import (
     without_long_rests,
 )
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.identification.spring_search import find_placements
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.progress import Progress, silent
@@ -149,11 +149,11 @@ def _identified(
         dataset = dataset.select(rows)
     count = dataset.n_samples
     fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))), described)
-    fitter, calibration = find_placements(fitter, seed, progress)
-    kept = explained(fitter.residual(calibration.placements))
+    search, calibration = find_placements(fitter, seed, progress)
+    kept = explained(search.residual(calibration.placements))
     if not kept.all():
         fitter = fitter.of(fitter.dataset.select(np.flatnonzero(kept)))
-        calibration = fitter.recalibrated(calibration)
+        calibration = search.of(fitter).recalibrated(calibration)
     progress(STAGE, 0, STEPS)
     elected = fitter.elected(calibration.placements.chain)
     progress(STAGE, 1, STEPS)

@@ -17,7 +17,8 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, CHUNK
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
+from lip_id_ros.identification.arm_search import CHUNK
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import LINK_PARAMETERS

@@ -17,6 +17,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.left_out import Gain
 from lip_id_ros.loading.delay_election import DelayElection, REACH_S
 from lip_id_ros.loading.left_out_torques import LeftOutTorques, uniform_segments
@@ -121,7 +122,7 @@ def _judge(
 ) -> LeftOutTorques:
     """Place the joints by preprocessed recordings."""
     fitter = ArmFitter(data)
-    chain = fitter.calibrated(SEED, silent).placements.chain
+    chain = ArmSearch(fitter).calibrated(SEED, silent).placements.chain
     return LeftOutTorques(segments, highest_hz, chain, fitter.link_std, settings)
 
 

@@ -17,6 +17,7 @@ from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
+from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.laplace import linearised, posterior, root_with_sign_widths
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.sample_selection import covering
@@ -49,7 +50,7 @@ def recorded() -> tuple[ChainArm, Dataset]:
 def fitted() -> tuple[ArmFitter, ArmFit]:
     _, dataset = recorded()
     fitter = ArmFitter(dataset)
-    calibration = fitter.calibrated(0, silent)
+    calibration = ArmSearch(fitter).calibrated(0, silent)
     elected = fitter.elected(calibration.placements.chain)
     start = fitter.best_start([each.chain for each in calibration.candidates], elected)
     return fitter, fitter.refined(dataset, start)
@@ -153,7 +154,7 @@ def test_two_standard_deviations_cover_the_truth() -> None:
         rng = np.random.default_rng(seed)
         tau = arm.torque(*motion) + friction(motion[1])
         fitter = ArmFitter(dataset_of(arm, motion, tau + 0.3 * rng.standard_normal(tau.shape)))
-        calibration = fitter.calibrated(0, silent)
+        calibration = ArmSearch(fitter).calibrated(0, silent)
         elected = fitter.elected(calibration.placements.chain)
         fit = fitter.best_start([calibration.placements.chain], elected)
         _, found, _ = posterior(fitter, fitter.refined(fitter.dataset, fit))

@@ -13,6 +13,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.health.effort_meaning import diagnose_effort
 from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.friction_election import ElectedFriction
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.progress import silent
@@ -45,7 +46,7 @@ def test_predicts_unseen_motion_of_a_ur10(shared_data: Path) -> None:
     """Near rest too: no sample is left out of the fit or of the judgement."""
     training, unseen = loaded(shared_data / UR10, UR10_JOINTS).split(0.7)
     fitter = ArmFitter(training)
-    chain = fitter.calibrated(0, silent).placements.chain
+    chain = ArmSearch(fitter).calibrated(0, silent).placements.chain
     got = fitter.elected(chain)
     error = np.mean((torque(unseen, chain, got) - unseen.tau) ** 2, axis=0)
     share = error / unseen.tau.var(axis=0)

@@ -13,8 +13,8 @@ import pytest
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.terms import Spring
 from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.identify import identify
-from lip_id_ros.identification.spring_search import find_placements
 from lip_id_ros.progress import silent
 
 NOISE = 0.01
@@ -35,8 +35,8 @@ def test_strong_springs_do_not_mislead_the_search() -> None:
     arm = random_arm((R, R, R), seed=1)
     train, unseen = sprung(arm, 200, seed=0), sprung(arm, 100, seed=1)
     fitter = ArmFitter(train)
-    found, calibration = find_placements(fitter, 0, silent)
-    assert found is not fitter
+    search, calibration = find_placements(fitter, 0, silent)
+    assert search.terms
     assert (calibration.noise_std < 2.0 * NOISE * fitter.torque_std).all()
     arm_found = identify(train)
     terms = arm_found.arm.friction.basis.terms
@@ -47,10 +47,11 @@ def test_strong_springs_do_not_mislead_the_search() -> None:
 
 def test_a_spring_that_explains_nothing_at_the_places_found_is_found_by_a_descent() -> None:
     fitter = ArmFitter(sprung(random_arm((R, R), seed=8), 200, 0, stiffness=(0.0, 20.0)))
-    wrong = fitter.calibrated(0, silent)
+    search = ArmSearch(fitter)
+    wrong = search.calibrated(0, silent)
     assert wrong.noise_std[1] > 0.1 * fitter.torque_std[1]
-    there = fitter.log_residuals(wrong.placements.chain)
-    assert there[1] - fitter.with_springs().log_residuals(wrong.placements.chain)[1] < 0.1
+    there = search.log_residuals(wrong.placements.chain)
+    assert there[1] - search.with_springs().log_residuals(wrong.placements.chain)[1] < 0.1
     _, found = find_placements(fitter, 0, silent)
     assert (found.noise_std < 2.0 * NOISE * fitter.torque_std).all()
 
@@ -60,9 +61,8 @@ def test_torques_that_springs_do_not_explain_leave_the_search_as_it_is() -> None
     motion = arm.motion(150, seed=0)
     tau = arm.torque(*motion)
     tau[:, 2] = np.random.default_rng(0).standard_normal(len(tau))
-    fitter = ArmFitter(dataset_of(arm, motion, tau))
-    found, calibration = find_placements(fitter, 0, silent)
-    assert found is fitter
+    search, calibration = find_placements(ArmFitter(dataset_of(arm, motion, tau)), 0, silent)
+    assert not search.terms
     assert calibration.noise_std[2] > 0.9 * tau[:, 2].std()
 
 
@@ -76,15 +76,15 @@ def test_torques_that_links_nearly_explain_are_searched_once(stiffness: float) -
     def note(stage: str, done: int, total: int) -> None:
         stages.extend([stage] if done == 0 else [])
 
-    found, _ = find_placements(fitter, 0, note)
-    assert found is fitter
+    search, _ = find_placements(fitter, 0, note)
+    assert not search.terms
     assert len(stages) == 1
 
 
-def test_samples_of_a_fitter_with_springs_keep_them() -> None:
+def test_samples_of_a_search_with_springs_keep_them() -> None:
     arm = random_arm((R, R), seed=1)
     data = dataset_of(arm, arm.motion(150, seed=0))
     stiff = replace(data, tau=data.tau + np.array([40.0, 0.0]) * data.q)
-    fitter = ArmFitter(data).with_springs().of(stiff)
-    calibration = fitter.recalibrated(fitter.calibrated(0, silent))
-    assert (calibration.noise_std < 1e-3 * fitter.torque_std).all()
+    search = ArmSearch(ArmFitter(data)).with_springs().of(ArmFitter(stiff))
+    calibration = search.recalibrated(search.calibrated(0, silent))
+    assert (calibration.noise_std < 1e-3 * search.fitter.torque_std).all()
