@@ -27,7 +27,8 @@ from lip_id_ros.loading.left_out_torques import target, uniform_segments
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.pipeline import smooth
-from lip_id_ros.preprocessing.segments import Segment, segments_of
+from lip_id_ros.preprocessing.segment import Segment
+from lip_id_ros.preprocessing.segments import segments_of
 from lip_id_ros.preprocessing.smoothing import low_pass
 from lip_id_ros.settings import AUTO, PreprocessingSettings, RecordingSettings
 

@@ -28,7 +28,8 @@ from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.numba_jit import jit
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.sample_times import roughness
-from lip_id_ros.preprocessing.segments import quantum, Segment, segments_of
+from lip_id_ros.preprocessing.segment import Segment
+from lip_id_ros.preprocessing.segments import quantum, segments_of
 from lip_id_ros.preprocessing.smoothing import is_long_enough, low_pass, uniform_times
 from lip_id_ros.progress import silent
 from lip_id_ros.recording import JointSamples

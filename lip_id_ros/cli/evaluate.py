@@ -109,18 +109,19 @@ def _rollouts(model: Model, dataset: Dataset, urdf: str | None) -> Rollouts:
     """Simulate windows of the motion with the model, and with the arm of a URDF."""
     from lip_id_ros.baselines import Baseline
     from lip_id_ros.description.urdf import load_description
-    from lip_id_ros.evaluation.rollout import ForwardArm, roll_out, Rollouts
+    from lip_id_ros.evaluation.forward_dynamics import ForwardDynamics
+    from lip_id_ros.evaluation.rollout import roll_out, Rollouts
 
     if isinstance(model, Baseline) or model.arm is None:
         raise ModelError(
             '--rollout simulates rigid links, which this model does not have; fit with the '
             'default kernel.'
         )
-    fitted = roll_out(ForwardArm.fitted(model.arm), dataset)
+    fitted = roll_out(ForwardDynamics.fitted(model.arm), dataset)
     if urdf is None:
         return Rollouts(fitted)
     description = load_description(urdf, dataset.joint_names, dataset.joint_types)
-    nominal = ForwardArm.nominal(description, dataset.gravity_compensated)
+    nominal = ForwardDynamics.nominal(description, dataset.gravity_compensated)
     return Rollouts(fitted, roll_out(nominal, dataset))
 
 

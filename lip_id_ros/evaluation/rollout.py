@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -19,14 +18,8 @@ from scipy.interpolate import CubicHermiteSpline, interp1d
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import DataError
-from lip_id_ros.friction.compiled import add_friction, CompiledFriction
-from lip_id_ros.friction.model import FrictionModel, plain_friction
-from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.numba_jit import jit
-from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.rnea import inertial_torque, Links, rnea, WORK_VECTORS
+from lip_id_ros.evaluation.forward_dynamics import ForwardDynamics
 
 HORIZONS_S = (0.1, 1.0)
 FEEDBACK = 2.0
@@ -36,131 +29,8 @@ arm back, so that 0.1 s are as good as free and an arm that would topple stays n
 """
 STEP_S = 1e-3
 MOST_WINDOWS = 50
-SLOPE = 1e-4
-"""Difference of velocities by which friction is differentiated [rad/s or m/s]."""
-
 FASTEST = 100.0
 """Velocity at which a simulation that diverges is stopped [rad/s or m/s]."""
-
-NOMINAL_SIGN_WIDTH = 0.01
-"""Of the Coulomb friction of a URDF, whose sign jumps [rad/s or m/s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class ForwardArm:
-    """
-    What is simulated.
-
-    Attributes
-    ----------
-    chain : Chain
-    links : array, shape (n, 11)
-    friction : FrictionModel
-
-    """
-
-    chain: Chain
-    links: Array
-    friction: FrictionModel
-
-    @classmethod
-    def fitted(cls, arm: ArmPosterior) -> ForwardArm:
-        """Return links and friction of a model; a remainder is left out."""
-        return cls(arm.chain, arm.links, arm.friction)
-
-    @classmethod
-    def nominal(cls, description: RobotDescription, gravity_compensated: bool) -> ForwardArm:
-        """
-        Return the arm of a URDF, with its damping and friction.
-
-        Parameters
-        ----------
-        description : RobotDescription
-        gravity_compensated : bool
-            Whether the torques leave gravity out.
-
-        """
-        n = len(description.joint_names)
-        coefficients = np.column_stack([description.damping, description.friction, np.zeros(n)])
-        basis = plain_friction(n, np.full(n, NOMINAL_SIGN_WIDTH))
-        gravity = np.zeros(3) if gravity_compensated else description.chain.gravity
-        chain = description.chain._replace(gravity=gravity)
-        return cls(chain, description.links, FrictionModel(basis, coefficients.ravel()))
-
-    @cached_property
-    def _compiled(self) -> tuple[Links, CompiledFriction]:
-        return Links(self.chain, self.links), CompiledFriction.of(self.friction)
-
-    def acceleration(self, q: Array, dq: Array, tau: Array, before: Array, step: float) -> Array:
-        """
-        Return accelerations, shape (W, n).
-
-        Friction is taken implicitly over a step, since its sign turns within less.
-
-        Parameters
-        ----------
-        q, dq, tau : arrays, shape (W, n)
-        before : array, shape (W, n)
-            Accelerations of the step before, from which friction takes its load.
-        step : float
-            [s]
-
-        Raises
-        ------
-        DataError
-            If an inertia matrix is singular.
-
-        """
-        bias, inertia = equations_of_motion(*self._compiled, q, dq, before, step)
-        try:
-            return np.linalg.solve(inertia, (tau - bias)[:, :, None])[:, :, 0]
-        except np.linalg.LinAlgError as error:
-            raise DataError(
-                'links with inertia were expected, but M(q) is singular, so that no acceleration '
-                'follows from a torque; give a URDF with inertials.'
-            ) from error
-
-
-@jit
-def equations_of_motion(
-    links: Links, friction: CompiledFriction, q: Array, dq: Array, before: Array, step: float
-) -> tuple[Array, Array]:
-    """
-    Return what W arms have to accelerate against, and with what inertia.
-
-    Parameters
-    ----------
-    links : Links
-    friction : CompiledFriction
-    q, dq, before : arrays, shape (W, n)
-        `before` is the acceleration of the step before.
-    step : float
-        [s]
-
-    Returns
-    -------
-    bias : array, shape (W, n)
-        Coriolis, gravity and friction torques.
-    inertia : array, shape (W, n, n)
-        M(q), and on its diagonal the step times the slope of friction by velocity.
-
-    """
-    count, n = q.shape
-    bias, inertia = np.zeros((count, n)), np.zeros((count, n, n))
-    work, units = np.empty((n, WORK_VECTORS, 3)), np.eye(n)
-    for w in range(count):
-        gravity, rubbing, faster = np.zeros(n), np.zeros(n), np.zeros(n)
-        rnea(bias[w], gravity, links, work, q[w], dq[w], np.zeros(n))
-        for j in range(n):
-            inertial_torque(inertia[w, j], links, work, units[j])
-        bias[w] += gravity
-        load = bias[w] + inertia[w] @ before[w]
-        add_friction(friction, q[w], dq[w], load, rubbing)
-        add_friction(friction, q[w], dq[w] + SLOPE, load, faster)
-        bias[w] += rubbing
-        for j in range(n):
-            inertia[w, j, j] += step * max((faster[j] - rubbing[j]) / SLOPE, 0.0)
-    return bias, inertia
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,13 +106,13 @@ def rollout_cautions(rollouts: Rollouts, joint_names: Sequence[str]) -> list[str
     return texts
 
 
-def roll_out(arm: ForwardArm, dataset: Dataset) -> tuple[Rollout, ...]:
+def roll_out(arm: ForwardDynamics, dataset: Dataset) -> tuple[Rollout, ...]:
     """
     Simulate windows of a data set, one result for each of `HORIZONS_S`.
 
     Parameters
     ----------
-    arm : ForwardArm
+    arm : ForwardDynamics
     dataset : Dataset
         Unseen samples, in the order of time.
 
@@ -262,7 +132,7 @@ def roll_out(arm: ForwardArm, dataset: Dataset) -> tuple[Rollout, ...]:
     return results
 
 
-def _rolled_out(arm: ForwardArm, dataset: Dataset, horizon: float) -> Rollout | None:
+def _rolled_out(arm: ForwardDynamics, dataset: Dataset, horizon: float) -> Rollout | None:
     starts = window_starts(dataset, horizon)
     if starts.size == 0:
         return None
@@ -289,7 +159,7 @@ def _last_of_segment(dataset: Dataset) -> IndexArray:
 
 
 def simulated(
-    arm: ForwardArm, dataset: Dataset, starts: IndexArray, horizon: float
+    arm: ForwardDynamics, dataset: Dataset, starts: IndexArray, horizon: float
 ) -> tuple[Array, Array]:
     """
     Simulate windows together.

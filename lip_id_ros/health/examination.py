@@ -13,7 +13,7 @@ from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import Check, Finding, Severity
 from lip_id_ros.joint_types import is_prismatic, REVOLUTE
 from lip_id_ros.preprocessing.continuity import unwrapped
-from lip_id_ros.preprocessing.segments import per_joint, torque
+from lip_id_ros.preprocessing.segment import per_joint, torque
 from lip_id_ros.preprocessing.smoothing import longest_step
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings

@@ -9,7 +9,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.preprocessing.sample_times import source_periods, without_stale
-from lip_id_ros.preprocessing.segments import segment_of, uninterrupted
+from lip_id_ros.preprocessing.segment import segment_of
+from lip_id_ros.preprocessing.segments import uninterrupted
 from lip_id_ros.preprocessing.smoothing import (
     DERIVATIVES,
     is_long_enough,

@@ -22,7 +22,8 @@ from lip_id_ros.identification.left_out import Gain
 from lip_id_ros.loading.delay_election import DelayElection, REACH_S
 from lip_id_ros.loading.left_out_torques import LeftOutTorques, uniform_segments
 from lip_id_ros.preprocessing.pipeline import preprocess
-from lip_id_ros.preprocessing.segments import Segment, segments_of
+from lip_id_ros.preprocessing.segment import Segment
+from lip_id_ros.preprocessing.segments import segments_of
 from lip_id_ros.preprocessing.smoothing import DERIVATIVES
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples

@@ -23,7 +23,7 @@ from scipy.linalg import lapack
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.preprocessing.pipeline import smooth
-from lip_id_ros.preprocessing.segments import Segment
+from lip_id_ros.preprocessing.segment import Segment
 from lip_id_ros.preprocessing.smoothing import edge_length, grid_size, low_pass, uniform_times
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.regressor import torque_regressor

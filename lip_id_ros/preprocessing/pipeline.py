@@ -18,7 +18,8 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.joint_types import REVOLUTE
-from lip_id_ros.preprocessing.segments import per_joint, Segment, segments_of
+from lip_id_ros.preprocessing.segment import per_joint, Segment
+from lip_id_ros.preprocessing.segments import segments_of
 from lip_id_ros.preprocessing.smoothing import (
     DERIVATIVES,
     edge_length,

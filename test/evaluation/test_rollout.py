@@ -14,9 +14,9 @@ from lip_id_ros.cli import main
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.errors import DataError
+from lip_id_ros.evaluation.forward_dynamics import ForwardDynamics
 from lip_id_ros.evaluation.rollout import (
     FEEDBACK,
-    ForwardArm,
     roll_out,
     Rollout,
     rollout_cautions,
@@ -39,8 +39,8 @@ def arm_with(coulomb: float, width: float = 0.02) -> ArmDescription:
     return replace(panda(), friction=FrictionModel(plain_friction(N, np.full(N, width)), friction))
 
 
-def forward(arm: ArmDescription) -> ForwardArm:
-    return ForwardArm(arm.chain, arm.links, arm.friction)
+def forward(arm: ArmDescription) -> ForwardDynamics:
+    return ForwardDynamics(arm.chain, arm.links, arm.friction)
 
 
 def recorded(arm: ArmDescription, rate: int = 200, seconds: float = 4.0) -> Dataset:
@@ -158,6 +158,6 @@ def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_nominal_arm_without_gravity() -> None:
     names = tuple(f'panda_joint{i + 1}' for i in range(N))
     description = load_description(panda_urdf(), names, ('revolute',) * N)
-    assert not ForwardArm.nominal(description, gravity_compensated=True).chain.gravity.any()
-    assert ForwardArm.nominal(description, gravity_compensated=False).chain.gravity[2] < -9.0
+    assert not ForwardDynamics.nominal(description, gravity_compensated=True).chain.gravity.any()
+    assert ForwardDynamics.nominal(description, gravity_compensated=False).chain.gravity[2] < -9.0
     assert simulated_panda().joint_names == names

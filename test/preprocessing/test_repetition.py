@@ -22,7 +22,7 @@ from lip_id_ros.preprocessing.sample_times import (
     stale,
     supports,
 )
-from lip_id_ros.preprocessing.segments import segment_of
+from lip_id_ros.preprocessing.segment import segment_of
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.reading import read_log
 from lip_id_ros.settings import PreprocessingSettings

@@ -1,0 +1,141 @@
+"""Forward dynamics: the accelerations of an arm of links and friction under given torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.description.robot import RobotDescription
+from lip_id_ros.errors import DataError
+from lip_id_ros.friction.compiled import add_friction, CompiledFriction
+from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.numba_jit import jit
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.rnea import inertial_torque, Links, rnea, WORK_VECTORS
+
+SLOPE = 1e-4
+"""Difference of velocities by which friction is differentiated [rad/s or m/s]."""
+
+NOMINAL_SIGN_WIDTH = 0.01
+"""Of the Coulomb friction of a URDF, whose sign jumps [rad/s or m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardDynamics:
+    """
+    Links and friction of an arm that is simulated.
+
+    Attributes
+    ----------
+    chain : Chain
+    links : array, shape (n, 11)
+    friction : FrictionModel
+
+    """
+
+    chain: Chain
+    links: Array
+    friction: FrictionModel
+
+    @classmethod
+    def fitted(cls, arm: ArmPosterior) -> ForwardDynamics:
+        """Return links and friction of a model; a remainder is left out."""
+        return cls(arm.chain, arm.links, arm.friction)
+
+    @classmethod
+    def nominal(cls, description: RobotDescription, gravity_compensated: bool) -> ForwardDynamics:
+        """
+        Return the arm of a URDF, with its damping and friction.
+
+        Parameters
+        ----------
+        description : RobotDescription
+        gravity_compensated : bool
+            Whether the torques leave gravity out.
+
+        """
+        n = len(description.joint_names)
+        coefficients = np.column_stack([description.damping, description.friction, np.zeros(n)])
+        basis = plain_friction(n, np.full(n, NOMINAL_SIGN_WIDTH))
+        gravity = np.zeros(3) if gravity_compensated else description.chain.gravity
+        chain = description.chain._replace(gravity=gravity)
+        return cls(chain, description.links, FrictionModel(basis, coefficients.ravel()))
+
+    @cached_property
+    def _compiled(self) -> tuple[Links, CompiledFriction]:
+        return Links(self.chain, self.links), CompiledFriction.of(self.friction)
+
+    def acceleration(self, q: Array, dq: Array, tau: Array, before: Array, step: float) -> Array:
+        """
+        Return accelerations, shape (W, n).
+
+        Friction is taken implicitly over a step, since its sign turns within less.
+
+        Parameters
+        ----------
+        q, dq, tau : arrays, shape (W, n)
+        before : array, shape (W, n)
+            Accelerations of the step before, from which friction takes its load.
+        step : float
+            [s]
+
+        Raises
+        ------
+        DataError
+            If an inertia matrix is singular.
+
+        """
+        bias, inertia = equations_of_motion(*self._compiled, q, dq, before, step)
+        try:
+            return np.linalg.solve(inertia, (tau - bias)[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError as error:
+            raise DataError(
+                'links with inertia were expected, but M(q) is singular, so that no acceleration '
+                'follows from a torque; give a URDF with inertials.'
+            ) from error
+
+
+@jit
+def equations_of_motion(
+    links: Links, friction: CompiledFriction, q: Array, dq: Array, before: Array, step: float
+) -> tuple[Array, Array]:
+    """
+    Return what W arms have to accelerate against, and with what inertia.
+
+    Parameters
+    ----------
+    links : Links
+    friction : CompiledFriction
+    q, dq, before : arrays, shape (W, n)
+        `before` is the acceleration of the step before.
+    step : float
+        [s]
+
+    Returns
+    -------
+    bias : array, shape (W, n)
+        Coriolis, gravity and friction torques.
+    inertia : array, shape (W, n, n)
+        M(q), and on its diagonal the step times the slope of friction by velocity.
+
+    """
+    count, n = q.shape
+    bias, inertia = np.zeros((count, n)), np.zeros((count, n, n))
+    work, units = np.empty((n, WORK_VECTORS, 3)), np.eye(n)
+    for w in range(count):
+        gravity, rubbing, faster = np.zeros(n), np.zeros(n), np.zeros(n)
+        rnea(bias[w], gravity, links, work, q[w], dq[w], np.zeros(n))
+        for j in range(n):
+            inertial_torque(inertia[w, j], links, work, units[j])
+        bias[w] += gravity
+        load = bias[w] + inertia[w] @ before[w]
+        add_friction(friction, q[w], dq[w], load, rubbing)
+        add_friction(friction, q[w], dq[w] + SLOPE, load, faster)
+        bias[w] += rubbing
+        for j in range(n):
+            inertia[w, j, j] += step * max((faster[j] - rubbing[j]) / SLOPE, 0.0)
+    return bias, inertia
