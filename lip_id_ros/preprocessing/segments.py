@@ -78,14 +78,12 @@ def segments_of(
     given = replace(fresh, effort=torque(fresh, recording))
     if (is_spike := spikes(given.effort)).any():
         given, changes = given.select(~is_spike), changes_between(changes, ~is_spike)
-    kinds = per_joint(samples, 'joint_types', recording.joint_types, REVOLUTE)
-    longest_s = settings.max_gap_s or longest_step(given.t, settings.cutoff)
     refuse_absurd_ranges(given)
-    fresh = unwrapped(given, ~is_prismatic(kinds), longest_s)
+    is_revolute = ~is_prismatic(per_joint(samples, 'joint_types', recording.joint_types, REVOLUTE))
+    fresh = unwrapped(given, is_revolute, _longest_gap(given, settings))
     periods = source_periods(changes)
     spread = _spread(fresh)
-    longest_s = settings.max_gap_s or longest_step(spread.t, settings.cutoff)
-    parts, n_jumps = uninterrupted(spread, changes, periods, longest_s)
+    parts, n_jumps = uninterrupted(spread, changes, periods, _longest_gap(spread, settings))
     pieces = [spread.rows(rows) for rows in parts]
     stamps = [_retimed(piece, samples.t, is_stale) for piece in pieces]
     rate = _rate(stamps)
@@ -138,6 +136,10 @@ def quantum(values: Array) -> float:
     multiples = steps / step
     on_grid = np.abs(multiples - np.round(multiples)) < 0.1
     return step if on_grid.mean() > ON_GRID else 0.0
+
+
+def _longest_gap(samples: JointSamples, settings: PreprocessingSettings) -> float:
+    return settings.max_gap_s or longest_step(samples.t, settings.cutoff)
 
 
 def _position_steps(samples: JointSamples) -> dict[str, float]:
