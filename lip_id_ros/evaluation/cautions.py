@@ -12,6 +12,9 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.tables import percent
 from lip_id_ros.model import InverseDynamicsModel
 
+MOST_EPISODES = 6
+"""Times in one sentence, at most."""
+
 USELESS_PERCENT = 90.0
 """A joint whose nMSE reaches this is predicted no better than by the mean of its torque."""
 
@@ -32,6 +35,7 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
             'Two searches for the placements of the joints ended in different ones: do not use '
             'the geometry, and record faster motion of all joints.'
         )
+    texts += _disturbances(joint_names, summary.get('disturbances', ()))
     if ignored := summary.get('ignored_settings'):
         texts.append(
             f'The fit did not use {", ".join(ignored)}: this kind of model has no such setting; '
@@ -50,6 +54,26 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
             'the noise. Torques are not affected; do not invert M(q).'
         )
     return [str(text) for text in texts]
+
+
+def _disturbances(joint_names: Sequence[str], episodes: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a sentence about the parts of the recordings that were left out, if any."""
+    if not episodes:
+        return []
+    joints = sorted({joint for each in episodes for joint in each['joints']})
+    several = any(each['recording'] for each in episodes)
+    times = [
+        f'{each["start_s"]:.4g} to {each["end_s"]:.4g} s'
+        + f' of recording {each["recording"] + 1}' * several
+        for each in episodes
+    ]
+    more = f' and {len(times) - MOST_EPISODES} more' * (len(times) > MOST_EPISODES)
+    return [
+        f'The torques of {", ".join(joint_names[joint] for joint in joints)} at '
+        f'{", ".join(times[:MOST_EPISODES])}{more} contradict the rest of the data, as if the arm '
+        'had been touched or efforts had not been measured, and were left out: see what happened '
+        'then, and record without contact.'
+    ]
 
 
 def copy_cautions(provenance: Mapping[str, Any]) -> list[str]:

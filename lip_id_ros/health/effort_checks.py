@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
+from lip_id_ros.recording.spill import marked
 
+ZERO_S = 1.0
 SMALL = 5.0
 HUGE = 5000.0
 TURNED = -0.7
@@ -39,6 +43,32 @@ def effort_constant(joint: Joint) -> Iterator[str]:
         if effort.range == 0.0:
             value = f'is {effort.ends[0]:g} throughout'
         yield f'the effort of {joint.name} {value}{moves}'
+
+
+@check(
+    'effort_zero',
+    Severity.WARNING,
+    'see whether the drives were off or the driver failed, and leave this part of the recording '
+    'out',
+)
+def effort_zero(evidence: Evidence) -> Iterator[JointText]:
+    """All efforts are exactly zero for more than a second, and not in the whole recording."""
+    samples = evidence.samples
+    if not samples.has_effort:
+        return
+    is_zero = marked(lambda efforts: (efforts == 0.0).all(axis=1), samples.effort)
+    edges = np.flatnonzero(np.diff(is_zero, prepend=False, append=False))
+    first, last = edges[::2], edges[1::2] - 1
+    seconds = samples.t[last] - samples.t[first]
+    long = seconds > ZERO_S
+    if long.any() and not is_zero.all():
+        at = int(np.argmax(seconds))
+        yield (
+            '',
+            f'all efforts are zero for {seconds[long].sum():.3g} s of '
+            f'{samples.t[-1] - samples.t[0]:.3g} s, longest for {seconds[at]:.3g} s from '
+            f'{samples.t[first[at]]:.4g} s on',
+        )
 
 
 @joint_check(

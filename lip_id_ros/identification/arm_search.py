@@ -119,13 +119,13 @@ class ArmSearch:
         dataset = self.fitter.dataset
         parts = np.array_split(np.arange(dataset.n_samples), -(-dataset.n_samples // CHUNK))
         return np.concatenate(
-            [placements_residual(placements, self._all(dataset.select(rows))) for rows in parts]
+            [placements_residual(placements, self.samples(dataset.select(rows))) for rows in parts]
         )
 
     def _samples(self, count: int) -> Samples:
-        return self._all(self.fitter.some(count))
+        return self.samples(self.fitter.some(count))
 
-    def _all(self, dataset: Dataset) -> Samples:
+    def samples(self, dataset: Dataset) -> Samples:
         """Return samples with the friction terms of the search."""
         speed = np.sqrt(np.mean(self.fitter.dataset.dq**2, axis=0))
         widths = SIGN_WIDTH * np.where(speed > 0.0, speed, 1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 import time
 from typing import Any
 
@@ -131,6 +132,7 @@ def fit_report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'unexplained_left_out': found.unexplained.tolist(),
         'covariance_inflation': found.inflation,
         'outliers': found.outliers,
+        'disturbances': [asdict(each) for each in found.disturbances],
         'elected_twists_deg': _twists(found),
         'elected_meeting_axes': found.geometry.meets.tolist(),
         'denavit_hartenberg': _kinematics(found),

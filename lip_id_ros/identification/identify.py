@@ -11,8 +11,9 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.noise import sticking_noise, TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
-from lip_id_ros.identification.arm_search import find_placements
+from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
+from lip_id_ros.identification.disturbances import Episode, without_disturbances
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import (
     free_placements_root,
@@ -20,10 +21,12 @@ from lip_id_ros.identification.laplace import (
     root_with_sign_widths,
 )
 from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.placement_search import Calibration
 from lip_id_ros.identification.recording_effects import recording_deviations, with_recordings
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.sample_selection import (
     explained,
+    measured,
     plausible,
     without_long_rests,
 )
@@ -66,6 +69,8 @@ class Identified:
         Factor of the covariance for residuals that are correlated in time.
     outliers : int
         Samples that were left out.
+    disturbances : list of Episode
+        Parts of the time that were left out.
     recording_deviations : array, shape (K,)
         Of friction coefficients between recordings; 0 where not estimated.
     doubts : DescriptionDoubts or None
@@ -83,6 +88,7 @@ class Identified:
     unexplained: Array
     inflation: float
     outliers: int
+    disturbances: list[Episode]
     recording_deviations: Array
     doubts: DescriptionDoubts | None = None
 
@@ -141,6 +147,17 @@ def prediction_noise(
     return sticking_noise(noise, fit.friction, some.q, load)
 
 
+def _without_outliers(
+    search: ArmSearch, calibration: Calibration
+) -> tuple[ArmSearch, Calibration]:
+    kept = explained(search.residual(calibration.placements))
+    if kept.all():
+        return search, calibration
+    fitter = search.fitter
+    search = search.of(fitter.of(fitter.dataset.select(np.flatnonzero(kept))))
+    return search, search.recalibrated(calibration)
+
+
 def _identified(
     dataset: Dataset, seed: int, progress: Progress, described: Described | None
 ) -> Identified:
@@ -148,12 +165,14 @@ def _identified(
     if rows.size < dataset.n_samples:  # a long recording is not copied for nothing
         dataset = dataset.select(rows)
     count = dataset.n_samples
+    if not (kept := measured(dataset)).all():
+        dataset = dataset.select(np.flatnonzero(kept))
     fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))), described)
-    search, calibration = find_placements(fitter, seed, progress)
-    kept = explained(search.residual(calibration.placements))
-    if not kept.all():
-        fitter = fitter.of(fitter.dataset.select(np.flatnonzero(kept)))
-        calibration = search.of(fitter).recalibrated(calibration)
+    found = _without_outliers(*find_placements(fitter, seed, progress))
+    search, calibration, disturbances = without_disturbances(*found)
+    if disturbances:
+        search, calibration = _without_outliers(search, calibration)
+    fitter = search.fitter
     progress(STAGE, 0, STEPS)
     elected = fitter.elected(calibration.placements.chain)
     progress(STAGE, 1, STEPS)
@@ -189,6 +208,7 @@ def _identified(
         unexplained=left_out.mean_squares / fitter.torque_std**2,
         inflation=left_out.inflation,
         outliers=count - fitter.dataset.n_samples,
+        disturbances=disturbances,
         recording_deviations=deviations,
         kinematics_std=kinematics_std,
         doubts=doubts(fitter, fit, described[0]) if described else None,

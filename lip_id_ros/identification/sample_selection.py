@@ -1,5 +1,5 @@
 """
-Samples of an identification: those left out as absurd, or of long rests, and few that cover all.
+Samples of an identification: those that are left out, and few that cover all.
 
 Scales are quantiles, which a few absurd values do not move (Huber, Robust Statistics, 1981).
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset.subsets import GUARD
 
 QUANTILE = 0.9
 FARTHEST_MOTION, FARTHEST_TORQUE = 20.0, 6.0
@@ -23,6 +24,12 @@ AT_REST, FAST_QUANTILE = 0.01, 0.99
 
 OF_ONE_REST = 0.25
 """Samples of one rest over those of the motion, at most."""
+
+ZERO, ZERO_S, LEAST_ZEROS = 1e-3, 1.0, 10
+"""
+Torques that are zero, in their 90 % quantiles; for so long, and in so many samples, they are not
+measured.
+"""
 
 FARTHEST_RESIDUAL = 12.0
 """Largest residual, in standard deviations as the median residual gives them."""
@@ -57,6 +64,26 @@ def without_long_rests(dataset: Dataset) -> IndexArray:
     ]
     rest = np.concatenate([np.empty(0, np.intp), *rests])
     return np.union1d(np.flatnonzero(~is_rest), rest[evenly(rest.size, max(1, moving))])
+
+
+def measured(dataset: Dataset) -> BoolArray:
+    """
+    Mark the samples whose torques are measured, shape (N,): not the zeros of drives that are off.
+
+    There the torques of all of several joints are zero for more than a second. The samples beside
+    them, which the low-pass has mixed with zeros, are not marked either.
+
+    """
+    size = np.abs(dataset.tau)
+    is_zero = (size <= ZERO * np.quantile(size, QUANTILE, axis=0)).all(axis=1)
+    kept = np.ones_like(is_zero)
+    if dataset.n_joints == 1 or is_zero.all():
+        return kept
+    edges = np.flatnonzero(np.diff(is_zero, prepend=False, append=False))
+    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if end - first >= LEAST_ZEROS and dataset.t[end - 1] - dataset.t[first] > ZERO_S:
+            kept[max(0, first - GUARD) : end + GUARD] = False
+    return kept
 
 
 def plausible(dataset: Dataset) -> BoolArray:

@@ -85,6 +85,16 @@ def test_searches_that_did_not_agree_are_a_caution(agreed: bool, count: int) -> 
     assert len([text for text in cautions if 'placements of the joints ended' in text]) == count
 
 
+def test_episodes_that_were_left_out_are_named() -> None:
+    episode = {'recording': 0, 'start_s': 12.25, 'end_s': 14.0, 'joints': (0, 2)}
+    (text,) = summary_cautions(NAMES, {'disturbances': [episode]})
+    assert text.startswith('The torques of shoulder, wrist at 12.25 to 14 s contradict the rest')
+    later = {**episode, 'recording': 1, 'joints': (1,)}
+    (text,) = summary_cautions(NAMES, {'disturbances': [episode, *[later] * 9]})
+    assert 'shoulder, elbow, wrist at 12.25 to 14 s of recording 1, 12.25' in text
+    assert 'of recording 2 and 4 more contradict' in text
+
+
 @pytest.mark.slow
 def test_the_page_warns_of_joints_that_are_not_explained(tmp_path: Path) -> None:
     outcome = run(Knowing(torque_error=50.0), swing(1))

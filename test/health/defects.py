@@ -79,6 +79,20 @@ def unrelated(samples: JointSamples) -> JointSamples:
     return column(samples, 'effort', JOINT, noise)
 
 
+def stopped(samples: JointSamples) -> JointSamples:
+    """Hold a posture by brakes for five seconds, with the drives off."""
+    source = np.concatenate([np.arange(1500), np.full(500, 1500), np.arange(1500, 3000)])
+    is_held = np.diff(source, prepend=-1) == 0
+    noise = 1e-6 * np.random.default_rng(0).standard_normal((source.size, samples.n_joints))
+    return replace(
+        samples,
+        t=np.arange(source.size) / RATE,
+        position=samples.position[source] + noise,
+        velocity=np.where(is_held[:, None], noise, samples.velocity[source]),
+        effort=np.where(is_held[:, None], 0.0, samples.effort[source]),
+    )
+
+
 def frozen(signal: str) -> Break:
     def stop(samples: JointSamples) -> JointSamples:
         values = getattr(samples, signal)[:, JOINT].copy()
@@ -190,6 +204,7 @@ DEFECTS: dict[str, tuple[Break, set[str]]] = {
     'velocity_delay': (lambda samples: delayed(samples, 'velocity', 0.03), set()),
     'effort_missing': (absent('effort'), set()),
     'effort_constant': (constant('effort'), set()),
+    'effort_zero': (stopped, set()),
     'effort_clipped': (clipped, set()),
     'effort_sign': (times('effort', -1.0), set()),
     'effort_unrelated': (unrelated, set()),

@@ -13,6 +13,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification import fit
 from lip_id_ros.identification.sample_selection import (
     explained,
+    measured,
     plausible,
     without_long_rests,
 )
@@ -100,3 +101,32 @@ def test_what_is_common_is_no_outlier() -> None:
     residual = np.zeros((400, 1))
     residual[::5] = 1.0
     assert explained(residual).all()
+
+
+def test_zeros_of_drives_that_are_off_are_left_out() -> None:
+    """With the samples beside them, which a low-pass mixes with zeros."""
+    dataset = recorded()
+    tau = dataset.tau.copy()
+    tau[100:300] = 1e-6 * tau[100:300]
+    kept = measured(replace(dataset, tau=tau))
+    np.testing.assert_array_equal(np.flatnonzero(~kept), np.arange(92, 308))
+
+
+def test_zeros_of_one_joint_or_of_a_moment_are_torques() -> None:
+    dataset = recorded()
+    tau = dataset.tau.copy()
+    tau[:, 0], tau[100:109] = 0.0, 0.0
+    assert measured(replace(dataset, tau=tau)).all()
+    assert measured(replace(dataset, tau=0.0 * tau)).all()
+    assert measured(dataset).all()
+
+
+@pytest.mark.slow
+def test_a_fit_does_not_suffer_from_drives_that_were_off() -> None:
+    """For more than half of the time, while the arm was held by its brakes."""
+    dataset = recorded()
+    held = resting(dataset, [0, 200], [500, 500], 0.0)
+    tau = np.where((held.dq == 0.0).all(axis=1)[:, None], 0.0, held.tau)
+    model = fit(replace(held, tau=tau))
+    error = np.mean((model.predict(dataset.q, dataset.dq, dataset.ddq).tau - dataset.tau) ** 2)
+    assert error < 1e-8 * dataset.tau.var()

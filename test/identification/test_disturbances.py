@@ -1,0 +1,117 @@
+"""Episodes of contact are left out of an identification, and nothing else."""
+
+from __future__ import annotations
+
+from gp.arms import noise_of
+from gp.chains import ChainArm, contiguous, R, random_arm
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.evaluation import fit_cautions
+from lip_id_ros.identification import fit
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_search import ArmSearch
+from lip_id_ros.identification.disturbances import (
+    disturbed_blocks,
+    time_blocks,
+    without_disturbances,
+)
+from lip_id_ros.identification.placement_search import Calibration, calibration_at
+
+RATE, SECONDS, NOISE = 25.0, 40.0, 0.02
+PUSHES = ((6.0, 8.0), (25.0, 27.0))
+
+
+def recorded(seed: int, push: float = 0.0, friction: float = 0.0) -> tuple[ChainArm, Dataset]:
+    """Record an arm in smooth motion that is pushed twice, by a share of the torques."""
+    rng = np.random.default_rng(seed)
+    arm = random_arm((R, R, R), seed=2)
+    t = np.arange(0.0, SECONDS, 1.0 / RATE)
+    rate, phase = rng.uniform(0.3, 2.0, (6, 3)), rng.uniform(0.0, 6.28, (6, 3))
+    angle = t[:, None, None] * rate + phase
+    size = rng.standard_normal((6, 3)) / np.sqrt(6.0)
+    q, dq, ddq = contiguous(
+        np.sum(size * np.sin(angle), axis=1),
+        np.sum(size * rate * np.cos(angle), axis=1),
+        -np.sum(size * rate**2 * np.sin(angle), axis=1),
+    )
+    tau = arm.torque(q, dq, ddq)
+    tau += noise_of(tau, NOISE) + friction * tau.std(axis=0) * np.tanh(50.0 * dq) ** 3
+    tau[pushed(t)] += push * tau.std(axis=0) * (1.0, -1.0, 1.0)
+    return arm, Dataset.from_arrays(q, dq, ddq, tau, joint_types=arm.joint_types, t=t)
+
+
+def pushed(t: Array) -> BoolArray:
+    marks = [(t >= start) & (t < end) for start, end in PUSHES]
+    return np.any(marks, axis=0)
+
+
+def calibrated(arm: ChainArm, dataset: Dataset) -> tuple[ArmSearch, Calibration]:
+    search = ArmSearch(ArmFitter(dataset))
+    return search, calibration_at(arm.chain, search.samples(search.fitter.some(500)))
+
+
+@pytest.mark.parametrize('push', [0.2, 0.5, 3.0])
+def test_pushes_are_left_out(push: float) -> None:
+    """All of them, and of the rest what shares half a second with them."""
+    arm, dataset = recorded(0, push)
+    search, _, episodes = without_disturbances(*calibrated(arm, dataset))
+    rest = search.fitter.dataset
+    assert not pushed(rest.t).any()
+    assert rest.n_samples > dataset.n_samples - pushed(dataset.t).sum() - 4 * 0.5 * RATE
+    assert [(each.start_s, each.end_s) for each in episodes] == [
+        pytest.approx(each, abs=0.51) for each in PUSHES
+    ]
+    assert {joint for each in episodes for joint in each.joints} == {0, 1, 2}
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.3])
+@pytest.mark.parametrize('seed', range(4))
+def test_nothing_is_left_out_of_a_sound_recording(seed: int, friction: float) -> None:
+    """Nor of one with residuals that depend on the motion."""
+    arm, dataset = recorded(seed, friction=friction)
+    search, calibration = calibrated(arm, dataset)
+    assert without_disturbances(search, calibration) == (search, calibration, [])
+
+
+def test_a_large_residual_that_spoils_nothing_is_kept() -> None:
+    """A candidate is left out only where the rest is predicted far better without it."""
+    arm, dataset = recorded(0)
+    tau = dataset.tau.copy()
+    tau[300:310] += 0.1 * tau.std(axis=0) * np.resize([1.0, -1.0], 10)[:, None]
+    changed = Dataset.from_arrays(
+        dataset.q, dataset.dq, dataset.ddq, tau, joint_types=arm.joint_types, t=dataset.t
+    )
+    search, calibration = calibrated(arm, changed)
+    assert not disturbed_blocks(search, calibration, time_blocks(changed)).any()
+
+
+def test_blocks_are_contiguous_times_of_one_segment() -> None:
+    _, dataset = recorded(0)
+    both = concatenate([dataset.select(np.arange(310)), dataset.select(np.arange(290))])
+    block = time_blocks(both)
+    assert block[0] == 0
+    assert set(np.diff(block)) == {0, 1}
+    assert block[310] > block[309]
+    for number in range(int(block[-1]) + 1):
+        rows = np.flatnonzero(block == number)
+        assert np.unique(both.segment[rows]).size == 1
+        assert np.ptp(both.t[rows]) < 0.5
+
+
+@pytest.mark.slow
+def test_a_fit_does_not_suffer_from_pushes_and_names_them() -> None:
+    _, dataset = recorded(0, push=1.0)
+    _, sound = recorded(0)
+    _, unseen = recorded(7)
+    errors = []
+    for each in (dataset, sound):
+        model = fit(each)
+        torque = model.predict(unseen.q, unseen.dq, unseen.ddq).tau
+        errors.append(np.mean((torque - unseen.tau) ** 2, axis=0))
+        texts = [text for text in fit_cautions(model) if 'touched' in text]
+        assert len(texts) == (each is dataset)
+    assert (errors[0] < 1.2 * errors[1]).all()
+    assert texts == []
