@@ -80,13 +80,18 @@ def measure(model: InverseDynamicsModel, calls: int) -> Iterator[Times]:
     def deviation(q: Array, dq: Array, ddq: Array) -> object:
         return model.standard_deviation(q[None], dq[None], ddq[None])
 
+    def torque_deviation(q: Array, dq: Array, ddq: Array) -> object:
+        return model.torque_std(q[None], dq[None], ddq[None])
+
     yield timed('torque and energies', model.query, states, calls)
     with frozen():
         yield timed('the same, objects frozen', model.query, states, few)
     with uncollected():
         yield timed('the same, no collection', model.query, states, few)
     yield timed('with parts', parts, states, few)
-    yield timed('standard deviations', deviation, states, max(1, calls // 10_000))
+    fewest = max(1, calls // 10_000)
+    yield timed('standard deviations', deviation, states, fewest)
+    yield timed('standard deviations of torques alone', torque_deviation, states, fewest)
 
 
 def timed(what: str, call: Call, states: Array, calls: int) -> Times:

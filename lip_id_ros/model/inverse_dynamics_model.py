@@ -22,6 +22,7 @@ from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.process_mean import ProcessMean
 from lip_id_ros.model.remainder import Remainder
+from lip_id_ros.model.remainder_deviation import RemainderDeviation
 from lip_id_ros.model.torque_model import Parts, Prediction, Query, StandardDeviation
 
 VERSION = 5
@@ -322,6 +323,11 @@ class InverseDynamicsModel:
         return ArmDeviation(self._known_arm)
 
     @cached_property
+    def _remainder_deviation(self) -> RemainderDeviation:
+        assert self.remainder is not None, 'only a remainder has deviations of its own'
+        return RemainderDeviation(self.remainder)
+
+    @cached_property
     def _potential_offset(self) -> float:
         if not self.has_potential:
             return np.nan
@@ -331,11 +337,10 @@ class InverseDynamicsModel:
         """Return deviations of noiseless torques, no checks, all of shape (N, n) [N m or N]."""
         if self.process is not None:
             return np.sqrt(self.process.variances(q, dq, ddq, self.potential_reference)[0])
-        arm = self._arm_deviation.torque_std(q, dq, ddq)
-        if self.remainder is None:
-            return arm
-        rest = self.remainder.torque_std(q, dq, ddq)
-        return np.where(self.remainder.replaces, rest, np.hypot(arm, rest))
+        std = self._arm_deviation.torque_std(q, dq, ddq)
+        if self.remainder is not None:
+            self._remainder_deviation.add_to(std, q, dq, ddq)
+        return std
 
     def _checked(self, *arrays: ArrayLike) -> list[Array]:
         # Copied, since numba would compile anew for arrays that are read-only or not contiguous.

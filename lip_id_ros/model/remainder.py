@@ -10,10 +10,8 @@ velocities and accelerations with one length scale for each of them
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.numba_jit import jit
@@ -123,33 +121,11 @@ class Remainder:
             friction=beside[:, None] * self.friction,
         )
 
-    @cached_property
-    def _factors(self) -> dict[int, tuple[Array, bool]]:
-        """Cholesky factors of the Gram matrices of the joints with a process."""
-        noise = np.eye(len(self.x))
-        return {
-            int(joint): cho_factor(
-                correlation(self.x, self.x, self.lengths[joint]) + self.noise[joint] * noise,
-                lower=True,
-            )
-            for joint in np.flatnonzero(self.joints)
-        }
-
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the posterior mean at joint states of shape (N, n), same shape [N m or N]."""
         z = self.inputs(q, dq, ddq)
         out: Array = np.einsum('tik,ik->ti', self.inputs.friction(dq), self.friction)
         add_means(out, z, self.x, self.lengths, self.alpha)
-        return out
-
-    def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return posterior standard deviations, (N, n) [N m or N]; zero without a process."""
-        z = self.inputs(q, dq, ddq)
-        out = np.zeros_like(q)
-        for joint in self._factors:
-            cross = correlation(self.x, z, self.lengths[joint])
-            known = np.sum(cross * cho_solve(self._factors[joint], cross), axis=0)
-            out[:, joint] = np.sqrt(self.variance[joint] * np.maximum(1.0 - known, 0.0))
         return out
 
 

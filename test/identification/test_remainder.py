@@ -16,6 +16,7 @@ from lip_id_ros.identification.remainder_election import (
     Targets,
 )
 from lip_id_ros.model.remainder import correlation, Inputs, Remainder, stored_inputs
+from lip_id_ros.model.remainder_deviation import RemainderDeviation
 
 N = 240
 
@@ -103,7 +104,9 @@ def test_the_deviation_grows_away_from_the_samples() -> None:
     tau = residual + 20.0 * rng.standard_normal((N, 2))
     found = elected(residual + 0.01 * rng.standard_normal((N, 2)), tau)
     assert found is not None
-    near, far = found.torque_std(q, dq, ddq), found.torque_std(q + 3.0, 10.0 * dq, ddq)
+    deviation, near, far = RemainderDeviation(found), np.zeros((N, 2)), np.zeros((N, 2))
+    deviation.add_to(near, q, dq, ddq)
+    deviation.add_to(far, q + 3.0, 10.0 * dq, ddq)
     assert not near[:, 0].any()
     assert 2.0 * near[:, 1].mean() < far[:, 1].mean()
     assert far[:, 1].max() <= np.sqrt(found.variance[1]) * (1.0 + 1e-9)

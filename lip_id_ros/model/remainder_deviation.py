@@ -1,0 +1,244 @@
+"""
+Standard deviations of the processes of a remainder from few of their samples, compiled.
+
+The exact variance of a process needs the correlations of a state with all samples. Here it is that
+of the prior given the values at some of the samples, with the exact posterior covariance of these
+values (inducing points: Quinonero-Candela and Rasmussen 2005). Pivoted Cholesky factorisation
+takes that sample next whose value is determined least by those before; there are as many as keep
+all deviations close to the exact ones (docs/maths.md, section 13).
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import cholesky, qr, solve_triangular
+from scipy.linalg.lapack import dpstrf
+
+from lip_id_ros.arrays import Array, IndexArray, IntArray
+from lip_id_ros.model.remainder import correlation, Remainder
+from lip_id_ros.model.threads import in_threads
+from lip_id_ros.numba_jit import jit
+
+MOST_LARGER, MOST_SMALLER = 0.02, 0.003
+"""By how much a deviation may exceed or fall short of the exact one at the checks, as shares."""
+
+STEP = 16
+"""Samples that are added at a time."""
+
+LEAST_SHARE = 1e-6
+"""Of its posterior variance: a value that varies less than this, given others, adds nothing."""
+
+LEAST_VARIANCE = 1e-12
+"""In variances of the process: posterior variances below this are rounding errors."""
+
+CHECKS, SEED = 1000, 0
+
+
+class RemainderDeviation:
+    """
+    Posterior standard deviations of the torques of a remainder.
+
+    Construction finds the samples that are needed, once for all joints whose processes have the
+    same length scales and noise; nothing is checked after that.
+
+    Parameters
+    ----------
+    remainder : Remainder
+
+    """
+
+    def __init__(self, remainder: Remainder) -> None:
+        inputs, joints = remainder.inputs, remainder.joints
+        own = np.column_stack([remainder.lengths, remainder.noise])[joints]
+        different, process = np.unique(own, axis=0, return_inverse=True)
+        processes, sizes = np.full(len(joints), -1), []
+        processes[joints] = process.ravel()
+        floats = [inputs.centre, 1.0 / inputs.scale, np.sqrt(remainder.variance)]
+        for each in different:
+            lengths = each[:-1]
+            x, root = compacted(remainder.x, lengths, float(each[-1]))
+            floats += [1.0 / lengths, (x / lengths).T.ravel(), root[np.triu_indices_from(root)]]
+            sizes.append(len(x))
+        # A call from Python takes longer for every array that is passed.
+        self._floats = np.concatenate(floats)
+        self._integers = np.concatenate([inputs.revolute, remainder.replaces, processes, sizes])
+
+    def add_to(self, std: Array, q: Array, dq: Array, ddq: Array) -> None:
+        """
+        Add variances to those of links and friction; they replace them as the processes do.
+
+        Parameters
+        ----------
+        std : array, shape (N, n)
+            Deviations of the torques of links and friction; changed to those of all [N m or N].
+        q, dq, ddq : arrays, shape (N, n)
+
+        """
+        q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
+
+        def evaluate(rows: slice) -> None:
+            add_deviations(std[rows], q[rows], dq[rows], ddq[rows], self._floats, self._integers)
+
+        in_threads(evaluate, len(std))
+
+
+def compacted(x: Array, lengths: Array, noise: float) -> tuple[Array, Array]:
+    """
+    Return what the deviations of a process need.
+
+    Parameters
+    ----------
+    x : array, shape (M, d)
+        Inputs of the samples.
+    lengths : array, shape (d,)
+    noise : float
+        Variance of the noise in those of the process.
+
+    Returns
+    -------
+    x : array, shape (m, d)
+        Some of the inputs.
+    root : array, shape (m, m)
+        Upper triangular T: the variance at an input is 1 - |T k|^2 in those of the process, where
+        k are its correlations with x.
+
+    """
+    gram = correlation(x, x, lengths)
+    noisy = cholesky(gram + noise * np.eye(len(x)), lower=True)
+    inverse = solve_triangular(noisy, np.eye(len(x)), lower=True)
+    variance = noise - noise**2 * np.sum(inverse**2, axis=0)
+    order, upper = _pivoted(gram, np.maximum(variance, LEAST_VARIANCE))
+    rank = len(upper)
+    factor = qr(inverse[:, order] @ upper.T, mode='r')[0][:rank]
+    checks = _checks(x)
+    cross = correlation(x, checks, lengths)
+    exact = np.maximum(1.0 - np.sum((inverse @ cross) ** 2, axis=0), LEAST_VARIANCE)
+    values = solve_triangular(upper[:, :rank], cross[order[:rank]], trans='T')
+    spread, size = np.zeros((rank, len(checks))), 0
+    while size < rank:
+        more = slice(size, min(size + STEP, rank))
+        size = more.stop
+        spread[:size] += factor[:size, more] @ values[more]
+        ratio = np.sqrt(np.maximum(1.0 - np.sum(spread[:size] ** 2, axis=0), 0.0) / exact)
+        if ratio.max() < 1.0 + MOST_LARGER and ratio.min() > 1.0 - MOST_SMALLER:
+            break
+    by_value = solve_triangular(upper[:size, :size], factor[:size, :size].T)
+    return x[order[:size]], qr(by_value.T, mode='r')[0]
+
+
+def _pivoted(gram: Array, variance: Array) -> tuple[IndexArray, Array]:
+    """
+    Return an order of samples, (M,), and U, (r, M): the Gram matrix is U^T U in this order.
+
+    The next sample has the largest variance given those before it, relative to its posterior one.
+
+    """
+    std = np.sqrt(variance)
+    upper, pivots, rank, _ = dpstrf(gram / np.outer(std, std), tol=LEAST_SHARE)
+    order = pivots - 1
+    return order, np.triu(upper[:rank]) * std[order]
+
+
+def _checks(x: Array) -> Array:
+    """Return inputs of samples, and some near to samples, between them and beyond."""
+    rng = np.random.default_rng(SEED)
+    first, second = rng.integers(len(x), size=(2, CHECKS))
+    # Most are near the first of the two, where the variance changes most.
+    share = 2.0 * rng.uniform(-1.0, 1.0, (CHECKS, 1)) ** 3
+    return np.concatenate([x, x[first] + share * (x[second] - x[first])])
+
+
+@jit
+def add_deviations(
+    out: Array, q: Array, dq: Array, ddq: Array, floats: Array, integers: IntArray
+) -> None:
+    """
+    Add the variances of processes to those of links and friction at N joint states.
+
+    Parameters
+    ----------
+    out, q, dq, ddq : arrays, shape (N, n)
+        As for `RemainderDeviation.add_to`.
+    floats : array
+        One after the other: centre and inverse scale of the inputs; prior standard deviations of
+        the joints; of each process, inverse length scales, its inputs of samples in length
+        scales, transposed, and the rows of the upper triangle of its root.
+    integers : array
+        One after the other: of each joint, whether it is revolute, whether its process replaces
+        its links, and the number of its process, -1 for none; of each process, the number m of
+        its samples.
+
+    """
+    n = out.shape[1]
+    revolute, replaces, processes = integers[:n], integers[n : 2 * n], integers[2 * n : 3 * n]
+    sizes = integers[3 * n :]
+    width = 3 * n + revolute.sum()
+    centre, inverse_scale = floats[:width], floats[width : 2 * width]
+    std = floats[2 * width : 2 * width + n]
+    z, memory, share = np.empty(width), np.empty(sizes.max()), np.empty(len(sizes))
+    for t in range(len(out)):
+        set_inputs(z, q[t], dq[t], ddq[t], revolute)
+        for k in range(width):
+            z[k] = (z[k] - centre[k]) * inverse_scale[k]
+        start = 2 * width + n
+        for p in range(len(sizes)):
+            m = sizes[p]
+            x = start + width
+            root = x + width * m
+            end = root + m * (m + 1) // 2
+            set_correlations(memory[:m], z, floats[x:root], floats[start:x])
+            known = squared_norm(floats[root:end], memory[:m])
+            share[p] = np.sqrt(0.0 if known > 1.0 else 1.0 - known)
+            start = end
+        for i in range(n):
+            if processes[i] >= 0:
+                own = std[i] * share[processes[i]]
+                out[t, i] = own if replaces[i] else np.hypot(out[t, i], own)
+
+
+@jit
+def set_correlations(out: Array, z: Array, x: Array, inverse_lengths: Array) -> None:
+    """Set the correlations, (m,), of inputs, (d,), with others: (d, m) in length scales, flat."""
+    count = len(out)
+    out[:] = 0.0
+    for k in range(len(z)):
+        at, others = z[k] * inverse_lengths[k], x[k * count : (k + 1) * count]
+        for m in range(len(others)):
+            out[m] += (at - others[m]) ** 2
+    for m in range(count):
+        out[m] = np.exp(-0.5 * out[m])
+
+
+@jit
+def squared_norm(rows: Array, vector: Array) -> float:
+    """Return the squared norm of an upper triangle, row by row, times a vector."""
+    norm, start = 0.0, 0
+    for c in range(len(vector)):
+        rest = vector[c:]
+        row = rows[start : start + len(rest)]
+        total = 0.0
+        for m in range(len(row)):
+            total += row[m] * rest[m]
+        norm += total * total
+        start += len(rest)
+    return norm
+
+
+@jit
+def set_inputs(z: Array, q: Array, dq: Array, ddq: Array, revolute: IntArray) -> None:
+    """Set z, shape (d,), to cosines, sines, prismatic positions, velocities, accelerations."""
+    turning = 0
+    for i in range(len(q)):
+        if revolute[i]:
+            turning += 1
+    angle, other = 0, 2 * turning
+    for i in range(len(q)):
+        if revolute[i]:
+            z[angle], z[turning + angle] = np.cos(q[i]), np.sin(q[i])
+            angle += 1
+        else:
+            z[other] = q[i]
+            other += 1
+    for i in range(len(q)):
+        z[other + i], z[other + len(q) + i] = dq[i], ddq[i]

@@ -1,0 +1,175 @@
+"""Standard deviations of processes from few of their samples, against the textbook's formula."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kernels.cases import P, R
+from model.models import of_arm, random_arm
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.remainder import correlation, Inputs, Remainder, stored_inputs
+from lip_id_ros.model.remainder_deviation import compacted, RemainderDeviation
+
+TYPES = (R, P, R)
+States = tuple[Array, Array, Array]
+
+
+def motion(n_samples: int, rng: np.random.Generator) -> States:
+    """Return a motion of three joints with three harmonics each."""
+    t = np.linspace(0.0, 20.0, n_samples)[:, None, None]
+    rate, size, phase = rng.uniform(0.2, 2.0, (3, 3, 3))
+    angle = rate * t + 3.0 * phase
+    q, dq, ddq = (
+        np.sum(size * values, axis=2)
+        for values in (np.sin(angle), rate * np.cos(angle), -(rate**2) * np.sin(angle))
+    )
+    return q, dq, ddq
+
+
+def remainder_of(states: States, length: float, noise: float, seed: int = 0) -> Remainder:
+    """Return equal processes at the first two joints and another at the last, all in place."""
+    inputs = Inputs.of(np.array([kind == R for kind in TYPES]), *states)
+    x = stored_inputs(inputs(*states))
+    rng, (count, width) = np.random.default_rng(seed), x.shape
+    lengths = np.full((3, width), length * np.sqrt(width))
+    lengths[2] *= rng.uniform(0.3, 3.0, width)
+    return Remainder(
+        inputs=inputs,
+        x=x,
+        lengths=lengths,
+        noise=np.array([noise, noise, 0.3 * noise]),
+        variance=np.array([1.0, 4.0, 0.25]),
+        left_out_std=np.ones(3),
+        replaces=np.ones(3, dtype=bool),
+        alpha=np.zeros((count, 3)),
+        friction=np.zeros((3, 3)),
+    )
+
+
+def deviations_of(remainder: Remainder, states: States) -> Array:
+    """Return the deviations of processes in place of all links, shape (N, n)."""
+    out = np.zeros_like(states[0])
+    RemainderDeviation(remainder).add_to(out, *states)
+    return out
+
+
+def textbook(remainder: Remainder, states: States) -> Array:
+    """Return deviations from all samples (Rasmussen and Williams 2006, equation 2.26)."""
+    x, z = remainder.x, remainder.inputs(*states)
+    out = np.zeros_like(states[0])
+    for joint in np.flatnonzero(remainder.joints):
+        lengths = remainder.lengths[joint]
+        gram = correlation(x, x, lengths) + remainder.noise[joint] * np.eye(len(x))
+        cross = correlation(x, z, lengths)
+        known = np.sum(cross * np.linalg.solve(gram, cross), axis=0)
+        out[:, joint] = np.sqrt(remainder.variance[joint] * (1.0 - known))
+    return out
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(2, 250),
+    length=st.floats(0.3, 5.0),
+    noise=st.floats(1e-3, 1.0),
+)
+def test_deviations_are_those_of_all_samples(
+    seed: int, count: int, length: float, noise: float
+) -> None:
+    """At samples, between them, at other motions, and far from all."""
+    rng = np.random.default_rng(seed)
+    samples = motion(count, rng)
+    remainder = remainder_of(samples, length, noise, seed)
+    at = np.stack(samples)
+    states = np.concatenate(
+        [
+            at,
+            0.5 * (at[:, 1:] + at[:, :-1]),
+            at + 0.05 * at.std(axis=1, keepdims=True) * rng.standard_normal(at.shape),
+            np.stack(motion(100, rng)),
+            at.mean(axis=1, keepdims=True) + rng.uniform(-3.0, 3.0, (3, 100, 3)),
+        ],
+        axis=1,
+    )
+    q, dq, ddq = states
+    ratio = deviations_of(remainder, (q, dq, ddq)) / textbook(remainder, (q, dq, ddq))
+    assert ratio.max() < 1.04
+    assert ratio.min() > 0.99
+
+
+def test_a_smooth_process_needs_few_of_its_samples() -> None:
+    remainder = remainder_of(motion(500, np.random.default_rng(0)), 1.0, 0.1)
+    few, root = compacted(remainder.x, remainder.lengths[0], remainder.noise[0])
+    assert len(few) < 150
+    assert root.shape == (len(few), len(few))
+    np.testing.assert_array_equal(root, np.triu(root))
+
+
+def test_every_sample_counts_where_none_determines_another() -> None:
+    remainder = remainder_of(motion(60, np.random.default_rng(0)), 0.02, 1e-2)
+    few, _ = compacted(remainder.x, remainder.lengths[0], remainder.noise[0])
+    assert len(few) == 60
+
+
+def test_a_joint_without_a_process_has_no_deviation() -> None:
+    states = motion(30, np.random.default_rng(1))
+    remainder = remainder_of(states, 1.0, 0.1)
+    without = replace(remainder, lengths=remainder.lengths * np.array([[1.0], [0.0], [1.0]]))
+    std, expected = deviations_of(without, states), deviations_of(remainder, states)
+    assert not std[:, 1].any()
+    np.testing.assert_array_equal(std[:, [0, 2]], expected[:, [0, 2]])
+
+
+def test_many_states_are_evaluated_as_one_by_one() -> None:
+    samples = motion(40, np.random.default_rng(2))
+    remainder = remainder_of(samples, 1.0, 0.1)
+    q, dq, ddq = motion(1200, np.random.default_rng(3))
+    whole = deviations_of(remainder, (q, dq, ddq))
+    for t in (0, 599, 600, 1199):
+        one = deviations_of(remainder, (q[t : t + 1], dq[t : t + 1], ddq[t : t + 1]))
+        np.testing.assert_array_equal(one[0], whole[t])
+
+
+@pytest.mark.parametrize('part', range(3))
+def test_a_state_that_is_not_a_number_has_no_deviation(part: int) -> None:
+    """It must not look certain."""
+    samples = motion(40, np.random.default_rng(4))
+    states = [each[:1].copy() for each in samples]
+    states[part][0, 0] = np.nan
+    q, dq, ddq = states
+    std = deviations_of(remainder_of(samples, 1.0, 0.1), (q, dq, ddq))
+    assert np.isnan(std).all()
+
+
+def test_variances_add_up_beside_links_and_replace_theirs_otherwise() -> None:
+    samples, rng = motion(40, np.random.default_rng(6)), np.random.default_rng(7)
+    of_links = rng.uniform(0.5, 2.0, samples[0].shape)
+    remainder = remainder_of(samples, 1.0, 0.1)
+    remainder = replace(
+        remainder,
+        lengths=remainder.lengths * np.array([[1.0], [0.0], [1.0]]),
+        replaces=np.array([False, False, True]),
+    )
+    std = of_links.copy()
+    RemainderDeviation(remainder).add_to(std, *samples)
+    own = deviations_of(replace(remainder, replaces=np.ones(3, dtype=bool)), samples)
+    np.testing.assert_allclose(std[:, 0], np.hypot(of_links[:, 0], own[:, 0]), rtol=1e-12)
+    np.testing.assert_array_equal(std[:, 1], of_links[:, 1])
+    np.testing.assert_array_equal(std[:, 2], own[:, 2])
+
+
+def test_a_model_file_keeps_the_deviations(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    samples = motion(200, rng)
+    model = of_arm(random_arm(TYPES, rng), TYPES, remainder_of(samples, 1.0, 0.1))
+    model.save(tmp_path / 'arm.npz')
+    states = motion(20, rng)
+    loaded = InverseDynamicsModel.load(tmp_path / 'arm.npz')
+    np.testing.assert_array_equal(loaded.torque_std(*states), model.torque_std(*states))
