@@ -35,6 +35,11 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
             'Two searches for the placements of the joints ended in different ones: do not use '
             'the geometry, and record faster motion of all joints.'
         )
+    if summary.get('halves_agree') is False:
+        texts.append(
+            'The first and the second half of the samples contradict each other, as if a payload, '
+            'friction or the scale of efforts had changed: fit them apart.'
+        )
     texts += _disturbances(joint_names, summary.get('disturbances', ()))
     if ignored := summary.get('ignored_settings'):
         texts.append(

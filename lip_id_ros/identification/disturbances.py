@@ -114,6 +114,24 @@ def without_disturbances(
     return search, calibration, sorted(episodes, key=lambda each: (each.recording, each.start_s))
 
 
+def halves_agree(search: ArmSearch, calibration: Calibration) -> bool:
+    """
+    Return whether the first and the second half of the samples are of one arm.
+
+    They are not where one is predicted far better without the other, as when a payload was
+    attached about between them; nothing says which of them is meant.
+
+    """
+    count = search.fitter.dataset.n_samples
+    rows = evenly(count, MOST_SAMPLES)
+    if rows.size < LEAST_PER_BLOCK * LEAST_BLOCKS:
+        return True
+    problem = _LinearProblem.of(search, calibration, rows, np.zeros(rows.size, np.intp))
+    is_late = rows >= count // 2
+    gains = problem.gain(is_late), problem.gain(~is_late)
+    return not any(gain.is_sure(LEAST_GAIN, LEAST_ERRORS) for gain in gains)
+
+
 def time_blocks(dataset: Dataset) -> IndexArray:
     """Return the block of every sample, (N,): contiguous times of a segment, in their order."""
     new = np.diff(dataset.segment, prepend=dataset.segment[:1]) != 0

@@ -13,7 +13,11 @@ from lip_id_ros.friction.noise import sticking_noise, TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
-from lip_id_ros.identification.disturbances import Episode, without_disturbances
+from lip_id_ros.identification.disturbances import (
+    Episode,
+    halves_agree,
+    without_disturbances,
+)
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import (
     free_placements_root,
@@ -71,6 +75,8 @@ class Identified:
         Samples that were left out.
     disturbances : list of Episode
         Parts of the time that were left out.
+    halves_agree : bool
+        Whether the first and the second half of the samples are of one arm.
     recording_deviations : array, shape (K,)
         Of friction coefficients between recordings; 0 where not estimated.
     doubts : DescriptionDoubts or None
@@ -89,6 +95,7 @@ class Identified:
     inflation: float
     outliers: int
     disturbances: list[Episode]
+    halves_agree: bool
     recording_deviations: Array
     doubts: DescriptionDoubts | None = None
 
@@ -172,7 +179,7 @@ def _identified(
     search, calibration, disturbances = without_disturbances(*found)
     if disturbances:
         search, calibration = _without_outliers(search, calibration)
-    fitter = search.fitter
+    fitter, agree = search.fitter, halves_agree(search, calibration)
     progress(STAGE, 0, STEPS)
     elected = fitter.elected(calibration.placements.chain)
     progress(STAGE, 1, STEPS)
@@ -209,6 +216,7 @@ def _identified(
         inflation=left_out.inflation,
         outliers=count - fitter.dataset.n_samples,
         disturbances=disturbances,
+        halves_agree=agree,
         recording_deviations=deviations,
         kinematics_std=kinematics_std,
         doubts=doubts(fitter, fit, described[0]) if described else None,

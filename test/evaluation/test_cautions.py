@@ -85,6 +85,12 @@ def test_searches_that_did_not_agree_are_a_caution(agreed: bool, count: int) -> 
     assert len([text for text in cautions if 'placements of the joints ended' in text]) == count
 
 
+@pytest.mark.parametrize(('agree', 'count'), [(True, 0), (False, 1)])
+def test_halves_that_contradict_each_other_are_a_caution(agree: bool, count: int) -> None:
+    cautions = summary_cautions(NAMES, {'halves_agree': agree})
+    assert len([text for text in cautions if 'first and the second half' in text]) == count
+
+
 def test_episodes_that_were_left_out_are_named() -> None:
     episode = {'recording': 0, 'start_s': 12.25, 'end_s': 14.0, 'joints': (0, 2)}
     (text,) = summary_cautions(NAMES, {'disturbances': [episode]})

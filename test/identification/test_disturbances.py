@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gp.arms import noise_of
 from gp.chains import ChainArm, contiguous, R, random_arm
 import numpy as np
@@ -15,6 +17,7 @@ from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.disturbances import (
     disturbed_blocks,
+    halves_agree,
     time_blocks,
     without_disturbances,
 )
@@ -86,6 +89,19 @@ def test_a_large_residual_that_spoils_nothing_is_kept() -> None:
     )
     search, calibration = calibrated(arm, changed)
     assert not disturbed_blocks(search, calibration, time_blocks(changed)).any()
+
+
+@pytest.mark.parametrize(
+    ('share', 'agree'), [(0.0, True), (0.3, False), (0.5, False), (0.7, False)]
+)
+def test_a_load_in_about_half_of_the_samples_is_noticed(share: float, agree: bool) -> None:
+    arm, dataset = recorded(0)
+    loaded = replace(arm, parameters=arm.parameters + np.outer([0, 0, 1], arm.parameters[2]))
+    change = (loaded.torque if share else arm.torque)(dataset.q, dataset.dq, dataset.ddq)
+    change -= arm.torque(dataset.q, dataset.dq, dataset.ddq)
+    is_late = dataset.t >= (1.0 - share) * SECONDS
+    mixed = replace(dataset, tau=dataset.tau + is_late[:, None] * change)
+    assert halves_agree(*calibrated(arm, mixed)) == agree
 
 
 def test_blocks_are_contiguous_times_of_one_segment() -> None:
