@@ -21,6 +21,7 @@ from lip_id_ros.identification.disturbances import (
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import (
     free_placements_root,
+    LeftOut,
     posterior,
     root_with_sign_widths,
 )
@@ -154,48 +155,16 @@ def prediction_noise(
     return sticking_noise(noise, fit.friction, some.q, load)
 
 
-def _without_outliers(
-    search: ArmSearch, calibration: Calibration
-) -> tuple[ArmSearch, Calibration]:
-    kept = explained(search.residual(calibration.placements))
-    if kept.all():
-        return search, calibration
-    fitter = search.fitter
-    search = search.of(fitter.of(fitter.dataset.select(np.flatnonzero(kept))))
-    return search, search.recalibrated(calibration)
-
-
 def _identified(
     dataset: Dataset, seed: int, progress: Progress, described: Described | None
 ) -> Identified:
     rows = without_long_rests(dataset)
     if rows.size < dataset.n_samples:  # a long recording is not copied for nothing
         dataset = dataset.select(rows)
-    count = dataset.n_samples
-    if not (kept := measured(dataset)).all():
-        dataset = dataset.select(np.flatnonzero(kept))
-    fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))), described)
-    found = _without_outliers(*find_placements(fitter, seed, progress))
-    search, calibration, disturbances = without_disturbances(*found)
-    if disturbances:
-        search, calibration = _without_outliers(search, calibration)
+    search, calibration, disturbances = _calibrated(dataset, seed, progress, described)
     fitter, agree = search.fitter, halves_agree(search, calibration)
-    progress(STAGE, 0, STEPS)
-    elected = fitter.elected(calibration.placements.chain)
-    progress(STAGE, 1, STEPS)
-    fit = fitter.best_start([each.chain for each in calibration.candidates], elected)
-    progress(STAGE, 2, STEPS)
-    # Loads and placements are better known by now.
-    fit = fitter.with_friction(fit, fitter.elected(fit.chain))
-    fit = fitter.refined(fitter.some(MOST_SAMPLES), fit)
-    progress(STAGE, 3, STEPS)
-    fit = fit if described else elect_geometry(fitter, fit)
-    final = fitter
-    fit, arm, left_out = posterior(final, fit)
-    if described is not None:
-        final = fitter.tempered(left_out.inflation)
-        fit = final.refined(fitter.some(MOST_SAMPLES), fit)
-        fit, arm, left_out = posterior(final, fit)
+    fit = _fitted(fitter, calibration, progress)
+    final, fit, arm, left_out = _with_posterior(fitter, fit)
     arm = replace(arm, covariance_root=root_with_sign_widths(final, fit, left_out))
     deviations = recording_deviations(fitter, fit, left_out.inflation)
     arm = with_recordings(arm, deviations, fitter.some(MOST_SAMPLES).dq)
@@ -214,10 +183,60 @@ def _identified(
         descents=calibration.descents,
         unexplained=left_out.mean_squares / fitter.torque_std**2,
         inflation=left_out.inflation,
-        outliers=count - fitter.dataset.n_samples,
+        outliers=dataset.n_samples - fitter.dataset.n_samples,
         disturbances=disturbances,
         halves_agree=agree,
         recording_deviations=deviations,
         kinematics_std=kinematics_std,
         doubts=doubts(fitter, fit, described[0]) if described else None,
     )
+
+
+def _calibrated(
+    dataset: Dataset, seed: int, progress: Progress, described: Described | None
+) -> tuple[ArmSearch, Calibration, list[Episode]]:
+    """Find the placements, and leave out the samples that nothing explains."""
+    if not (kept := measured(dataset)).all():
+        dataset = dataset.select(np.flatnonzero(kept))
+    fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))), described)
+    found = _without_outliers(*find_placements(fitter, seed, progress))
+    search, calibration, disturbances = without_disturbances(*found)
+    if disturbances:
+        search, calibration = _without_outliers(search, calibration)
+    return search, calibration, disturbances
+
+
+def _without_outliers(
+    search: ArmSearch, calibration: Calibration
+) -> tuple[ArmSearch, Calibration]:
+    kept = explained(search.residual(calibration.placements))
+    if kept.all():
+        return search, calibration
+    fitter = search.fitter
+    search = search.of(fitter.of(fitter.dataset.select(np.flatnonzero(kept))))
+    return search, search.recalibrated(calibration)
+
+
+def _fitted(fitter: ArmFitter, calibration: Calibration, progress: Progress) -> ArmFit:
+    """Elect friction and geometry, and fit placements, links and friction together."""
+    progress(STAGE, 0, STEPS)
+    elected = fitter.elected(calibration.placements.chain)
+    progress(STAGE, 1, STEPS)
+    fit = fitter.best_start([each.chain for each in calibration.candidates], elected)
+    progress(STAGE, 2, STEPS)
+    # Loads and placements are better known by now.
+    fit = fitter.with_friction(fit, fitter.elected(fit.chain))
+    fit = fitter.refined(fitter.some(MOST_SAMPLES), fit)
+    progress(STAGE, 3, STEPS)
+    return fit if fitter.is_described else elect_geometry(fitter, fit)
+
+
+def _with_posterior(
+    fitter: ArmFitter, fit: ArmFit
+) -> tuple[ArmFitter, ArmFit, ArmPosterior, LeftOut]:
+    """Return the fitter and the fit that the posterior is about, and the posterior."""
+    found = posterior(fitter, fit)
+    if not fitter.is_described:
+        return fitter, *found
+    final = fitter.tempered(found[2].inflation)
+    return final, *posterior(final, final.refined(fitter.some(MOST_SAMPLES), found[0]))
