@@ -15,7 +15,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.evaluation import Outcome, run, score
-from lip_id_ros.evaluation.report import Band, band, evaluation_report, Labels, write_report
+from lip_id_ros.evaluation.report import Band, band, figures, Labels, write_report
 from lip_id_ros.evaluation.report.style import broken_at, MOST_POINTS, shown_rows, times
 
 pytestmark = pytest.mark.slow
@@ -90,17 +90,17 @@ def test_an_older_report_is_replaced(tmp_path: Path) -> None:
 def test_every_axis_has_a_unit() -> None:
     data = replace(swing(1), joint_types=('revolute', 'prismatic', 'revolute'))
     outcome, uncertainty = assessed(data, Knowing())
-    figure = evaluation_report.torque(outcome, score(outcome), uncertainty)
+    figure = figures.torque(outcome, score(outcome), uncertainty)
 
     assert texts(figure) == {'shoulder', 'elbow', 'wrist', 'torque [N m]', 'force [N]'}
-    energies = evaluation_report.energies(outcome, score(outcome), uncertainty)
+    energies = figures.energies(outcome, score(outcome), uncertainty)
     assert texts(energies) == {'kinetic energy', 'potential energy', 'energy [J]'}
 
 
 def test_curves_are_the_samples() -> None:
     data = swing(1)
     outcome, uncertainty = assessed(data, Knowing(torque_error=0.1))
-    panel = evaluation_report.torque(outcome, score(outcome), uncertainty).axes[0]
+    panel = figures.torque(outcome, score(outcome), uncertainty).axes[0]
     curves = {line.get_label(): line for line in panel.get_lines()}
 
     np.testing.assert_array_equal(curves['measured'].get_ydata(), data.tau[:, 0])
@@ -111,7 +111,7 @@ def test_curves_are_the_samples() -> None:
 def test_true_potential_energy_is_moved_onto_the_estimate() -> None:
     data = swing(1)
     outcome, uncertainty = assessed(data, Knowing(offset=30.0))
-    panel = evaluation_report.energies(outcome, score(outcome), uncertainty).axes[1]
+    panel = figures.energies(outcome, score(outcome), uncertainty).axes[1]
     curves = {line.get_label(): line for line in panel.get_lines()}
 
     np.testing.assert_allclose(
@@ -122,7 +122,7 @@ def test_true_potential_energy_is_moved_onto_the_estimate() -> None:
 def test_without_truth_or_potential_energy_there_is_one_panel() -> None:
     data = replace(swing(1), kinetic=None, potential=None)
     outcome, uncertainty = assessed(data, Knowing(offset=None))
-    figure = evaluation_report.energies(outcome, score(outcome), uncertainty)
+    figure = figures.energies(outcome, score(outcome), uncertainty)
 
     assert texts(figure) == {'kinetic energy', 'energy [J]'}
     assert 'true' not in {line.get_label() for line in figure.axes[0].get_lines()}
@@ -131,7 +131,7 @@ def test_without_truth_or_potential_energy_there_is_one_panel() -> None:
 def test_bars_are_the_errors() -> None:
     outcome, _ = assessed(swing(1), Knowing(torque_error=0.1, energy_error=0.2))
     evaluation = score(outcome)
-    panel = evaluation_report.errors(evaluation).axes[0]
+    panel = figures.errors(evaluation).axes[0]
     widths = [patch.get_width() for patch in panel.patches]  # type: ignore[attr-defined]
 
     assert widths[:3] == pytest.approx(list(evaluation.nmse_percent))
@@ -147,10 +147,10 @@ def test_a_joint_predicted_no_better_than_its_mean_is_called_that_in_pictures() 
     outcome, uncertainty = assessed(swing(1), Knowing())
     evaluation = score(outcome)
     useless = replace(evaluation, nmse_percent=(95.0, *evaluation.nmse_percent[1:]))
-    first, second, *_ = evaluation_report.torque(outcome, useless, uncertainty).axes
+    first, second, *_ = figures.torque(outcome, useless, uncertainty).axes
     assert first.get_title('right') == 'no better than the mean: nMSE 95 %'
     assert second.get_title('right').startswith('nMSE')
-    panel = evaluation_report.errors(useless).axes[0]
+    panel = figures.errors(useless).axes[0]
     (line,) = panel.get_lines()
     assert list(np.asarray(line.get_xdata())) == [100.0, 100.0]
     assert panel.get_xlim()[1] > 100.0
@@ -162,7 +162,7 @@ def test_band_is_that_of_a_measurement_and_known_everywhere() -> None:
     np.testing.assert_allclose(uncertainty.tau, 0.5)  # 0.3 of the prediction, 0.4 of the noise
     assert len(uncertainty.rows) == 200
     assert (uncertainty.rows[0], uncertainty.rows[-1]) == (0, outcome.dataset.n_samples - 1)
-    (shade,) = evaluation_report.residual(outcome, uncertainty).axes[0].collections
+    (shade,) = figures.residual(outcome, uncertainty).axes[0].collections
     outline = np.asarray(shade.get_paths()[0].vertices)
     np.testing.assert_allclose(abs(outline[:, 1]), 1.0)  # two deviations, at every time
     assert len(np.unique(outline[:, 0])) == min(MOST_POINTS, outcome.dataset.n_samples)

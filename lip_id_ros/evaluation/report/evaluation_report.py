@@ -1,28 +1,22 @@
-"""The page of an evaluation and its plots: torques, residuals, parts, errors and energies."""
+"""The page of an evaluation: tables, notes and plots."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-import math
 import os
 from pathlib import Path
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
-import numpy as np
 
-from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.dataset import Dataset
-from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.cautions import no_better_than_mean
-from lip_id_ros.evaluation.metrics import Evaluation, Outcome, standard_deviation
-from lip_id_ros.evaluation.report import style
+from lip_id_ros.evaluation.metrics import Evaluation, Outcome
+from lip_id_ros.evaluation.report import figures
+from lip_id_ros.evaluation.report.figures import Band
 from lip_id_ros.evaluation.report.page import drawn, page, Picture, write_folder
 from lip_id_ros.evaluation.rollout import Rollouts
 from lip_id_ros.evaluation.tables import error_table, notes, rollout_tables
-from lip_id_ros.model import DynamicsModel, Prediction, TorqueModel
+from lip_id_ros.model import Prediction
 from lip_id_ros.progress import Progress, silent
 
 CAPTIONS = {
@@ -124,232 +118,19 @@ def _pictures(
     drawings: dict[str, tuple[str, Callable[[], Figure]]] = {
         'torque': (
             'Torque, measured and predicted',
-            lambda: torque(outcome, evaluation, band),
+            lambda: figures.torque(outcome, evaluation, band),
         ),
-        'errors': ('Normalised errors', lambda: errors(evaluation)),
-        'residual': ('Residual', lambda: residual(outcome, band)),
+        'errors': ('Normalised errors', lambda: figures.errors(evaluation)),
+        'residual': ('Residual', lambda: figures.residual(outcome, band)),
     }
     if predicted.kinetic is not None or predicted.potential is not None:
-        drawings['energies'] = 'Energies', lambda: energies(outcome, evaluation, band)
+        drawings['energies'] = 'Energies', lambda: figures.energies(outcome, evaluation, band)
     if isinstance(predicted, Prediction):
         title = 'Parts of the predicted torque'
-        drawings['torque_split'] = title, lambda: split(outcome, predicted)
+        drawings['torque_split'] = title, lambda: figures.split(outcome, predicted)
     if rollouts is not None:
-        drawings['rollout'] = 'Rollout', lambda: rollout(rollouts, evaluation.joint_names)
+        drawings['rollout'] = 'Rollout', lambda: figures.rollout(rollouts, evaluation.joint_names)
     return drawn(
         [(name, title, CAPTIONS[name], draw) for name, (title, draw) in drawings.items()],
         progress,
     )
-
-
-MOST_SAMPLES = 200  # a standard deviation costs far more than a prediction
-MEAN_PERCENT = 100.0  # error of predicting the mean
-
-Bar = tuple[str, float, str]
-
-
-@dataclass(frozen=True)
-class Band:
-    """
-    Predicted standard deviations at some of the samples.
-
-    Attributes
-    ----------
-    rows : ndarray of int, shape (B,)
-        Numbers of the samples, increasing.
-    tau : ndarray, shape (B, n)
-        Of measured torques: prediction and noise together [N m or N].
-    kinetic, potential : ndarray, shape (B,), or None
-        Of the energies [J].
-
-    """
-
-    rows: IntArray
-    tau: Array
-    kinetic: Array
-    potential: Array | None
-
-
-def band(model: TorqueModel, outcome: Outcome, progress: Progress = silent) -> Band | None:
-    """
-    Compute standard deviations at evenly spaced samples; None where the model has none.
-
-    Parameters
-    ----------
-    model : TorqueModel
-        That made the outcome.
-    outcome : Outcome
-    progress : Progress
-
-    """
-    if not isinstance(model, DynamicsModel):
-        return None
-    n_samples = outcome.dataset.n_samples
-    spread = np.linspace(0, n_samples - 1, min(MOST_SAMPLES, n_samples))
-    rows = spread.round().astype(np.int64)
-    std = standard_deviation(model, outcome.dataset.select(rows), progress)
-    return Band(rows, std.measurement, std.kinetic, std.potential)
-
-
-def _shade(
-    panel: Axes, data: Dataset, band: Band | None, middle: Array, std: Array | None, color: str
-) -> None:
-    """Shade two standard deviations (B,) of a band about a curve (N,), where they are known."""
-    if band is None or std is None:
-        return
-    rows = style.shown_rows(data.n_samples)
-    curve = style.broken_at(data.segment[rows], middle[rows])
-    width = 2 * np.interp(rows, band.rows, std)
-    time = style.times(data)[rows]
-    label = '± 2 standard deviations'
-    panel.fill_between(
-        time, curve - width, curve + width, color=color, alpha=0.22, linewidth=0, label=label
-    )
-
-
-def torque(outcome: Outcome, evaluation: Evaluation, band: Band | None) -> Figure:
-    """Draw measured and predicted torque per joint, with two standard deviations."""
-    data, estimate = outcome.dataset, outcome.prediction.tau
-
-    def draw(panel: Axes, joint: int) -> None:
-        predicted = estimate[:, joint]
-        style.over_time(panel, data, data.tau[:, joint], style.MEASURED, 'measured', 2.6)
-        style.over_time(panel, data, predicted, style.PREDICTED, 'predicted')
-        _shade(panel, data, band, predicted, _column(band, joint), style.PREDICTED)
-        style.remark(panel, evaluation.nmse_percent[joint])
-
-    return style.joint_grid(data.joint_names, data.joint_types, style.TORQUE, draw)
-
-
-def residual(outcome: Outcome, band: Band | None) -> Figure:
-    """Draw measured minus predicted torque per joint, with two standard deviations."""
-    data = outcome.dataset
-    residuals = data.tau - outcome.prediction.tau
-    zero = np.zeros(data.n_samples)
-
-    def draw(panel: Axes, joint: int) -> None:
-        _shade(panel, data, band, zero, _column(band, joint), style.PREDICTED)
-        label = 'measured minus predicted'
-        style.over_time(panel, data, residuals[:, joint], style.RESIDUAL, label, 0.9)
-
-    return style.joint_grid(data.joint_names, data.joint_types, 'residual', draw)
-
-
-def split(outcome: Outcome, prediction: Prediction) -> Figure:
-    """Draw the parts of the predicted torque per joint."""
-    data = outcome.dataset
-    parts = (
-        ('gravity', prediction.gravity, style.GRAVITY),
-        ('inertial', prediction.inertial, style.INERTIAL),
-        ('Coriolis and centrifugal', prediction.coriolis, style.CORIOLIS),
-        ('friction', prediction.friction, style.FRICTION),
-    )
-
-    def draw(panel: Axes, joint: int) -> None:
-        for label, values, color in parts:
-            style.over_time(panel, data, values[:, joint], color, label)
-
-    return style.joint_grid(data.joint_names, data.joint_types, style.TORQUE, draw)
-
-
-def energies(outcome: Outcome, evaluation: Evaluation, band: Band | None) -> Figure:
-    """
-    Draw the predicted energies, with two standard deviations, and the true ones where known.
-
-    The true potential energy is shifted by the mean error, since its constant is free.
-
-    """
-    data, estimate = outcome.dataset, outcome.prediction
-    shifted = data.potential
-    if shifted is not None and estimate.potential is not None:
-        shifted = shifted + np.mean(estimate.potential - shifted)
-    known = [
-        (name, values, truth, color)
-        for name, values, truth, color in (
-            ('kinetic', estimate.kinetic, data.kinetic, style.KINETIC),
-            ('potential', estimate.potential, shifted, style.POTENTIAL),
-        )
-        if values is not None
-    ]
-    figure = style.new_figure(2.7 * len(known) + style.LEGEND_HEIGHT)
-    panels = style.grid(figure, len(known), 1, sharex=True)
-    for panel, (name, values, truth, color) in zip(panels, known, strict=True):
-        if truth is not None:
-            style.over_time(panel, data, truth, style.MEASURED, 'true', 3.0)
-        style.over_time(panel, data, values, color, 'predicted')
-        _shade(panel, data, band, values, getattr(band, name, None), color)
-        panel.set_title(f'{name} energy', loc='left')
-        panel.set_ylabel('energy [J]')
-        style.remark(panel, getattr(evaluation, f'{name}_nmse_percent'))
-    style.finish(figure, panels[0])
-    return figure
-
-
-def errors(evaluation: Evaluation) -> Figure:
-    """Draw the normalised mean squared error of each torque and energy as a bar."""
-    bars = _bars(evaluation)
-    labels, values, colors = zip(*bars, strict=True)
-    shown = np.maximum(np.nan_to_num(values), style.LEAST_SHOWN)
-    figure = Figure(figsize=(style.WIDTH, 0.42 * len(bars) + 1.0), layout='constrained')
-    panel = figure.subplots()
-    drawn = panel.barh(range(len(bars)), shown, tick_label=labels, color=colors, height=0.62)
-    panel.bar_label(drawn, labels=[_label(value) for value in values], padding=5)
-    panel.set_xscale('log')
-    panel.set_xlim(min(1e-2, shown.min()) / 3, max(MEAN_PERCENT, shown.max()) * 4)
-    panel.axvline(MEAN_PERCENT, color=style.MEASURED, linestyle='--', zorder=0)
-    panel.invert_yaxis()
-    panel.grid(visible=False, axis='y')
-    panel.set_xlabel('normalised mean squared error [%]')
-    return figure
-
-
-def rollout(rollouts: Rollouts, joint_names: Sequence[str]) -> Figure:
-    """Draw errors of simulated positions as bars, one panel for each length of windows."""
-    rows = np.arange(len(joint_names))
-    height = 0.62 * len(rows) + style.LEGEND_HEIGHT + 1.2
-    figure = style.new_figure(height)
-    panels = style.grid(figure, len(rollouts.model), len(rollouts.model))
-    for k, (panel, model) in enumerate(zip(panels, rollouts.model, strict=True)):
-        bars = [
-            ('travel', model.travel, style.MEASURED),
-            ('model', model.position, style.PREDICTED),
-        ]
-        if rollouts.urdf is not None:
-            bars.insert(1, ('URDF', rollouts.urdf[k].position, style.RESIDUAL))
-        for place, (label, values, color) in enumerate(bars):
-            at = rows + 0.8 * ((place + 0.5) / len(bars) - 0.5)
-            drawn = panel.barh(at, values, height=0.7 / len(bars), color=color, label=label)
-            panel.bar_label(drawn, labels=[f'{value:.2g}' for value in values], padding=3)
-        panel.set_title(model.title, loc='left', fontsize=11)
-        panel.set_yticks(rows, [for_plot(name) for name in joint_names] if k == 0 else [])
-        panel.set_xscale('log')
-        panel.xaxis.set_minor_formatter(NullFormatter())  # the bars have numbers
-        panel.margins(x=0.2)
-        panel.invert_yaxis()
-        panel.grid(visible=False, axis='y')
-    figure.supxlabel(
-        'root mean square of position [rad or m]', fontsize=style.SETTINGS['font.size']
-    )
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc='upper center', ncol=len(labels))
-    return figure
-
-
-def _bars(evaluation: Evaluation) -> list[Bar]:
-    energies = (
-        ('kinetic energy', evaluation.kinetic_nmse_percent, style.KINETIC),
-        ('potential energy', evaluation.potential_nmse_percent, style.POTENTIAL),
-    )
-    joints = zip(evaluation.joint_names, evaluation.nmse_percent, strict=True)
-    return [
-        *((for_plot(name), value, style.PREDICTED) for name, value in joints),
-        *((name, value, color) for name, value, color in energies if value is not None),
-    ]
-
-
-def _label(value: float) -> str:
-    return 'constant' if math.isnan(value) else f'{value:.3g} %'
-
-
-def _column(band: Band | None, joint: int) -> Array | None:
-    return None if band is None else band.tau[:, joint]
