@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from lip_id_ros.arrays import runs
 from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
 from lip_id_ros.recording.spill import marked
@@ -57,9 +58,8 @@ def effort_zero(evidence: Evidence) -> Iterator[JointText]:
     if not samples.has_effort:
         return
     is_zero = marked(lambda efforts: (efforts == 0.0).all(axis=1), samples.effort)
-    edges = np.flatnonzero(np.diff(is_zero, prepend=False, append=False))
-    first, last = edges[::2], edges[1::2] - 1
-    seconds = samples.t[last] - samples.t[first]
+    first, end = runs(is_zero)
+    seconds = samples.t[end - 1] - samples.t[first]
     long = seconds > ZERO_S
     if long.any() and not is_zero.all():
         at = int(np.argmax(seconds))

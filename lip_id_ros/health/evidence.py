@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray, IndexArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, runs
 from lip_id_ros.health.motion import (
     effort_regression,
     EffortRegression,
@@ -110,10 +110,9 @@ class Signal:
 
     def longest_plateau(self, t: Array) -> tuple[int, int]:
         """Return first and last row of the longest time that the signal is exactly the same."""
-        edges = _edges(repeated(self.values[:, np.newaxis])[1:])
-        if not edges.size:
+        starts, ends = runs(repeated(self.values[:, np.newaxis])[1:])
+        if not starts.size:
             return 0, 0
-        starts, ends = edges[::2], edges[1::2]
         longest = int(np.argmax(t[ends] - t[starts]))
         return int(starts[longest]), int(ends[longest])
 
@@ -121,16 +120,11 @@ class Signal:
 def _flat_end(top: BoolArray, nearby: BoolArray) -> float:
     count = int(top.sum())
     following = int(nearby.sum()) - count
-    edges = _edges(top)
-    longest_run = int((edges[1::2] - edges[::2]).max(initial=0))
+    starts, ends = runs(top)
+    longest_run = int((ends - starts).max(initial=0))
     is_flat = count >= _TOP_OVER_NEXT * (following + 1) and longest_run >= _LEAST_RUN
     share = count / top.size
     return share if is_flat and share >= _LEAST_TOP else 0.0
-
-
-def _edges(mask: BoolArray) -> IndexArray:
-    """Return where runs of True begin and, one behind, where they end, in turns."""
-    return np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
 
 
 @dataclass(frozen=True, eq=False)

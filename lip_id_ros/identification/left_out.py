@@ -169,9 +169,9 @@ class LeftOutBlocks:
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> list[LeftOutFit]:
         """Return the fits with one more group of parameters each."""
-        whole = np.sum(self._normal_equations(noise_std), axis=0)
-        every = self._solutions(whole, selected, groups)
-        found = [self._left_out(scheme, selected, groups, noise_std) for scheme in self._schemes]
+        parts = self._normal_equations(noise_std)
+        every = self._solutions(np.sum(parts, axis=0), selected, groups)
+        found = [self._left_out(scheme, parts, selected, groups) for scheme in self._schemes]
         thetas, _ = found[0]
         return [
             LeftOutFit(
@@ -186,18 +186,18 @@ class LeftOutBlocks:
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> Array:
         """Return `LeftOutFit.mean_squares` with one more group of parameters each, (groups, n)."""
-        _, squares = self._left_out(self._schemes[0], selected, groups, noise_std)
+        parts = self._normal_equations(noise_std)
+        _, squares = self._left_out(self._schemes[0], parts, selected, groups)
         return np.asarray(squares.mean(axis=0))
 
     def _left_out(
         self,
         scheme: list[list[int]],
+        parts: list[Array],
         selected: IndexArray,
         groups: Sequence[IndexArray],
-        noise_std: Array,
     ) -> tuple[list[Array], Array]:
         """Return the parameters without each set of blocks, and mean squares of their errors."""
-        parts = self._normal_equations(noise_std)
         whole = np.sum(parts, axis=0)
         thetas = [
             self._solutions(whole - sum(parts[k] for k in out), selected, groups) for out in scheme

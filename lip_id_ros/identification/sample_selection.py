@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray, IndexArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, runs
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import GUARD
 
@@ -56,12 +56,8 @@ def without_long_rests(dataset: Dataset) -> IndexArray:
     speed = np.linalg.norm(dataset.dq, axis=1)
     is_rest = speed < AT_REST * np.quantile(speed, FAST_QUANTILE)
     moving = int(np.count_nonzero(~is_rest))
-    edges = np.flatnonzero(np.diff(is_rest, prepend=False, append=False))
     most = max(1, int(OF_ONE_REST * moving))
-    rests = [
-        start + evenly(end - start, most)
-        for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-    ]
+    rests = [start + evenly(end - start, most) for start, end in zip(*runs(is_rest), strict=True)]
     rest = np.concatenate([np.empty(0, np.intp), *rests])
     return np.union1d(np.flatnonzero(~is_rest), rest[evenly(rest.size, max(1, moving))])
 
@@ -79,8 +75,7 @@ def measured(dataset: Dataset) -> BoolArray:
     kept = np.ones_like(is_zero)
     if dataset.n_joints == 1 or is_zero.all():
         return kept
-    edges = np.flatnonzero(np.diff(is_zero, prepend=False, append=False))
-    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, end in zip(*runs(is_zero), strict=True):
         if end - first >= LEAST_ZEROS and dataset.t[end - 1] - dataset.t[first] > ZERO_S:
             kept[max(0, first - GUARD) : end + GUARD] = False
     return kept

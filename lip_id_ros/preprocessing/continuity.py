@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray, IndexArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, runs
 from lip_id_ros.errors import DataError
 from lip_id_ros.preprocessing.sample_times import longest_silence
 from lip_id_ros.recording import JointSamples
@@ -201,8 +201,7 @@ def spikes(efforts: Array) -> BoolArray:
     ranges = [usual_range(column) for column in efforts.T]
     low, high = np.array([(least - reach, most + reach) for least, most, reach in ranges]).T
     marks = marked(lambda rows: ((rows < low) | (rows > high)).any(axis=1), efforts)
-    edges = np.flatnonzero(np.diff(marks, prepend=False, append=False))
-    for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for start, end in zip(*runs(marks), strict=True):
         marks[start:end] = end - start <= LONGEST_SPIKE
     return marks
 
