@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.conservative_terms import Ripple, Spring
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import (
@@ -20,10 +21,9 @@ from lip_id_ros.friction.terms import (
     LoadViscous,
     Offset,
     PositionCoulomb,
+    Presliding,
     QuadraticViscous,
-    Ripple,
     SaturatingViscous,
-    Spring,
     Stribeck,
     Viscous,
 )
@@ -43,10 +43,12 @@ PRESENT: dict[str, tuple[FrictionTerm, list[float]]] = {
     'quadratic viscous': (QuadraticViscous(), [0.1]),
     'load-dependent Coulomb': (LoadCoulomb(WIDTH), [0.15]),
     'load-dependent viscous': (LoadViscous(), [0.15]),
+    'pre-sliding': (Presliding(WIDTH, 1.0), [0.1]),
     'asymmetric': (Asymmetric(WIDTH), [0.1, 0.1, 0.0, 0.0]),
     'position-dependent Coulomb': (PositionCoulomb(WIDTH), [0.1, 0.0, 0.0, 0.0]),
     'periodic once a turn': (Ripple(1), [0.1, 0.1]),
     'periodic twice a turn': (Ripple(2), [0.1, 0.1]),
+    'ripple 9 times a turn': (Ripple(9), [0.1, 0.05]),
     'joint spring': (Spring(), [0.1]),
 }
 """Terms of the second joint, with coefficients in standard deviations of the links' torque."""
@@ -121,7 +123,7 @@ def recording(seed: int, extra: Terms) -> tuple[RandomArm, Dataset]:
         loaded = part.term.name.startswith('load') or part.term.name == 'torque'
         scaled.append(np.array(values) * (1.0 if loaded else size[part.drive.joints[0]]))
     basis = FrictionBasis(N_JOINTS, tuple(part for part, _ in [*plain, *extra]))
-    clean = links + FrictionModel(basis, np.concatenate(scaled)).torque(q, dq, links)
+    clean = links + FrictionModel(basis, np.concatenate(scaled)).torque(q, dq, ddq, links)
     return arm, Dataset(
         t=t,
         q=q,

@@ -93,7 +93,7 @@ def measured(
         tau_noiseless=run.tau[rows],
         kinetic=run.kinetic[rows],
         potential=run.potential[rows],
-        provenance={'sources': ['simulation']},
+        provenance=found.provenance,
     )
 
 

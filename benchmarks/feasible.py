@@ -126,7 +126,7 @@ def _least_squares(rows: Array, bounded: IndexArray) -> Array:
 def _features(arm: ArmPosterior, data: Dataset) -> Array:
     state = [np.ascontiguousarray(x) for x in (data.q, data.dq, data.ddq)]
     load = links_torque(arm.chain, arm.links, data)
-    friction = friction_features(arm.friction.basis, data.q, data.dq, load)
+    friction = friction_features(arm.friction.basis, data.q, data.dq, data.ddq, load)
     return np.concatenate([torque_regressor(arm.chain, *state), friction], axis=2)
 
 

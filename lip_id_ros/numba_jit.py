@@ -5,6 +5,9 @@ Kernel loops work on `LANES` pairs of samples at once: the innermost index of ea
 the pair, so that the compiler turns each line of a formula into vector instructions whatever the
 number of joints.
 
+Arithmetic is that of IEEE 754, without leave to reorder sums: with it, code that has just been
+compiled and the same code from the cache round differently, and fits differ.
+
 """
 
 from __future__ import annotations
@@ -24,21 +27,18 @@ LANES = 32
 # Loops over `numba.prange` count without a sign; np.int64 of it mixes with other integers.
 Index = int | np.int64
 
-# Reassociation and fused multiply-add only: not-a-number and infinity keep their meaning.
-FAST_MATH = {'contract', 'reassoc', 'arcp', 'nsz'}
-
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 
 def jit(function: Function) -> Function:
     """Compile a function of scalars and arrays to be called from other compiled functions."""
-    wrap = numba.njit(fastmath=FAST_MATH, error_model='numpy', nogil=True)
+    wrap = numba.njit(error_model='numpy', nogil=True)
     return _cached(function, wrap(function))
 
 
 def jit_parallel(function: Function) -> Function:
     """Compile a function whose `numba.prange` loops run on all threads."""
-    wrap = numba.njit(fastmath=FAST_MATH, error_model='numpy', nogil=True, parallel=True)
+    wrap = numba.njit(error_model='numpy', nogil=True, parallel=True)
     return _cached(function, wrap(function))
 
 

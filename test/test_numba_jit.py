@@ -83,3 +83,29 @@ def test_code_for_types_that_are_gone_is_discarded(folder: Path) -> None:
     (folder / 'gone.py').unlink()
     (folder / 'pair.py').write_text(typed)
     assert run(folder) == (3.0, 0)
+
+
+DERIVATIVES = """
+import sys
+import numpy as np
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
+from scipy.spatial.transform import Rotation
+
+rng = np.random.default_rng(0)
+axes = Rotation.random(6, random_state=rng).as_matrix()
+chain = Chain(axes, rng.normal(size=(6, 3)), np.zeros(6, dtype=bool), np.array([0.0, 0.0, -9.81]))
+state = rng.normal(size=(3, 50, 6))
+sys.stdout.write(placement_derivatives(chain, rng.normal(size=(6, 11)), *state).tobytes().hex())
+"""
+
+
+def test_code_from_the_cache_rounds_as_code_just_compiled(tmp_path: Path) -> None:
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'NUMBA_CACHE_DIR': str(tmp_path)}
+    command = [sys.executable, '-c', DERIVATIVES]
+    first, second = (
+        subprocess.run(command, env=environment, capture_output=True, check=True).stdout
+        for _ in range(2)
+    )
+    assert first == second
+    assert len(first) > 1000

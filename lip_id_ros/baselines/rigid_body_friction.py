@@ -55,7 +55,7 @@ class RigidBodyFriction(Baseline):
         chain, links = self._chain, self._links.ravel()
         load = torque_regressor(chain, q, dq, ddq) @ links
         return TorquePrediction(
-            load + self.friction.torque(q, dq, load),
+            load + self.friction.torque(q, dq, ddq, load),
             kinetic_regressor(chain, q, dq) @ links,
             potential_regressor(chain, q) @ links,
         )

@@ -12,6 +12,7 @@ from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import DataError
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction
 from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.terms import Presliding
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.numba_jit import jit
 from lip_id_ros.rigid_body import Chain
@@ -67,19 +68,21 @@ class ForwardDynamics:
 
     @cached_property
     def _compiled(self) -> tuple[Links, CompiledFriction]:
-        return Links(self.chain, self.links), CompiledFriction.of(self.friction)
+        kept = [not isinstance(each.term, Presliding) for each in self.friction.basis.terms]
+        return Links(self.chain, self.links), CompiledFriction.of(self.friction.with_terms(kept))
 
     def acceleration(self, q: Array, dq: Array, tau: Array, before: Array, step: float) -> Array:
         """
         Return accelerations, shape (W, n).
 
-        Friction is taken implicitly over a step, since its sign turns within less.
+        Friction is taken implicitly over a step, since its sign turns within less, and without
+        pre-sliding: several accelerations can solve the equations with it.
 
         Parameters
         ----------
         q, dq, tau : arrays, shape (W, n)
         before : array, shape (W, n)
-            Accelerations of the step before, from which friction takes its load.
+            Accelerations of the step before, which load and smooth friction.
         step : float
             [s]
 
@@ -125,16 +128,16 @@ def equations_of_motion(
     """
     count, n = q.shape
     bias, inertia = np.zeros((count, n)), np.zeros((count, n, n))
-    work, units = np.empty((n, WORK_VECTORS, 3)), np.eye(n)
+    work, units, still = np.empty((n, WORK_VECTORS, 3)), np.eye(n), np.zeros(n)
     for w in range(count):
         gravity, rubbing, faster = np.zeros(n), np.zeros(n), np.zeros(n)
-        rnea(bias[w], gravity, links, work, q[w], dq[w], np.zeros(n))
+        rnea(bias[w], gravity, links, work, q[w], dq[w], still)
         for j in range(n):
             inertial_torque(inertia[w, j], links, work, units[j])
         bias[w] += gravity
         load = bias[w] + inertia[w] @ before[w]
-        add_friction(friction, q[w], dq[w], load, rubbing)
-        add_friction(friction, q[w], dq[w] + SLOPE, load, faster)
+        add_friction(friction, q[w], dq[w], before[w], load, rubbing)
+        add_friction(friction, q[w], dq[w] + SLOPE, before[w], load, faster)
         bias[w] += rubbing
         for j in range(n):
             inertia[w, j, j] += step * max((faster[j] - rubbing[j]) / SLOPE, 0.0)

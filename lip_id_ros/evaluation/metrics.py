@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 import math
 from typing import Any, TypeVar
@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset import cutoffs_hz, Dataset
 from lip_id_ros.errors import ModelError
 from lip_id_ros.model import (
     DynamicsModel,
@@ -145,24 +145,13 @@ def _within_two_std(model: TorqueModel, dataset: Dataset, tau: Array) -> Array |
     """Return the share [percent] of measurements that two standard deviations cover, (n,)."""
     if not isinstance(model, InverseDynamicsModel) or model.arm is None:
         return None  # deviations of a Gaussian process on energies take seconds
-    if not _cutoffs(dataset.provenance) <= (_cutoffs(model.provenance) - {None} or {None}):
+    if not cutoffs_hz(dataset.provenance) <= (cutoffs_hz(model.provenance) - {None} or {None}):
         return None  # the noise of the model is that of efforts with another bandwidth
     count = min(MOST_COVERED, dataset.n_samples)
     rows = np.linspace(0, dataset.n_samples - 1, count).astype(np.intp)
     some = dataset.select(rows)
     std = model.standard_deviation(some.q, some.dq, some.ddq).measurement
     return np.asarray(100.0 * np.mean(np.abs(some.tau - tau[rows]) <= 2.0 * std, axis=0))
-
-
-def _cutoffs(provenance: Mapping[str, Any]) -> set[float | None]:
-    """Return the cut-offs of all sources [Hz], 0 without a low-pass; None where not known."""
-    cutoffs: set[float | None] = set()
-    for source in provenance.get('sources', ()):
-        # a fleet lists settings once, simulations and arrays have none
-        settings = source.get('preprocessing') if isinstance(source, Mapping) else None
-        filtered = settings is not None and source.get('filtered', True)
-        cutoffs.add(settings and (settings['cutoff_hz'] if filtered else 0.0))
-    return cutoffs or {None}
 
 
 def standard_deviation(

@@ -108,7 +108,7 @@ class ArmDescription:
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the torques of links and friction, shape (N, n) [N m or N]."""
         load = torque_regressor(self.chain, q, dq, ddq) @ self.links.ravel()
-        return np.asarray(load + self.friction.torque(q, dq, load))
+        return np.asarray(load + self.friction.torque(q, dq, ddq, load))
 
     def friction_terms(self) -> Iterator[tuple[DriveTerm, Array]]:
         """Yield the terms of friction with their coefficients."""

@@ -27,6 +27,7 @@ from lip_id_ros.friction.primitives import (
     ONE,
     POSITION,
     Primitive,
+    REVERSAL,
     SIGN,
     SQUARE,
     VELOCITY,
@@ -111,27 +112,33 @@ def _friction(arm: ArmDescription) -> list[str]:
         by_drive.setdefault(part.drive, []).extend(features)
     lines = []
     for drive, features in by_drive.items():
-        lines += _drive(drive, features, arm.joint_names)
+        lines += _drive(drive, features, arm)
     return lines
 
 
 def _drive(
-    drive: Drive, features: list[tuple[str, float, Column]], joint_names: tuple[str, ...]
+    drive: Drive, features: list[tuple[str, float, Column]], arm: ArmDescription
 ) -> list[str]:
     """Return the block that adds the friction of one drive."""
     used = [primitive for _, _, column in features for _, primitive in column]
-    widths = sorted({p.width for p in used if p.shape == SIGN})
+    widths = sorted({p.width for p in used if p.shape in (SIGN, REVERSAL)})
     signs = {width: f's{k}' for k, width in enumerate(widths)}
-    names = _safe([' with '.join(joint_names[i] for i in drive.joints)])[0]
+    names = _safe([' with '.join(arm.joint_names[i] for i in drive.joints)])[0]
+    rise_time = arm.friction.basis.rise_time
     lines = [f'  {{ /* {names} */']
     if any(p.shape not in (ONE, LOAD) or p.side for p in used):
         lines.append(f'    const double v = {_combination("dq", drive)};')
+    if any(p.shape == REVERSAL for p in used) or (signs and rise_time):
+        lines.append(f'    const double a = {_combination("ddq", drive)};')
     if any(p.position != ANYWHERE for p in used):
         lines.append(f'    const double p = {_combination("q", drive)};')
     if any(p.loaded or p.shape == LOAD for p in used):
         lines.append(f'    const double l = load[{drive.joints[0]}];')
     for width, name in signs.items():
-        lines.append(f'    const double {name} = tanh(v / {_number(width)});')
+        smooth = _number(width)
+        if rise_time:
+            smooth = f'hypot({smooth}, {_number(rise_time)} * a)'
+        lines.append(f'    const double {name} = tanh(v / {smooth});')
     lines.append('    double f = 0.0;')
     for name, factor, column in features:
         lines.append(f'    f += {_number(factor)} * {_column(column, signs)}; /* {name} */')
@@ -160,7 +167,9 @@ def _column(column: Column, signs: Mapping[float, str]) -> str:
 
 def _primitive(primitive: Primitive, signs: Mapping[float, str]) -> str:
     shapes = {ONE: '1.0', VELOCITY: 'v', SQUARE: 'v * fabs(v)', LOAD: 'l'}
-    text = signs[primitive.width] if primitive.shape == SIGN else shapes[primitive.shape]
+    text = shapes.get(primitive.shape) or signs[primitive.width]
+    if primitive.shape == REVERSAL:
+        text = f'(1.0 - {text} * {text}) * tanh(a / {_number(primitive.acceleration)})'
     if primitive.side:
         text = f'(v {">" if primitive.side > 0 else "<"} 0.0 ? {text} : 0.0)'
     if primitive.position == POSITION:

@@ -135,7 +135,7 @@ def _check_urdf(
         np.array([float(x.get(word, '0')) for x in dynamics if x is not None])
         for word in ('damping', 'friction')
     )
-    found += damping * dq + friction * _smooth_signs(arm, dq)
+    found += damping * dq + friction * _smooth_signs(arm, states)
     left_out = split_friction(arm, urdf.FRICTION).left_out
     return _agreement('pinocchio', found, arm, tau, states, left_out)
 
@@ -159,7 +159,7 @@ def check_mjcf(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agr
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(model, data)
         found[t] = data.qfrc_inverse
-    found += model.dof_frictionloss * _smooth_signs(arm, states[1])
+    found += model.dof_frictionloss * _smooth_signs(arm, states)
     left_out = split_friction(arm, mjcf.FRICTION).left_out
     return _agreement('MuJoCo', found, arm, tau, states, left_out)
 
@@ -215,13 +215,14 @@ def compile_c(text: str, arm: ArmDescription, folder: Path) -> Path:
     return library
 
 
-def _smooth_signs(arm: ArmDescription, dq: Array) -> Array:
+def _smooth_signs(arm: ArmDescription, states: Array) -> Array:
     """Return the sign that the arm's Coulomb friction has, shape (N, n); the readers have none."""
-    signs = np.sign(dq)
-    for part in arm.friction.basis.terms:
+    q, dq, ddq = states
+    signs, basis = np.sign(dq), arm.friction.basis
+    for part in basis.terms:
         if part.term.name == 'Coulomb' and len(part.drive.joints) == 1:
             joint = part.drive.joints[0]
-            state = part.drive.state(dq, dq, dq)
+            state = part.drive.state(q, dq, ddq, np.zeros_like(dq), basis.rise_time)
             signs[:, joint] = part.term.features(state)[:, 0]
     return np.asarray(signs)
 
@@ -239,7 +240,7 @@ def _agreement(
     if left_out is not None:
         q, dq, ddq = states
         load = torque_regressor(arm.chain, q, dq, ddq) @ arm.links.ravel()
-        expected, terms = tau - left_out.torque(q, dq, load), left_out.basis.terms
+        expected, terms = tau - left_out.torque(q, dq, ddq, load), left_out.basis.terms
     largest = np.abs(tau).max(axis=0)
     difference = np.abs(found - expected).max(axis=0) / np.where(largest > 0.0, largest, 1.0)
     return Agreement(reader, difference, terms, len(tau))

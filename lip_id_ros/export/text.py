@@ -13,7 +13,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.kinematics import kinematics_of, UNIDENTIFIED
 from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.model import FrictionModel
 
 ROUNDING = 1e-15
 """Below it a number is rounding of sums of numbers around one, and is written as zero."""
@@ -62,17 +62,15 @@ def split_friction(arm: ArmDescription, terms: Collection[str]) -> FrictionSplit
 
     """
     values: tuple[dict[str, float], ...] = tuple({} for _ in arm.joint_names)
-    rest: list[tuple[DriveTerm, Array]] = []
+    left_out: list[bool] = []
     for part, coefficients in arm.friction_terms():
         single = part.drive == Drive.of_joint(part.drive.joints[0])
-        if single and part.term.name in terms and coefficients[0] >= 0.0:
+        expressed = single and part.term.name in terms and coefficients[0] >= 0.0
+        if expressed:
             own = values[part.drive.joints[0]]
             own[part.term.name] = own.get(part.term.name, 0.0) + float(coefficients[0])
-        else:
-            rest.append((part, coefficients))
-    basis = FrictionBasis(arm.n_joints, tuple(part for part, _ in rest))
-    coefficients = np.concatenate([np.zeros(0), *(own for _, own in rest)])
-    return FrictionSplit(values, FrictionModel(basis, coefficients))
+        left_out.append(not expressed)
+    return FrictionSplit(values, arm.friction.with_terms(left_out))
 
 
 def term_name(part: DriveTerm) -> str:

@@ -326,6 +326,7 @@ def _centred(
         part = data.select(data.recording == recording)
         deviation = solution.recordings.friction[number] - solution.friction
         load = links_torque(regression.chain, solution.links, part)
-        features = friction_features(regression.friction.basis, part.q, part.dq, load)
+        state = part.q, part.dq, part.ddq, load
+        features = friction_features(regression.friction.basis, *state)
         parts.append(replace(part, tau=part.tau - features @ deviation))
     return concatenate(parts)

@@ -23,8 +23,8 @@ from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.sample_selection import (
     explained,
+    moving,
     plausible,
-    without_long_rests,
 )
 from lip_id_ros.identification.statistics import TorqueStatistics
 from lip_id_ros.loading import load_dataset
@@ -86,7 +86,7 @@ class Regression:
         """Return the features of every joint, shapes (N, k_i + p_i)."""
         regressor = torque_regressor(self.chain, *_state(dataset))
         load = regressor @ self.links.ravel()
-        features = friction_features(self.friction.basis, dataset.q, dataset.dq, load)
+        features = friction_features(self.friction.basis, *_state(dataset), load)
         return [
             np.hstack([features[:, joint, own], regressor[:, joint, links]])
             for joint, (own, links) in enumerate(self.columns())
@@ -121,7 +121,7 @@ def statistics_of_source(
 
 def statistics_of(dataset: Dataset, regression: Regression) -> RecordingStatistics:
     """Gather the statistics of a recording without its bad samples."""
-    dataset = dataset.select(without_long_rests(dataset))
+    dataset = moving(dataset)
     kept = plausible(dataset) & explained(regression.residual(dataset))
     statistics = empty_statistics(regression)
     good = np.flatnonzero(kept)

@@ -17,7 +17,7 @@ from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.fleet.results import Survey
-from lip_id_ros.identification.sample_selection import covering, evenly, without_long_rests
+from lip_id_ros.identification.sample_selection import covering, evenly, moving
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.recording.bags import Bag
@@ -85,8 +85,8 @@ def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] =
     """Return the survey of samples that have been preprocessed."""
     stack = np.stack([dataset.q, dataset.dq, dataset.ddq])
     source = _source(dataset)
-    moving = dataset.select(without_long_rests(dataset))
-    some = moving.select(reservoir(moving))
+    used = moving(dataset)
+    some = used.select(reservoir(used))
     return Survey(
         key=content_digest(dataset.joint_names, dataset.q, dataset.tau),
         name=name,

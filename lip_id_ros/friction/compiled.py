@@ -18,6 +18,7 @@ from lip_id_ros.friction.primitives import (
     ONE,
     POSITION,
     Primitive,
+    REVERSAL,
     SIGN,
     SINE,
     VELOCITY,
@@ -35,13 +36,15 @@ class CompiledFriction(NamedTuple):
         Of each drive's speed to the joints' velocities.
     shares : array, shape (m, n)
         Of each drive's torque in the joints' efforts.
+    rise_time : array, shape (m,)
+        As in `FrictionBasis` [s].
     bearing : int array, shape (m,)
         Joint whose load the drive bears.
     ends : int array, shape (m,)
         One past the last primitive of each drive.
     shape, side, position : int arrays, shape (p,)
         As in `Primitive`.
-    width, harmonic, factor : arrays, shape (p,)
+    width, harmonic, acceleration, factor : arrays, shape (p,)
         The factor has the coefficient in it.
     loaded : bool array, shape (p,)
 
@@ -49,6 +52,7 @@ class CompiledFriction(NamedTuple):
 
     ratios: Array
     shares: Array
+    rise_time: Array
     bearing: IntArray
     ends: IntArray
     shape: IntArray
@@ -56,14 +60,15 @@ class CompiledFriction(NamedTuple):
     position: IntArray
     width: Array
     harmonic: Array
+    acceleration: Array
     factor: Array
     loaded: BoolArray
 
     @classmethod
     def of(cls, friction: FrictionModel) -> CompiledFriction:
         """Compile friction; terms with coefficients of zero cost nothing."""
-        drives = _factors(friction).items()
-        return _laid_out([(drive, sorted(p.items())) for drive, p in drives], friction.n_joints)
+        drives = [(drive, sorted(p.items())) for drive, p in _factors(friction).items()]
+        return _laid_out(drives, friction.n_joints, friction.basis.rise_time)
 
     @classmethod
     def features_of(cls, basis: FrictionBasis) -> CompiledFriction:
@@ -73,11 +78,13 @@ class CompiledFriction(NamedTuple):
             for part in basis.terms
             for column in part.term.columns()
         ]
-        return _laid_out(columns, basis.n_joints)
+        return _laid_out(columns, basis.n_joints, basis.rise_time)
 
 
 def _laid_out(
-    drives: Sequence[tuple[Drive, Sequence[tuple[Primitive, float]]]], n_joints: int
+    drives: Sequence[tuple[Drive, Sequence[tuple[Primitive, float]]]],
+    n_joints: int,
+    rise_time: float,
 ) -> CompiledFriction:
     """Lay the primitives of drives out in arrays, with the factor of each."""
     ratios, shares = np.zeros((2, len(drives), n_joints))
@@ -91,6 +98,7 @@ def _laid_out(
     return CompiledFriction(
         ratios,
         shares,
+        np.full(len(drives), rise_time),
         np.array([drive.joints[0] for drive, _ in drives], dtype=np.int64),
         np.cumsum(sizes, dtype=np.int64),
         np.array([each.shape for each in primitives], dtype=np.int64),
@@ -98,6 +106,7 @@ def _laid_out(
         np.array([each.position for each in primitives], dtype=np.int64),
         np.array([each.width for each in primitives], dtype=np.float64),
         np.array([each.harmonic for each in primitives], dtype=np.float64),
+        np.array([each.acceleration for each in primitives], dtype=np.float64),
         np.array([factor for _, factor in every], dtype=np.float64),
         np.array([each.loaded for each in primitives], dtype=np.bool_),
     )
@@ -117,14 +126,16 @@ def _factors(friction: FrictionModel) -> dict[Drive, dict[Primitive, float]]:
 
 
 @jit
-def add_friction(friction: CompiledFriction, q: Array, dq: Array, load: Array, out: Array) -> None:
+def add_friction(
+    friction: CompiledFriction, q: Array, dq: Array, ddq: Array, load: Array, out: Array
+) -> None:
     """
     Add the friction torques of one state.
 
     Parameters
     ----------
     friction : CompiledFriction
-    q, dq : arrays, shape (n,)
+    q, dq, ddq : arrays, shape (n,)
     load : array, shape (n,)
         Torques or forces of the links on the joints [N m or N].
     out : array, shape (n,)
@@ -133,14 +144,16 @@ def add_friction(friction: CompiledFriction, q: Array, dq: Array, load: Array, o
     """
     first = 0
     for m in range(len(friction.ends)):
-        torque = _torque_of_drive(friction, m, first, q, dq, load[friction.bearing[m]])
+        torque = _torque_of_drive(friction, m, first, q, dq, ddq, load[friction.bearing[m]])
         first = friction.ends[m]
         for j in range(len(q)):
             out[j] += friction.shares[m, j] * torque
 
 
 @jit
-def set_features(features: CompiledFriction, q: Array, dq: Array, load: Array, out: Array) -> None:
+def set_features(
+    features: CompiledFriction, q: Array, dq: Array, ddq: Array, load: Array, out: Array
+) -> None:
     """
     Set the features of friction at one state.
 
@@ -148,13 +161,13 @@ def set_features(features: CompiledFriction, q: Array, dq: Array, load: Array, o
     ----------
     features : CompiledFriction
         By `CompiledFriction.features_of`.
-    q, dq, load : arrays, shape (n,)
+    q, dq, ddq, load : arrays, shape (n,)
     out : array, shape (n, K)
 
     """
     first = 0
     for k in range(len(features.ends)):
-        feature = _torque_of_drive(features, k, first, q, dq, load[features.bearing[k]])
+        feature = _torque_of_drive(features, k, first, q, dq, ddq, load[features.bearing[k]])
         first = features.ends[k]
         for j in range(len(q)):
             out[j, k] = features.shares[k, j] * feature
@@ -167,6 +180,7 @@ def set_load_slopes(
     coefficients: Array,
     q: Array,
     dq: Array,
+    ddq: Array,
     load: Array,
     out: Array,
 ) -> None:
@@ -180,7 +194,7 @@ def set_load_slopes(
     loaded : int array
         The features that depend on a load.
     coefficients : array, shape (K,)
-    q, dq, load : arrays, shape (n,)
+    q, dq, ddq, load : arrays, shape (n,)
     out : array, shape (n, n)
 
     """
@@ -189,54 +203,72 @@ def set_load_slopes(
         bearing = features.bearing[k]
         sign = -1.0 if load[bearing] < 0.0 else 1.0
         first = features.ends[k - 1] if k > 0 else 0
-        change = _torque_of_drive(features, k, first, q, dq, sign)
-        change -= _torque_of_drive(features, k, first, q, dq, 0.0)
+        change = _torque_of_drive(features, k, first, q, dq, ddq, sign)
+        change -= _torque_of_drive(features, k, first, q, dq, ddq, 0.0)
         for j in range(len(q)):
             out[j, bearing] += features.shares[k, j] * coefficients[k] * sign * change
 
 
 @jit
-def _features(features: CompiledFriction, q: Array, dq: Array, load: Array) -> Array:
+def _features(features: CompiledFriction, q: Array, dq: Array, ddq: Array, load: Array) -> Array:
     out = np.empty((*q.shape, len(features.ends)))
     for t in range(len(q)):
-        set_features(features, q[t], dq[t], load[t], out[t])
+        set_features(features, q[t], dq[t], ddq[t], load[t], out[t])
     return out
 
 
-def friction_features(basis: FrictionBasis, q: Array, dq: Array, load: Array) -> Array:
+def friction_features(basis: FrictionBasis, q: Array, dq: Array, ddq: Array, load: Array) -> Array:
     """
     Return the features of friction for all torques.
 
     Parameters
     ----------
     basis : FrictionBasis
-    q, dq, load : arrays, shape (N, n)
+    q, dq, ddq, load : arrays, shape (N, n)
 
     Returns
     -------
     array, shape (N, n, K)
 
     """
-    states = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, load))
+    states = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq, load))
     return _features(CompiledFriction.features_of(basis), *states)
 
 
 @jit
 def _torque_of_drive(
-    friction: CompiledFriction, m: int, first: int, q: Array, dq: Array, load: float
+    friction: CompiledFriction,
+    m: int,
+    first: int,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    load: float,
 ) -> float:
-    position = speed = 0.0
+    position = speed = change = 0.0
     for j in range(len(q)):
-        position += friction.ratios[m, j] * q[j]
-        speed += friction.ratios[m, j] * dq[j]
-    return drive_friction(friction, first, friction.ends[m], position, speed, load)
+        ratio = friction.ratios[m, j]
+        position += ratio * q[j]
+        speed += ratio * dq[j]
+        change += ratio * ddq[j]
+    smoothing = friction.rise_time[m] * change
+    return drive_friction(
+        friction, first, friction.ends[m], position, speed, change, load, smoothing
+    )
 
 
 @jit
 def drive_friction(
-    friction: CompiledFriction, first: int, end: int, q: float, dq: float, load: float
+    friction: CompiledFriction,
+    first: int,
+    end: int,
+    q: float,
+    dq: float,
+    ddq: float,
+    load: float,
+    smoothing: float,
 ) -> float:
-    """Return the friction torque of one drive."""
+    """Return the friction torque of one drive, whose state is a `DriveState`."""
     torque = 0.0
     width, sign = -1.0, 0.0
     for p in range(first, end):
@@ -245,11 +277,13 @@ def drive_friction(
             value = 1.0
         elif shape == VELOCITY:
             value = dq
-        elif shape == SIGN:
+        elif shape in (SIGN, REVERSAL):
             if friction.width[p] != width:  # primitives of one width follow each other
                 width = friction.width[p]
-                sign = _smooth_sign(dq / width)
+                sign = _tanh(dq / math.sqrt(width * width + smoothing * smoothing))
             value = sign
+            if shape == REVERSAL:
+                value = (1.0 - sign * sign) * _tanh(ddq / friction.acceleration[p])
         elif shape == LOAD:
             value = load
         else:
@@ -265,7 +299,7 @@ def drive_friction(
 
 
 @jit
-def _smooth_sign(x: float) -> float:
+def _tanh(x: float) -> float:
     """Return tanh(x) to an absolute error of 1e-16, in a third of the time of `np.tanh`."""
     return 1.0 - 2.0 / (1.0 + math.exp(2.0 * x))
 

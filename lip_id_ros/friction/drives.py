@@ -12,8 +12,9 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.friction import terms
+from lip_id_ros.friction.conservative_terms import Ripple, Spring
 from lip_id_ros.friction.primitives import Column, LOAD, Primitive, SIGN, VELOCITY
-from lip_id_ros.friction.terms import DriveState, FREE, FrictionTerm
+from lip_id_ros.friction.terms import DriveState, FREE, FrictionTerm, smooth_sign
 
 WIDTH_STEP = 1e-2
 """Of the logarithm of a width, for its slope."""
@@ -58,10 +59,12 @@ class Drive:
         shares = zip(self.joints, self.shares or self.ratios, strict=True)
         return tuple((joint, share) for joint, share in shares if share != 0.0)
 
-    def state(self, q: Array, dq: Array, load: Array) -> DriveState:
+    def state(self, q: Array, dq: Array, ddq: Array, load: Array, rise_time: float) -> DriveState:
         """Return the state of the drive at joint states and loads of shape (N, n)."""
         joints, ratios = list(self.joints), np.array(self.ratios)
-        return DriveState(q[:, joints] @ ratios, dq[:, joints] @ ratios, load[:, joints[0]])
+        position, speed, acceleration = (x[:, joints] @ ratios for x in (q, dq, ddq))
+        smoothing = rise_time * np.abs(acceleration)
+        return DriveState(position, speed, acceleration, load[:, joints[0]], smoothing)
 
 
 @dataclass(frozen=True)
@@ -151,7 +154,7 @@ class SharedFriction:
 
     def features(self, state: DriveState) -> Array:
         """Return the features, shape (N, 2)."""
-        return np.column_stack([state.dq, np.tanh(state.dq / self.width)])
+        return np.column_stack([state.dq, smooth_sign(state, self.width)])
 
     def columns(self) -> tuple[Column, ...]:
         """Return the same features as sums of primitives."""
@@ -175,7 +178,7 @@ class SignWidth:
     def features(self, state: DriveState) -> Array:
         """Return the features, shape (N, 1)."""
         (column,) = self.columns()
-        signs = [factor * np.tanh(state.dq / sign.width) for factor, sign in column]
+        signs = [factor * smooth_sign(state, sign.width) for factor, sign in column]
         return np.sum(signs, axis=0)[:, None]
 
     def columns(self) -> tuple[Column, ...]:
@@ -195,10 +198,11 @@ _TERMS: dict[str, type[FrictionTerm]] = {
         terms.QuadraticViscous,
         terms.LoadCoulomb,
         terms.LoadViscous,
+        terms.Presliding,
         terms.Asymmetric,
         terms.PositionCoulomb,
-        terms.Ripple,
-        terms.Spring,
+        Ripple,
+        Spring,
         LoadTorque,
         SharedFriction,
     )

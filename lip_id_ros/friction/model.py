@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import compress, pairwise
 from typing import Any
 
 import numpy as np
@@ -26,11 +26,15 @@ class FrictionBasis:
     ----------
     n_joints : int
     terms : tuple of DriveTerm
+    rise_time : float
+        Of the low-pass that the torques went through [s]: what is nearest to its response to a
+        step from -1 to 1 is tanh(t / rise_time). 0 for none.
 
     """
 
     n_joints: int
     terms: tuple[DriveTerm, ...]
+    rise_time: float = 0.0
 
     @property
     def size(self) -> int:
@@ -50,7 +54,7 @@ class FrictionBasis:
             for each in self.terms
             if isinstance(each.term, Coulomb)
         )
-        return FrictionBasis(self.n_joints, (*self.terms, *widths))
+        return replace(self, terms=(*self.terms, *widths))
 
     @property
     def lower(self) -> Array:
@@ -79,13 +83,13 @@ class FrictionBasis:
                 own[joint].extend(range(place.start, place.stop))
         return tuple(np.array(each, dtype=np.intp) for each in own)
 
-    def features(self, q: Array, dq: Array, load: Array) -> tuple[Array, ...]:
+    def features(self, q: Array, dq: Array, ddq: Array, load: Array) -> tuple[Array, ...]:
         """
         Return the features of every joint's torque, in the order of `columns`.
 
         Parameters
         ----------
-        q, dq : arrays, shape (N, n)
+        q, dq, ddq : arrays, shape (N, n)
         load : array, shape (N, n)
             Torques or forces that the drives transmit to the links [N m or N].
 
@@ -96,7 +100,8 @@ class FrictionBasis:
         """
         own: list[list[Array]] = [[np.zeros((len(q), 0))] for _ in range(self.n_joints)]
         for part in self.terms:
-            features = part.term.features(part.drive.state(q, dq, load))
+            state = part.drive.state(q, dq, ddq, load, self.rise_time)
+            features = part.term.features(state)
             for joint, share in part.drive.efforts:
                 own[joint].append(share * features)
         return tuple(np.hstack(each) for each in own)
@@ -165,13 +170,13 @@ class FrictionModel:
                     out[..., joint] += share * coefficient * torque[..., part.drive.joints[0]]
         return out
 
-    def torque(self, q: Array, dq: Array, load: Array) -> Array:
+    def torque(self, q: Array, dq: Array, ddq: Array, load: Array) -> Array:
         """
         Friction torques.
 
         Parameters
         ----------
-        q, dq : arrays, shape (N, n)
+        q, dq, ddq : arrays, shape (N, n)
         load : array, shape (N, n)
             Torques or forces of the links on the joints [N m or N].
 
@@ -182,12 +187,12 @@ class FrictionModel:
 
         """
         out = np.zeros_like(dq)
-        features = self.basis.features(q, dq, load)
+        features = self.basis.features(q, dq, ddq, load)
         for joint, (rows, column) in enumerate(zip(features, self.basis.columns(), strict=True)):
             out[:, joint] = rows @ self.coefficients[column]
         return out
 
-    def load_slopes(self, q: Array, dq: Array, load: Array) -> Array:
+    def load_slopes(self, q: Array, dq: Array, ddq: Array, load: Array) -> Array:
         """
         Differentiate the friction torques by the loads.
 
@@ -195,7 +200,7 @@ class FrictionModel:
 
         Parameters
         ----------
-        q, dq, load : arrays, shape (N, n)
+        q, dq, ddq, load : arrays, shape (N, n)
             As for `torque`.
 
         Returns
@@ -208,20 +213,22 @@ class FrictionModel:
         if not loaded.basis.terms:
             return slopes
         sign = np.where(load < 0.0, -1.0, 1.0)
-        without = loaded.torque(q, dq, np.zeros_like(load))
+        without = loaded.torque(q, dq, ddq, np.zeros_like(load))
         for j in range(self.n_joints):
             unit = sign * (np.arange(self.n_joints) == j)
-            slopes[:, :, j] = sign[:, j, None] * (loaded.torque(q, dq, unit) - without)
+            slopes[:, :, j] = sign[:, j, None] * (loaded.torque(q, dq, ddq, unit) - without)
         return slopes
 
     @cached_property
     def _loaded(self) -> FrictionModel:
         """The terms that depend on the load."""
-        parts = zip(self.basis.terms, self.basis.slices, strict=True)
         is_loaded = self.basis.is_loaded
-        kept = [(part, place) for part, place in parts if is_loaded[place].any()]
-        basis = FrictionBasis(self.n_joints, tuple(part for part, _ in kept))
-        values = [self.coefficients[place] for _, place in kept]
+        return self.with_terms([bool(is_loaded[place].any()) for place in self.basis.slices])
+
+    def with_terms(self, kept: Sequence[bool]) -> FrictionModel:
+        """Return some of the terms with their coefficients."""
+        basis = replace(self.basis, terms=tuple(compress(self.basis.terms, kept)))
+        values = [self.coefficients[place] for place in compress(self.basis.slices, kept)]
         return FrictionModel(basis, np.concatenate([np.zeros(0), *values]))
 
     def names(self) -> tuple[tuple[str, ...], ...]:
@@ -238,7 +245,12 @@ class FrictionModel:
         """Return the friction for a model file."""
         terms = [part.to_json() for part in self.basis.terms]
         values = self.coefficients.tolist()
-        return {'n_joints': self.n_joints, 'terms': terms, 'coefficients': values}
+        return {
+            'n_joints': self.n_joints,
+            'rise_time': self.basis.rise_time,
+            'terms': terms,
+            'coefficients': values,
+        }
 
     @classmethod
     def from_json(cls, entry: Mapping[str, Any]) -> FrictionModel:
@@ -255,7 +267,10 @@ class FrictionModel:
             n_joints = int(entry['n_joints'])
             terms = tuple(DriveTerm.from_json(each, n_joints) for each in entry['terms'])
             coefficients = np.array(entry['coefficients'], dtype=np.float64)
-            return cls(FrictionBasis(n_joints, terms), coefficients)
+            rise_time = float(entry.get('rise_time', 0.0))
+            if not 0.0 <= rise_time < np.inf:
+                raise ValueError('a rise time that is no time')
+            return cls(FrictionBasis(n_joints, terms, rise_time), coefficients)
         except (KeyError, TypeError, ValueError, ShapeError) as error:
             raise ModelError(
                 f'friction terms with coefficients were expected, but the file is damaged '

@@ -117,7 +117,7 @@ def outlier_weights(residuals: Array, std: Array) -> Array:
 
 
 def sticking_noise(
-    noise: TorqueNoise, friction: FrictionModel, q: Array, load: Array
+    noise: TorqueNoise, friction: FrictionModel, q: Array, ddq: Array, load: Array
 ) -> TorqueNoise:
     """
     Return noise that covers a joint that sticks, whether or not one did in the recording.
@@ -125,27 +125,30 @@ def sticking_noise(
     At rest friction is anything between the two Coulomb torques: as if uniform, with the
     deviation of half their distance over the root of three. The narrowest sign of saturating
     viscous friction counts as Coulomb friction here: both hold a joint that sticks. Beyond the
-    width of that sign a joint moves, however wide the velocities are at which the recording has
-    more noise; and beyond these velocities the recording shows that friction is known.
+    width of that sign, at a usual acceleration, a joint moves, however wide the velocities are at
+    which the recording has more noise; and beyond these velocities the recording shows that
+    friction is known.
 
     Parameters
     ----------
     noise : TorqueNoise
         Of the samples of the recording.
     friction : FrictionModel
-    q, load : arrays, shape (N, n)
-        Positions, and torques of the links on the joints [N m or N].
+    q, ddq, load : arrays, shape (N, n)
+        Positions, accelerations, and torques of the links on the joints [N m or N].
 
     """
     width, narrowest = np.ones(friction.n_joints), np.ones(friction.n_joints)
+    smoothing = friction.basis.rise_time * np.sqrt(np.mean(ddq**2, axis=0))
     for part in friction.basis.terms:
         for joint, _ in part.drive.efforts:
             if isinstance(part.term, Coulomb):
-                width[joint] = part.term.width
+                width[joint] = np.hypot(part.term.width, smoothing[joint])
             elif isinstance(part.term, SaturatingViscous):
                 narrowest[joint] = WIDENINGS[0]
     moving = np.broadcast_to(SATURATED * narrowest * width, q.shape)
-    torques = friction.torque(q, moving, load), friction.torque(q, -moving, load)
+    steady = np.zeros_like(q)
+    torques = [friction.torque(q, dq, steady, load) for dq in (moving, -moving)]
     coulomb = 0.5 * np.mean(np.maximum(torques[0] - torques[1], 0.0), axis=0)
     known = np.square(noise.std * noise.ratio)
     stuck = np.sqrt(np.maximum(coulomb**2 / 3.0 - known, 0.0))

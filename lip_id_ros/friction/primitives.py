@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 class Primitive(NamedTuple):
     """
-    Product of a shape in velocity or load, a harmonic in position, and the load where asked for.
+    Product of a shape in the motion or the load, a harmonic in position, and the load on demand.
 
     Attributes
     ----------
     shape : int
-        One of `ONE`, `VELOCITY`, `SIGN`, `SQUARE`, `LOAD`.
+        One of `ONE`, `VELOCITY`, `SIGN`, `SQUARE`, `LOAD`, `REVERSAL`.
     width : float
         Of the smooth sign [rad/s or m/s].
     side : int
@@ -23,6 +23,8 @@ class Primitive(NamedTuple):
         One of `ANYWHERE`, `POSITION`, `COSINE`, `SINE`.
     harmonic : float
         Number of periods a turn.
+    acceleration : float
+        Width of the smooth sign of the acceleration [rad/s^2 or m/s^2].
 
     """
 
@@ -32,9 +34,10 @@ class Primitive(NamedTuple):
     loaded: bool = False
     position: int = 0
     harmonic: float = 1.0
+    acceleration: float = 1.0
 
 
-ONE, VELOCITY, SIGN, SQUARE, LOAD = range(5)
+ONE, VELOCITY, SIGN, SQUARE, LOAD, REVERSAL = range(6)
 ANYWHERE, POSITION, COSINE, SINE = range(4)
 
 Column = tuple[tuple[float, Primitive], ...]

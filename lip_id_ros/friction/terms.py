@@ -1,15 +1,17 @@
 """
-Terms of joint friction, and of torques that are elected like friction (docs/maths.md, section 12).
+Terms of joint friction (docs/maths.md, section 12).
 
 Every term is linear in its coefficients. A dissipative term has features f with f(v) v >= 0 and
-coefficients that are not negative: whatever is learned, it never drives a joint. `width` is that
-of a smooth sign, tanh(dq / width) [rad/s or m/s].
+coefficients that are not negative: whatever is learned, it never drives a joint. All are
+dissipative but offsets and pre-sliding. `width` is that of a smooth sign, `smooth_sign` [rad/s or
+m/s].
 
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -19,8 +21,8 @@ from lip_id_ros.friction.primitives import (
     Column,
     COSINE,
     ONE,
-    POSITION,
     Primitive,
+    REVERSAL,
     SIGN,
     SINE,
     SQUARE,
@@ -43,16 +45,38 @@ class DriveState(NamedTuple):
 
     Attributes
     ----------
-    q, dq : arrays, shape (N,)
-        Position [rad or m] and velocity of the drive, on the joint's side of the gear.
+    q, dq, ddq : arrays, shape (N,)
+        Position [rad or m], velocity and acceleration of the drive, on the joint's side of the
+        gear.
     load : array, shape (N,)
         Torque or force that the drive transmits to the links [N m or N].
+    smoothing : array, shape (N,), or float
+        Change of the velocity while a low-pass of the torques responds [rad/s or m/s].
 
     """
 
     q: Array
     dq: Array
+    ddq: Array
     load: Array
+    smoothing: Array | float = 0.0
+
+
+def smooth_sign(state: DriveState, width: float) -> Array:
+    """
+    Return the sign of the velocity as a low-pass leaves it, shape (N,).
+
+    tanh(dq / w), where w^2 = width^2 + smoothing^2: a joint that reverses with acceleration ddq
+    has the velocity ddq t, and tanh(t / rise_time) is the low-pass of a step.
+
+    Parameters
+    ----------
+    state : DriveState
+    width : float
+        Of the sign at constant velocity [rad/s or m/s].
+
+    """
+    return np.asarray(np.tanh(state.dq / np.hypot(width, state.smoothing)))
 
 
 class FrictionTerm(Protocol):
@@ -109,7 +133,7 @@ class Coulomb:
 
     def features(self, state: DriveState) -> Array:
         """Return the features, shape (N, 1)."""
-        return np.tanh(state.dq / self.width)[:, None]
+        return smooth_sign(state, self.width)[:, None]
 
     def columns(self) -> tuple[Column, ...]:
         """Return the same features as sums of primitives."""
@@ -140,22 +164,33 @@ class Stribeck:
     As differences of two smooth signs (Makkar, Dixon, Sawyer and Hu, AIM 2005, eq. 3), of
     `WIDENINGS`.
 
+    Parameters
+    ----------
+    width : float
+        Of the sign of Coulomb friction [rad/s or m/s].
+    smoothing : float
+        Usual smoothing of that sign in the samples [rad/s or m/s]. A narrower peak would be out
+        of their sight, and could be of any height.
+
     """
 
     width: float
+    smoothing: float = 0.0
     name: ClassVar[str] = 'Stribeck'
     lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,) * len(WIDENINGS)
 
     def features(self, state: DriveState) -> Array:
         """Return the features, shape (N, 3)."""
-        narrow = np.tanh(state.dq / self.width)
-        wide = [np.tanh(state.dq / (times * self.width)) for times in WIDENINGS]
+        width = math.hypot(self.width, self.smoothing)
+        narrow = smooth_sign(state, width)
+        wide = [smooth_sign(state, times * width) for times in WIDENINGS]
         return np.column_stack([narrow - each for each in wide])
 
     def columns(self) -> tuple[Column, ...]:
         """Return the same features as sums of primitives."""
-        narrow = (1.0, Primitive(SIGN, self.width))
-        return tuple((narrow, (-1.0, Primitive(SIGN, times * self.width))) for times in WIDENINGS)
+        width = math.hypot(self.width, self.smoothing)
+        narrow = (1.0, Primitive(SIGN, width))
+        return tuple((narrow, (-1.0, Primitive(SIGN, times * width))) for times in WIDENINGS)
 
 
 @dataclass(frozen=True)
@@ -174,7 +209,7 @@ class SaturatingViscous:
 
     def features(self, state: DriveState) -> Array:
         """Return the features, shape (N, 3)."""
-        return np.column_stack([np.tanh(state.dq / (k * self.width)) for k in WIDENINGS])
+        return np.column_stack([smooth_sign(state, k * self.width) for k in WIDENINGS])
 
     def columns(self) -> tuple[Column, ...]:
         """Return the same features as sums of primitives."""
@@ -212,7 +247,7 @@ class LoadCoulomb:
 
     def features(self, state: DriveState) -> Array:
         """Return the features, shape (N, 1)."""
-        return (np.abs(state.load) * np.tanh(state.dq / self.width))[:, None]
+        return (np.abs(state.load) * smooth_sign(state, self.width))[:, None]
 
     def columns(self) -> tuple[Column, ...]:
         """Return the same features as sums of primitives."""
@@ -236,6 +271,36 @@ class LoadViscous:
 
 
 @dataclass(frozen=True)
+class Presliding:
+    """
+    Hysteresis of dry friction at a reversal.
+
+    Asperities or gear teeth deform elastically before they slide (Dahl 1968; Armstrong-Helouvry,
+    Dupont and Canudas de Wit, Automatica 1994, section 2.2), so that friction lags behind the sign
+    of the velocity. A joint that accelerates forwards near rest has come from moving backwards,
+    and the other way round: there it has -tanh(ddq / acceleration) / cosh(dq / width)^2 more
+    friction. The work over a reversal of constant acceleration is zero, since what has been
+    deformed springs back.
+
+    """
+
+    width: float
+    acceleration: float
+    name: ClassVar[str] = 'pre-sliding'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        near = 1.0 - smooth_sign(state, self.width) ** 2
+        return (-near * np.tanh(state.ddq / self.acceleration))[:, None]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        reversal = Primitive(REVERSAL, self.width, acceleration=self.acceleration)
+        return (((-1.0, reversal),),)
+
+
+@dataclass(frozen=True)
 class Asymmetric:
     """
     Viscous and Coulomb friction of one direction only.
@@ -250,7 +315,7 @@ class Asymmetric:
 
     def features(self, state: DriveState) -> Array:
         """Return the features, shape (N, 4): forwards, then backwards."""
-        both = np.column_stack([state.dq, np.tanh(state.dq / self.width)])
+        both = np.column_stack([state.dq, smooth_sign(state, self.width)])
         return np.hstack([np.maximum(both, 0.0), np.minimum(both, 0.0)])
 
     def columns(self) -> tuple[Column, ...]:
@@ -278,7 +343,7 @@ class PositionCoulomb:
     def features(self, state: DriveState) -> Array:
         """Return the features, shape (N, 4)."""
         share = 1.0 + np.cos(state.q[:, None] - PHASES)
-        return np.tanh(state.dq / self.width)[:, None] * share
+        return smooth_sign(state, self.width)[:, None] * share
 
     def columns(self) -> tuple[Column, ...]:
         """Return the same features as sums of primitives."""
@@ -291,56 +356,3 @@ class PositionCoulomb:
             )
             for phase in PHASES
         )
-
-
-@dataclass(frozen=True)
-class Ripple:
-    """
-    Torque that is periodic in the position, as the cogging of a motor or a counterweight.
-
-    Holtz and Springob, IEEE Trans. Industrial Electronics 1996. It is conservative, not friction.
-
-    Parameters
-    ----------
-    harmonic : int
-        Number of periods a turn.
-
-    """
-
-    harmonic: int
-    lower: ClassVar[tuple[float, ...]] = (FREE, FREE)
-
-    @property
-    def name(self) -> str:
-        """Return what the literature calls it."""
-        return {1: 'periodic once a turn', 2: 'periodic twice a turn'}.get(
-            self.harmonic, f'periodic {self.harmonic} times a turn'
-        )
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 2)."""
-        angle = self.harmonic * state.q
-        return np.column_stack([np.cos(angle), np.sin(angle)])
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return tuple(
-            ((1.0, Primitive(ONE, position=each, harmonic=float(self.harmonic))),)
-            for each in (COSINE, SINE)
-        )
-
-
-@dataclass(frozen=True)
-class Spring:
-    """A linear spring of the joint, as a counterbalance has; its rest position is in `Offset`."""
-
-    name: ClassVar[str] = 'joint spring'
-    lower: ClassVar[tuple[float, ...]] = (FREE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        return state.q[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return (((1.0, Primitive(ONE, position=POSITION)),),)

@@ -15,16 +15,17 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.conservative_terms import Spring
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
-from lip_id_ros.friction.terms import Spring
 from lip_id_ros.identification.arm_fit import ArmFitter, SEARCH_SAMPLES, START_SAMPLES
 from lip_id_ros.identification.kinematic_calibration import (
     Placements,
     placements_residual,
     Samples,
 )
+from lip_id_ros.identification.low_pass_response import rise_time
 from lip_id_ros.identification.placement_search import (
     calibrate,
     Calibration,
@@ -73,20 +74,25 @@ class ArmSearch:
         are.
     terms : tuple of DriveTerm
         Linear terms beside viscous and Coulomb friction and offsets.
+    rise_time : float
+        Of the low-pass of the torques [s]; 0 for signs of constant width.
 
     """
 
-    def __init__(self, fitter: ArmFitter, terms: tuple[DriveTerm, ...] = ()) -> None:
-        self.fitter, self.terms = fitter, terms
+    def __init__(
+        self, fitter: ArmFitter, terms: tuple[DriveTerm, ...] = (), rise_time: float = 0.0
+    ) -> None:
+        self.fitter, self.terms, self.rise_time = fitter, terms, rise_time
 
     def of(self, fitter: ArmFitter) -> ArmSearch:
         """Return a search in other samples, with the same terms."""
-        return ArmSearch(fitter, self.terms)
+        return ArmSearch(fitter, self.terms, self.rise_time)
 
     def with_springs(self) -> ArmSearch:
         """Return a search with a spring at every joint."""
         drives = map(Drive.of_joint, range(self.fitter.dataset.n_joints))
-        return ArmSearch(self.fitter, tuple(DriveTerm(drive, Spring()) for drive in drives))
+        springs = tuple(DriveTerm(drive, Spring()) for drive in drives)
+        return ArmSearch(self.fitter, springs, self.rise_time)
 
     def calibrated(self, seed: int, progress: Progress) -> Calibration:
         """
@@ -130,7 +136,7 @@ class ArmSearch:
         speed = np.sqrt(np.mean(self.fitter.dataset.dq**2, axis=0))
         widths = SIGN_WIDTH * np.where(speed > 0.0, speed, 1.0)
         plain = plain_friction(dataset.n_joints, widths)
-        basis = replace(plain, terms=plain.terms + self.terms)
+        basis = replace(plain, terms=plain.terms + self.terms, rise_time=self.rise_time)
         noise = TorqueNoise(np.ones_like(widths), np.full_like(widths, REST_RATIO), widths)
         return self.fitter.samples(dataset, basis, None, noise.weights(dataset.dq))
 
@@ -160,7 +166,7 @@ def find_placements(
         If the data are not finite in units of the noise.
 
     """
-    search = ArmSearch(fitter)
+    search = ArmSearch(fitter, rise_time=rise_time(fitter.dataset))
     found = search.calibrated(seed, progress)
     is_large = found.noise_std > LEAST_RESIDUAL * fitter.torque_std
     if fitter.is_described or not is_large.any():

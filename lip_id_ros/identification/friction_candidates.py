@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.conservative_terms import Ripple, Spring
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
 from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.friction.terms import (
@@ -18,15 +19,18 @@ from lip_id_ros.friction.terms import (
     LoadCoulomb,
     LoadViscous,
     PositionCoulomb,
+    Presliding,
     QuadraticViscous,
-    Ripple,
     SaturatingViscous,
-    Spring,
     Stribeck,
     Viscous,
 )
 from lip_id_ros.identification.left_out import LEAST_GAIN
+from lip_id_ros.identification.low_pass_response import rise_time
 from lip_id_ros.joint_types import REVOLUTE
+
+LEAST_ACCELERATION = 1e-6
+"""Of a joint that does not move [rad/s^2 or m/s^2]."""
 
 RARE_GAIN = 0.5
 """
@@ -69,6 +73,20 @@ def saturating_candidates(widths: Array) -> list[Candidate]:
     return [Candidate((DriveTerm(Drive.of_joint(j), term),)) for j, term in enumerate(terms)]
 
 
+def presliding_candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
+    """Return pre-sliding friction for every joint."""
+    accelerations = np.sqrt(np.mean(dataset.ddq**2, axis=0))
+    sizes = zip(widths, np.maximum(accelerations, LEAST_ACCELERATION), strict=True)
+    terms = (Presliding(float(width), float(size)) for width, size in sizes)
+    return [Candidate((DriveTerm(Drive.of_joint(j), term),)) for j, term in enumerate(terms)]
+
+
+def ripple_candidates(harmonics: Mapping[int, int]) -> list[Candidate]:
+    """Return the torque that ripples so many times in a turn, for some of the joints."""
+    drives = ((Drive.of_joint(joint), Ripple(often)) for joint, often in harmonics.items())
+    return [Candidate((DriveTerm(*each),), RARE_GAIN) for each in drives]
+
+
 def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     """
     Return the terms on offer beside viscous and Coulomb friction and offsets.
@@ -83,9 +101,11 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     """
     offers: list[Candidate] = []
     turned = np.ptp(dataset.q, axis=0)
+    presliding = presliding_candidates(widths, dataset)
+    smoothing = rise_time(dataset) * np.sqrt(np.mean(dataset.ddq**2, axis=0))
     for j, width in enumerate(float(each) for each in widths):
         common: list[FrictionTerm] = [
-            Stribeck(width),
+            Stribeck(width, float(smoothing[j])),
             SaturatingViscous(width),
             QuadraticViscous(),
             LoadCoulomb(width),
@@ -100,6 +120,7 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
         # either may stand in for the other, so that both are on offer together
         loaded = LoadCoulomb(width), LoadViscous()
         offers.append(Candidate(tuple(DriveTerm(own, term) for term in loaded)))
+        offers.append(presliding[j])
         offers += [Candidate((DriveTerm(own, term),), RARE_GAIN) for term in rare]
     return offers + _coupled(widths) + _transmitted(widths)
 
@@ -138,5 +159,5 @@ def with_width(candidates: Sequence[Candidate], joint: int, width: float) -> Can
     """Return all such terms of a joint together, with another width."""
     drive = Drive.of_joint(joint)
     terms = [each.terms[0].term for each in candidates if each.terms[0].drive == drive]
-    kinds = [type(term) for term in terms]
-    return Candidate(tuple(DriveTerm(drive, kind(width)) for kind in kinds))  # type: ignore[call-arg]
+    wide = [replace(term, width=width) for term in terms]  # type: ignore[type-var]
+    return Candidate(tuple(DriveTerm(drive, term) for term in wide))

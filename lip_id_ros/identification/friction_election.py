@@ -27,8 +27,13 @@ from lip_id_ros.identification.friction_candidates import (
     Candidate,
     candidates,
     plain_candidates,
+    presliding_candidates,
+    ripple_candidates,
 )
+from lip_id_ros.identification.gear_ripple import resolved_harmonics, strongest_harmonic
 from lip_id_ros.identification.left_out import LeftOutBlocks, LeftOutFit
+from lip_id_ros.identification.low_pass_response import rise_time
+from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.identification.sign_widths import SignWidths
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
@@ -44,6 +49,9 @@ MOST_SAMPLES = 20_000
 LOAD_ROUNDS = 3
 NOISE_ROUNDS = 2
 MOST_TERMS = 40
+
+SAME_GAIN = 1e-6
+"""Difference of gains that rounding may make."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +86,8 @@ class ElectedFriction:
         """
         state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
         links = torque_regressor(chain, *state) @ self.link_parameters.ravel()
-        residuals = dataset.tau - links - self.friction.torque(dataset.q, dataset.dq, links)
+        friction = self.friction.torque(dataset.q, dataset.dq, dataset.ddq, links)
+        residuals = dataset.tau - links - friction
         outliers = outlier_weights(residuals, self.noise.std_at(dataset.dq))
         return np.asarray(self.noise.weights(dataset.dq) * outliers)
 
@@ -101,14 +110,17 @@ def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFr
     for _ in range(NOISE_ROUNDS):
         widths = election.widths.beside([], election.no_load)
         plain = plain_candidates(widths)
-        election.reweight(plain, election.fitted(plain, election.no_load), election.no_load)
+        # what pre-sliding explains near rest is not noise
+        terms = [*plain, *presliding_candidates(widths, dataset)]
+        election.reweight(terms, election.fitted(terms, election.no_load), election.no_load)
+    ripples = ripple_candidates(election.harmonics(terms))
     fit, chosen = election.fitted(plain, election.no_load), list[Candidate]()
     for _ in range(LOAD_ROUNDS):
         load, before = election.links_torque(fit), chosen
         widths = election.widths.beside(chosen, load)
         widths = election.widths.beside_saturation(widths, chosen, load)
         plain = plain_candidates(widths)
-        chosen = election.chosen(plain, candidates(widths, dataset), load)
+        chosen = election.chosen(plain, [*candidates(widths, dataset), *ripples], load)
         fit = election.fitted([*plain, *chosen], load)
         noise = election.reweight([*plain, *chosen], fit, load)
         if chosen == before:
@@ -122,6 +134,7 @@ class _Election:
 
     def __init__(self, dataset: Dataset, chain: Chain, link_std: Array) -> None:
         self._dataset = dataset = _thinned(dataset, MOST_SAMPLES)
+        self._rise_time = rise_time(dataset)
         self._link_std = link_std
         state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
         self._links = torque_regressor(chain, *state)
@@ -161,7 +174,8 @@ class _Election:
         dataset, basis = self._dataset, self._basis(terms)
         number = contiguous_blocks(dataset.n_samples, BLOCKS)
         residuals = np.empty_like(dataset.tau)
-        features, columns = basis.features(dataset.q, dataset.dq, load), basis.columns()
+        features = basis.features(dataset.q, dataset.dq, dataset.ddq, load)
+        columns = basis.columns()
         for joint, (rows, column) in enumerate(zip(features, columns, strict=True)):
             thetas = np.array(fit.left_out)[number]
             links = np.sum(self._links[:, joint] * thetas[:, : self.n_links], axis=1)
@@ -171,6 +185,21 @@ class _Election:
         outliers = outlier_weights(residuals, noise.std_at(dataset.dq))
         self._weights = noise.weights(dataset.dq) * outliers * self._leverage
         return noise
+
+    def harmonics(self, terms: Sequence[Candidate]) -> dict[int, int]:
+        """Return the strongest harmonic of every joint beside links and some terms."""
+        dataset, basis = self._dataset, self._basis(terms)
+        features = basis.features(dataset.q, dataset.dq, dataset.ddq, self.no_load)
+        found = {}
+        for joint, (used, own) in enumerate(zip(self._used, features, strict=True)):
+            harmonics = resolved_harmonics(dataset, joint)
+            if harmonics.size:
+                root = np.sqrt(self._weights[:, joint])
+                links = self._links[:, joint, used]
+                rows = root[:, None] * np.column_stack([links, own, np.ones_like(root)])
+                torque = root * dataset.tau[:, joint]
+                found[joint] = strongest_harmonic(dataset.q[:, joint], torque, rows, harmonics)
+        return found
 
     def links_torque(self, fit: LeftOutFit) -> Array:
         """Return the torques of the links, shape (N, n)."""
@@ -192,7 +221,7 @@ class _Election:
 
     def _basis(self, terms: Sequence[Candidate]) -> FrictionBasis:
         every = tuple(term for candidate in terms for term in candidate.terms)
-        return FrictionBasis(self._dataset.n_joints, every)
+        return FrictionBasis(self._dataset.n_joints, every, self._rise_time)
 
     def _blocks(
         self, terms: Sequence[Candidate], load: Array | None = None
@@ -200,7 +229,7 @@ class _Election:
         """Gather statistics by blocks, and the parameters of every candidate."""
         dataset, basis = self._dataset, self._basis(terms)
         load = self.no_load if load is None else load
-        features = basis.features(dataset.q, dataset.dq, load)
+        features = basis.features(dataset.q, dataset.dq, dataset.ddq, load)
         columns = basis.columns()
         rows = [
             np.hstack([self._links[:, joint, used], own])
@@ -245,10 +274,12 @@ class _Ballot:
         now = self._blocks.fit(selected, noise)
         rest = [index for index in range(len(self._offers)) if index not in taken]
         fits = self._blocks.with_each(selected, [self._groups[index] for index in rest], noise)
-        gains = [
-            _gain(now, fit, self._offers[index]) for index, fit in zip(rest, fits, strict=True)
-        ]
-        return rest[int(np.argmax(gains))] if gains and max(gains) > 0.0 else None
+        gains = np.array(
+            [_gain(now, fit, self._offers[index]) for index, fit in zip(rest, fits, strict=True)]
+        )
+        most = gains.max(initial=0.0)
+        # A term at its bound changes nothing but by rounding: those with fewer terms go first.
+        return rest[int(np.argmax(gains > most - SAME_GAIN))] if most > 0.0 else None
 
     def idle(self, taken: list[int]) -> int | None:
         """Return the candidate without which nothing is lost for sure, if there is one."""
@@ -283,4 +314,4 @@ def _prior_std(basis: FrictionBasis, features: Sequence[Array], torque_std: Arra
 def _thinned(dataset: Dataset, most: int) -> Dataset:
     if dataset.n_samples <= most:
         return dataset
-    return dataset.select(np.linspace(0, dataset.n_samples - 1, most).astype(np.intp))
+    return dataset.select(evenly(dataset.n_samples, most))

@@ -152,7 +152,7 @@ def prediction_noise(
         noise = replace(noise, std=np.where(remainder.joints, remainder.left_out_std, noise.std))
     some = fitter.some(MOST_SAMPLES)
     load = links_torque(fit.chain, fit.links, some)
-    return sticking_noise(noise, fit.friction, some.q, load)
+    return sticking_noise(noise, fit.friction, some.q, some.ddq, load)
 
 
 def _identified(

@@ -201,7 +201,7 @@ def linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Arra
     if fit.friction.basis.is_loaded.any():
         load = links_torque(fit.chain, fit.links, dataset)
         loads = jacobian[..., : problem.size - fit.friction.basis.size]
-        loads += fit.friction.load_slopes(dataset.q, dataset.dq, load) @ loads
+        loads += fit.friction.load_slopes(dataset.q, dataset.dq, dataset.ddq, load) @ loads
     return jacobian, dataset.tau - problem.torque(fit.state)
 
 
@@ -288,7 +288,7 @@ def _mean_squares(fitter: ArmFitter, fit: ArmFit) -> Array:
     for chunk in np.array_split(np.arange(dataset.n_samples), -(-dataset.n_samples // CHUNK)):
         some = dataset.select(chunk)
         torque = links_torque(fit.chain, fit.links, some)
-        torque += fit.friction.torque(some.q, some.dq, torque)
+        torque += fit.friction.torque(some.q, some.dq, some.ddq, torque)
         weights = fit.noise.weights(some.dq)
         squares += np.sum(weights * (some.tau - torque) ** 2, axis=0)
         count += weights.sum(axis=0)

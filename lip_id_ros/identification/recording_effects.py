@@ -79,9 +79,10 @@ def _normal_equations(fitter: ArmFitter, fit: ArmFit, some: BoolArray) -> tuple[
     for chunk in np.array_split(rows, -(-rows.size // CHUNK)):
         part = fitter.dataset.select(chunk)
         load = links_torque(fit.chain, fit.links, part)
-        residual = part.tau - load - fit.friction.torque(part.q, part.dq, load)
+        state = part.q, part.dq, part.ddq, load
+        residual = part.tau - load - fit.friction.torque(*state)
         scale = np.sqrt(fit.noise.weights(part.dq)) / fit.noise.std
-        features = friction_features(fit.friction.basis, part.q, part.dq, load) * scale[..., None]
+        features = friction_features(fit.friction.basis, *state) * scale[..., None]
         features = np.ascontiguousarray(features.transpose(1, 0, 2))
         normal += features.transpose(0, 2, 1) @ features
         right += np.einsum('itk,ti->ik', features, residual * scale)
@@ -137,7 +138,7 @@ def with_recordings(arm: ArmPosterior, deviations: Array, dq: Array) -> ArmPoste
     columns = np.zeros((len(arm.covariance_root), varying.size))
     columns[first + varying, np.arange(varying.size)] = deviations[varying]
     zero = np.zeros_like(dq)
-    features = friction_features(arm.friction.basis, zero, dq, zero)
+    features = friction_features(arm.friction.basis, zero, dq, zero, zero)
     between = np.mean(np.sum((features * deviations) ** 2, axis=2), axis=0)
     variance = arm.noise.std**2
     std = np.sqrt(np.maximum(variance - between, LEAST_WITHIN * variance))

@@ -81,6 +81,12 @@ def measured(dataset: Dataset) -> BoolArray:
     return kept
 
 
+def moving(dataset: Dataset) -> Dataset:
+    """Return the samples without most of long rests, and without those of drives that are off."""
+    awake = dataset.select(without_long_rests(dataset))
+    return awake.select(np.flatnonzero(measured(awake)))
+
+
 def plausible(dataset: Dataset) -> BoolArray:
     """Mark the samples whose motions and torques are of the size of the others', shape (N,)."""
     centred = dataset.tau - np.median(dataset.tau, axis=0)

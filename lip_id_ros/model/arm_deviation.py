@@ -110,8 +110,9 @@ def used_jacobian(
             load[i] = 0.0
             for c in range(LINK_PARAMETERS * n):
                 load[i] += regressor[t, i, c] * parameters[c]
-        set_features(features, q[t], dq[t], load, own)
-        set_load_slopes(features, loaded, coefficients, q[t], dq[t], load, slopes)
+        set_features(features, q[t], dq[t], ddq[t], load, own)
+        state = q[t], dq[t], ddq[t], load
+        set_load_slopes(features, loaded, coefficients, *state, slopes)
         for k in range(len(used)):
             at = used[k]
             for i in range(n):

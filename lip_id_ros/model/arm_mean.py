@@ -97,8 +97,8 @@ def _add_remainder(parts: Parts, remainder: Remainder, states: tuple[Array, Arra
 def pack(arm: ArmPosterior, friction: CompiledFriction) -> tuple[Array, IntArray]:
     """Return the numbers of an arm with compiled friction, and its integers."""
     links = pack_links(arm.chain, arm.links)
-    shapes = friction.width, friction.harmonic, friction.factor
-    floats = (links, friction.ratios, friction.shares, *shapes)
+    shapes = friction.width, friction.harmonic, friction.acceleration, friction.factor
+    floats = (links, friction.ratios, friction.shares, friction.rise_time, *shapes)
     sizes = [len(arm.links), len(links), len(friction.ends), len(friction.shape)]
     integers = (
         sizes,
@@ -123,12 +123,14 @@ def unpack_friction(floats: Array, integers: IntArray) -> CompiledFriction:
     own = floats[first:]
     ratios = own[: m * n].reshape(m, n)
     shares = own[m * n : 2 * m * n].reshape(m, n)
-    own = own[2 * m * n :]
+    rise_time = own[2 * m * n : 2 * m * n + m]
+    own = own[2 * m * n + m :]
     drives = integers[4 + n :]
     primitives = drives[2 * m :]
     return CompiledFriction(
         ratios,
         shares,
+        rise_time,
         drives[:m],
         drives[m : 2 * m],
         primitives[:p],
@@ -137,6 +139,7 @@ def unpack_friction(floats: Array, integers: IntArray) -> CompiledFriction:
         own[:p],
         own[p : 2 * p],
         own[2 * p : 3 * p],
+        own[3 * p : 4 * p],
         primitives[3 * p : 4 * p] != 0,
     )
 
@@ -168,7 +171,7 @@ def evaluate_in_memory(memory: Array, integers: IntArray) -> None:
     load = out[:n]
     for i in range(n):
         load[i] = kinetic[i] + gravity[i]
-    add_friction(unpack_friction(floats, integers), q, dq, load, friction)
+    add_friction(unpack_friction(floats, integers), q, dq, ddq, load, friction)
     for i in range(n):
         out[i] = load[i] + friction[i]
 
@@ -203,6 +206,6 @@ def evaluate_arm_many(
         inertial_torque(inertial, links, work, ddq[t])
         for i in range(n):
             load[i] = inertial[i] + coriolis[i] + gravity[i]
-        add_friction(drives, q[t], dq[t], load, friction)
+        add_friction(drives, q[t], dq[t], ddq[t], load, friction)
         for i in range(n):
             load[i] += friction[i]

@@ -76,7 +76,7 @@ class ArmPosterior:
 
         """
         links = torque_regressor(self.chain, *_contiguous(q, dq, ddq)) @ self.links.ravel()
-        return np.asarray(links + self.friction.torque(q, dq, links))
+        return np.asarray(links + self.friction.torque(q, dq, ddq, links))
 
     def jacobian(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Differentiate the torques by placements, links and coefficients, (N, n, 17 n + K)."""
@@ -96,10 +96,10 @@ class ArmPosterior:
         out = np.empty((*dq.shape, n + count + basis.size))
         out[..., :n] = placements.reshape(*dq.shape, -1)
         out[..., n : n + count] = regressor
-        slopes = self.friction.load_slopes(q, dq, load)
+        slopes = self.friction.load_slopes(q, dq, ddq, load)
         if slopes.any():
             out[..., : n + count] += slopes @ out[..., : n + count]
-        out[..., n + count :] = friction_features(basis, q, dq, load)
+        out[..., n + count :] = friction_features(basis, q, dq, ddq, load)
         return out
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:

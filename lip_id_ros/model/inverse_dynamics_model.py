@@ -190,6 +190,8 @@ class InverseDynamicsModel:
         """
         Torques of friction and of all that is not Lagrangian, shape (N, n) [N m or N].
 
+        At constant velocity: `predict` has that of reversals too (pre-sliding).
+
         Parameters
         ----------
         dq : array-like, shape (N, n)

@@ -20,7 +20,7 @@ from lip_id_ros.evaluation.report.style import broken_at, MOST_POINTS, shown_row
 
 pytestmark = pytest.mark.slow
 
-PICTURES = ('torque', 'errors', 'residual', 'energies', 'torque_split')
+PICTURES = ('torque', 'errors', 'residual', 'energies', 'torque_split', 'friction')
 PNG = b'\x89PNG\r\n\x1a\n'
 
 
@@ -84,7 +84,7 @@ def test_an_older_report_is_replaced(tmp_path: Path) -> None:
         page = write_report(tmp_path, outcome, score(outcome), uncertainty, Labels(title))
 
     assert 'First' not in page.read_text(encoding='utf-8')
-    assert len(list(tmp_path.iterdir())) == 6
+    assert len(list(tmp_path.iterdir())) == len(PICTURES) + 1
 
 
 def test_every_axis_has_a_unit() -> None:

@@ -25,7 +25,9 @@ from lip_id_ros.evaluation.rollout import (
 )
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.urdf import rotor_inertias, to_urdf
+from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.terms import Presliding
 from lip_id_ros.simulation import panda as simulated_panda
 from lip_id_ros.simulation import SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION, panda_urdf
@@ -69,7 +71,7 @@ def test_accelerations_are_those_of_pinocchio() -> None:
     data = model.createData()
     q, dq, tau = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 20, N))
     found = forward(arm).acceleration(q, dq, tau, np.zeros_like(q), 1e-9)
-    inner = tau - arm.friction.torque(q, dq, np.zeros_like(q))
+    inner = tau - arm.friction.torque(q, dq, *np.zeros((2, *q.shape)))
     expected = [pinocchio.aba(model, data, *row) for row in zip(q, dq, inner, strict=True)]
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
 
@@ -83,6 +85,22 @@ def test_the_true_arm_follows(coulomb: float) -> None:
     assert (short.position < 2e-4).all()
     assert (long.position < 0.01 * long.travel.max()).all()
     assert (long.velocity < 0.02).all()
+
+
+def test_the_arm_whose_torques_went_through_a_low_pass_follows() -> None:
+    """Friction whose sign is sharp but for that, and hysteresis, which is left out."""
+    arm = arm_with(0.5, 1e-3)
+    basis = replace(arm.friction.basis, rise_time=0.05)
+    reversal = DriveTerm(Drive.of_joint(0), Presliding(0.05, 1.0))
+    hysteresis = replace(basis, terms=(*basis.terms, reversal))
+    smooth = replace(arm, friction=FrictionModel(basis, arm.friction.coefficients))
+    coefficients = np.append(arm.friction.coefficients, 0.3)
+    whole = replace(arm, friction=FrictionModel(hysteresis, coefficients))
+    data = recorded(smooth)
+    short, long = roll_out(forward(smooth), data)
+    assert (short.position < 4e-4).all()
+    assert (long.position < 0.01 * long.travel.max()).all()
+    np.testing.assert_array_equal(roll_out(forward(whole), data)[1].position, long.position)
 
 
 def test_wrong_links_stray() -> None:

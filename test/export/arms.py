@@ -7,6 +7,7 @@ from rigid_body.arms import links_of, random_bodies, random_chain
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription, JointRanges
+from lip_id_ros.friction.conservative_terms import Ripple, Spring
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
@@ -17,10 +18,9 @@ from lip_id_ros.friction.terms import (
     LoadCoulomb,
     LoadViscous,
     PositionCoulomb,
+    Presliding,
     QuadraticViscous,
-    Ripple,
     SaturatingViscous,
-    Spring,
     Stribeck,
 )
 from lip_id_ros.model import InverseDynamicsModel
@@ -36,6 +36,7 @@ EXTRA: tuple[FrictionTerm, ...] = (
     QuadraticViscous(),
     LoadCoulomb(0.05),
     LoadViscous(),
+    Presliding(0.05, 3.0),
     Asymmetric(0.1),
     PositionCoulomb(0.03),
     Ripple(2),
@@ -55,7 +56,7 @@ def every_friction(n: int, rng: np.random.Generator) -> FrictionModel:
     terms += tuple(DriveTerm(*each) for each in zip(drives, EXTRA, strict=True))
     if n > 1:
         terms += (DriveTerm(Drive((n - 1, n - 2), (1.0, -0.5)), Coulomb(0.04)),)
-    basis = FrictionBasis(n, terms)
+    basis = FrictionBasis(n, terms, 0.05 if n % 2 else 0.0)
     return FrictionModel(basis, rng.uniform(0.1, 1.0, basis.size))
 
 

@@ -66,7 +66,7 @@ def test_the_model_has_the_payload() -> None:
     assert after.arm is not None
     links = torque_regressor(after.arm.chain, q, dq, ddq) @ after.arm.links.ravel()
     rows = columns @ loaded.body_root
-    rows += after.arm.friction.load_slopes(q, dq, links) @ rows
+    rows += after.arm.friction.load_slopes(q, dq, ddq, links) @ rows
     np.testing.assert_allclose(std.tau, np.linalg.norm(rows, axis=2), rtol=1e-3)
 
 

@@ -26,6 +26,7 @@ from lip_id_ros.fleet.recording_statistics import (
 )
 from lip_id_ros.fleet.results import RecordingStatistics, Survey
 from lip_id_ros.fleet.survey import survey_of
+from lip_id_ros.identification.sample_selection import measured
 
 ARM = arm_of()
 FRICTION = friction_of(ARM, np.random.default_rng(0), 0.3)
@@ -93,6 +94,17 @@ def test_bad_samples_are_left_out() -> None:
     expected = statistics_of(DATA.select(clean), REGRESSION)
     assert_allclose(found.weights, expected.weights)
     assert_allclose(found.link_factors, expected.link_factors, atol=1e-9)
+
+
+def test_torques_of_drives_that_are_off_are_left_out() -> None:
+    tau = DATA.tau.copy()
+    tau[100:300] = 0.0
+    off = replace(DATA, tau=tau)
+    kept = np.flatnonzero(measured(off))
+    assert not set(range(100, 300)) & set(kept)
+    expected = statistics_of(DATA.select(kept), REGRESSION)
+    assert_allclose(statistics_of(off, REGRESSION).link_factors, expected.link_factors, atol=1e-9)
+    assert np.all(survey_of(off, 'off', 'robot').tau.any(axis=1))
 
 
 def test_a_recording_of_seven_joints_takes_less_than_200_kilobytes() -> None:

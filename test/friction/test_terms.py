@@ -6,10 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError, ShapeError
 from lip_id_ros.friction import drives, terms
+from lip_id_ros.friction.conservative_terms import Ripple, Spring
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction, SignWidth
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
@@ -18,6 +20,7 @@ from lip_id_ros.friction.primitives import (
     LOAD,
     POSITION,
     Primitive,
+    REVERSAL,
     SIGN,
     SQUARE,
     VELOCITY,
@@ -32,23 +35,27 @@ from lip_id_ros.friction.terms import (
     LoadViscous,
     Offset,
     PositionCoulomb,
+    Presliding,
     QuadraticViscous,
-    Ripple,
     SaturatingViscous,
-    Spring,
+    smooth_sign,
     Stribeck,
     Viscous,
 )
+from lip_id_ros.identification.low_pass_response import RISE_PERIODS
+from lip_id_ros.preprocessing.smoothing import low_pass
 
 EVERY: list[FrictionTerm] = [
     Viscous(),
     Coulomb(0.1),
     Offset(),
     Stribeck(0.05),
+    Stribeck(0.03, 0.02),
     SaturatingViscous(0.05),
     QuadraticViscous(),
     LoadCoulomb(0.1),
     LoadViscous(),
+    Presliding(0.1, 2.0),
     Asymmetric(0.1),
     PositionCoulomb(0.1),
     Ripple(1),
@@ -57,7 +64,9 @@ EVERY: list[FrictionTerm] = [
     LoadTorque(),
     SharedFriction(0.1),
 ]
-DISSIPATIVE = [term for term in EVERY if FREE not in term.lower]
+DISSIPATIVE = [
+    term for term in EVERY if FREE not in term.lower and not isinstance(term, Presliding)
+]
 finite = st.floats(-20.0, 20.0)
 
 
@@ -67,17 +76,20 @@ def name(term: FrictionTerm) -> str:
 
 def states(n_samples: int = 200) -> DriveState:
     rng = np.random.default_rng(0)
-    q, dq, load = rng.standard_normal((3, n_samples)) * np.array([[2.0], [1.0], [30.0]])
+    sizes = np.array([[2.0], [1.0], [3.0], [30.0]])
+    q, dq, ddq, load = rng.standard_normal((4, n_samples)) * sizes
     dq[:5] = 0.0
-    return DriveState(q, dq, load)
+    return DriveState(q, dq, ddq, load, 0.05 * np.abs(ddq))
 
 
 def primitive_value(primitive: Primitive, state: DriveState) -> Array:
-    shapes = {
+    width = np.sqrt(primitive.width**2 + np.square(state.smoothing))
+    shapes: dict[int, Array] = {
         VELOCITY: state.dq,
-        SIGN: np.tanh(state.dq / primitive.width),
+        SIGN: np.tanh(state.dq / width),
         SQUARE: state.dq * np.abs(state.dq),
         LOAD: state.load,
+        REVERSAL: np.tanh(state.ddq / primitive.acceleration) / np.cosh(state.dq / width) ** 2,
     }
     shape = shapes.get(primitive.shape, np.ones_like(state.dq))
     if primitive.side:
@@ -114,24 +126,71 @@ def test_primitives_add_up_to_the_features(term: FrictionTerm) -> None:
 @pytest.mark.parametrize('term', EVERY, ids=name)
 def test_which_features_depend_on_the_load(term: FrictionTerm) -> None:
     state = states()
-    other = DriveState(state.q, state.dq, 2.0 * state.load)
+    other = state._replace(load=2.0 * state.load)
     changes = (term.features(state) != term.features(other)).any(axis=0)
     basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), term),))
     np.testing.assert_array_equal(basis.is_loaded, changes)
 
 
 @pytest.mark.parametrize('term', DISSIPATIVE, ids=name)
-@given(q=finite, dq=finite, load=finite)
-def test_no_feature_drives_a_joint(term: FrictionTerm, q: float, dq: float, load: float) -> None:
-    features = term.features(DriveState(np.array([q]), np.array([dq]), np.array([load])))
+@given(state=st.tuples(*[finite] * 5))
+def test_no_feature_drives_a_joint(term: FrictionTerm, state: tuple[float, ...]) -> None:
+    features, dq = term.features(DriveState(*np.array(state)[:, None])), state[1]
     assert np.all(features * dq >= 0.0)
+
+
+def test_presliding_friction_works_for_nothing_over_a_reversal() -> None:
+    """It opposes the motion less after the reversal by as much as more before it."""
+    t = np.linspace(-1.0, 1.0, 2001)
+    for ddq in 3.0, -3.0:
+        still = np.zeros_like(t)
+        state = DriveState(0.5 * ddq * t**2, ddq * t, np.full_like(t, ddq), still)
+        power = Presliding(0.1, 2.0).features(state)[:, 0] * state.dq
+        assert np.all(power[t < 0.0] >= 0.0)
+        assert np.all(power[t > 0.0] <= 0.0)
+        assert abs(np.sum(power)) < 1e-9 * np.sum(np.abs(power))
+
+
+@pytest.mark.parametrize('cutoff', [2.0, 4.0])
+@pytest.mark.parametrize('ddq', [0.5, -3.0])
+def test_a_smooth_sign_is_the_sign_of_a_velocity_after_the_low_pass(
+    cutoff: float, ddq: float
+) -> None:
+    """Of a joint that reverses, in the time in which the low-pass responds."""
+    rate = 1000.0
+    t = np.arange(-2000.5, 2000.0) / rate
+    state = DriveState(0.0 * t, ddq * t, np.full_like(t, ddq), 0.0 * t)
+    filtered = low_pass(np.sign(state.dq), rate, cutoff)
+    smooth = state._replace(smoothing=RISE_PERIODS / cutoff * abs(ddq))
+    near = np.abs(t) < 0.5 / cutoff
+    assert np.std((smooth_sign(smooth, 1e-3) - filtered)[near]) < 0.11
+    assert np.std((smooth_sign(state, 1e-3) - filtered)[near]) > 0.35
+
+
+def test_the_rise_time_is_that_of_the_low_pass() -> None:
+    rate, cutoff = 2000.0, 4.0
+    t = np.arange(-8000.5, 8000.0) / rate
+    response = low_pass(np.sign(t), rate, cutoff)
+    found = minimize_scalar(
+        lambda rise_time: np.sum((np.tanh(t / rise_time) - response) ** 2),
+        bounds=(0.01, 0.2),
+        method='bounded',
+    )
+    np.testing.assert_allclose(RISE_PERIODS / cutoff, found.x, rtol=2e-3)
 
 
 def test_stribeck_friction_decays() -> None:
     dq = np.array([0.1, 0.3, 1.0, 3.0, 10.0])
-    features = Stribeck(0.02).features(DriveState(dq, dq, dq))
+    features = Stribeck(0.02).features(DriveState(dq, dq, dq, dq))
     assert np.all(np.diff(features, axis=0) <= 0.0)
     np.testing.assert_allclose(features[-1], 0.0, atol=1e-9)
+
+
+def test_stribeck_friction_is_as_wide_as_the_smoothing_of_samples() -> None:
+    dq = np.linspace(-1.0, 1.0, 50)
+    state = DriveState(dq, dq, dq, dq)
+    usual = Stribeck(0.03, 0.04).features(state)
+    np.testing.assert_array_equal(usual, Stribeck(0.05).features(state))
 
 
 def coupled() -> FrictionModel:
@@ -147,8 +206,8 @@ def coupled() -> FrictionModel:
 def test_friction_of_coupled_motors() -> None:
     """The motor's torque acts on each joint times the ratio of speeds: by virtual work."""
     rng = np.random.default_rng(1)
-    q, dq, load = rng.standard_normal((3, 50, 3))
-    got = coupled().torque(q, dq, load)
+    q, dq, ddq, load = rng.standard_normal((4, 50, 3))
+    got = coupled().torque(q, dq, ddq, load)
     motor = 2.0 * np.tanh((dq[:, 2] - dq[:, 1]) / 0.1)
     np.testing.assert_allclose(got[:, 0], 0.5 * dq[:, 0])
     np.testing.assert_allclose(got[:, 2], motor)
@@ -168,12 +227,12 @@ def transmitted() -> FrictionModel:
 
 def test_efforts_of_coupled_motors_contain_torques_of_other_joints() -> None:
     rng = np.random.default_rng(2)
-    q, dq, load = rng.standard_normal((3, 50, 3))
-    got, model = transmitted().torque(q, dq, load), transmitted()
+    q, dq, ddq, load = rng.standard_normal((4, 50, 3))
+    got, model = transmitted().torque(q, dq, ddq, load), transmitted()
     shared = 0.2 * dq[:, 2] + 0.3 * np.tanh(dq[:, 2] / 0.1)
     np.testing.assert_allclose(got[:, 1], shared - 0.7 * load[:, 2])
     np.testing.assert_allclose(got[:, 2], 0.5 * dq[:, 2])
-    friction = model.torque(q, dq, np.zeros_like(load))
+    friction = model.torque(q, dq, ddq, np.zeros_like(load))
     np.testing.assert_allclose(model.efforts(load) + friction, load + got)
     assert model.names()[1] == ('torque coupled with joint 3', 'friction coupled with joint 3')
 
@@ -189,7 +248,7 @@ def test_names_in_the_words_of_the_field() -> None:
 @pytest.mark.parametrize('term', EVERY, ids=name)
 def test_a_file_keeps_the_term(term: FrictionTerm) -> None:
     drives = Drive((1, 0), (1.0, 0.5)), Drive.transmitted(0, to=1)
-    basis = FrictionBasis(2, tuple(DriveTerm(drive, term) for drive in drives))
+    basis = FrictionBasis(2, tuple(DriveTerm(drive, term) for drive in drives), 0.05)
     model = FrictionModel(basis, np.arange(1.0, basis.size + 1))
     again = FrictionModel.from_json(model.to_json())
     assert again.basis == model.basis
@@ -205,6 +264,8 @@ def damaged(**changes: object) -> dict[str, object]:
     [
         {},
         damaged(coefficients=[1.0]),
+        damaged(rise_time=-1.0),
+        damaged(rise_time=float('nan')),
         damaged(coefficients=['x'] * 4),
         damaged(coefficients=[0.5, -2.0, 0.1, 0.0]),
         damaged(coefficients=[0.5, float('nan'), 0.1, 0.0]),

@@ -143,7 +143,7 @@ def test_loads_follow_the_links_by_differences() -> None:
 
 def torque_of(fit: ArmFit, dataset: Dataset) -> Array:
     load = links_torque(fit.chain, fit.links, dataset)
-    return load + fit.friction.torque(dataset.q, dataset.dq, load)
+    return load + fit.friction.torque(dataset.q, dataset.dq, dataset.ddq, load)
 
 
 def test_two_standard_deviations_cover_the_truth() -> None:
@@ -176,7 +176,7 @@ def test_widths_of_signs_are_as_certain_as_samples_near_rest_make_them() -> None
     assert len(root) == len(arm.covariance_root) + len(TYPES)
     std = np.linalg.norm(root[-len(TYPES) :], axis=1) / coulomb
     basis = fit.friction.with_sign_widths().basis
-    features = friction_features(basis, data.q, data.dq, np.zeros_like(data.dq))
+    features = friction_features(basis, data.q, data.dq, data.ddq, np.zeros_like(data.dq))
     slopes = coulomb * np.diagonal(features[..., -len(TYPES) :], axis1=1, axis2=2)
     alone = fit.noise.std / np.sqrt(np.sum(fit.noise.weights(data.dq) * slopes**2, axis=0))
     assert (std > 0.9 * alone).all()

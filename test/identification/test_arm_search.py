@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.terms import Spring
+from lip_id_ros.friction.conservative_terms import Spring
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.identify import identify

@@ -16,6 +16,7 @@ from benchmarks._drives import (
     NOISE,
     PRESENT,
     present,
+    random_arm,
     RandomArm,
     recording,
     Terms,
@@ -26,6 +27,8 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.terms import Coulomb
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
+from lip_id_ros.preprocessing import preprocess
+from lip_id_ros.recording import JointSamples
 
 pytestmark = pytest.mark.slow
 
@@ -41,7 +44,7 @@ def error(arm: RandomArm, dataset: Dataset, got: ElectedFriction) -> Array:
     """Return the error of the noiseless torque, in units of the measurement's noise."""
     state = dataset.q, dataset.dq, dataset.ddq
     links = RandomArm(arm.chain, got.link_parameters).torque(*state)
-    tau = links + got.friction.torque(dataset.q, dataset.dq, links)
+    tau = links + got.friction.torque(dataset.q, dataset.dq, dataset.ddq, links)
     assert dataset.tau_noiseless is not None
     off = np.sqrt(np.mean((tau - dataset.tau_noiseless) ** 2, axis=0))
     return np.asarray(off / (NOISE * arm.torque(*state).std(axis=0)))
@@ -62,6 +65,41 @@ def check(extra: Terms, expected: list[set[str]]) -> None:
 @pytest.mark.parametrize('name', PRESENT)
 def test_elected_where_it_is(name: str) -> None:
     check(present(name), [{name} if joint == JOINT else set() for joint in range(N_JOINTS)])
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_rounding_elects_nothing(seed: int) -> None:
+    """Load-dependent viscous friction that would be negative is zero, and gains nothing."""
+    arm, dataset = recording(seed, present('load-dependent Coulomb'))
+    tau, load = dataset.tau.copy(), arm.torque(dataset.q, dataset.dq, dataset.ddq)
+    tau[:, JOINT] -= 0.05 * np.abs(load[:, JOINT]) * dataset.dq[:, JOINT]
+    rng = np.random.default_rng(seed)
+    for rounding in 0.0, 1e-10, 1e-10:
+        changed = tau * (1.0 + rounding * rng.standard_normal(tau.shape))
+        _, names = elected(arm, replace(dataset, tau=changed))
+        assert names == [set(), {'load-dependent Coulomb'}, set()]
+
+
+def dahl(q: Array, dq: Array, torque: float, displacement: float) -> Array:
+    """Return the friction of Dahl (1968) along a motion, shape (N,)."""
+    friction, out = 0.0, np.zeros_like(q)
+    for k in range(1, len(q)):
+        goal = torque * np.sign(dq[k])
+        friction = goal + (friction - goal) * np.exp(-abs(q[k] - q[k - 1]) / displacement)
+        out[k] = friction
+    return out
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_friction_with_a_memory_is_presliding(seed: int) -> None:
+    arm, dataset = recording(seed, [])
+    extra = dahl(
+        dataset.q[:, JOINT], dataset.dq[:, JOINT], 0.3 * dataset.tau[:, JOINT].std(), 0.03
+    )
+    tau = dataset.tau.copy()
+    tau[:, JOINT] += extra
+    _, names = elected(arm, replace(dataset, tau=tau))
+    assert [each & {'pre-sliding'} for each in names] == [set(), {'pre-sliding'}, set()]
 
 
 def test_coupled_motors() -> None:
@@ -161,3 +199,36 @@ def test_a_joint_that_is_slow_has_a_wide_sign() -> None:
     assert names == [set()] * N_JOINTS
     first = next(p.term for p in got.friction.basis.terms if isinstance(p.term, Coulomb))
     np.testing.assert_allclose(first.width, slow.width, rtol=0.1)
+
+
+def filtered(arm: RandomArm, speed: float, rate_hz: float = 200.0) -> Dataset:
+    """Record a motion with dry friction whose sign is sharp, low-passed as usual."""
+    t = np.arange(0.0, 60.0, 1.0 / rate_hz)
+    w = speed * 2.0 * np.pi * np.array([[0.11, 0.23, 0.31], [0.07, 0.29, 0.17]])
+    size = np.array([0.8, 0.5])
+    phase = np.multiply.outer(t, w)
+    q = np.einsum('k,tkj->tj', size, np.sin(phase))
+    dq = np.einsum('k,tkj->tj', size, w * np.cos(phase))
+    ddq = np.einsum('k,tkj->tj', size, -(w**2) * np.sin(phase))
+    links = arm.torque(q, dq, ddq)
+    tau = links + np.sign(dq)
+    return preprocess(JointSamples(t, q, dq, tau, ('a', 'b', 'c')))
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_what_the_low_pass_makes_of_friction_is_no_friction(seed: int) -> None:
+    """Friction is learned from reversals that it blurs, and holds at other speeds."""
+    arm = random_arm(N_JOINTS, seed)
+    usual = filtered(arm, 1.0)
+    fits = [
+        elect_friction(dataset, arm.chain, LINK_STD)
+        for dataset in (usual, replace(usual, provenance={}))
+    ]
+    for speed, bound in ((0.5, 0.8), (2.0, 0.5)):
+        other, errors = filtered(arm, speed), []
+        state = other.q, other.dq, other.ddq
+        for got in fits:
+            links = RandomArm(arm.chain, got.link_parameters).torque(*state)
+            torque = links + got.friction.torque(*state, links)
+            errors.append(np.sqrt(np.mean((torque - other.tau) ** 2, axis=0)))
+        assert np.all(errors[0] < bound * errors[1])

@@ -44,7 +44,7 @@ def test_a_joint_at_rest_may_have_any_friction_between_the_coulomb_torques() -> 
     basis = FrictionBasis(2, tuple(DriveTerm(Drive.of_joint(0), term) for term in terms))
     friction = FrictionModel(basis, np.array([3.0, 0.1]))
     q, load = np.zeros((4, 2)), np.full((4, 2), -20.0)
-    noise = sticking_noise(TorqueNoise.constant(np.array([0.1, 0.1])), friction, q, load)
+    noise = sticking_noise(TorqueNoise.constant(np.array([0.1, 0.1])), friction, q, q, load)
     at_rest, moving = noise.std_at(np.array([[0.0, 0.0], [0.5, 0.5]]))
     uniform = np.random.default_rng(0).uniform(-5.0, 5.0, 10**6)
     np.testing.assert_allclose(at_rest, [uniform.std(), 0.1], rtol=0.05)
@@ -56,14 +56,14 @@ def test_saturating_viscous_friction_holds_a_joint_that_sticks() -> None:
     basis = FrictionBasis(1, tuple(DriveTerm(Drive.of_joint(0), term) for term in terms))
     friction = FrictionModel(basis, np.array([1.0, 4.0, 0.0, 0.0]))
     zero = np.zeros((1, 1))
-    noise = sticking_noise(TorqueNoise.constant(np.array([0.1])), friction, zero, zero)
+    noise = sticking_noise(TorqueNoise.constant(np.array([0.1])), friction, zero, zero, zero)
     np.testing.assert_allclose(noise.std_at(zero), 5.0 / np.sqrt(3.0), rtol=0.05)
 
 
 def test_noise_that_was_seen_near_rest_is_kept() -> None:
     basis = FrictionBasis(2, (DriveTerm(Drive.of_joint(1), Coulomb(0.05)),))
     friction = FrictionModel(basis, np.array([1.0]))
-    got = sticking_noise(TRUTH, friction, np.zeros((1, 2)), np.zeros((1, 2)))
+    got = sticking_noise(TRUTH, friction, *np.zeros((3, 1, 2)))
     np.testing.assert_array_equal(got.std_at(np.zeros((1, 2))), TRUTH.std_at(np.zeros((1, 2))))
 
 
@@ -75,9 +75,24 @@ def test_a_joint_sticks_within_the_width_of_its_sign_and_near_rest(
     basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), Coulomb(width)),))
     seen = TorqueNoise(np.array([0.1]), np.array([2.0]), np.array([velocity]))
     zero, slow = np.zeros((1, 1)), np.full((1, 1), 0.2)
-    got = sticking_noise(seen, FrictionModel(basis, np.array([10.0])), zero, zero)
+    got = sticking_noise(seen, FrictionModel(basis, np.array([10.0])), zero, zero, zero)
     np.testing.assert_allclose(got.std_at(zero), 10.0 / np.sqrt(3.0), rtol=0.04)
     np.testing.assert_allclose(got.std_at(slow), seen.std_at(slow), rtol=1e-3)
+
+
+def test_a_joint_may_stick_while_a_low_pass_blurs_the_sign_of_its_friction() -> None:
+    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), Coulomb(0.001)),), 0.05)
+    friction, zero, slow = (
+        FrictionModel(basis, np.ones(1)),
+        np.zeros((1, 1)),
+        np.full((1, 1), 0.02),
+    )
+    noise = TorqueNoise.constant(np.array([0.01]))
+    got = sticking_noise(noise, friction, zero, np.full((1, 1), 2.0), zero)
+    assert got.std_at(slow) > 0.5
+    np.testing.assert_allclose(
+        sticking_noise(noise, friction, zero, zero, zero).std_at(slow), 0.01
+    )
 
 
 def test_joints_that_never_move_have_constant_noise() -> None:

@@ -61,7 +61,9 @@ def recorded(
     links[-1, :10] += payload
     load = torque_regressor(arm.chain, q, dq, ddq) @ links.ravel()
     white = rng.standard_normal((len(t) // correlated, n))
-    tau = load + arm.friction.torque(q, dq, load) + noise * np.repeat(white, correlated, axis=0)
+    tau = (
+        load + arm.friction.torque(q, dq, ddq, load) + noise * np.repeat(white, correlated, axis=0)
+    )
     names = tuple(f'joint_{i + 1}' for i in range(n))
     types = tuple('prismatic' if slides else 'revolute' for slides in arm.chain.prismatic)
     return Dataset(

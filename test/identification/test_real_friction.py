@@ -39,7 +39,7 @@ def loaded(path: Path, joints: tuple[str, ...]) -> Dataset:
 def torque(dataset: Dataset, chain: Chain, got: ElectedFriction) -> Array:
     state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
     links = torque_regressor(chain, *state) @ got.link_parameters.ravel()
-    return np.asarray(links + got.friction.torque(dataset.q, dataset.dq, links))
+    return np.asarray(links + got.friction.torque(dataset.q, dataset.dq, dataset.ddq, links))
 
 
 def test_predicts_unseen_motion_of_a_ur10(shared_data: Path) -> None:

@@ -93,7 +93,7 @@ def tracking(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ('write', 'count'), [(evaluation, 5), (recording, 2), (comparison, 4), (tracking, 8)]
+    ('write', 'count'), [(evaluation, 6), (recording, 2), (comparison, 4), (tracking, 8)]
 )
 def test_every_figure_is_shown_without_a_network(
     tmp_path: Path, write: Callable[[Path], Path], count: int

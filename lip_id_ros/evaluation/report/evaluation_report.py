@@ -29,6 +29,8 @@ CAPTIONS = {
     'energies': 'Predicted energies of the motion; the true ones, where known, in grey. The '
     'constant of the potential energy is free.',
     'torque_split': 'The predicted torque is the sum of these parts.',
+    'friction': 'Measured torque without that of the links (grey) and predicted friction (red), '
+    'over the velocity of each joint. Friction can depend on load, position and acceleration too.',
     'rollout': 'Root mean square errors of simulated positions, driven by the measured torques '
     'and a weak feedback, beside how far the joints travelled (grey); the axes are logarithmic.',
 }
@@ -128,6 +130,7 @@ def _pictures(
     if isinstance(predicted, Prediction):
         title = 'Parts of the predicted torque'
         drawings['torque_split'] = title, lambda: figures.split(outcome, predicted)
+        drawings['friction'] = 'Friction', lambda: figures.friction(outcome, predicted)
     if rollouts is not None:
         drawings['rollout'] = 'Rollout', lambda: figures.rollout(rollouts, evaluation.joint_names)
     return drawn(

@@ -17,6 +17,7 @@ from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.metrics import Evaluation, Outcome, standard_deviation
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.rollout import Rollouts
+from lip_id_ros.joint_types import POSITION_UNITS
 from lip_id_ros.model import DynamicsModel, Prediction, TorqueModel
 from lip_id_ros.progress import Progress, silent
 
@@ -128,6 +129,25 @@ def split(outcome: Outcome, prediction: Prediction) -> Figure:
             style.over_time(panel, data, values[:, joint], color, label)
 
     return style.joint_grid(data.joint_names, data.joint_types, style.TORQUE, draw)
+
+
+def friction(outcome: Outcome, prediction: Prediction) -> Figure:
+    """Draw what is no torque of the links against the velocity of each joint."""
+    data = outcome.dataset
+    rows = style.shown_rows(data.n_samples)
+    measured = data.tau - (prediction.tau - prediction.friction)
+    parts = (
+        ('measured torque minus that of the links', measured, style.MEASURED),
+        ('predicted friction', prediction.friction, style.FRICTION),
+    )
+
+    def draw(panel: Axes, joint: int) -> None:
+        for label, values, color in parts:
+            panel.plot(data.dq[rows, joint], values[rows, joint], '.', ms=3, c=color, label=label)
+
+    units = sorted({f'{POSITION_UNITS[kind]}/s' for kind in data.joint_types}, reverse=True)
+    velocity = f'velocity [{" or ".join(units)}]'
+    return style.joint_grid(data.joint_names, data.joint_types, 'friction', draw, velocity)
 
 
 def energies(outcome: Outcome, evaluation: Evaluation, band: Band | None) -> Figure:

@@ -58,6 +58,7 @@ SETTINGS: Any = {
 
 WIDTH = 12.0  # inches
 TORQUE = 'torque'
+TIME = 'time [s]'
 ROW_HEIGHT = 2.1
 LEGEND_HEIGHT = 0.45
 MOST_POINTS = 3000  # more than a plot has pixels for
@@ -73,6 +74,7 @@ def joint_grid(
     joint_types: Sequence[str],
     symbol: str,
     draw: Callable[[Axes, int], None],
+    below: str = TIME,
 ) -> Figure:
     """
     Draw one panel per joint, in two columns, with a common legend.
@@ -85,6 +87,8 @@ def joint_grid(
         Quantity of the vertical axes; a torque is a force at prismatic joints.
     draw : callable
         Gets the axes and the number of a joint; its labels make the legend.
+    below : str
+        Quantity of the horizontal axes; time is common to all.
 
     Returns
     -------
@@ -94,7 +98,7 @@ def joint_grid(
     n_columns = 1 if len(joint_names) == 1 else 2
     n_rows = math.ceil(len(joint_names) / n_columns)
     figure = new_figure(ROW_HEIGHT * n_rows + LEGEND_HEIGHT)
-    panels = grid(figure, len(joint_names), n_columns, sharex=True)
+    panels = grid(figure, len(joint_names), n_columns, sharex=below == TIME)
     for joint, (name, kind) in enumerate(zip(joint_names, joint_types, strict=True)):
         panels[joint].set_title(for_plot(name), loc='left')
         quantity = 'force' if kind == PRISMATIC and symbol == TORQUE else symbol
@@ -102,7 +106,7 @@ def joint_grid(
         draw(panels[joint], joint)
     for panel in panels[-n_columns:]:
         panel.tick_params(labelbottom=True)
-    finish(figure, panels[0])
+    finish(figure, panels[0], below)
     return figure
 
 
@@ -127,9 +131,9 @@ def new_figure(height: float) -> Figure:
     return Figure(figsize=(WIDTH, height), layout=layout)
 
 
-def finish(figure: Figure, panel: Axes) -> None:
-    """Put the legend of one panel above all of them, and the time below."""
-    figure.supxlabel('time [s]', fontsize=SETTINGS['font.size'], color=SETTINGS['axes.labelcolor'])
+def finish(figure: Figure, panel: Axes, below: str = TIME) -> None:
+    """Put the legend of one panel above all of them, and the horizontal quantity below."""
+    figure.supxlabel(below, fontsize=SETTINGS['font.size'], color=SETTINGS['axes.labelcolor'])
     figure.align_ylabels()
     handles, labels = panel.get_legend_handles_labels()
     figure.legend(handles, labels, loc='upper center', ncol=len(labels))
