@@ -42,6 +42,7 @@ BAG = 'served_bag'
 TRAINING_ROWS = 5000  # one period of the motion at 100 Hz
 SERVED_ROWS = 2500
 FIT_SECONDS = 600.0  # a loaded machine compiles for long
+MOST_UNANSWERED, FEW_UNANSWERED = 400, 100  # references; `serve` keeps no more than 1000
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -98,15 +99,35 @@ def fitted(graph: Graph, progress: Progress) -> bool:
     return bool(job['state'] == 'done')
 
 
+class Pace:
+    """Let the arm move, and pause it while a slow computer answers what it has published."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph, self._paused = graph, True
+        self._pause(False)
+
+    def keep(self, unanswered: int) -> None:
+        """Take the number of references that have no answer yet."""
+        if not self._paused and unanswered > MOST_UNANSWERED:
+            self._pause(True)
+        elif self._paused and unanswered < FEW_UNANSWERED:
+            self._pause(False)
+
+    def _pause(self, paused: bool) -> None:
+        self._graph.set_robot(paused=paused)
+        self._paused = paused
+
+
 def serve(graph: Graph, recorder: BagRecorder, progress: Progress) -> None:
     """Let `serve` answer an unseen motion, then a plan of the same motion."""
     graph.activate_serve()
     graph.set_robot(seed=TEST_SEED)
     graph.await_discovery()
-    graph.set_robot(paused=False)
+    pace = Pace(graph)
     counts = recorder.counts
 
     def answered() -> int:
+        pace.keep(counts[REFERENCE] - counts[TORQUE])
         progress('serve', min(counts[TORQUE], SERVED_ROWS), SERVED_ROWS)
         return counts[TORQUE]
 
