@@ -38,6 +38,7 @@ from lip_id_ros.identification.sample_selection import (
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.remainder import Remainder
+from lip_id_ros.model.remainder_mean import RemainderMean
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table_std
 
@@ -102,10 +103,10 @@ class Identified:
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the torques at joint states of shape (N, n), same shape [N m or N]."""
-        arm = self.arm.torque(q, dq, ddq)
-        if self.remainder is None:
-            return arm
-        return arm * ~self.remainder.replaces + self.remainder.torque(q, dq, ddq)
+        tau = self.arm.torque(q, dq, ddq)
+        if self.remainder is not None:
+            RemainderMean(self.remainder).add_to(tau, q, dq, ddq)
+        return tau
 
 
 def identify(

@@ -23,6 +23,7 @@ from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.laplace import linearised
 from lip_id_ros.identification.length_scales import likeliest
 from lip_id_ros.identification.sample_selection import evenly
+from lip_id_ros.identification.sparse_weights import sparse_weights
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.model.remainder import (
     correlation,
@@ -54,6 +55,9 @@ links, and for which it does without them.
 
 NOTHING = 1e-3
 """Left-out errors, as a share of the torque's deviation, below which nothing is left to learn."""
+
+LARGEST_ERROR = 0.1
+"""Of a mean by the weights of few samples, in its left-out error."""
 
 LEAST_ERRORS = 1.9
 """
@@ -217,14 +221,23 @@ class Targets:
             target = self.of_joint(joint, each.replaces)
             gram = correlation(self.x, self.x, each.lengths) + self.known(joint, each.replaces)
             gram[np.diag_indices_from(gram)] += each.noise
-            alpha[:, joint] = stored_weights(cho_solve(cho_factor(gram, lower=True), target))
+            alpha[:, joint] = cho_solve(cho_factor(gram, lower=True), target)
             variance[joint] = float(target @ alpha[:, joint]) / len(target)
             if each.replaces:
                 friction[joint] = FRICTION_VARIANCE * self.friction[:, joint].T @ alpha[:, joint]
         if not lengths.any():
             return None
+        few = self._sparse(lengths, alpha, LARGEST_ERROR * left_out_std)
         own = lengths, noise, variance, left_out_std
-        return Remainder(self.inputs, self.x, *own, replaces, alpha, friction)
+        return Remainder(self.inputs, self.x, *own, replaces, stored_weights(few), friction)
+
+    def _sparse(self, lengths: Array, alpha: Array, tolerance: Array) -> Array:
+        """Return weights of few samples, the same ones for joints with the same length scales."""
+        out = np.zeros_like(alpha)
+        for each in np.unique(lengths[lengths.any(axis=1)], axis=0):
+            own = np.flatnonzero((lengths == each).all(axis=1))
+            out[:, own] = sparse_weights(self.x, each, alpha[:, own], tolerance[own])
+        return out
 
 
 class RemainderElection:

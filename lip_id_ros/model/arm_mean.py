@@ -14,6 +14,7 @@ from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.remainder import Remainder
+from lip_id_ros.model.remainder_mean import add_means, RemainderMean
 from lip_id_ros.model.threads import in_threads
 from lip_id_ros.model.torque_model import Parts
 from lip_id_ros.numba_jit import jit
@@ -25,8 +26,7 @@ from lip_id_ros.rigid_body.rnea import (
     WORK_VECTORS,
 )
 
-REMAINDER_ROWS = 1000
-"""States whose inputs of the remainder are in memory at a time."""
+States = tuple[Array, Array, Array]
 
 
 class ArmMean:
@@ -51,20 +51,21 @@ class ArmMean:
         self._memory = np.concatenate([np.zeros(3 * n + out + n * WORK_VECTORS * 3), floats])
         self._q, self._dq, self._ddq = self._memory[: 3 * n].reshape(3, n)
         self._out = self._memory[3 * n : 3 * n + out]
-        self._remainder = remainder
+        self._remainder = None if remainder is None else RemainderMean(remainder)
 
     def one(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, float, float]:
         """Return torques, gravity torques, T and V at one joint state."""
         n = self._n
         # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
         self._q[:], self._dq[:], self._ddq[:] = q, dq, ddq
-        evaluate_in_memory(self._memory, self._integers)
+        if self._remainder is None:
+            evaluate_in_memory(self._memory, self._integers)
+        else:
+            rest = self._remainder
+            evaluate_all_in_memory(self._memory, self._integers, rest.floats, rest.integers)
         out = self._out.copy()
-        tau, energies = out[:n], out[4 * n :].tolist()
-        if self._remainder is not None:
-            rest = self._remainder.torque(self._q[None], self._dq[None], self._ddq[None])[0]
-            tau = np.where(self._remainder.replaces, rest, tau + rest)
-        return tau, out[2 * n : 3 * n], energies[0], energies[1]
+        energies = out[4 * n :].tolist()
+        return out[:n], out[2 * n : 3 * n], energies[0], energies[1]
 
     def many(self, q: Array, dq: Array, ddq: Array) -> Parts:
         """Return the parts of the torques, and T and V, at contiguous (N, n)."""
@@ -84,14 +85,10 @@ class ArmMean:
         return parts
 
 
-def _add_remainder(parts: Parts, remainder: Remainder, states: tuple[Array, Array, Array]) -> None:
-    for start in range(0, len(parts.tau), REMAINDER_ROWS):
-        rows = slice(start, start + REMAINDER_ROWS)
-        tau, friction = parts.tau[rows], parts.friction[rows]
-        links = tau - friction
-        tau *= ~remainder.replaces
-        tau += remainder.torque(*(x[rows] for x in states))
-        friction[:] = tau - links
+def _add_remainder(parts: Parts, remainder: RemainderMean, states: States) -> None:
+    parts.friction[:] -= parts.tau
+    remainder.add_to(parts.tau, *states)
+    parts.friction[:] += parts.tau
 
 
 def pack(arm: ArmPosterior, friction: CompiledFriction) -> tuple[Array, IntArray]:
@@ -174,6 +171,19 @@ def evaluate_in_memory(memory: Array, integers: IntArray) -> None:
     add_friction(unpack_friction(floats, integers), q, dq, ddq, load, friction)
     for i in range(n):
         out[i] = load[i] + friction[i]
+
+
+@jit
+def evaluate_all_in_memory(
+    memory: Array, integers: IntArray, remainder: Array, remainder_integers: IntArray
+) -> None:
+    """Evaluate an arm and its remainder as `evaluate_in_memory` and `add_means` do."""
+    evaluate_in_memory(memory, integers)
+    n = integers[0]
+    q, dq = memory[:n].reshape(1, n), memory[n : 2 * n].reshape(1, n)
+    ddq = memory[2 * n : 3 * n].reshape(1, n)
+    tau = memory[3 * n : 4 * n].reshape(1, n)
+    add_means(tau, q, dq, ddq, remainder, remainder_integers)
 
 
 @jit

@@ -16,7 +16,13 @@ from scipy.linalg import cholesky, qr, solve_triangular
 from scipy.linalg.lapack import dpstrf
 
 from lip_id_ros.arrays import Array, IndexArray, IntArray
-from lip_id_ros.model.remainder import correlation, Remainder
+from lip_id_ros.model.remainder import (
+    correlation,
+    near_and_beyond,
+    Remainder,
+    set_correlations,
+    set_inputs,
+)
 from lip_id_ros.model.threads import in_threads
 from lip_id_ros.numba_jit import jit
 
@@ -31,8 +37,6 @@ LEAST_SHARE = 1e-6
 
 LEAST_VARIANCE = 1e-12
 """In variances of the process: posterior variances below this are rounding errors."""
-
-CHECKS, SEED = 1000, 0
 
 
 class RemainderDeviation:
@@ -111,7 +115,7 @@ def compacted(x: Array, lengths: Array, noise: float) -> tuple[Array, Array]:
     order, upper = _pivoted(gram, np.maximum(variance, LEAST_VARIANCE))
     rank = len(upper)
     factor = qr(inverse[:, order] @ upper.T, mode='r')[0][:rank]
-    checks = _checks(x)
+    checks = near_and_beyond(x)
     cross = correlation(x, checks, lengths)
     exact = np.maximum(1.0 - np.sum((inverse @ cross) ** 2, axis=0), LEAST_VARIANCE)
     values = solve_triangular(upper[:, :rank], cross[order[:rank]], trans='T')
@@ -138,15 +142,6 @@ def _pivoted(gram: Array, variance: Array) -> tuple[IndexArray, Array]:
     upper, pivots, rank, _ = dpstrf(gram / np.outer(std, std), tol=LEAST_SHARE)
     order = pivots - 1
     return order, np.triu(upper[:rank]) * std[order]
-
-
-def _checks(x: Array) -> Array:
-    """Return inputs of samples, and some near to samples, between them and beyond."""
-    rng = np.random.default_rng(SEED)
-    first, second = rng.integers(len(x), size=(2, CHECKS))
-    # Most are near the first of the two, where the variance changes most.
-    share = 2.0 * rng.uniform(-1.0, 1.0, (CHECKS, 1)) ** 3
-    return np.concatenate([x, x[first] + share * (x[second] - x[first])])
 
 
 @jit
@@ -178,9 +173,7 @@ def add_deviations(
     std = floats[2 * width : 2 * width + n]
     z, memory, share = np.empty(width), np.empty(sizes.max()), np.empty(len(sizes))
     for t in range(len(out)):
-        set_inputs(z, q[t], dq[t], ddq[t], revolute)
-        for k in range(width):
-            z[k] = (z[k] - centre[k]) * inverse_scale[k]
+        set_inputs(z, q[t], dq[t], ddq[t], revolute, centre, inverse_scale)
         start = 2 * width + n
         for p in range(len(sizes)):
             m = sizes[p]
@@ -198,19 +191,6 @@ def add_deviations(
 
 
 @jit
-def set_correlations(out: Array, z: Array, x: Array, inverse_lengths: Array) -> None:
-    """Set the correlations, (m,), of inputs, (d,), with others: (d, m) in length scales, flat."""
-    count = len(out)
-    out[:] = 0.0
-    for k in range(len(z)):
-        at, others = z[k] * inverse_lengths[k], x[k * count : (k + 1) * count]
-        for m in range(len(others)):
-            out[m] += (at - others[m]) ** 2
-    for m in range(count):
-        out[m] = np.exp(-0.5 * out[m])
-
-
-@jit
 def squared_norm(rows: Array, vector: Array) -> float:
     """Return the squared norm of an upper triangle, row by row, times a vector."""
     norm, start = 0.0, 0
@@ -223,22 +203,3 @@ def squared_norm(rows: Array, vector: Array) -> float:
         norm += total * total
         start += len(rest)
     return norm
-
-
-@jit
-def set_inputs(z: Array, q: Array, dq: Array, ddq: Array, revolute: IntArray) -> None:
-    """Set z, shape (d,), to cosines, sines, prismatic positions, velocities, accelerations."""
-    turning = 0
-    for i in range(len(q)):
-        if revolute[i]:
-            turning += 1
-    angle, other = 0, 2 * turning
-    for i in range(len(q)):
-        if revolute[i]:
-            z[angle], z[turning + angle] = np.cos(q[i]), np.sin(q[i])
-            angle += 1
-        else:
-            z[other] = q[i]
-            other += 1
-    for i in range(len(q)):
-        z[other + i], z[other + len(q) + i] = dq[i], ddq[i]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from export.arms import model_of, random_arm, remainder_of
 from identification.test_payload import body, NOISE, recorded
+from model.models import torque_of_processes
 import numpy as np
 import pytest
 import yaml
@@ -215,7 +216,7 @@ def test_processes_of_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 10, N))
     links = loaded.arm.torque(q, dq, ddq)
     found = loaded.predict(q, dq, ddq).tau - links
-    expected = np.where(np.arange(N) == 0, remainder.torque(q, dq, ddq), 0.0)
+    expected = np.where(np.arange(N) == 0, torque_of_processes(remainder, q, dq, ddq), 0.0)
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
     only = replace(remainder, replaces=remainder.joints)
     assert attached(replace(model, remainder=only), known()).remainder is None

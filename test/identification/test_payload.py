@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from export.arms import model_of, random_arm, remainder_of
+from model.models import torque_of_processes
 import numpy as np
 import pytest
 
@@ -110,7 +111,7 @@ def test_a_process_beside_links_is_no_payload() -> None:
         alpha=10.0 * np.roll(first.alpha, 4, axis=1),
     )
     data = recorded(arm, body(), 0, NOISE)
-    rest = remainder.torque(data.q, data.dq, data.ddq)
+    rest = torque_of_processes(remainder, data.q, data.dq, data.ddq)
     assert rest.std(axis=0).max() > 10.0 * NOISE
     model, data = model_of(arm), replace(data, tau=data.tau + rest)
     found, ignorant = (

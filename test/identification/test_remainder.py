@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from model.models import torque_of_processes
 import numpy as np
 import pytest
 
@@ -68,7 +69,7 @@ def test_a_function_of_the_state_is_learned_beside_the_links() -> None:
     assert found is not None
     np.testing.assert_array_equal(found.joints, [False, True])
     assert not found.replaces.any()
-    learned = found.torque(q, dq, ddq)
+    learned = torque_of_processes(found, q, dq, ddq)
     assert not learned[:, 0].any()
     assert np.std(learned[:, 1] - 0.3 * np.sin(2.0 * q[:, 1])) < 0.03
 
@@ -92,7 +93,7 @@ def test_links_that_explain_nothing_are_replaced() -> None:
     found = elected(residual, tau)
     assert found is not None
     np.testing.assert_array_equal(found.replaces, [True, False])
-    error = found.torque(q, dq, ddq)[:, 0] - tau[:, 0]
+    error = torque_of_processes(found, q, dq, ddq)[:, 0] - tau[:, 0]
     assert np.mean(error**2) < 0.05 * tau[:, 0].var()
 
 
@@ -179,5 +180,5 @@ def test_a_torque_of_few_inputs_is_learned_from_them() -> None:
     found = targets.conditioned(RemainderElection(targets, folds).elect())
     assert found is not None
     assert found.replaces.all()
-    error = found.torque(q[N:], dq[N:], ddq[N:]) - tau[N:]
+    error = torque_of_processes(found, q[N:], dq[N:], ddq[N:]) - tau[N:]
     assert (np.mean(error**2, axis=0) < 0.02 * tau.var(axis=0)).all()

@@ -20,7 +20,13 @@ from lip_id_ros.kernels.program import without_potential
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
-from lip_id_ros.model.remainder import Inputs, Remainder, stored_inputs, stored_weights
+from lip_id_ros.model.remainder import (
+    correlation,
+    Inputs,
+    Remainder,
+    stored_inputs,
+    stored_weights,
+)
 
 KERNELS = (*MEMBERS, ARTICULATED)
 
@@ -120,6 +126,16 @@ def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior
         noise=TorqueNoise(*(0.1 + rng.random((5, n)))),
         covariance_root=root.astype(np.float32).astype(np.float64),  # as in a file
     )
+
+
+def torque_of_processes(remainder: Remainder, q: Array, dq: Array, ddq: Array) -> Array:
+    """Return the posterior mean as it is defined, shape (N, n)."""
+    z = remainder.inputs(q, dq, ddq)
+    out = np.sum(remainder.inputs.friction(dq) * remainder.friction, axis=2)
+    for joint in np.flatnonzero(remainder.joints):
+        cross = correlation(z, remainder.x, remainder.lengths[joint])
+        out[:, joint] += cross @ remainder.alpha[:, joint]
+    return np.asarray(out)
 
 
 def random_remainder(types: tuple[str, ...], rng: np.random.Generator) -> Remainder:
