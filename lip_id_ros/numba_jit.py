@@ -36,6 +36,12 @@ def jit(function: Function) -> Function:
     return _cached(function, wrap(function))
 
 
+def jit_inlined(function: Function) -> Function:
+    """Compile a function into those that call it: for small ones with many arguments."""
+    wrap = numba.njit(error_model='numpy', nogil=True, forceinline=True)
+    return _cached(function, wrap(function))
+
+
 def jit_parallel(function: Function) -> Function:
     """Compile a function whose `numba.prange` loops run on all threads."""
     wrap = numba.njit(error_model='numpy', nogil=True, parallel=True)

@@ -181,16 +181,20 @@ class Stribeck:
 
     def features(self, state: DriveState) -> Array:
         """Return the features, shape (N, 3)."""
-        width = math.hypot(self.width, self.smoothing)
-        narrow = smooth_sign(state, width)
-        wide = [smooth_sign(state, times * width) for times in WIDENINGS]
+        narrow = smooth_sign(state, self._narrow)
+        wide = [smooth_sign(state, times * self._narrow) for times in WIDENINGS]
         return np.column_stack([narrow - each for each in wide])
 
     def columns(self) -> tuple[Column, ...]:
         """Return the same features as sums of primitives."""
-        width = math.hypot(self.width, self.smoothing)
-        narrow = (1.0, Primitive(SIGN, width))
-        return tuple((narrow, (-1.0, Primitive(SIGN, times * width))) for times in WIDENINGS)
+        narrow = (1.0, Primitive(SIGN, self._narrow))
+        wide = (Primitive(SIGN, times * self._narrow) for times in WIDENINGS)
+        return tuple((narrow, (-1.0, each)) for each in wide)
+
+    @property
+    def _narrow(self) -> float:
+        """The width of the narrow sign [rad/s or m/s]."""
+        return math.hypot(self.width, self.smoothing)
 
 
 @dataclass(frozen=True)

@@ -75,10 +75,14 @@ def saturating_candidates(widths: Array) -> list[Candidate]:
 
 def presliding_candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     """Return pre-sliding friction for every joint."""
-    accelerations = np.sqrt(np.mean(dataset.ddq**2, axis=0))
-    sizes = zip(widths, np.maximum(accelerations, LEAST_ACCELERATION), strict=True)
+    sizes = zip(widths, _usual_acceleration(dataset), strict=True)
     terms = (Presliding(float(width), float(size)) for width, size in sizes)
     return [Candidate((DriveTerm(Drive.of_joint(j), term),)) for j, term in enumerate(terms)]
+
+
+def _usual_acceleration(dataset: Dataset) -> Array:
+    """Return root mean square accelerations, shape (n,) [rad/s^2 or m/s^2]."""
+    return np.maximum(np.sqrt(np.mean(dataset.ddq**2, axis=0)), LEAST_ACCELERATION)
 
 
 def ripple_candidates(harmonics: Mapping[int, int]) -> list[Candidate]:
@@ -102,7 +106,7 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     offers: list[Candidate] = []
     turned = np.ptp(dataset.q, axis=0)
     presliding = presliding_candidates(widths, dataset)
-    smoothing = rise_time(dataset) * np.sqrt(np.mean(dataset.ddq**2, axis=0))
+    smoothing = rise_time(dataset) * _usual_acceleration(dataset)
     for j, width in enumerate(float(each) for each in widths):
         common: list[FrictionTerm] = [
             Stribeck(width, float(smoothing[j])),

@@ -29,6 +29,7 @@ from lip_id_ros.model.remainder import (
     correlation,
     FRICTION_VARIANCE,
     Inputs,
+    kinds_of,
     Remainder,
     stored_inputs,
     stored_weights,
@@ -234,8 +235,9 @@ class Targets:
     def _sparse(self, lengths: Array, alpha: Array, tolerance: Array) -> Array:
         """Return weights of few samples, the same ones for joints with the same length scales."""
         out = np.zeros_like(alpha)
-        for each in np.unique(lengths[lengths.any(axis=1)], axis=0):
-            own = np.flatnonzero((lengths == each).all(axis=1))
+        different, kinds = kinds_of(lengths, lengths.any(axis=1))
+        for kind, each in enumerate(different):
+            own = kinds == kind
             out[:, own] = sparse_weights(self.x, each, alpha[:, own], tolerance[own])
         return out
 

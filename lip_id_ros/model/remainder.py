@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, BoolArray, IntArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.numba_jit import jit
 
 FRICTION_VARIANCE = 10.0
@@ -22,8 +22,11 @@ FRICTION_VARIANCE = 10.0
 SIGN_WIDTH = 0.05
 """Of the smooth signs of friction, in root mean square velocities."""
 
-FAR, DEGREE = 128.0, 13
-"""Squared distance beyond which correlations are zero to rounding; terms of their polynomial."""
+FAR, DEGREE, SQUARINGS = 128.0, 13, 7
+"""
+Squared distance beyond which correlations are zero to rounding; degree of their polynomial, and
+how often it is squared.
+"""
 
 CHECKS, SEED = 1000, 0
 """Number of inputs beside the samples at which short cuts are compared with all samples."""
@@ -138,6 +141,29 @@ def correlation(x: Array, z: Array, lengths: Array) -> Array:
     return np.asarray(np.exp(-0.5 * np.maximum(squares, 0.0)))
 
 
+def kinds_of(parameters: Array, joints: BoolArray) -> tuple[Array, IndexArray]:
+    """
+    Return the different parameters of processes, and which of them each joint has.
+
+    Parameters
+    ----------
+    parameters : array, shape (n, p)
+    joints : bool array, shape (n,)
+        Those that have a process.
+
+    Returns
+    -------
+    different : array, shape (K, p)
+    kinds : int array, shape (n,)
+        -1 for joints without a process.
+
+    """
+    different, kinds = np.unique(parameters[joints], axis=0, return_inverse=True)
+    out = np.full(len(joints), -1)
+    out[joints] = kinds.ravel()
+    return different, out
+
+
 def near_and_beyond(x: Array) -> Array:
     """Return inputs, shape (M, d), and some near to them, between them and beyond."""
     rng = np.random.default_rng(SEED)
@@ -199,14 +225,14 @@ def _squared_exponential(square: float) -> float:
     """
     Return exp(-square / 2) to 1e-13 of itself, and 1e-28 far away.
 
-    In vector instructions, a fifth of the time of `np.exp`: the seventh square of a Taylor
-    polynomial.
+    A Taylor polynomial of a small share of the exponent, which is squared again and again: in
+    vector instructions, a fifth of the time of `np.exp`.
 
     """
-    x = min(square, FAR) / 256.0
+    x = 0.5 * min(square, FAR) / 2.0**SQUARINGS
     value = 1.0
     for k in range(DEGREE):
         value = 1.0 - x * (1.0 / (DEGREE - k)) * value
-    for _ in range(7):
+    for _ in range(SQUARINGS):
         value *= value
     return value

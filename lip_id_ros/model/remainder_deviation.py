@@ -18,6 +18,7 @@ from scipy.linalg.lapack import dpstrf
 from lip_id_ros.arrays import Array, IndexArray, IntArray
 from lip_id_ros.model.remainder import (
     correlation,
+    kinds_of,
     near_and_beyond,
     Remainder,
     set_correlations,
@@ -53,11 +54,9 @@ class RemainderDeviation:
     """
 
     def __init__(self, remainder: Remainder) -> None:
-        inputs, joints = remainder.inputs, remainder.joints
-        own = np.column_stack([remainder.lengths, remainder.noise])[joints]
-        different, process = np.unique(own, axis=0, return_inverse=True)
-        processes, sizes = np.full(len(joints), -1), []
-        processes[joints] = process.ravel()
+        inputs, sizes = remainder.inputs, []
+        parameters = np.column_stack([remainder.lengths, remainder.noise])
+        different, processes = kinds_of(parameters, remainder.joints)
         floats = [inputs.centre, 1.0 / inputs.scale, np.sqrt(remainder.variance)]
         for each in different:
             lengths = each[:-1]

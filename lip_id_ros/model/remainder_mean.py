@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.model.remainder import Remainder, set_correlations, set_inputs, SIGN_WIDTH
+from lip_id_ros.model.remainder import (
+    kinds_of,
+    Remainder,
+    set_correlations,
+    set_inputs,
+    SIGN_WIDTH,
+)
 from lip_id_ros.model.threads import in_threads
 from lip_id_ros.numba_jit import jit
 
@@ -29,10 +35,8 @@ class RemainderMean:
     """
 
     def __init__(self, remainder: Remainder) -> None:
-        inputs, joints = remainder.inputs, remainder.joints
-        different, kind = np.unique(remainder.lengths[joints], axis=0, return_inverse=True)
-        kinds, sizes = np.full(len(joints), -1), []
-        kinds[joints] = kind.ravel()
+        inputs, sizes = remainder.inputs, []
+        different, kinds = kinds_of(remainder.lengths, remainder.joints)
         floats = [inputs.centre, 1.0 / inputs.scale, 1.0 / inputs.sign_width]
         floats.append(remainder.friction.ravel())
         for number, lengths in enumerate(different):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import timeit
-
 from friction.test_terms import coupled, EVERY
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,8 +11,6 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction, set_load_slopes
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
-from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, Offset, Stribeck, Viscous
-from lip_id_ros.numba_jit import jit
 
 
 def everything(seed: int) -> FrictionModel:
@@ -72,45 +68,3 @@ def test_added_to_what_is_there() -> None:
 def test_no_friction_at_all() -> None:
     model = FrictionModel(FrictionBasis(2, ()), np.zeros(0))
     np.testing.assert_array_equal(evaluated(model, *np.ones((4, 4, 2))), 0.0)
-
-
-@jit
-def repeated(
-    friction: CompiledFriction,
-    q: Array,
-    dq: Array,
-    ddq: Array,
-    load: Array,
-    out: Array,
-    times: int,
-) -> None:
-    for _ in range(times):
-        add_friction(friction, q, dq, ddq, load, out)
-
-
-@jit
-def tanh_repeated(dq: Array, times: int) -> float:
-    total = 0.0
-    for k in range(times):
-        for j in range(len(dq)):
-            total += np.tanh(dq[j] + 1e-9 * k)
-    return total
-
-
-def test_costs_little_more_than_its_signs() -> None:
-    """Seven joints with four terms and an offset each: a few tanh per joint, and nothing else."""
-    terms = (Viscous(), Coulomb(0.1), Offset(), Stribeck(0.1), LoadCoulomb(0.1))
-    parts = tuple(DriveTerm(Drive.of_joint(j), term) for j in range(7) for term in terms)
-    basis = FrictionBasis(7, parts)
-    compiled = CompiledFriction.of(FrictionModel(basis, np.ones(basis.size)))
-    q, dq, ddq, load = np.random.default_rng(0).standard_normal((4, 7))
-    out, times = np.zeros(7), 5_000
-    repeated(compiled, q, dq, ddq, load, out, 1)
-    tanh_repeated(dq, 1)
-    spent = min(
-        timeit.repeat(
-            lambda: repeated(compiled, q, dq, ddq, load, out, times), number=1, repeat=20
-        )
-    )
-    signs = 4 * min(timeit.repeat(lambda: tanh_repeated(dq, times), number=1, repeat=20))
-    assert spent < 5.0 * signs
