@@ -20,7 +20,7 @@ from lip_id_ros.feedforward.deviations import Deviated
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.measured import MeasuredArm
 from lip_id_ros.feedforward.settings import make_rules, Policy, SafeValue, ServeSettings
-from lip_id_ros.feedforward.shaping import Sent, Shaper, TrainingRange
+from lip_id_ros.feedforward.shaping import Shaper, TrainingRange
 from lip_id_ros.feedforward.status import ServeCounts
 from lip_id_ros.model import Prediction, Query
 from lip_id_ros.recording.joint_messages import JointMessage
@@ -34,6 +34,7 @@ from lip_id_ros.signals.joints import (
     RefusedError,
 )
 from lip_id_ros.signals.status import Level
+from lip_id_ros.signals.torque_steps import Sent
 
 COUNTED = (*shaping.COUNTED, 'stale')
 """Keys of ~/status: what `shaping` counts, and streams that fell silent."""

@@ -13,9 +13,7 @@ from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import executor_setting, rows, setting, Settings
 from lip_id_ros.settings.settings import AT_START, ON_CONFIGURE, ON_LOAD, PER_JOINT
 from lip_id_ros.signals.joints import by_joint, require_unique
-
-DEFAULT_RATE = 20.0
-"""Rate limit by torque limit [1/s], where none is given: a full swing takes 0.1 s at least."""
+from lip_id_ros.signals.torque_steps import DEFAULT_RATE
 
 
 class Policy(StrEnum):

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.feedforward.settings import Policy, Rules
 from lip_id_ros.signals.joints import Refusal, RefusedError
+from lip_id_ros.signals.torque_steps import between, Ramp, Sent, toward
 
 COUNTED = ('limited', 'rate_limited', 'out_of_range', 'uncertain')
 """Keys of ~/status: torques that were cut, and doubtful references."""
 
 SMALLEST = 1e-12
 """In place of a range or a standard deviation of zero: whatever differs is beyond it."""
-
-LONGEST_STEP_S = 0.05
-"""A rate limit counts no more time than this between two torques: after a pause, the next torque
-is a step for the robot, however long the pause was."""
 
 
 class TrainingRange:
@@ -104,60 +100,6 @@ def factors(policy: Policy, excess: Array, counts: Counter[str], key: str) -> Ar
     if policy is Policy.ZERO:
         return np.where(excess > 1.0, 0.0, 1.0)
     return np.ones_like(excess)
-
-
-@dataclass(frozen=True, eq=False)
-class Sent:
-    """
-    The torque that the robot holds.
-
-    Attributes
-    ----------
-    tau : ndarray, shape (n,)
-        [N m or N].
-    at : float
-        When it was sent [s], on any steady clock.
-
-    """
-
-    tau: Array
-    at: float = -np.inf
-
-    @property
-    def in_words(self) -> str:
-        """The torque, in words."""
-        largest = float(np.abs(self.tau).max(initial=0.0))
-        return f'torques up to {largest:.3g} N m or N' if largest else 'zero torque'
-
-
-class Ramp:
-    """
-    A linear blend from the torque that the robot holds to whatever is wanted.
-
-    The share of the wanted torque grows with time at a slope of one over the present duration.
-    Another duration changes the slope from here on, not the share.
-
-    """
-
-    def __init__(self) -> None:
-        self._origin: Array | None = None
-        self._share, self._at = 1.0, -np.inf
-
-    def begin(self) -> None:
-        """Start again at share 0 with the next torque, whenever it comes."""
-        self._origin, self._share = None, 0.0
-
-    def blend(self, held: Array, wanted: Array, now: float, duration_s: float) -> Array:
-        """Return the torque at this time [s], for a ramp that takes `duration_s` in all."""
-        if self._share >= 1.0:
-            return wanted
-        if self._origin is None:
-            self._origin, self._at = held, now
-        elapsed, self._at = max(now - self._at, 0.0), now
-        self._share += elapsed / duration_s if duration_s > 0.0 else 1.0
-        if self._share >= 1.0:
-            return wanted
-        return (1.0 - self._share) * self._origin + self._share * wanted
 
 
 class Shaper:
@@ -268,14 +210,12 @@ class Shaper:
             self.begin()
         duration_s = self.rules.safe_ramp_s if is_safe else self.rules.ramp_s
         ramped = self._ramp.blend(self.sent.tau, wanted, now, duration_s)
-        elapsed = min(max(now - self.sent.at, 1e-6), LONGEST_STEP_S)
-        rated = _toward(self.sent.tau, ramped, elapsed * self.rules.rates)
-        # again, since the limits may have become narrower than what was sent last
-        safe = _between(rated, -self.rules.limits, self.rules.limits)
+        rated = self.sent.toward(ramped, now, self.rules.rates)
         self._counts['limited'] += int(limited.any())
         self._counts['rate_limited'] += int((rated != ramped).any())
-        self.sent = Sent(safe, now)
-        return safe
+        # again, since the limits may have become narrower than what was sent last
+        self.sent = Sent(between(rated, -self.rules.limits, self.rules.limits), now)
+        return self.sent.tau
 
     def _range_factors(self, states: Array) -> Array:
         policy = self.rules.range_policy
@@ -291,17 +231,8 @@ class Shaper:
         scaled = self.rules.scale * tau
         if not np.isfinite(scaled).all():
             raise RefusedError(Refusal.NOT_FINITE_TORQUE)
-        safe = _between(scaled, -self.rules.limits, self.rules.limits)
+        safe = between(scaled, -self.rules.limits, self.rules.limits)
         return safe, safe != scaled
-
-
-def _toward(held: Array, wanted: Array, step: Array) -> Array:
-    return _between(wanted, held - step, held + step)
-
-
-def _between(values: Array, low: Array, high: Array) -> Array:
-    # np.clip does the same, for a few numbers in five times the time
-    return np.minimum(np.maximum(values, low), high)
 
 
 def _slow_down(tau: Array, t: Array, rates: Array) -> int:
@@ -309,7 +240,7 @@ def _slow_down(tau: Array, t: Array, rates: Array) -> int:
     cut = 0
     elapsed = np.maximum(np.diff(t), 1e-6)
     for row, seconds in enumerate(elapsed, start=1):
-        slower = _toward(tau[row - 1], tau[row], seconds * rates)
+        slower = toward(tau[row - 1], tau[row], seconds * rates)
         cut += int((slower != tau[row]).any())
         tau[row] = slower
     return cut

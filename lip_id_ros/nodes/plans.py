@@ -28,10 +28,10 @@ from lip_id_ros.errors import LipIdError
 from lip_id_ros.feedforward.loading import load_model, ModelFile
 from lip_id_ros.feedforward.server import ServedArm
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.feedforward.shaping import Sent
 from lip_id_ros.nodes import messages
 from lip_id_ros.processes import kill
 from lip_id_ros.signals.joints import Refusal, RefusedError
+from lip_id_ros.signals.torque_steps import Sent
 
 MOST_WAITING = 8
 LENGTHS = struct.Struct('<II')

@@ -125,7 +125,8 @@ class StampWatch:
     Parameters
     ----------
     longest_step_s : float
-        A stamp further ahead is doubted [s].
+        A stamp further ahead is doubted [s]; of messages that come with the time of their
+        receipt, one further ahead than it was long in coming.
 
     Attributes
     ----------
@@ -136,31 +137,41 @@ class StampWatch:
 
     def __init__(self, longest_step_s: float = LONGEST_STEP_S) -> None:
         self._longest_ns = round(NANOSECONDS * longest_step_s)
-        self._last_ns = 0
-        self._doubted_ns = 0
+        self._last = self._doubted = (0, 0)
         self._n_doubted = 0
         self.jumps = 0
 
-    def doubt(self, stamp_ns: int) -> Refusal | None:
-        """Return why a stamp [ns] is not that of the next message, None where it is."""
+    def doubt(self, stamp_ns: int, received_ns: int = 0) -> Refusal | None:
+        """
+        Return why a stamp [ns] is not that of the next message, None where it is.
+
+        Parameters
+        ----------
+        stamp_ns : int
+        received_ns : int
+            When the message came, on any steady clock [ns]; 0 where that says nothing.
+
+        """
+        message = stamp_ns, received_ns
         if stamp_ns <= 0:
             return Refusal.NO_STAMP
-        if stamp_ns == self._last_ns:
+        if stamp_ns == self._last[0]:
             return Refusal.REPEATED_STAMP
-        if self._last_ns == 0 or self._follows(self._last_ns, stamp_ns):
-            self._accept(stamp_ns)
+        if self._last[0] == 0 or self._follows(self._last, message):
+            self._accept(message)
             return None
-        follows = self._n_doubted > 0 and self._follows(self._doubted_ns, stamp_ns)
+        follows = self._n_doubted > 0 and self._follows(self._doubted, message)
         self._n_doubted = self._n_doubted + 1 if follows else 1
-        self._doubted_ns = stamp_ns
+        self._doubted = message
         if self._n_doubted == CONFIRMED_BY:
             self.jumps += 1
-            self._accept(stamp_ns)
+            self._accept(message)
             return None
-        return Refusal.BACKWARD_STAMP if stamp_ns < self._last_ns else Refusal.FAR_STAMP
+        return Refusal.BACKWARD_STAMP if stamp_ns < self._last[0] else Refusal.FAR_STAMP
 
-    def _follows(self, before_ns: int, stamp_ns: int) -> bool:
-        return 0 < stamp_ns - before_ns <= self._longest_ns
+    def _follows(self, before: tuple[int, int], message: tuple[int, int]) -> bool:
+        waited_ns = message[1] - before[1]
+        return 0 < message[0] - before[0] <= self._longest_ns + waited_ns
 
-    def _accept(self, stamp_ns: int) -> None:
-        self._last_ns, self._n_doubted = stamp_ns, 0
+    def _accept(self, message: tuple[int, int]) -> None:
+        self._last, self._n_doubted = message, 0

@@ -15,8 +15,9 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward.settings import make_rules, ServeSettings, unbounded
-from lip_id_ros.feedforward.shaping import LONGEST_STEP_S, Sent, Shaper, TrainingRange
+from lip_id_ros.feedforward.shaping import Shaper, TrainingRange
 from lip_id_ros.signals.joints import by_joint, RefusedError
+from lip_id_ros.signals.torque_steps import LONGEST_STEP_S, Sent
 
 NAMES = ('a', 'b', 'c')
 LIMITS = (87.0, 12.0, 0.0)

@@ -61,3 +61,11 @@ def test_two_clocks_in_turn_never_confirm_each_other() -> None:
     )
     assert found[::2] == [None] * 50
     assert found[1::2] == [Refusal.FAR_STAMP] * 50
+
+
+def test_a_stamp_may_be_as_far_ahead_as_its_message_was_long_in_coming() -> None:
+    """One that is 0.9 s ahead without a pause is doubted, one after a pause of 3 s is not."""
+    watch = StampWatch(0.1)
+    arrivals = [(10.0, 5.0), (10.01, 5.01), (10.9, 5.02), (10.03, 5.03), (13.0, 8.0)]
+    found = [watch.doubt(round(S * stamp), round(S * at)) for stamp, at in arrivals]
+    assert found == [None, None, Refusal.FAR_STAMP, None, None]
