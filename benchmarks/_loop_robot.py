@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
+from dataclasses import asdict
 import json
 import subprocess
 import sys
@@ -20,10 +21,11 @@ from benchmarks._cells import running
 from benchmarks._loop_figures import Timeline
 from benchmarks._serve_client import cpu_seconds, LIMITS, serving, spun
 from lip_id_ros.arrays import Array
-from lip_id_ros.control.computed_torque import ControlSettings, PlanController
+from lip_id_ros.control.plan_controller import PlanController
+from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.simulation import Measurement, placed, SinusoidTrajectory
+from lip_id_ros.simulation import Measurement, placed, SinusoidTrajectory, StoppedTrajectory
 from lip_id_ros.simulation.arm import MOTION
 from lip_id_ros.simulation.panda_drives import DAMPING, panda_setup, STIFFNESS
 
@@ -36,7 +38,16 @@ SETUP = panda_setup()
 NAMES = list(SETUP.arm.joint_names)
 BOUNDS = np.array(LIMITS)
 CONTROL = ControlSettings(
-    joints=SETUP.arm.joint_names, stiffness=STIFFNESS, damping=DAMPING, torque_limits=tuple(LIMITS)
+    joints=SETUP.arm.joint_names,
+    stiffness=STIFFNESS,
+    damping=DAMPING,
+    torque_limits=tuple(LIMITS),
+    # lateness is measured here, and let be: the arm moves from the first torque on
+    rate_limits=(1e9,),
+    ramp_s=0.0,
+    stale_timeout_s=5.0,
+    start_tolerance=(1.0,),
+    path_tolerance=(10.0,),
 )
 
 
@@ -180,7 +191,7 @@ class PlanInLoop:
     def begin(self) -> None:
         """Take the plan."""
         answered = self._plan.answered()
-        self._controller.take(answered.joint_names, answered.points)
+        self._controller.take(answered.joint_names, answered.points, time.monotonic())
 
     def torque(self, number: int, measured: Measurement) -> Array:
         """Compute the torque of this tick."""
@@ -188,7 +199,7 @@ class PlanInLoop:
         message = JointMessage(
             tick_ns(number), NAMES, measured.q.tolist(), measured.dq.tolist(), ()
         )
-        torques = self._controller.torques(message)
+        torques = self._controller.torques(message, time.monotonic())
         assert torques is not None
         self._timeline.answered(number, bool((np.abs(torques) <= BOUNDS).all()))
         return torques
@@ -224,10 +235,11 @@ class Planned:
 
 
 def plan(trajectory: SinusoidTrajectory, seconds: float) -> JointTrajectory:
-    """Return the motion as one plan."""
-    t = np.arange(round(PLAN_HZ * seconds) + 1) / PLAN_HZ
+    """Return the motion, brought to rest after some seconds, as one plan."""
+    stopped = StoppedTrajectory(trajectory, seconds)
+    t = np.arange(round(PLAN_HZ * (seconds + stopped.within)) + 1) / PLAN_HZ
     message = JointTrajectory(joint_names=NAMES)
-    for time_, q, dq, ddq in zip(t, *trajectory.sample(t), strict=True):
+    for time_, q, dq, ddq in zip(t, *stopped.sample(t), strict=True):
         point = JointTrajectoryPoint(
             positions=messages.doubles(q),
             velocities=messages.doubles(dq),
@@ -280,8 +292,8 @@ def wait_for_last(timeline: Timeline) -> None:
 
 def controlling() -> AbstractContextManager[subprocess.Popen[bytes]]:
     """Run `computed_torque` while the block runs."""
-    names = ('joints', 'stiffness', 'damping', 'torque_limits')
-    return running('computed_torque', {name: json.dumps(getattr(CONTROL, name)) for name in names})
+    given = {name: value for name, value in asdict(CONTROL).items() if name != 'executor'}
+    return running('computed_torque', {name: json.dumps(value) for name, value in given.items()})
 
 
 if __name__ == '__main__':

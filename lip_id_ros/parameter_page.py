@@ -12,7 +12,7 @@ import json
 import sys
 
 from lip_id_ros.acquisition.settings import train_parameters
-from lip_id_ros.control.computed_torque import ControlSettings
+from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.demo.settings import ArmSettings, ReferenceSettings
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.monitoring.monitor import MonitorSettings

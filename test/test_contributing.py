@@ -12,7 +12,8 @@ from nodes import toy
 import pytest
 
 from lip_id_ros.acquisition.recorder import Recorder
-from lip_id_ros.control.computed_torque import ControlSettings, PlanController
+from lip_id_ros.control.plan_controller import PlanController
+from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings
 

@@ -28,6 +28,7 @@ from lip_id_ros.simulation import (
     make_dataset,
     panda,
     SinusoidTrajectory,
+    StoppedTrajectory,
     TorqueControlledArm,
     with_encoder_noise,
 )
@@ -35,6 +36,7 @@ from lip_id_ros.simulation.arm import MOTION
 from lip_id_ros.simulation.panda_drives import panda_setup
 
 RETRY_S, REPEAT_S = 0.2, 5.0
+FASTEST = 100.0  # no joint of an arm gets there [rad/s]
 POINTS_HZ = 100.0
 
 
@@ -123,7 +125,8 @@ class ArmNode(NodeBase):
     Its clock is in the stamps, and advances with the torques: a slow computer makes the motion
     slow, not unstable; and without torques the arm stands, as if it had engaged its brakes. A
     torque answers the joint state that has its stamp; any other is ignored. What is not answered
-    is published again, since messages may be lost.
+    is published again, since messages may be lost. Where a joint would move faster than `FASTEST`,
+    the arm stops where it is, as by its brakes.
 
     Raises
     ------
@@ -145,6 +148,7 @@ class ArmNode(NodeBase):
         self._contact = external(settings)
         self._start_ns = self.get_clock().now().nanoseconds
         self._tally = Tally('steps', 'others')
+        self._stops = self._told_stops = 0
         self._publisher = self.create_publisher(JointState, 'joint_states', qos.OUTPUT)
         self.create_subscription(JointState, 'command', self._on_command, qos.OUTPUT)
         self._measure()
@@ -153,7 +157,13 @@ class ArmNode(NodeBase):
     def status(self) -> Status:
         """Return the counts of torques."""
         tally = self._tally
-        values = {'received': tally.received, **tally.used, 'refused': dict(tally.refused)}
+        counts = {'received': tally.received, **tally.used, 'refused': dict(tally.refused)}
+        values, new = {**counts, 'stops': self._stops}, self._stops - self._told_stops
+        self._told_stops = self._stops
+        if new:
+            return Status(
+                Level.ERROR, f'stopped: a joint would move faster than {FASTEST:g} rad/s', values
+            )
         return Status(Level.OK, f'{tally.used["steps"]} steps', values)
 
     def check_change(self, values: Mapping[str, Any]) -> None:
@@ -191,8 +201,13 @@ class ArmNode(NodeBase):
         if message.header.stamp != self._state.header.stamp:
             self._tally.used['others'] += 1
             return
-        self._arm.step(self._torque(message), self._contact)
+        before, torque = self._arm.q, self._torque(message)
+        with np.errstate(all='ignore'):
+            self._arm.step(torque, self._contact)
         self._tally.used['steps'] += 1
+        if not (np.abs(self._arm.dq) < FASTEST).all():  # what is not a number is too fast as well
+            self._stops += 1
+            self._arm.stop(before)
         self._measure()
 
     def _torque(self, message: JointState) -> Array:
@@ -259,11 +274,13 @@ class ReferenceNode(NodeBase):
 
 
 def plan(settings: ReferenceSettings) -> JointTrajectory:
-    """Return the reference at a hundred points per second."""
+    """Return the reference at a hundred points per second, brought to rest after the horizon."""
     setup = panda_setup(settings.n_joints)
     reference = GrowingCosine(setup.posture, settings.amplitude, settings.horizon)
-    t = np.linspace(0.0, settings.horizon, round(POINTS_HZ * settings.horizon) + 1)
-    return messages.plan_message(setup.arm.joint_names, t, *reference.sample(t))
+    stopped = StoppedTrajectory(reference, settings.horizon)
+    end = stopped.until + stopped.within
+    t = np.linspace(0.0, end, round(POINTS_HZ * end) + 1)
+    return messages.plan_message(setup.arm.joint_names, t, *stopped.sample(t))
 
 
 def simulated_panda() -> int:

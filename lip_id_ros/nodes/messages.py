@@ -6,7 +6,6 @@ from array import array
 from collections.abc import Mapping, Sequence
 import json
 import math
-import struct
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
@@ -17,11 +16,10 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.status import Status
+from lip_id_ros.signals.trajectory_header import read_header
 
 NANOSECONDS = 1_000_000_000
-COUNT, STAMP = struct.Struct('I').size, struct.Struct('iI').size
 
 
 def stamp_at(nanoseconds: int) -> Time:
@@ -94,41 +92,8 @@ def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
 
 
 def count_points(raw: bytes) -> int:
-    """
-    Read the number of points of a serialised JointTrajectory, without the points.
-
-    Parameters
-    ----------
-    raw : bytes
-        CDR of either byte order: a stamp, a frame, names, then the points.
-
-    Raises
-    ------
-    RefusedError
-        If it ends before.
-
-    """
-    order = '<' if raw[1:2] == b'\x01' else '>'
-    body = memoryview(raw)[4:]
-
-    def number(at: int) -> int:
-        return int(struct.unpack_from(f'{order}I', body, at)[0])
-
-    def after_string(at: int) -> int:
-        return _aligned(at + COUNT + number(at))
-
-    try:
-        at = after_string(STAMP)
-        n_names, at = number(at), at + COUNT
-        for _ in range(n_names):
-            at = after_string(at)
-        return number(at)
-    except struct.error:
-        raise RefusedError(Refusal.MALFORMED) from None
-
-
-def _aligned(at: int) -> int:
-    return (at + 3) & ~3
+    """Read the number of points of a serialised JointTrajectory; RefusedError if it is none."""
+    return read_header(raw).n_points
 
 
 def recorded_joint_state(recorded: Any) -> JointState:

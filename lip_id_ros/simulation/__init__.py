@@ -14,7 +14,12 @@ from lip_id_ros.simulation.closed_loop import (
     Tracking,
 )
 from lip_id_ros.simulation.datasets import make_dataset, with_encoder_noise, with_truth, write_bag
-from lip_id_ros.simulation.trajectories import GrowingCosine, MotionLimits, SinusoidTrajectory
+from lip_id_ros.simulation.trajectories import (
+    GrowingCosine,
+    MotionLimits,
+    SinusoidTrajectory,
+    StoppedTrajectory,
+)
 
 __all__ = [
     'Drives',
@@ -27,6 +32,7 @@ __all__ = [
     'NominalFeedforward',
     'SimulatedArm',
     'SinusoidTrajectory',
+    'StoppedTrajectory',
     'TorqueControlledArm',
     'Tracking',
     'make_dataset',

@@ -128,6 +128,11 @@ class TorqueControlledArm:
         self._acting = np.array(tau, dtype=np.float64)
         self._underway = deque([self._acting] * self.drives.delay)
 
+    def stop(self, q: Array) -> None:
+        """Stand at positions (n,) without torques."""
+        self.q, self.dq = np.array(q, dtype=np.float64), np.zeros_like(self.q)
+        self.hold(np.zeros_like(self.q))
+
     def measure(self) -> Measurement:
         """Read the sensors."""
         drives = self.drives

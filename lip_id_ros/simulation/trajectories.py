@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import BPoly
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, ShapeError
@@ -184,3 +185,28 @@ class GrowingCosine:
         dq = slope * (cos - COSINE_RATE * time * sin)
         ddq = -slope * COSINE_RATE * (2 * sin + COSINE_RATE * time * cos)
         return q, dq, ddq
+
+
+@dataclass(frozen=True)
+class StoppedTrajectory:
+    """A motion that is followed until a time [s], and then brought to rest within some seconds."""
+
+    motion: Trajectory
+    until: float
+    within: float = 1.0
+
+    def sample(self, t: Array) -> JointMotion:
+        """Return q, dq and ddq at times (N,) [s], each (N, n): at the end a quintic polynomial."""
+        time = np.asarray(t, dtype=np.float64)
+        q, dq, ddq = (part[0] for part in self.motion.sample(np.array([self.until])))
+        rest = np.zeros_like(q)
+        end = [q + 0.5 * self.within * dq, rest, rest]
+        stop = BPoly.from_derivatives([0.0, self.within], [[q, dq, ddq], end])
+        after = np.clip(time - self.until, 0.0, self.within)
+        moving = (time <= self.until)[:, np.newaxis]
+        before = self.motion.sample(np.minimum(time, self.until))
+        stopping = (stop(after), stop.derivative()(after), stop.derivative(2)(after))
+        first, second, third = (
+            np.where(moving, *parts) for parts in zip(before, stopping, strict=True)
+        )
+        return first, second, third

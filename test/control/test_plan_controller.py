@@ -5,18 +5,32 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass, field, replace
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
-from lip_id_ros.control.computed_torque import ControlSettings, PlanController
+from lip_id_ros.control.plan_controller import PlanController
+from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import RefusedError
-from lip_id_ros.signals.status import Level
+from lip_id_ros.signals.status import Level, Status
 
 NAMES = ('a', 'b')
 SETTINGS = ControlSettings(
+    joints=NAMES,
+    stiffness=(100.0, 50.0),
+    damping=(10.0, 5.0),
+    torque_limits=(30.0, 20.0),
+    # what is tested of them is tested with the defaults below
+    rate_limits=(1e9,),
+    ramp_s=0.0,
+    stale_timeout_s=10.0,
+    start_tolerance=(20.0,),
+    path_tolerance=(20.0,),
+)
+DEFAULTS = ControlSettings(
     joints=NAMES, stiffness=(100.0, 50.0), damping=(10.0, 5.0), torque_limits=(30.0, 20.0)
 )
 START = 1_700_000_000_000_000_000
@@ -40,7 +54,14 @@ class Point:
 PLAN = [
     Point([0.0, 1.0], [1.0, 0.0], Time(0), [2.0, -4.0]),
     Point([1.0, 1.0], [1.0, 0.0], Time(1), [4.0, -4.0]),
+    Point([1.5, 1.0], [0.0, 0.0], Time(2), [4.0, -4.0]),
 ]
+STILL = [Point([0.0, 1.0], [0.0, 0.0], Time(second), [20.0, -4.0]) for second in (0, 3)]
+
+
+def later(plan: list[Point]) -> list[Point]:
+    """Return the points of a plan ten seconds later."""
+    return [replace(point, time_from_start=Time(point.time_from_start.sec + 10)) for point in plan]
 
 
 def measured(
@@ -49,14 +70,32 @@ def measured(
     return JointMessage(START + round(1e9 * t), names, q, dq, [])
 
 
-def following(plan: list[Point] = PLAN, names: tuple[str, ...] = NAMES) -> PlanController:
-    controller = PlanController(SETTINGS)
-    controller.take(names, plan)
-    return controller
+class Arm:
+    """A controller that is asked at the time of the stamps, or later."""
+
+    def __init__(self, settings: ControlSettings = SETTINGS) -> None:
+        self.controller = PlanController(settings)
+        self.now = 0.0
+
+    def take(self, plan: list[Point], names: tuple[str, ...] = NAMES) -> None:
+        self.controller.take(names, plan, self.now)
+
+    def torques(self, message: JointMessage, now: float | None = None) -> Any:
+        self.now = max(self.now, 1e-9 * (message.stamp_ns - START)) if now is None else now
+        return self.controller.torques(message, self.now)
+
+    def status(self) -> Status:
+        return self.controller.status()
+
+
+def following(plan: list[Point] = PLAN, names: tuple[str, ...] = NAMES) -> Arm:
+    arm = Arm()
+    arm.take(plan, names)
+    return arm
 
 
 def test_without_a_plan_there_is_no_torque() -> None:
-    assert PlanController(SETTINGS).torques(measured(0, [0, 0], [0, 0])) is None
+    assert Arm().torques(measured(0, [0, 0], [0, 0])) is None
 
 
 def test_effort_and_feedback_between_two_points() -> None:
@@ -80,7 +119,7 @@ def test_clock_is_the_stamp_of_the_measurements_and_begins_with_the_first() -> N
 def test_the_last_point_is_held_at_rest() -> None:
     controller = following()
     controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
-    held = controller.torques(measured(5.0, [1.0, 1.0], [0.0, 0.0]))
+    held = controller.torques(measured(5.0, [1.5, 1.0], [0.0, 0.0]))
     assert held is not None
     np.testing.assert_allclose(held, [4.0, -4.0])
 
@@ -120,9 +159,8 @@ def test_torques_keep_their_limits() -> None:
 
 def test_limits_are_kept_to_the_last_digit() -> None:
     # -14.6 + (12 - -14.6) is more than 12: nothing may be added to what was limited
-    controller = PlanController(replace(SETTINGS, torque_limits=(12.0, 12.0)))
-    points = [replace(point, effort=[-14.6, -14.6]) for point in PLAN]
-    controller.take(NAMES, points)
+    controller = Arm(replace(SETTINGS, torque_limits=(12.0, 12.0)))
+    controller.take([replace(point, effort=[-14.6, -14.6]) for point in PLAN])
     torques = controller.torques(measured(0.0, [-9.0, -9.0], [0.0, 0.0]))
     assert torques is not None
     assert torques.tolist() == [12.0, 12.0]
@@ -143,6 +181,15 @@ def test_limits_are_kept_to_the_last_digit() -> None:
         ([PLAN[0], Point([0, 0], [0, 0], Time(1), [1e300, 1])], 'larger than that of any arm'),
         ([PLAN[0], Point([0, 2], [0, 0], Time(0, 1), [1, 1])], 'larger than that of any arm'),
         ([PLAN[0], Point([0, math.inf], [0, 0], Time(1), [1, 1])], 'must be finite'),
+        (PLAN[:2], r'must end at rest, within 0\.01 rad/s'),
+        (
+            [
+                Point([0, 1], [9, 0], Time(0), [1, 1]),
+                Point([0, 1], [9, 0], Time(1), [1, 1]),
+                *later(PLAN),
+            ],
+            r'must follow from its velocities, to 0\.05 rad or m and the way',
+        ),
     ],
 )
 def test_a_bad_plan_is_refused_and_the_one_before_goes_on(
@@ -150,7 +197,7 @@ def test_a_bad_plan_is_refused_and_the_one_before_goes_on(
 ) -> None:
     controller = following()
     with pytest.raises(RefusedError, match=sentence):
-        controller.take(NAMES, points)
+        controller.take(points)
     torques = controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
     assert torques is not None
     np.testing.assert_allclose(torques, [2.0, -4.0])
@@ -178,9 +225,9 @@ def test_a_bad_measurement_is_not_answered(message: JointMessage, sentence: str)
         (ControlSettings(joints=NAMES, damping=(1.0, 1.0)), 'stiffness must have one number for'),
         (
             ControlSettings(
-                joints=NAMES, stiffness=(1.0, 1.0), damping=(1.0, 1.0), torque_limits=(1.0,)
+                joints=NAMES, stiffness=(1.0, 1.0), damping=(1.0, 1.0), torque_limits=(1.0,) * 3
             ),
-            'torque_limits must have one number for each of 2 joints, but has 1',
+            r'torque_limits must hold one value per joint \(2\), one for all or none, but holds 3',
         ),
     ],
 )
@@ -196,23 +243,10 @@ def test_a_wrong_stamp_moves_nothing(wrong_s: float, sentence: str) -> None:
     controller = following()
     controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
     with pytest.raises(RefusedError, match=sentence):
-        controller.torques(measured(wrong_s, [0.25, 1.0], [1.0, 0.0]))
+        controller.torques(measured(wrong_s, [0.25, 1.0], [1.0, 0.0]), 0.25)
     torques = controller.torques(measured(0.5, [0.5, 1.0], [1.0, 0.0]))
     assert torques is not None
     np.testing.assert_allclose(torques, [3.0, -4.0], atol=1e-6)
-
-
-def test_a_clock_that_jumped_ends_the_plan() -> None:
-    controller = following()
-    controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
-    for step in (0.0, 0.01):
-        with pytest.raises(RefusedError):
-            controller.torques(measured(-100.0 + step, [0.0, 1.0], [1.0, 0.0]))
-    assert controller.torques(measured(-99.98, [0.0, 1.0], [1.0, 0.0])) is None
-    controller.take(NAMES, PLAN)
-    torques = controller.torques(measured(-99.97, [0.0, 1.0], [1.0, 0.0]))
-    assert torques is not None
-    np.testing.assert_allclose(torques, [2.0, -4.0], atol=1e-6)
 
 
 def test_another_robot_on_the_topic_neither_ends_a_plan_nor_is_warned_of() -> None:
@@ -220,14 +254,14 @@ def test_another_robot_on_the_topic_neither_ends_a_plan_nor_is_warned_of() -> No
     controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
     for step in range(5):
         with pytest.raises(RefusedError, match='has no joint of the model'):
-            controller.torques(measured(1000.0 + step, [0.0], [0.0], ('finger',)))
+            controller.torques(measured(1000.0 + step, [0.0], [0.0], ('finger',)), 0.1)
     torques = controller.torques(measured(0.5, [0.5, 1.0], [1.0, 0.0]))
     assert torques is not None
     np.testing.assert_allclose(torques, [3.0, -4.0], atol=1e-6)
     assert controller.status().values['refused'] == {'only foreign joints': 5}
     assert controller.status().level == Level.OK
     with pytest.raises(RefusedError):
-        controller.torques(measured(1000.0, [0.0], [0.0], ('finger',)))
+        controller.torques(measured(1000.0, [0.0], [0.0], ('finger',)), 0.6)
     assert controller.status().level == Level.WARN  # nothing else comes
 
 
@@ -247,12 +281,12 @@ def test_a_joint_state_that_comes_again_gets_the_same_torque() -> None:
 
 
 def test_every_message_is_used_or_refused_and_new_refusals_are_warned_of() -> None:
-    controller = PlanController(SETTINGS)
+    controller = Arm()
     sent = 0
     for plan in (PLAN, PLAN[:1], [], PLAN[::-1]):
         sent += 1
         with contextlib.suppress(RefusedError):
-            controller.take(NAMES, plan)
+            controller.take(plan)
     rows = [[0.0, 0.0], [math.nan, 0.0], [], [0.0]]
     for number, row in enumerate(rows):
         sent += 1
@@ -267,3 +301,173 @@ def test_every_message_is_used_or_refused_and_new_refusals_are_warned_of() -> No
     assert sum(values['refused'].values()) == sent - 2
     assert len(values['refused']) == 5
     assert controller.status().level == Level.OK
+
+
+AT_START = ([0.0, 1.0], [0.0, 0.0])
+"""Positions and velocities of an arm that stands where `STILL` holds it."""
+
+
+def holding(settings: ControlSettings = DEFAULTS) -> Arm:
+    """Let an arm follow `STILL` until its torque has come, at 1 kHz."""
+    arm = Arm(settings)
+    arm.take(STILL)
+    for step in range(200):
+        arm.torques(measured(0.001 * step, *AT_START))
+    np.testing.assert_allclose(arm.torques(measured(0.2, *AT_START)), [20.0, -4.0])
+    return arm
+
+
+def released(arm: Arm) -> np.ndarray:
+    """Return torques of the watch, every 5 ms from now on, until there are none."""
+    torques: list[np.ndarray] = []
+    for step in range(100):
+        tau = arm.controller.watch(arm.now + 0.005 * step)
+        if tau is None and torques:
+            break
+        if tau is not None:
+            torques.append(tau)
+    return np.array(torques)
+
+
+def assert_goes_to_zero(torques: np.ndarray, within_s: float) -> None:
+    assert len(torques) <= 1 + round(within_s / 0.005)
+    assert torques[-1].tolist() == [0.0, 0.0]
+    steps = np.abs(np.diff(torques, axis=0))
+    assert (steps <= 0.005 * 20 * np.array([30.0, 20.0]) + 1e-9).all()
+    assert (np.diff(np.abs(torques), axis=0) <= 0.0).all()
+
+
+def test_joint_states_that_stop_are_an_error_and_torques_go_to_zero() -> None:
+    arm = holding()
+    assert arm.controller.watch(arm.now + 0.05) is None
+    arm.now += 0.051
+    torques = released(arm)
+    np.testing.assert_allclose(torques[0], [20.0, -4.0], atol=1.0)
+    assert_goes_to_zero(torques, 0.04)
+    status = arm.status()
+    assert status.level == Level.ERROR
+    assert status.summary == 'let go: no joint state has come for 0.05 s'
+    assert status.values['let_go'] == {'joint states stopped': 1}
+    # they come again: nothing moves, and the reason stays until the next plan begins
+    assert arm.torques(measured(0.4, *AT_START)) is None
+    assert arm.status().level == Level.ERROR
+    arm.take(STILL)
+    arm.torques(measured(0.401, *AT_START))
+    assert arm.status().level == Level.OK
+
+
+def test_a_pause_of_seconds_gets_no_torque_of_the_plan_whether_or_not_it_was_watched() -> None:
+    """A plan that is four seconds further asked for the largest torque at once."""
+    arm = holding()
+    torques = arm.torques(measured(2.9, *AT_START))
+    assert torques is not None
+    np.testing.assert_allclose(torques, [20.0, -4.0])  # the first on the way to zero
+    assert arm.controller.releasing
+    assert_goes_to_zero(released(arm), 0.04)
+
+
+def test_one_frozen_stamp_is_silence() -> None:
+    arm = holding()
+    for _ in range(10):
+        arm.now += 0.001
+        np.testing.assert_allclose(arm.torques(measured(0.2, *AT_START), arm.now), [20.0, -4.0])
+    arm.now += 0.05
+    assert_goes_to_zero(released(arm), 0.04)
+    assert arm.status().summary == 'let go: no joint state was usable for 0.05 s (stamp repeated)'
+
+
+def test_a_stamp_that_is_ahead_of_its_receipt_moves_nothing() -> None:
+    """Nine seconds ahead, it got the largest torque, and those after it nothing."""
+    arm = holding()
+    with pytest.raises(RefusedError, match='far ahead'):
+        arm.torques(measured(9.2, *AT_START), arm.now + 0.001)
+    for step in range(1, 50):
+        torques = arm.torques(measured(0.2 + 0.001 * step, *AT_START))
+        np.testing.assert_allclose(torques, [20.0, -4.0])
+    status = arm.status()
+    assert status.level == Level.WARN
+    assert status.summary == 'messages refused: stamp far ahead 1'
+
+
+def test_a_clock_that_jumps_lets_the_plan_go_to_zero() -> None:
+    arm = holding()
+    for step in range(2):
+        with pytest.raises(RefusedError, match='lies before'):
+            arm.torques(measured(-100 + 0.001 * step, *AT_START), arm.now + 0.001 * (step + 1))
+    assert arm.torques(measured(-99.998, *AT_START), arm.now + 0.001) is not None
+    assert arm.status().summary == 'let go: the stamps of the joint states jumped'
+    assert_goes_to_zero(released(arm), 0.04)
+    assert arm.torques(measured(-99.99, *AT_START), arm.now + 0.01) is None
+    arm.take(STILL)
+    assert arm.torques(measured(-99.98, *AT_START), arm.now + 0.01) is not None
+    assert arm.status().level == Level.OK
+
+
+def test_a_plan_that_begins_elsewhere_is_not_followed_and_the_one_before_goes_on() -> None:
+    arm = Arm(DEFAULTS)
+    arm.take([replace(point, positions=[1.0, 1.0]) for point in STILL])
+    assert arm.torques(measured(0.0, *AT_START)) is None
+    status = arm.status()
+    assert status.level == Level.ERROR
+    assert status.summary == (
+        'refused: the plan begins 1 rad or m from joint a, more than the tolerance of 0.1'
+    )
+    arm = holding()
+    arm.take([replace(point, positions=[0.0, 1.2]) for point in STILL])
+    np.testing.assert_allclose(arm.torques(measured(0.201, *AT_START)), [20.0, -4.0])
+    assert arm.status().values['let_go'] == {'plan begins elsewhere': 1}
+
+
+def test_an_arm_that_leaves_the_plan_is_let_go() -> None:
+    """So is one whose joint states come from two publishers with positions of their own."""
+    arm = holding()
+    torques = arm.torques(measured(0.201, [0.0, 1.3], [0.0, 0.0]))
+    assert torques is not None
+    np.testing.assert_allclose(torques, [20.0, -4.0])
+    assert_goes_to_zero(released(arm), 0.04)
+    status = arm.status()
+    assert status.level == Level.ERROR
+    assert status.summary == (
+        'let go: the plan is 0.3 rad or m from joint b, more than the tolerance of 0.2'
+    )
+
+
+def test_a_plan_without_efforts_takes_over_in_a_ramp_within_the_rates() -> None:
+    arm = holding(replace(DEFAULTS, ramp_s=0.1))
+    arm.take([replace(point, effort=[]) for point in STILL])
+    torques = [arm.torques(measured(0.2 + 0.001 * step, *AT_START)) for step in range(1, 111)]
+    first = np.array(torques)[:, 0]
+    assert first[0] == pytest.approx(20.0)
+    assert first[-1] == pytest.approx(0.0)
+    np.testing.assert_allclose(-np.diff(first)[:95], 0.2, atol=1e-9)
+
+
+def test_a_plan_begins_from_zero_torque_within_the_rates() -> None:
+    arm = Arm(replace(DEFAULTS, ramp_s=0.0))
+    arm.now = 5.0
+    arm.take(STILL)
+    torques = [arm.torques(measured(5.0 + 0.001 * step, *AT_START)) for step in range(60)]
+    first = np.array(torques)[:, 0]
+    assert first[0] == pytest.approx(0.0, abs=1e-3)
+    assert np.diff(first).max() == pytest.approx(0.001 * 20 * 30.0)
+    assert first[-1] == pytest.approx(20.0)
+
+
+def test_a_plan_that_waits_for_joint_states_is_not_followed_later() -> None:
+    arm = Arm(DEFAULTS)
+    arm.take(STILL)
+    assert arm.controller.watch(0.06) is None
+    assert arm.torques(measured(0.07, *AT_START)) is None
+    assert arm.status().summary == 'let go: no joint state has come for 0.05 s'
+
+
+def test_a_torque_that_is_not_finite_is_refused_and_lets_the_plan_go() -> None:
+    huge = replace(SETTINGS, stiffness=(1e308, 1.0), torque_limits=(), stale_timeout_s=0.05)
+    arm = Arm(huge)
+    arm.take([replace(point, effort=[]) for point in PLAN])
+    arm.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
+    for step in range(1, 50):
+        with pytest.raises(RefusedError, match='would not be finite'):
+            arm.torques(measured(0.001 * step, [-10.0, 1.0], [1.0, 0.0]))
+    assert arm.torques(measured(0.06, [-10.0, 1.0], [1.0, 0.0])) is not None
+    assert arm.status().values['let_go'] == {'joint states stopped': 1}

@@ -61,7 +61,10 @@ def test_the_arm_follows_the_reference_through_serve_and_controller(
         (get_package_share_path('lip_id_ros') / 'config' / 'track.yaml').read_text()
     )
     for node in config.values():
-        node['ros__parameters'] = {k: v[:2] for k, v in node['ros__parameters'].items()}
+        node['ros__parameters'] = {
+            name: value[:2] if isinstance(value, list) else value
+            for name, value in node['ros__parameters'].items()
+        }
     (tmp_path / 'two.yaml').write_text(yaml.safe_dump(config))
 
     with launched(

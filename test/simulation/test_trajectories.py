@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.errors import DataError, ShapeError
-from lip_id_ros.simulation import MotionLimits, SinusoidTrajectory
+from lip_id_ros.simulation import MotionLimits, SinusoidTrajectory, StoppedTrajectory
 from lip_id_ros.simulation.arm import MOTION
 
 
@@ -85,3 +85,16 @@ def test_limits_of_different_lengths() -> None:
 def test_limits_without_room() -> None:
     with pytest.raises(DataError, match='leave joint 2 no room'):
         MotionLimits(np.zeros(2), np.array([1.0, 0.0]), np.ones(2), np.ones(2))
+
+
+def test_a_stopped_motion_is_followed_and_ends_at_rest_without_a_jump() -> None:
+    motion = StoppedTrajectory(random(1), 3.0, 0.5)
+    t = np.linspace(0.0, 5.0, 5001)
+    q, dq, ddq = motion.sample(t)
+    before = t <= 3.0
+    for found, followed in zip((q, dq, ddq), random(1).sample(t[before]), strict=True):
+        np.testing.assert_array_equal(found[before], followed)
+    assert not dq[t > 3.501].any()
+    for values, slope in ((q, dq), (dq, ddq)):
+        mean = 0.5 * (slope[1:] + slope[:-1]) * 1e-3
+        np.testing.assert_allclose(np.diff(values, axis=0), mean, atol=2e-4)

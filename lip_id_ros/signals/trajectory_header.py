@@ -1,0 +1,74 @@
+"""The beginning of a serialised JointTrajectory: its joints and the number of its points."""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+from lip_id_ros.signals.joints import Refusal, RefusedError
+
+ENCAPSULATION = 4
+COUNT, STAMP = struct.Struct('I').size, struct.Struct('iI').size
+
+
+class TrajectoryHeader(NamedTuple):
+    """
+    What is before the points.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Joints.
+    n_points : int
+    at : int
+        Where the points begin, from the end of the encapsulation.
+    order : str
+        Byte order, as `struct` has it.
+
+    """
+
+    names: tuple[str, ...]
+    n_points: int
+    at: int
+    order: str
+
+
+def read_header(raw: bytes) -> TrajectoryHeader:
+    """
+    Read the names and the number of points, without the points.
+
+    Parameters
+    ----------
+    raw : bytes
+        CDR of either byte order: a stamp, a frame, names, then the points.
+
+    Raises
+    ------
+    RefusedError
+        If it ends before.
+
+    """
+    order = '<' if raw[1:2] == b'\x01' else '>'
+    body = memoryview(raw)[ENCAPSULATION:]
+
+    def number(at: int) -> int:
+        return int(struct.unpack_from(f'{order}I', body, at)[0])
+
+    def after_string(at: int) -> int:
+        return _aligned(at + COUNT + number(at))
+
+    try:
+        at = after_string(STAMP)
+        n_names, at = number(at), at + COUNT
+        names = []
+        for _ in range(n_names):
+            length = number(at)
+            names.append(bytes(body[at + COUNT : at + COUNT + length]).rstrip(b'\0').decode())
+            at = after_string(at)
+        return TrajectoryHeader(tuple(names), number(at), at + COUNT, order)
+    except (struct.error, UnicodeDecodeError):
+        raise RefusedError(Refusal.MALFORMED) from None
+
+
+def _aligned(at: int) -> int:
+    return (at + 3) & ~3
