@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-import hashlib
 import json
 import os
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lip_id_ros.arrays import digest
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_header, read_npz, write_npz
 
@@ -142,9 +142,4 @@ def _check_contents(
 
 def _digest(arrays: Arrays, header: Mapping[str, Any]) -> str:
     rest = {key: value for key, value in header.items() if key != 'sha256'}
-    digest = hashlib.sha256(json.dumps(rest, sort_keys=True).encode())
-    for name in sorted(arrays):
-        digest.update(name.encode())
-        digest.update(repr(arrays[name].shape).encode())
-        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
-    return digest.hexdigest()
+    return digest(arrays, json.dumps(rest, sort_keys=True))

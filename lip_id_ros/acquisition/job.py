@@ -94,17 +94,19 @@ def in_words(n_samples: int, bags: Sequence[str]) -> str:
 
 
 def advanced(state: JobState, line: str) -> JobState:
-    """Return the state after a line of the process; lines that are not JSON change nothing."""
+    """Return the state after a line of the process; lines that are not its own change nothing."""
     try:
         content = json.loads(line)
-    except json.JSONDecodeError:  # a library printed something
-        return state
-    if 'progress' in content:
-        stage, done, total = content['progress']
-        return replace(state, stage=stage, done=done, total=total)
-    if 'result' in content:
-        return replace(state, state='done', result=content['result'])
-    return replace(state, state='failed', error=content['error'])
+    except (ValueError, RecursionError):
+        content = None
+    match content:
+        case {'progress': [str(stage), int(done), int(total)]}:
+            return replace(state, stage=stage, done=done, total=total)
+        case {'result': dict(result)}:
+            return replace(state, state='done', result=result)
+        case {'error': str(error)}:
+            return replace(state, state='failed', error=error)
+    return state  # a library printed something
 
 
 def _pass_on(folder: str, sections: Sequence[JointSamples]) -> None:

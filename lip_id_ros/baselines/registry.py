@@ -176,7 +176,7 @@ def _module(name: str) -> Any:
         ) from error
 
 
-VERSION = 2
+VERSION = 3
 ARRAY = 'array'
 CONTRADICTIONS = (
     *(AttributeError, KeyError, IndexError, RuntimeError, TypeError, ValueError),

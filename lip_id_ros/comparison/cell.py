@@ -32,7 +32,6 @@ PARTS = (
     *('comparison/cell.py', 'evaluation/metrics.py'),
 )
 UNKNOWN = 'unknown'
-SIGNALS = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless', 'kinetic', 'potential')
 
 
 @dataclass(frozen=True)
@@ -60,13 +59,9 @@ class Case:
     urdf: str | os.PathLike[str] | None = None
 
     def fingerprint(self) -> str:
-        """Return a digest of all numbers of the data."""
-        digest = hashlib.sha256()
-        for data in (self.train, *self.tests.values()):
-            for name in SIGNALS:
-                values = getattr(data, name)
-                digest.update(b'-' if values is None else np.ascontiguousarray(values).tobytes())
-        digest.update(repr((self.name, self.group, list(self.tests))).encode())
+        """Return a digest of the data, their names and the URDF."""
+        data = [each.digest() for each in (self.train, *self.tests.values())]
+        digest = hashlib.sha256(repr((self.name, self.group, list(self.tests), data)).encode())
         if self.urdf is not None:
             with open(self.urdf, 'rb') as file:
                 digest.update(file.read())

@@ -12,10 +12,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
+from lip_id_ros.arrays import Array, BoolArray, digest, IndexArray, IntArray
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import formats
 from lip_id_ros.dataset.checks import checked, floats, INDICES, PER_JOINT, PER_SAMPLE
+from lip_id_ros.dataset.provenance import cutoffs_hz
 from lip_id_ros.dataset.subsets import farthest_points, GUARD, left_out_blocks, LeftOutBlock
 from lip_id_ros.errors import DataError, missing_joints
 from lip_id_ros.joint_types import is_prismatic
@@ -141,6 +142,15 @@ class Dataset:
     def prismatic(self) -> BoolArray:
         """Which joints are prismatic, shape (n,); the others are revolute."""
         return is_prismatic(self.joint_types)
+
+    def digest(self) -> str:
+        """Return a hash of all that a fit depends on: samples, joints, gravity and low-pass."""
+        joints = *self.joint_names, *self.joint_types
+        return digest(
+            self._arrays(),
+            *(*joints, str(self.gravity_compensated)),
+            *sorted(map(str, cutoffs_hz(self.provenance))),
+        )
 
     def covering(self, count: int) -> IndexArray:
         """

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 import functools
 import hashlib
+from importlib.metadata import version
 import logging
 import os
 from pathlib import Path
@@ -22,6 +23,9 @@ MADE_BY = (
     *('preprocessing', 'recording', 'rigid_body', 'settings'),
 )
 """Modules and rooms that results depend on: another text of one of them makes another version."""
+
+PACKAGES = 'numpy', 'scipy', 'numba'
+"""Packages that compute them."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -49,9 +53,10 @@ class FolderCache:
         path = self._path(key)
         try:
             content = path.read_bytes()
-            os.utime(path)  # when it was last of use
         except OSError:
             return None
+        with suppress(OSError):  # of another user, or on a disk that cannot be written
+            os.utime(path)  # when it was last of use
         if content[:CHECKSUM_BYTES] == _checksum(content[CHECKSUM_BYTES:]):
             return content[CHECKSUM_BYTES:]
         with suppress(OSError):
@@ -105,11 +110,11 @@ class Entry:
 
 def entries(folder: str | os.PathLike[str]) -> Iterator[Entry]:
     """Yield the entries of a cache; those that others remove meanwhile are left out."""
-    version = code_version()
+    present = code_version()
     for path in sorted(Path(folder).glob('*/??/[0-9a-f]*.*')):
         with suppress(FileNotFoundError):
             status = path.stat()
-            is_current = path.parts[-3] == version
+            is_current = path.parts[-3] == present
             kind = path.suffix.removeprefix('.')
             yield Entry(path, kind, status.st_size, status.st_mtime, is_current)
 
@@ -140,9 +145,9 @@ def default_folder() -> Path:
 
 @functools.cache
 def code_version() -> str:
-    """Return a text that changes with the sources that results depend on."""
+    """Return a text that changes with the sources and packages that results depend on."""
     root = Path(__file__).resolve().parents[1]
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(repr([version(name) for name in PACKAGES]).encode())
     for name in MADE_BY:
         place = root / name
         for path in sorted(place.rglob('*.py')) if place.is_dir() else [place]:

@@ -20,6 +20,7 @@ from lip_id_ros.fleet.results import Survey
 from lip_id_ros.identification.sample_selection import covering, evenly, moving
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import for_training
+from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.bags import Bag
 from lip_id_ros.recording.joint_samples import content_digest
 from lip_id_ros.settings import Config
@@ -52,16 +53,18 @@ def survey(path: str | os.PathLike[str], name: str, group: str, config: Config) 
     config : Config
 
     """
-    health = RecordingHealth(config.recording)
-    data = for_training(
-        load_dataset(path, config, watch=health), config.preprocessing, config.fit.kernel
-    )
+    health, contents = RecordingHealth(config.recording), list[str]()
+
+    def watch(samples: JointSamples) -> None:
+        health(samples)
+        contents.append(_content(samples))
+
+    data = load_dataset(path, config, watch=watch)
+    data = for_training(data, config.preprocessing, config.fit.kernel)
     found = survey_of(data, name, group, tuple(health.lines))
-    if not _is_bag(path):
-        return found
-    # processors round differently, and no key may depend on where its recording was read
-    contents = [source['content'] for source in data.provenance['sources']]
-    return replace(found, key='-'.join(contents), temperature=mean_temperature(path))
+    if contents:  # of what was read: processors round differently what is computed
+        found = replace(found, key='-'.join(contents))
+    return replace(found, temperature=mean_temperature(path)) if _is_bag(path) else found
 
 
 def mean_temperature(path: str | os.PathLike[str]) -> float:
@@ -88,7 +91,7 @@ def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] =
     used = moving(dataset)
     some = used.select(reservoir(used))
     return Survey(
-        key=content_digest(dataset.joint_names, dataset.q, dataset.tau),
+        key=dataset.with_joints(sorted(dataset.joint_names)).digest(),
         name=name,
         group=group,
         joint_names=dataset.joint_names,
@@ -194,6 +197,12 @@ def sorted_of_one_arm(surveys: Sequence[Survey]) -> tuple[list[int], dict[int, s
         else:
             kept[each.key] = k
     return list(kept.values()), left_out
+
+
+def _content(samples: JointSamples) -> str:
+    times = np.broadcast_to(samples.t[:, np.newaxis], samples.position.shape)
+    signals = samples.position, samples.velocity, samples.effort, times
+    return content_digest(samples.joint_names, *signals)
 
 
 def _is_bag(path: str | os.PathLike[str]) -> bool:

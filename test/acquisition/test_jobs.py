@@ -54,8 +54,21 @@ def test_each_line_advances_the_state(content: object, expected: JobState) -> No
     assert advanced(RUNNING, json.dumps(content)) == expected
 
 
-def test_what_a_library_prints_changes_nothing() -> None:
-    assert advanced(RUNNING, 'NumbaWarning: something\n') == RUNNING
+@pytest.mark.parametrize(
+    'line',
+    [
+        'NumbaWarning: something\n',
+        '5',
+        'null',
+        '"text"',
+        '[]',
+        '{}',
+        '{"progress": 3}',
+        '[' * 9999,
+    ],
+)
+def test_what_a_library_prints_changes_nothing(line: str) -> None:
+    assert advanced(RUNNING, line) == RUNNING
 
 
 @pytest.mark.slow

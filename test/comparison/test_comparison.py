@@ -213,3 +213,16 @@ def test_models_are_explained_and_unknown_energies_have_no_columns(tmp_path: Pat
         errors, _ = tables(Results((cell,), (), ()))
         assert tuple(errors.header) == ('model', *cell.joint_names, *header)
     assert 'composed from base to tip' in meanings([with_truth])['recursive']
+
+
+def test_a_cell_is_that_of_all_values_of_its_data(tmp_path: Path) -> None:
+    plain, settings = case(), FitSettings()
+    motion = plain.train
+    changed = [
+        replace(motion, joint_types=('prismatic', *motion.joint_types[1:])),
+        replace(motion, t=2.0 * motion.t),
+        replace(motion, gravity_compensated=True),
+    ]
+    cases = [plain, *(replace(plain, train=each) for each in changed)]
+    paths = {Store(tmp_path).path(each, 'se', settings) for each in cases}
+    assert len(paths) == len(cases)

@@ -1,8 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 import os
 from pathlib import Path
+import shutil
+import subprocess
+import tempfile
 import time
 
 from fleet.logs import logged
@@ -14,6 +19,7 @@ from lip_id_ros.fleet.cache import entries, FolderCache, prune, unused_for
 
 KEY, OTHER = 64 * 'a' + '.survey', 'ab' + 62 * '0' + '.refusal'
 CONTENT = bytes(range(256)) * 40
+NOBODY = 65534
 
 
 def test_what_was_put_comes_back(tmp_path: Path) -> None:
@@ -112,3 +118,57 @@ def test_the_version_follows_all_sources_that_results_depend_on() -> None:
     messages = {'errors', 'escaping', 'processes', 'progress'}
     assert needed - messages == {Path(name).stem for name in cache.MADE_BY}
     assert len(cache.code_version()) == 16
+
+
+def test_another_version_of_a_package_is_another_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = cache.code_version()
+    fresh = cache.code_version.__wrapped__
+    assert fresh() == here
+    monkeypatch.setattr(cache, 'version', lambda name: '9.9' if name == 'numba' else '1')
+    assert fresh() != here
+
+
+@pytest.fixture
+def read_only(tmp_path: Path) -> Iterator[Path]:
+    """Give a cache with an entry on a disk that cannot be written."""
+    FolderCache(tmp_path)[KEY] = CONTENT
+    mount, unmount = shutil.which('mount'), shutil.which('umount')
+    if mount is None or unmount is None:
+        pytest.skip('there is no mount')
+    bind = [mount, '--bind', str(tmp_path), str(tmp_path)]
+    if subprocess.run(bind, capture_output=True, check=False).returncode:
+        pytest.skip('mounting needs rights that are missing here')
+    try:
+        subprocess.run([mount, '-o', 'remount,bind,ro', str(tmp_path)], check=True)
+        yield tmp_path
+    finally:
+        subprocess.run([unmount, str(tmp_path)], check=True)
+
+
+def test_a_cache_that_cannot_be_written_is_read(read_only: Path) -> None:
+    with pytest.raises(OSError, match='Read-only'):
+        (read_only / 'more').touch()
+    assert FolderCache(read_only).get(KEY) == CONTENT
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root can become another user')
+def test_a_cache_of_another_user_is_read() -> None:
+    with tempfile.TemporaryDirectory(dir='/tmp') as folder:
+        os.chmod(folder, 0o755)
+        kept = FolderCache(folder)
+        kept[KEY] = CONTENT
+        (entry,) = entries(folder)
+        with as_nobody():
+            readable = os.access(entry.path, os.R_OK, effective_ids=True)
+            writable = os.access(entry.path, os.W_OK, effective_ids=True)
+            assert (readable, writable) == (True, False)
+            assert kept.get(KEY) == CONTENT
+
+
+@contextmanager
+def as_nobody() -> Iterator[None]:
+    os.seteuid(NOBODY)
+    try:
+        yield
+    finally:
+        os.seteuid(0)

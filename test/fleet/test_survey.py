@@ -109,3 +109,24 @@ def test_other_joints_and_copies_are_left_out() -> None:
     assert sorted(kept) == [0, 1, 2]
     assert left_out[3].startswith('has joints left, right of types revolute, revolute and not')
     assert left_out[4] == 'is a copy of 0'
+
+
+def test_keys_follow_every_value_of_a_recording(tmp_path: Path) -> None:
+    motion = data()
+    changed = [
+        replace(motion, ddq=-motion.ddq),
+        replace(motion, dq=0.9 * motion.dq),
+        replace(motion, t=2.0 * motion.t),
+        replace(motion, segment=(np.arange(motion.n_samples) > 200).astype(int)),
+        replace(motion, joint_types=('revolute', 'prismatic')),
+        replace(motion, gravity_compensated=True),
+        replace(motion, provenance={'sources': [{'preprocessing': {'cutoff_hz': 3.0}}]}),
+    ]
+    keys = {survey_of(each, '', '').key for each in (motion, *changed)}
+    assert len(keys) == 1 + len(changed)
+    assert survey_of(motion.with_joints(motion.joint_names[::-1]), '', '').key in keys
+    bags = set()
+    for number, each in enumerate((motion, changed[2])):
+        write_bag(tmp_path / f'{number}', each, start=1000.0)
+        bags.add(survey(tmp_path / f'{number}', '', '', Config()).key)
+    assert len(bags) == 2

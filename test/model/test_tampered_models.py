@@ -13,7 +13,7 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.checked_file import MODEL, write_checked
 from lip_id_ros.errors import ModelError
-from lip_id_ros.files import read_npz
+from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 
@@ -107,3 +107,13 @@ def test_rotations_that_mirror_are_refused(path: Path) -> None:
         tamper(path, {**arrays, 'arm_rotations': -arrays['arm_rotations']}, header)
         with pytest.raises(ModelError, match='arm_rotations, which are not all rotations'):
             InverseDynamicsModel.load(path)
+
+
+def test_numbers_of_another_type_have_another_hash(path: Path) -> None:
+    """The bytes and shapes are the same."""
+    arrays, header = read_npz(path)
+    for name, values in arrays.items():
+        if values.dtype == np.float64 and values.size:
+            write_npz(path, {**arrays, name: values.view(np.int64)}, header)
+            with pytest.raises(ModelError, match='is damaged: its contents do not match'):
+                InverseDynamicsModel.load(path)
