@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+import errno
 import fcntl
 import json
 import math
@@ -14,7 +15,7 @@ import stat
 import sys
 import tempfile
 import time
-from typing import Any, BinaryIO, IO
+from typing import Any, BinaryIO, cast, IO
 import uuid
 import zipfile
 import zlib
@@ -30,6 +31,7 @@ HEADER = 'header_json'
 
 HEX_DIGITS = 32  # of the random part of a temporary name
 SWEEP_AFTER_S = 60.0
+SCRATCH = 'lip_id_ros_scratch_'
 LARGE_BYTES = 2**28
 MOST_EXPANSION = 200  # of an archive larger than that; measured data compress by less than 10
 READ_HEADER = {
@@ -40,9 +42,11 @@ STANDARD_STREAMS = {'/dev/stdout': 1, '/dev/stderr': 2}
 
 DAMAGE = (
     *(zipfile.BadZipFile, zlib.error),
-    *(EOFError, KeyError, MemoryError, NotImplementedError, OSError, RuntimeError),
+    *(EOFError, KeyError, NotImplementedError, OSError, RuntimeError),
 )
 """Errors of reading a damaged, truncated or encrypted archive."""
+OF_CONTENTS = None, errno.EINVAL
+"""Numbers of the OSErrors that damaged contents cause; any other may go away by itself."""
 
 
 def write_whole(path: PathLike, content: bytes) -> None:
@@ -75,7 +79,8 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
     temporary = _temporary_beside(target)
     try:
         with open(temporary, 'xb') as file:
-            fcntl.flock(file, fcntl.LOCK_EX)  # until it is closed: see _sweep
+            with suppress(OSError):  # some file systems have no locks, and are not swept
+                fcntl.flock(file, fcntl.LOCK_EX)  # until it is closed: see _sweep
             writer(file)
             _finish(file, target)
             os.replace(temporary, target)
@@ -170,6 +175,34 @@ def _remove_unlocked(path: Path) -> None:
         path.unlink()
 
 
+@contextmanager
+def scratch_folder() -> Iterator[str]:
+    """Give a folder for temporary files while the context lasts; remove those of killed ones."""
+    _sweep_scratch()
+    with tempfile.TemporaryDirectory(prefix=SCRATCH) as folder:
+        lock = os.open(folder, os.O_RDONLY)
+        try:
+            with suppress(OSError):
+                fcntl.flock(lock, fcntl.LOCK_EX)  # until it ends, however it does
+            yield folder
+        finally:
+            os.close(lock)
+
+
+def _sweep_scratch() -> None:
+    old = time.time() - SWEEP_AFTER_S
+    for left in Path(tempfile.gettempdir()).glob(f'{SCRATCH}*'):
+        with suppress(OSError):
+            if left.lstat().st_mtime > old or left.is_symlink():
+                continue
+            lock = os.open(left, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(left)
+            finally:
+                os.close(lock)
+
+
 def write_npz(
     path: PathLike,
     arrays: Mapping[str, NDArray[Any]],
@@ -220,7 +253,11 @@ def _read(
                 arrays = {
                     name: _array(archive, info) for name, info in members.items() if wanted(name)
                 }
+        except MemoryError as error:
+            raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM), os.fspath(path)) from error
         except DAMAGE as error:
+            if isinstance(error, OSError) and error.errno not in OF_CONTENTS:
+                raise
             if isinstance(error, zipfile.BadZipFile) and not zipfile.is_zipfile(file):
                 raise ValueError('not an npz archive, or only a part of one') from error
             raise ValueError(f'damaged archive: {str(error) or "it ends too early"}') from error
@@ -260,6 +297,7 @@ def require_regular_file(path: PathLike) -> None:
 def _check_expansion(archive: zipfile.ZipFile) -> None:
     size = sum(info.file_size for info in archive.filelist)
     packed = sum(info.compress_size for info in archive.filelist)
+    packed = min(packed, os.fstat(cast('BinaryIO', archive.fp).fileno()).st_size)
     if size > LARGE_BYTES and size > MOST_EXPANSION * packed:
         raise ValueError(f'{packed} bytes that expand to {size}, more than data do')
 

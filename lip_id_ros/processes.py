@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 import subprocess
 
 STOP_SECONDS = 2.0
 
 
-def end(process: subprocess.Popen[bytes] | subprocess.Popen[str]) -> None:
-    """Ask a process to end; kill it where it has not after `STOP_SECONDS`."""
+def end(
+    process: subprocess.Popen[bytes] | subprocess.Popen[str],
+    is_spared: Callable[[], bool] = lambda: False,
+) -> None:
+    """Ask a process to end; kill it where it has not after `STOP_SECONDS` and is not spared."""
     process.terminate()
     try:
         process.wait(STOP_SECONDS)
     except subprocess.TimeoutExpired:
-        kill(process)
+        if not is_spared():
+            kill(process)
 
 
 def kill(process: subprocess.Popen[bytes] | subprocess.Popen[str]) -> None:

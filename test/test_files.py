@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import io
 import json
@@ -23,6 +24,7 @@ from lip_id_ros.files import (
     HEADER,
     read_header,
     read_npz,
+    scratch_folder,
     write_atomically,
     write_npz,
     write_or_rescue,
@@ -316,3 +318,54 @@ def test_an_archive_in_a_pipe_is_refused(tmp_path: Path) -> None:
 def test_the_header_alone_is_read(tmp_path: Path) -> None:
     (tmp_path / 'file.npz').write_bytes(GOOD)
     assert read_header(tmp_path / 'file.npz') == {'version': 1}
+
+
+@pytest.mark.parametrize(
+    ('cause', 'number'),
+    [
+        (OSError(errno.ESTALE, 'Stale file handle'), errno.ESTALE),
+        (OSError(errno.EIO, 'Input/output error'), errno.EIO),
+        (MemoryError(), errno.ENOMEM),
+    ],
+)
+def test_a_disk_that_fails_is_not_a_damaged_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cause: Exception, number: int
+) -> None:
+    """A fit of a fleet would never read it again."""
+    path = tmp_path / 'file.npz'
+    path.write_bytes(GOOD)
+
+    def fail(*values: object) -> None:
+        raise cause
+
+    monkeypatch.setattr('zipfile.ZipFile.open', fail)
+    with pytest.raises(OSError, match=r'\[Errno') as failed:
+        read_npz(path)
+    assert failed.value.errno == number
+
+
+def test_a_file_system_without_locks_is_written_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unsupported(*values: object) -> None:
+        raise OSError(errno.ENOLCK, 'No locks available')
+
+    monkeypatch.setattr(fcntl, 'flock', unsupported)
+    write_atomically(tmp_path / 'file', write_new)
+    assert (tmp_path / 'file').read_bytes() == b'new'
+    with scratch_folder() as folder:
+        assert Path(folder).is_dir()
+    assert not Path(folder).exists()
+
+
+def test_a_folder_in_use_is_not_swept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
+    with scratch_folder() as first:
+        os.utime(first, (0, 0))
+        with scratch_folder():
+            assert Path(first).is_dir()
+    (tmp_path / f'{files.SCRATCH}link').symlink_to(tmp_path / 'elsewhere')
+    (tmp_path / 'elsewhere').mkdir()
+    os.utime(tmp_path / f'{files.SCRATCH}link', (0, 0), follow_symlinks=False)
+    with scratch_folder():
+        assert (tmp_path / 'elsewhere').is_dir()

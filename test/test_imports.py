@@ -106,14 +106,17 @@ FOREIGN = {
     'scipy': ('',),
     'numba': ('numba_jit', 'kernels'),  # prange in loops over all threads
     'threadpoolctl': ('gp/placement_search', 'identification', 'fleet'),
-    'fsspec': ('fleet/sources',),
+    'fsspec': (
+        'fleet/sources',
+        'fleet/stored_files',
+    ),
     'torch': ('gp/reference', 'baselines'),  # imported where asked for
     'rosbags': ('recording',),
     'lz4': ('recording/storage/contents',),
     # zstd: the standard library has it from 3.14 as compression
     'backports': ('recording/storage/contents',),
     'compression': ('recording/storage/contents',),
-    'yaml': ('settings', 'recording/bags', 'fleet/sources'),
+    'yaml': ('settings', 'recording/bags', 'fleet/sources', 'fleet/stored_files'),
     'pinocchio': ('simulation', 'export/check'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),

@@ -9,13 +9,16 @@ from dataclasses import asdict, dataclass, field, replace
 import json
 import subprocess
 import sys
-import tempfile
 from typing import Any, cast, TextIO
 
 from lip_id_ros.acquisition.recording_file import pass_on
 from lip_id_ros.errors import LipIdError
+from lip_id_ros.files import scratch_folder
 from lip_id_ros.processes import end, STOP_SECONDS
 from lip_id_ros.recording import JointSamples
+
+SAVING = 'result saved'
+"""Stage of a job in which it can no longer be cancelled."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +184,7 @@ class Jobs:
         Raises
         ------
         LipIdError
-            If none is running, or it has ended by itself.
+            If none is running, or it saves its result or has ended by itself.
 
         """
         if self._work is None or self.state.state != 'running':
@@ -189,6 +192,10 @@ class Jobs:
         self._end()
         wait([self._work], STOP_SECONDS)
         ended = self.state
+        if ended.state == 'running' and self._is_saving():
+            raise LipIdError(
+                f'the {ended.task} saves its result already; ~/status shows when it is done.'
+            )
         if ended.state == 'done':
             raise LipIdError(
                 f'the {ended.task} was done before it could be cancelled; its result is in '
@@ -199,18 +206,21 @@ class Jobs:
         return ended.task
 
     def stop(self) -> None:
-        """End the job that is running, and take no other."""
+        """End the job that is running, unless it saves its result, and take no other."""
         self._end()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def _end(self) -> None:
         self._cancelled = True
         if self._process is not None:
-            end(self._process)
+            end(self._process, self._is_saving)
+
+    def _is_saving(self) -> bool:
+        return self.state.stage == SAVING
 
     def _run(self, task: Task, sections: Sequence[JointSamples]) -> Mapping[str, Any]:
         try:
-            with tempfile.TemporaryDirectory(prefix='lip_id_ros_') as folder:
+            with scratch_folder() as folder:
                 _pass_on(folder, sections)
                 outcome = self._follow(task, folder)
         except Exception as error:  # whatever it was, nothing is running any more

@@ -16,6 +16,7 @@ import signal
 import sys
 from typing import Any, TextIO
 
+from lip_id_ros.acquisition.job import SAVING
 from lip_id_ros.acquisition.recording_file import receive
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError, LipIdError
@@ -90,9 +91,9 @@ def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
         'findings': [*findings.lines, *election_lines(prepared.dataset.provenance)],
     }
     if request['kind'] == 'dataset':
-        return {**result, **_save(prepared.dataset.save, request['path'])}
+        return {**result, **_save(prepared.dataset.save, request['path'], progress)}
     if request['kind'] == 'payload':
-        return {**result, **_payload(prepared.dataset, request)}
+        return {**result, **_payload(prepared.dataset, request, progress)}
     return {**result, **_fit(prepared.dataset, request, config, progress)}
 
 
@@ -108,14 +109,14 @@ def _fit(
     judged = None
     if held_out is not None:
         judged = evaluate(model, held_out, progress).to_json()
-    saved = _save(model.save, request['path'])
+    saved = _save(model.save, request['path'], progress)
     cautions = fit_cautions(model)
     if judged is not None:
         cautions += no_better_than_mean(model.joint_names, judged['nmse_percent'])
     return {**saved, 'summary': model.summary, 'cautions': cautions, 'holdout': judged}
 
 
-def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
+def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     """Identify the payload of an arm whose model is known, and save it."""
     model = InverseDynamicsModel.load(request['model'])
     require_links(model, request['model'])
@@ -134,8 +135,8 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
         'inertia_about_centre_of_mass': inertias(shown),
     }
     if request['payload_model']:
-        rescued = _save(loaded.save, request['payload_model'])['rescue']
-    saved = _save(lambda place: write_whole(place, text.encode()), request['path'])
+        rescued = _save(loaded.save, request['payload_model'], progress)['rescue']
+    saved = _save(lambda place: write_whole(place, text.encode()), request['path'], progress)
     return {
         **saved,
         'rescue': [*saved['rescue'], *rescued],
@@ -148,13 +149,16 @@ def _payload(data: Dataset, request: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _save(save: Callable[[str | os.PathLike[str]], None], path: str) -> dict[str, Any]:
+def _save(
+    save: Callable[[str | os.PathLike[str]], None], path: str, progress: Progress
+) -> dict[str, Any]:
     """
     Save a result, elsewhere where the disk fails; return where it is, and a sentence then.
 
     From here on the job cannot be cancelled: what is saved is reported as well.
 
     """
+    progress(SAVING, 0, 1)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     places: list[str] = []
 

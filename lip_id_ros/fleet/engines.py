@@ -16,6 +16,7 @@ from typing import Any, Protocol
 from threadpoolctl import threadpool_limits
 
 from lip_id_ros.errors import ConfigError, LipIdError, TransferError
+from lip_id_ros.fleet.cache import code_version
 from lip_id_ros.progress import Progress
 
 ATTEMPTS = 3
@@ -219,7 +220,8 @@ class RayEngine(Engine):
     Raises
     ------
     ConfigError
-        If Ray is not installed, or no cluster answers at the address.
+        If Ray is not installed, or no cluster answers at the address; from `map`, if a worker has
+        another version of the code.
 
     """
 
@@ -247,7 +249,7 @@ class RayEngine(Engine):
             memory=TASK_BYTES,
             max_retries=ATTEMPTS - 1,
             runtime_env={'env_vars': dict.fromkeys(_THREADS, '1')},
-        )(attempt)
+        )(attempt_with_version)
 
     def __exit__(self, *error: object) -> None:
         """Leave the cluster, or end the one that was started."""
@@ -279,10 +281,17 @@ class RayEngine(Engine):
 
     def _outcome(self, task: Any) -> Outcome:
         try:
-            outcome: Outcome = self._ray.get(task)
+            outcome: Outcome
+            version, outcome = self._ray.get(task)
         except self._ray.exceptions.RayError as error:
             first = (str(error).strip() or type(error).__name__).splitlines()[0]
             return Outcome(None, f'{DIED} ({first})')
+        if version != code_version():
+            raise ConfigError(
+                'all workers of the Ray cluster must have this lip_id_ros with its numpy, scipy '
+                f'and numba (code {code_version()}), but one has another (code {version}); '
+                'install the same there.'
+            )
         return outcome
 
 
@@ -298,6 +307,11 @@ def attempt(function: Function, item: Any) -> Outcome:
         return Outcome(None, ' '.join(str(error).split()) or type(error).__name__, is_final)
     except Exception as error:  # whatever a poisoned recording makes a library raise
         return Outcome(None, ' '.join(f'{type(error).__name__}: {error}'.split()))
+
+
+def attempt_with_version(function: Function, item: Any) -> tuple[str, Outcome]:
+    """Call a function as `attempt` does; say by which version of the code."""
+    return code_version(), attempt(function, item)
 
 
 class _Results:

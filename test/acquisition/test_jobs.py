@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 import errno
 import io
@@ -17,7 +18,7 @@ import pytest
 from waiting import wait_until
 
 from lip_id_ros.acquisition import job_process
-from lip_id_ros.acquisition.job import advanced, in_words, Jobs, JobState, Task
+from lip_id_ros.acquisition.job import advanced, in_words, Jobs, JobState, SAVING, Task
 from lip_id_ros.acquisition.recording_file import pass_on
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
@@ -92,7 +93,7 @@ def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
         'rescue': [],
     }
     assert data.joint_names == ('a', 'b')
-    assert jobs.state == JobState('dataset', 'done', 'start', result=work.result())
+    assert jobs.state == JobState('dataset', 'done', SAVING, 0, 1, result=work.result())
     jobs.stop()
 
 
@@ -158,11 +159,11 @@ def test_a_job_that_saves_already_is_not_called_cancelled(
     os.set_blocking(reader, True)
     content: list[bytes] = []
 
-    def end_and_read(process: subprocess.Popen[str]) -> None:
+    def end_and_read(process: subprocess.Popen[str], is_spared: Callable[[], bool]) -> None:
         process.terminate()
         with open(reader, 'rb') as file:
             content.append(file.read())
-        end(process)
+        end(process, is_spared)
 
     monkeypatch.setattr('lip_id_ros.acquisition.job.end', end_and_read)
     random = np.random.default_rng(0).normal(size=(20_000, 2))  # more than a pipe holds
@@ -178,6 +179,28 @@ def test_a_job_that_saves_already_is_not_called_cancelled(
     (tmp_path / 'copy.npz').write_bytes(content[0])
     assert Dataset.load(tmp_path / 'copy.npz').n_samples == jobs.state.result['n_samples']
     monkeypatch.undo()
+    jobs.stop()
+
+
+def test_a_job_that_saves_for_long_is_neither_cancelled_nor_killed(
+    jobs: Jobs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('lip_id_ros.processes.STOP_SECONDS', 0.2)
+    monkeypatch.setattr('lip_id_ros.acquisition.job.STOP_SECONDS', 0.2)
+    path = tmp_path / 'data.npz'
+    os.mkfifo(path)  # a slow disk: the process waits in the middle of its result
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), 'rb') as reader:
+        os.set_blocking(reader.fileno(), True)
+        random = np.random.default_rng(0).normal(size=(20_000, 2))  # more than a pipe holds
+        recorded = replace(samples(20_000), effort=random)
+        work = jobs.start(Task('dataset', flatten(Config()), str(path)), [recorded])
+        wait_until(lambda: select.select([reader], [], [], 0.0)[0], 'the begin of the result')
+        with pytest.raises(LipIdError, match=r'^the dataset saves its result already; ~/status'):
+            jobs.cancel()
+        assert jobs.state.state == 'running'
+        (tmp_path / 'copy.npz').write_bytes(reader.read())
+    assert work.result()['path'] == str(path)
+    assert Dataset.load(tmp_path / 'copy.npz').n_samples == work.result()['n_samples']
     jobs.stop()
 
 

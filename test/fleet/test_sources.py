@@ -10,13 +10,16 @@ import uuid
 from fleet.logs import logged
 from fleet.stores import object_store, upload
 import fsspec
+from fsspec import AbstractFileSystem
 import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.errors import ConfigError, SourceError, TransferError
-from lip_id_ros.fleet import sources
+from lip_id_ros.files import SCRATCH
+from lip_id_ros.fleet import sources, stored_files
 from lip_id_ros.fleet.engines import attempt
-from lip_id_ros.fleet.sources import ATTEMPTS, fetch, find, StoredRecording
+from lip_id_ros.fleet.sources import find, StoredRecording
+from lip_id_ros.fleet.stored_files import ATTEMPTS, fetch, StoredFile
 from lip_id_ros.recording import read_bag
 from lip_id_ros.simulation import write_bag
 
@@ -203,6 +206,7 @@ def test_a_connection_that_breaks_is_continued_and_logged(tmp_path: Path, breaks
     content = bytes(range(100))
     system = fsspec.filesystem('memory')
     system.pipe_file('/broken/run.mcap', content)
+    ((file,),) = (each.files for each in find(['memory://broken/run.mcap']))
     Broken.breaks = breaks
     waits: list[float] = []
     plain = type(system)._open
@@ -211,16 +215,16 @@ def test_a_connection_that_breaks_is_continued_and_logged(tmp_path: Path, breaks
         return Broken(plain(self, path, *rest, **options))
 
     def copy() -> None:
-        fetch('memory://broken/run.mcap', tmp_path / 'copy', waits.append)
+        fetch(file, tmp_path / 'copy', waits.append)
 
-    with logged(sources.__name__) as lines, patch.object(type(system), '_open', open_broken):
+    with logged(stored_files.__name__) as lines, patch.object(type(system), '_open', open_broken):
         if breaks == ATTEMPTS:
             with pytest.raises(SourceError, match=rf'the connection broke {ATTEMPTS} times'):
                 copy()
         else:
             copy()
             assert (tmp_path / 'copy').read_bytes() == content
-    assert waits == list(sources.WAITS_S)[: len(waits)]
+    assert waits == list(stored_files.WAITS_S)[: len(waits)]
     assert len(waits) == min(breaks, ATTEMPTS - 1)
     assert len(lines) == len(waits)
     assert all('connection broke after 10 bytes' in line for line in lines)
@@ -228,8 +232,9 @@ def test_a_connection_that_breaks_is_continued_and_logged(tmp_path: Path, breaks
 
 def test_what_is_gone_is_not_waited_for(tmp_path: Path) -> None:
     waits: list[float] = []
-    with pytest.raises(FileNotFoundError):
-        fetch('memory://nowhere/run.mcap', tmp_path / 'copy', waits.append)
+    gone = StoredFile('memory://nowhere/run.mcap', 10, '')
+    with pytest.raises(FileNotFoundError, match='memory://nowhere/run'):
+        fetch(gone, tmp_path / 'copy', waits.append)
     assert waits == []
 
 
@@ -253,3 +258,50 @@ def test_names_in_a_store_do_not_leave_the_folder_of_copies() -> None:
     with found.local() as path:
         assert {each.name for each in Path(path).iterdir()} == {'metadata.yaml', 'run.mcap'}
         assert Path(path).parent.name.startswith('lip_id_ros_')
+
+
+class OfHost(AbstractFileSystem):
+    """A store whose paths leave the host out, as those of FTP do."""
+
+    protocol = 'ofhost'
+
+    def __init__(self, host: str, **options: Any) -> None:
+        super().__init__(**options)
+        self.host = host
+
+    @classmethod
+    def _strip_protocol(cls, path: str) -> str:
+        return (
+            '/' + path.partition('://')[2].partition('/')[2].rstrip('/') if ':' in path else path
+        )
+
+    @staticmethod
+    def _get_kwargs_from_urls(path: str) -> dict[str, str]:
+        return {'host': path.partition('://')[2].partition('/')[0]}
+
+    def info(self, path: str, **options: Any) -> dict[str, Any]:
+        return {'name': path, 'type': 'file', 'size': 10, 'ETag': f'{self.host}{path}'}
+
+
+def test_a_store_is_opened_again_with_its_host() -> None:
+    fsspec.register_implementation('ofhost', OfHost, clobber=True)
+    (found,) = find(['ofhost://robot.lab/bags/a.mcap'])
+    assert found.name == found.files[0].url == 'ofhost://robot.lab/bags/a.mcap'
+    system, path = fsspec.core.url_to_fs(found.files[0].url)
+    assert (system.host, path) == ('robot.lab', '/bags/a.mcap')
+
+
+def test_copies_of_killed_processes_are_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
+    monkeypatch.setattr('lip_id_ros.files.SWEEP_AFTER_S', -1.0)
+    left = tmp_path / f'{SCRATCH}left'
+    left.mkdir()
+    (left / 'run.mcap').touch()
+    fsspec.filesystem('memory').pipe_file('/small/run.mcap', b'bytes')
+    (found,) = find(['memory://small'])
+    with found.local() as path, found.local() as other:
+        assert not left.exists()
+        assert Path(path).read_bytes() == Path(other).read_bytes() == b'bytes'
+    assert list(tmp_path.iterdir()) == []
