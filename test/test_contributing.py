@@ -71,7 +71,9 @@ def of_monitor(factory: pytest.TempPathFactory) -> Mapping[str, Any]:
 
 
 def of_controller(_: pytest.TempPathFactory) -> Mapping[str, Any]:
-    settings = ControlSettings(joints=('a',), stiffness=(1.0,), damping=(1.0,))
+    settings = ControlSettings(
+        joints=('a',), stiffness=(1.0,), damping=(1.0,), torque_limits=(1.0,)
+    )
     return PlanController(settings).status().values
 
 

@@ -46,7 +46,8 @@ class PlanController:
     Raises
     ------
     ConfigError
-        If there is no joint or one comes twice, or a list has another length than there are.
+        If there is no joint or one comes twice, a list has another length than there are, or
+        limits are not given.
 
     Attributes
     ----------
@@ -183,11 +184,14 @@ class PlanController:
             'let_go': dict(self._let_go),
         }
         refused = ', '.join(f'{key} {n}' for key, n in sorted(tally.new_refusals().items()))
+        level, summary = Level.OK, 'all messages are answered'
         if self.failure:
-            return Status(Level.ERROR, self.failure, values)
-        if refused:
-            return Status(Level.WARN, f'messages refused: {refused}', values)
-        return Status(Level.OK, 'all messages are answered', values)
+            level, summary = Level.ERROR, self.failure
+        elif refused:
+            level, summary = Level.WARN, f'messages refused: {refused}'
+        if np.isinf(self._rules.limits).any():
+            summary += '; torques are not limited'
+        return Status(level, summary, values)
 
     def _answer(self, message: JointMessage, now: float) -> Array | None:
         self._reader.columns(message)

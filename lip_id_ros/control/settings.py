@@ -15,6 +15,8 @@ from lip_id_ros.settings.settings import AT_START, PER_JOINT
 from lip_id_ros.signals.joints import by_joint, require_unique
 from lip_id_ros.signals.torque_steps import DEFAULT_RATE
 
+UNLIMITED = 'none'
+
 
 @dataclass(frozen=True)
 class ControlSettings(Settings):
@@ -37,17 +39,18 @@ class ControlSettings(Settings):
         minimum=0.0,
         applies=AT_START,
     )
-    torque_limits: tuple[float, ...] = setting(
+    torque_limits: tuple[float, ...] | str = setting(
         (),
-        f'Largest torque or force; empty for none. {PER_JOINT}',
+        f'Largest torque or force; must be given, the word none for no limits. {PER_JOINT}',
         unit='N m or N',
         minimum=0.0,
+        choices=(UNLIMITED,),
         applies=AT_START,
     )
     rate_limits: tuple[float, ...] = setting(
         (),
         'Largest change of a torque or force; empty: twenty times torque_limits per second, and '
-        f'no bound without torque_limits. {PER_JOINT}',
+        f'no bound where those are none. {PER_JOINT}',
         unit='N m/s or N/s',
         minimum=0.0,
         applies=AT_START,
@@ -62,7 +65,7 @@ class ControlSettings(Settings):
         applies=AT_START,
     )
     safe_ramp_s: float = setting(
-        0.03,
+        0.02,
         'Time in which torques go to zero once the plan is let go; rate_limits hold as well.',
         unit='s',
         minimum=0.0,
@@ -100,6 +103,13 @@ class ControlSettings(Settings):
         maximum=100_000,
         applies=AT_START,
     )
+    several_publishers: str = setting(
+        'warn',
+        'Where joint_states has several publishers: follow plans all the same, say so in the '
+        'status too, or follow none. Allow those of other joints, such as of a gripper.',
+        choices=('allow', 'warn', 'refuse'),
+        applies=AT_START,
+    )
     executor: str = executor_setting()
 
 
@@ -111,7 +121,8 @@ class ControlRules:
     Raises
     ------
     ConfigError
-        If there is no joint or one comes twice, or a list has another length than there are.
+        If there is no joint or one comes twice, a list has another length than there are, or
+        limits are not given.
 
     """
 
@@ -131,8 +142,16 @@ class ControlRules:
         for name in ('stiffness', 'damping'):
             _require_length(name, getattr(settings, name), len(joints))
 
+        if not settings.torque_limits:
+            raise ConfigError(
+                'torque_limits must hold the largest torque of each joint or one for all, but is '
+                f'empty; give the word {UNLIMITED} for a simulation without limits.'
+            )
+
         def per_joint(name: str) -> Array:
-            return by_joint(name, getattr(settings, name), joints, joints, np.inf)
+            values = getattr(settings, name)
+            numbers = () if values == UNLIMITED else values
+            return by_joint(name, numbers, joints, joints, np.inf)
 
         limits = per_joint('torque_limits')
         with np.errstate(over='ignore'):  # limits beyond all numbers leave rates without a bound

@@ -38,18 +38,31 @@ class ComputedTorqueNode(NodeBase):
 
     def __init__(self) -> None:
         super().__init__('computed_torque', parameters_of(ControlSettings))
-        self._controller = PlanController(ControlSettings(**self.values()))
+        settings = ControlSettings(**self.values())
+        self._controller = PlanController(settings)
+        self._several = settings.several_publishers
         self._told = ''
         self._command = self.create_publisher(JointState, '~/command', qos.OUTPUT)
         self.create_subscription(
             JointTrajectory, '~/joint_trajectory', self._on_plan, qos.REFERENCE, raw=True
         )
-        self.create_subscription(JointState, 'joint_states', self._on_joint_state, qos.NEWEST)
+        states = self.create_subscription(
+            JointState, 'joint_states', self._on_joint_state, qos.NEWEST
+        )
+        self._states_topic = states.topic_name
         self.create_steady_timer(WATCH_PERIOD_S, self._watch)
+        # the first line of a log takes up to 100 ms: not while a torque has to go to zero
+        self.get_logger().info(f'controls {", ".join(self._controller.joint_names)}')
 
     def status(self) -> Status:
         """Return the controller's status."""
         return self._controller.status()
+
+    def warnings(self) -> list[str]:
+        """Describe what is wrong around the node, several publishers of joint states too."""
+        if self._several == 'allow':
+            return super().warnings()
+        return [*super().warnings(), *qos.several_publishers(self, self._states_topic)]
 
     def output_safe_torque(self) -> None:
         """Let the plan go: torques go to zero from now on."""
@@ -82,6 +95,8 @@ class ComputedTorqueNode(NodeBase):
 
     def _watch(self) -> None:
         """Publish the next torque on the way to zero, if a plan was let go."""
+        if self._several == 'refuse' and self.count_publishers(self._states_topic) > 1:
+            self._controller.let_go(LetGo.PUBLISHERS, 'joint states have several publishers')
         tau = self._controller.watch(time.monotonic())
         if tau is not None:
             self._publish(self.get_clock().now().to_msg(), tau)

@@ -87,6 +87,10 @@ class NodeBase(Node):
         """Return the present state; called twice a second."""
         return Status(Level.OK, 'running')
 
+    def warnings(self) -> list[str]:
+        """Describe what is wrong around the node: publishers of a lower quality of service."""
+        return qos.misfits(self)
+
     def stop(self) -> None:
         """Release the robot and keep the data; the node can still publish."""
 
@@ -132,7 +136,7 @@ class NodeBase(Node):
 
     def publish_status(self) -> None:
         """Publish the status to /diagnostics, and to ~/status if anything changed."""
-        status = self._with_misfits(self._with_faults(self.status()))
+        status = self._with_warnings(self._with_faults(self.status()))
         name = self.get_fully_qualified_name().lstrip('/')
         message = messages.status_message(name, self._hardware, status)
         if message != self._last_status:
@@ -242,9 +246,10 @@ class NodeBase(Node):
             return Status(Level.ERROR, f'a callback failed: {self.last_fault}', values)
         return replace(status, values=values)
 
-    def _with_misfits(self, status: Status) -> Status:
-        """Warn of publishers whose quality of service does not fit."""
-        misfits = qos.misfits(self)
-        if not misfits or status.level != Level.OK:
+    def _with_warnings(self, status: Status) -> Status:
+        """Add what is wrong around the node."""
+        warnings = self.warnings()
+        if not warnings:
             return status
-        return replace(status, level=Level.WARN, summary='; '.join([status.summary, *misfits]))
+        level = max(status.level, Level.WARN)
+        return replace(status, level=level, summary='; '.join([status.summary, *warnings]))

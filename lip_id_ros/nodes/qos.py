@@ -57,3 +57,11 @@ def misfits(node: Node) -> list[str]:
         for fit, reason in [qos_check_compatible(publisher.qos_profile, subscription.qos_profile)]
         if fit == QoSCompatibility.ERROR
     ]
+
+
+def several_publishers(node: Node, topic: str) -> list[str]:
+    """Describe the publishers of a topic, by its full name, if there is more than one."""
+    names = [each.node_name for each in node.get_publishers_info_by_topic(topic)]
+    if len(names) < 2:
+        return []
+    return [f'{len(names)} publishers of {topic} may contradict each other: {", ".join(names)}']

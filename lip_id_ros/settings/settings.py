@@ -52,8 +52,8 @@ def setting(
     minimum, maximum : float, optional
         Range of a number, ends included.
     choices : tuple of str
-        The only texts allowed (for a list: in each element); empty for any. Of a number (`float |
-        str`): texts that are allowed in its place.
+        The only texts allowed (for a list: in each element); empty for any. Of numbers (`float |
+        str`, `tuple[float, ...] | str`): texts that are allowed in their place.
     applies : str
         When a running node takes over a new value; empty where the table as a whole says so.
 
@@ -100,6 +100,11 @@ class Row:
     applies: str
 
     @property
+    def _has_words(self) -> bool:
+        """Whether a word may stand in place of numbers."""
+        return bool(self.choices) and self.kind in ('float', 'list of float')
+
+    @property
     def range(self) -> str:
         """The allowed values in words, empty where any value of the kind will do."""
         limits = []
@@ -112,7 +117,7 @@ class Row:
     @property
     def expected(self) -> str:
         """What a value has to be, in words for an error sentence."""
-        if self.kind == 'float' and self.choices:
+        if self._has_words:
             limits = replace(self, choices=()).expected
             return ' or '.join([limits, *self.choices])
         words = [_WORDS[self.kind], self.range, self.unit]
@@ -128,7 +133,7 @@ class Row:
             If the type or the range is wrong.
 
         """
-        if self.kind == 'float' and isinstance(value, str) and value in self.choices:
+        if self._has_words and isinstance(value, str) and value in self.choices:
             return value
         try:
             converted = _CONVERTERS[self.kind](value)
@@ -270,6 +275,7 @@ _KINDS: Mapping[object, str] = {
     str: 'str',
     tuple[str, ...]: 'list of str',
     tuple[float, ...]: 'list of float',
+    tuple[float, ...] | str: 'list of float',
 }
 
 _WORDS: Mapping[str, str] = {

@@ -222,6 +222,11 @@ def test_a_bad_measurement_is_not_answered(message: JointMessage, sentence: str)
     ('settings', 'sentence'),
     [
         (ControlSettings(), 'joints must name the joints to control'),
+        (
+            replace(DEFAULTS, torque_limits=()),
+            'torque_limits must hold the largest torque of each joint or one for all, but is '
+            'empty; give the word none',
+        ),
         (ControlSettings(joints=NAMES, damping=(1.0, 1.0)), 'stiffness must have one number for'),
         (
             ControlSettings(
@@ -263,6 +268,14 @@ def test_another_robot_on_the_topic_neither_ends_a_plan_nor_is_warned_of() -> No
     with pytest.raises(RefusedError):
         controller.torques(measured(1000.0, [0.0], [0.0], ('finger',)), 0.6)
     assert controller.status().level == Level.WARN  # nothing else comes
+
+
+def test_without_limits_the_status_says_so_at_every_level() -> None:
+    controller = Arm(replace(SETTINGS, torque_limits='none'))
+    assert controller.status().summary == 'all messages are answered; torques are not limited'
+    with contextlib.suppress(RefusedError):
+        controller.take([])
+    assert controller.status().summary == 'messages refused: no points 1; torques are not limited'
 
 
 def test_a_joint_named_twice_is_refused() -> None:
@@ -462,7 +475,7 @@ def test_a_plan_that_waits_for_joint_states_is_not_followed_later() -> None:
 
 
 def test_a_torque_that_is_not_finite_is_refused_and_lets_the_plan_go() -> None:
-    huge = replace(SETTINGS, stiffness=(1e308, 1.0), torque_limits=(), stale_timeout_s=0.05)
+    huge = replace(SETTINGS, stiffness=(1e308, 1.0), torque_limits='none', stale_timeout_s=0.05)
     arm = Arm(huge)
     arm.take([replace(point, effort=[]) for point in PLAN])
     arm.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))

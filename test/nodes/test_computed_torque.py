@@ -165,6 +165,29 @@ def test_plans_that_may_not_be_followed_and_long_ones_leave_the_torque_as_it_is(
     assert held(torques) == EFFORT
 
 
+def test_two_publishers_of_joint_states_are_told_or_refused(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    graph.start('computed_torque', **SETTINGS, several_publishers='refuse')
+    torques = client.listen(JointState, '/computed_torque/command')
+    plans = client.speak(JointTrajectory, '/computed_torque/joint_trajectory')
+    driver = Driver(client)
+    try:
+        plans.publish(still())
+        client.wait_until(lambda: torques and held(torques) == EFFORT, 'the effort of the plan')
+        second = client.node.create_publisher(JointState, '/joint_states', 10)
+        client.wait_until(lambda: held(torques) == [0.0, 0.0], 'zero torque')
+        sentence = '2 publishers of /joint_states may contradict each other: client, client'
+        status = client.status('computed_torque', lambda each: sentence in each['summary'])
+        assert status['summary'] == f'let go: joint states have several publishers; {sentence}'
+        assert status['let_go'] == {'several publishers': 1}
+        client.node.destroy_publisher(second)
+        client.status('computed_torque', lambda each: sentence not in each['summary'])
+        plans.publish(still())
+        client.wait_until(lambda: held(torques) == EFFORT, 'the effort of the plan')
+    finally:
+        driver.end()
+
+
 def test_a_node_that_ends_takes_the_torque_to_zero(
     following: tuple[Any, Client, Driver, list[Any]],
 ) -> None:
@@ -185,6 +208,17 @@ def test_a_callback_that_fails_takes_the_torque_to_zero(
     assert_went_to_zero(torques)
     status = client.status('computed_torque', lambda status: status['faults'] == 1)
     assert status['let_go'] == {'callback failed': 1}
+
+
+def test_without_limits_it_does_not_start(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    unlimited = {**SETTINGS, 'torque_limits': []}
+    process = graph.start('computed_torque', **unlimited)
+    assert process.wait() == 1
+    assert 'torque_limits must hold the largest torque of each joint' in process.log
+    graph.start('computed_torque', **{**SETTINGS, 'torque_limits': 'none'})
+    status = client.status('computed_torque', lambda status: True)
+    assert status['summary'] == 'all messages are answered; torques are not limited'
 
 
 def test_the_simulated_arm_stays_finite_and_stops_under_an_absurd_torque(

@@ -120,6 +120,7 @@ def test_an_absurd_parameter_ends_no_node(
             'joints': list(toy.JOINTS),
             'stiffness': [1.0, 1.0],
             'damping': [1.0, 1.0],
+            'torque_limits': 'none',
         },
     }
     process = graph.start(node, **parameters.get(node, {}))
