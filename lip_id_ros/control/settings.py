@@ -13,9 +13,7 @@ from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START, PER_JOINT
 from lip_id_ros.signals.joints import by_joint, require_unique
-from lip_id_ros.signals.torque_steps import DEFAULT_RATE
-
-UNLIMITED = 'none'
+from lip_id_ros.signals.torque_steps import DEFAULT_RATE, require_limits, UNLIMITED
 
 
 @dataclass(frozen=True)
@@ -142,11 +140,7 @@ class ControlRules:
         for name in ('stiffness', 'damping'):
             _require_length(name, getattr(settings, name), len(joints))
 
-        if not settings.torque_limits:
-            raise ConfigError(
-                'torque_limits must hold the largest torque of each joint or one for all, but is '
-                f'empty; give the word {UNLIMITED} for a simulation without limits.'
-            )
+        require_limits(settings.torque_limits)
 
         def per_joint(name: str) -> Array:
             values = getattr(settings, name)

@@ -13,7 +13,7 @@ from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import executor_setting, rows, setting, Settings
 from lip_id_ros.settings.settings import AT_START, ON_CONFIGURE, ON_LOAD, PER_JOINT
 from lip_id_ros.signals.joints import by_joint, require_unique
-from lip_id_ros.signals.torque_steps import DEFAULT_RATE
+from lip_id_ros.signals.torque_steps import DEFAULT_RATE, require_limits, UNLIMITED
 
 
 class Policy(StrEnum):
@@ -58,8 +58,13 @@ class ServeSettings(Settings):
         'empty to take any model and its order.',
         applies=ON_CONFIGURE,
     )
-    torque_limits: tuple[float, ...] = setting(
-        (), f'Largest torque or force. {PER_JOINT}', unit='N m or N', minimum=0.0
+    torque_limits: tuple[float, ...] | str = setting(
+        (),
+        'Largest torque or force; without it the node does not activate, the word none is for no '
+        f'limits. {PER_JOINT}',
+        unit='N m or N',
+        minimum=0.0,
+        choices=(UNLIMITED,),
     )
     rate_limits: tuple[float, ...] = setting(
         (),
@@ -287,6 +292,7 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
 
     def per_joint(name: str, default: float) -> Array:
         values = getattr(settings, name)
+        values = () if values == UNLIMITED else values
         return by_joint(name, values, settings.joints, joint_names, default)
 
     limits = per_joint('torque_limits', np.inf)
@@ -335,9 +341,32 @@ def require_consistent(settings: ServeSettings) -> None:
         )
 
 
+def require_bounded(settings: ServeSettings, before: Rules, joint_names: Sequence[str]) -> None:
+    """
+    Refuse settings of a node that is active where they take a limit away.
+
+    Raises
+    ------
+    ConfigError
+        If torque_limits is empty, or a torque or its step is limited no more.
+
+    """
+    require_limits(settings.torque_limits)
+    after = make_rules(settings, joint_names)
+    for name, old, new in (
+        ('torque_limits', before.limits, after.limits),
+        ('rate_limits', before.rates, after.rates),
+    ):
+        if (np.isfinite(old) & ~np.isfinite(new)).any():
+            raise ConfigError(
+                f'{name} can be changed but not removed while the node is active; deactivate it '
+                'first.'
+            )
+
+
 def unbounded(settings: ServeSettings) -> str | None:
     """Return the warning that is due where nothing bounds the size or the step of a torque."""
-    if settings.torque_limits:
+    if settings.torque_limits and settings.torque_limits != UNLIMITED:
         return None
-    steps = '' if settings.rate_limits else ', and neither are their steps: rate_limits is empty'
-    return f'torque_limits is empty: torques are not limited{steps}; set both for a real arm'
+    steps = '' if settings.rate_limits else ', and neither are their steps'
+    return f'torques are not limited{steps}'

@@ -24,13 +24,19 @@ from lip_id_ros.feedforward.loading import (
     stop,
 )
 from lip_id_ros.feedforward.server import Server
-from lip_id_ros.feedforward.settings import require_changeable, ServeSettings, unbounded
+from lip_id_ros.feedforward.settings import (
+    require_bounded,
+    require_changeable,
+    ServeSettings,
+    unbounded,
+)
 from lip_id_ros.nodes import running
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
 from lip_id_ros.nodes.serve_topics import Inputs, Outputs
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.status import Status
+from lip_id_ros.signals.torque_steps import require_limits
 
 WATCH_PERIOD_S = 0.02
 
@@ -69,9 +75,13 @@ class ServeNode(NodeBase, LifecycleNode):
 
     def status(self) -> Status:
         """Return the state of the lifecycle and the server's counts."""
-        judgement = self._server.judge(self._failure, time.monotonic())
+        level, summary = self._server.judge(self._failure, time.monotonic())
+        if self._server.active and (warning := unbounded(self._settings())):
+            summary = f'{summary}; {warning}'
         waiting = {'waiting': self._inputs.n_waiting}
-        return Status(*judgement, {'state': self._state_label, **waiting, **self._server.values()})
+        return Status(
+            level, summary, {'state': self._state_label, **waiting, **self._server.values()}
+        )
 
     @property
     def _state_label(self) -> str:
@@ -121,6 +131,9 @@ class ServeNode(NodeBase, LifecycleNode):
         settings = replace(before, **values)
         require_changeable(before, settings, self._state_label)
         require_rules(settings, self._loaded)
+        if self._server.active:
+            before_rules = self._server.arm.shaper.rules
+            require_bounded(settings, before_rules, self._server.joint_names)
         if self._models and 'payload' in values:
             require_payload(settings, self._models)
 
@@ -176,8 +189,14 @@ class ServeNode(NodeBase, LifecycleNode):
         settings = self._settings()
         if self._loaded is None:
             return TransitionCallbackReturn.FAILURE
-        warning = unbounded(settings)
-        if warning:
+        try:
+            require_limits(settings.torque_limits)
+        except LipIdError as error:
+            self._failure = f'not activated: {error}'
+            self.get_logger().error(self._failure)
+            return TransitionCallbackReturn.FAILURE
+        self._failure = ''
+        if warning := unbounded(settings):
             self.get_logger().warning(warning)
         self._server.use(self._loaded, settings)
         result = super().on_activate(state)

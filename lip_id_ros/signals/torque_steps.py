@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ConfigError
+
+UNLIMITED = 'none'
+"""The word that stands for no torque_limits."""
 
 DEFAULT_RATE = 20.0
 """Rate limit by torque limit [1/s], where none is given: a full swing takes 0.1 s at least."""
@@ -14,6 +19,15 @@ DEFAULT_RATE = 20.0
 LONGEST_STEP_S = 0.05
 """A rate limit counts no more time than this between two torques: after a pause, the next torque
 is a step for the robot, however long the pause was."""
+
+
+def require_limits(limits: Sequence[float] | str) -> None:
+    """Refuse torque_limits that are empty with ConfigError: no limits must be said in a word."""
+    if not limits:
+        raise ConfigError(
+            'torque_limits must hold the largest torque of each joint or one for all, but is '
+            f'empty; give the word {UNLIMITED} for a simulation without limits.'
+        )
 
 
 @dataclass(frozen=True, eq=False)

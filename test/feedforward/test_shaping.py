@@ -14,7 +14,12 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.feedforward.settings import make_rules, ServeSettings, unbounded
+from lip_id_ros.feedforward.settings import (
+    make_rules,
+    require_bounded,
+    ServeSettings,
+    unbounded,
+)
 from lip_id_ros.feedforward.shaping import Shaper, TrainingRange
 from lip_id_ros.signals.joints import by_joint, RefusedError
 from lip_id_ros.signals.torque_steps import LONGEST_STEP_S, Sent
@@ -192,8 +197,18 @@ def test_limits_beyond_all_numbers_bound_no_rate() -> None:
 
 def test_a_missing_bound_is_warned_of() -> None:
     assert unbounded(ServeSettings(torque_limits=(1.0,))) is None
-    both = 'torque_limits is empty: torques are not limited, and neither are their steps: '
-    assert str(unbounded(ServeSettings())).startswith(both)
-    assert str(unbounded(ServeSettings(rate_limits=(1.0,)))).startswith(
-        'torque_limits is empty: torques are not limited; set both'
-    )
+    both = 'torques are not limited, and neither are their steps'
+    assert unbounded(ServeSettings()) == both
+    assert unbounded(ServeSettings(torque_limits='none')) == both
+    assert unbounded(ServeSettings(rate_limits=(1.0,))) == 'torques are not limited'
+
+
+def test_limits_of_an_active_node_are_changed_not_removed() -> None:
+    before = make_rules(ServeSettings(torque_limits=(5.0,)), NAMES)
+    require_bounded(ServeSettings(torque_limits=(9.0,)), before, NAMES)
+    for limits, sentence in (((), 'must hold the largest'), ('none', 'not removed while')):
+        with pytest.raises(ConfigError, match=rf'torque_limits .*{sentence}'):
+            require_bounded(ServeSettings(torque_limits=limits), before, NAMES)
+    before = make_rules(ServeSettings(torque_limits='none', rate_limits=(9.0,)), NAMES)
+    with pytest.raises(ConfigError, match=r'rate_limits .*not removed'):
+        require_bounded(ServeSettings(torque_limits='none'), before, NAMES)

@@ -33,7 +33,13 @@ def shared(
     from nodes.ros_graph import graph  # only where ROS is there
 
     with graph(tmp_path_factory.mktemp('shared')) as (made, client):
-        made.start('serve', model_path=model_path, ramp_s=0.0, stale_timeout_s=0.0)
+        made.start(
+            'serve',
+            model_path=model_path,
+            ramp_s=0.0,
+            stale_timeout_s=0.0,
+            torque_limits=[toy.LIMIT],
+        )
         client.status('serve', lambda status: status['state'] == 'active')
         yield made, client
 
@@ -49,7 +55,7 @@ def serving(shared: tuple[Graph, Client], model_path: str) -> tuple[Graph, Clien
         model_path=model_path,
         rate_limits=[],
         residual_cutoff_hz=4.0,
-        torque_limits=[],
+        torque_limits=[toy.LIMIT],
     )
     assert all(result.successful for result in results)
     client.mark('serve')

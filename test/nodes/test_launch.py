@@ -57,11 +57,20 @@ def launched(graph: Graph, name: str, *arguments: str) -> Iterator[Path]:
     assert process.returncode == 0, log_path.read_text()
 
 
+def limited(graph: Graph) -> str:
+    """Write limits for serve to a file; give the launch argument."""
+    (graph.folder / 'limits.yaml').write_text(
+        '/**/serve: {ros__parameters: {torque_limits: [100.0]}}\n'
+    )
+    return 'params_file:=limits.yaml'
+
+
 def test_two_arms_are_served_side_by_side(ros: tuple[Graph, Client], model_path: str) -> None:
     graph, client = ros
+    arguments = (f'model_path:={model_path}', limited(graph))
     with (
-        launched(graph, 'serve.launch.py', f'model_path:={model_path}', 'namespace:=left'),
-        launched(graph, 'serve.launch.py', f'model_path:={model_path}', 'namespace:=right'),
+        launched(graph, 'serve.launch.py', *arguments, 'namespace:=left'),
+        launched(graph, 'serve.launch.py', *arguments, 'namespace:=right'),
     ):
         left = client.listen(JointState, '/left/serve/feedforward_torque')
         right = client.listen(JointState, '/right/serve/feedforward_torque')
@@ -116,7 +125,8 @@ def test_both_nodes_of_two_arms_share_a_graph(
     parameters = tmp_path / 'arm.yaml'
     parameters.write_text(
         '/**/train: {ros__parameters: {record_on_start: true}}\n'
-        '/**/serve: {ros__parameters: {ramp_s: 0.0, joints: [elbow, shoulder]}}\n'
+        '/**/serve: {ros__parameters: {torque_limits: none, ramp_s: 0.0, '
+        'joints: [elbow, shoulder]}}\n'
     )
 
     def arm(name: str) -> AbstractContextManager[Path]:
@@ -193,7 +203,7 @@ def test_train_takes_its_parameters_from_a_file(ros: tuple[Graph, Client]) -> No
 
 def test_the_node_ends_well_with_its_launch(ros: tuple[Graph, Client], model_path: str) -> None:
     graph, client = ros
-    with launched(graph, 'serve.launch.py', f'model_path:={model_path}') as log:
+    with launched(graph, 'serve.launch.py', f'model_path:={model_path}', limited(graph)) as log:
         client.status('serve', lambda status: status['state'] == 'active')
     assert 'process has finished cleanly' in log.read_text()
 

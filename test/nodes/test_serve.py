@@ -48,7 +48,8 @@ EXPECTED = toy.torque(np.array([0.3, -0.2]), np.array([1.0, -1.0]))
 
 def start_serve(graph: Graph, **parameters: Any) -> Process:
     """Start the node so that every answer is the model's own, and none comes unasked."""
-    return graph.start('serve', **{'ramp_s': 0.0, 'stale_timeout_s': 0.0, **parameters})
+    usual = {'ramp_s': 0.0, 'stale_timeout_s': 0.0, 'torque_limits': [toy.LIMIT]}
+    return graph.start('serve', **{**usual, **parameters})
 
 
 def test_a_sample_is_answered_with_torque_and_energies(serving: tuple[Graph, Client]) -> None:
@@ -150,8 +151,18 @@ def test_lifecycle_without_autostart(
     assert client.state() == 'inactive'
     publisher.publish(GOOD)
     client.status('serve', lambda status: status['refused'] == {'inactive': 1})
+    assert client.set_parameter('serve', 'torque_limits', []).successful
+    assert not client.transition(Transition.TRANSITION_ACTIVATE)
+    refused = client.status('serve', lambda status: status['summary'].startswith('not activated'))
+    assert 'torque_limits must hold the largest torque of each joint' in refused['summary']
+    assert client.set_parameter('serve', 'torque_limits', 'none').successful
     assert client.transition(Transition.TRANSITION_ACTIVATE)
-    assert 'torque_limits is empty: torques are not limited, and neither are their' in serve.log
+    client.status('serve', lambda status: 'torques are not limited' in status['summary'])
+    assert 'torques are not limited, and neither are their steps' in serve.log
+    assert client.set_parameter('serve', 'torque_limits', [toy.LIMIT]).successful
+    no_limits: list[Any] = [[], 'none', None]  # None deletes it
+    for value in no_limits:
+        assert not client.set_parameter('serve', 'torque_limits', value).successful
     publisher.publish(GOOD)
     client.wait_until(lambda: torques, 'answer')
     assert client.transition(Transition.TRANSITION_DEACTIVATE)

@@ -50,6 +50,7 @@ def test_a_silent_stream_gets_zeros_until_it_comes_back_by_a_ramp(
         'serve',
         model_path=model_path,
         stale_timeout_s=1.0,
+        torque_limits=[toy.LIMIT],
         ramp_s=0.5,
         safe_ramp_s=0.0,
         use_sim_time=True,

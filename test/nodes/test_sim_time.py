@@ -73,7 +73,7 @@ def test_serve_stamps_by_the_clock_of_the_simulation(
     graph, client = ros
     unstamped = JointTrajectory(joint_names=GOOD.joint_names, points=GOOD.points)
     with clock(graph, 500.0):
-        graph.start('serve', model_path=model_path, use_sim_time=True)
+        graph.start('serve', model_path=model_path, use_sim_time=True, torque_limits='none')
         client.status('serve', lambda status: status['state'] == 'active')
         ticks = client.listen(Clock, '/clock')
         diagnostics = client.listen(DiagnosticArray, '/diagnostics')

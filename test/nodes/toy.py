@@ -18,6 +18,7 @@ JOINTS = ('shoulder', 'elbow')
 INERTIA = np.array([1.5, 0.6])  # kg m^2
 WEIGHT = np.array([8.0, 3.0])  # N m
 RATE_HZ = 100.0
+LIMIT = 1e6  # N m, beyond all torques of the tests
 CHEAP = FitSettings(subset=30, max_samples=60, iterations=15, friction=False)
 
 
