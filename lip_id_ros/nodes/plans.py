@@ -58,6 +58,9 @@ class Planned:
     counts: dict[str, int] = field(default_factory=dict)
 
 
+INTERRUPTED = Planned(refusal=Refusal.INTERRUPTED.value)
+
+
 class PlanWorker:
     """
     The parent's end of the process, which starts with the first plan and again if it ended.
@@ -71,8 +74,9 @@ class PlanWorker:
 
     def __init__(self, file: ModelFile) -> None:
         self._file = file
-        self._waiting: queue.SimpleQueue[tuple[bytes, bytes] | None] = queue.SimpleQueue()
-        self._done: deque[Planned] = deque()
+        self._waiting: queue.SimpleQueue[tuple[int, bytes, bytes] | None] = queue.SimpleQueue()
+        self._done: deque[tuple[int, Planned]] = deque()
+        self._generation = 0
         self._n_waiting = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._thread: threading.Thread | None = None
@@ -85,7 +89,7 @@ class PlanWorker:
 
     def submit(self, raw: bytes, settings: ServeSettings) -> None:
         """
-        Ask for the efforts of a plan.
+        Ask for the efforts of a plan; plans that wait are interrupted.
 
         Raises
         ------
@@ -93,20 +97,26 @@ class PlanWorker:
             If too many plans wait.
 
         """
+        self.interrupt()
         if self._n_waiting >= MOST_WAITING:
             raise RefusedError(Refusal.BUSY)
         if self._thread is None:
             self._thread = threading.Thread(target=self._work, name='plans', daemon=True)
             self._thread.start()
         self._n_waiting += 1
-        self._waiting.put((json.dumps(asdict(settings)).encode(), raw))
+        self._waiting.put((self._generation, json.dumps(asdict(settings)).encode(), raw))
+
+    def interrupt(self) -> None:
+        """Have no plan published that was submitted before."""
+        self._generation += 1
 
     def take(self) -> Planned | None:
         """Return an answer that was not taken yet."""
         if not self._done:
             return None
         self._n_waiting -= 1
-        return self._done.popleft()
+        generation, planned = self._done.popleft()
+        return planned if generation == self._generation else INTERRUPTED
 
     def stop(self) -> int:
         """End the process; return how many plans get no answer."""
@@ -118,11 +128,14 @@ class PlanWorker:
 
     def _work(self) -> None:
         while (asked := self._waiting.get()) is not None and not self._stopped:
+            generation, header, raw = asked
+            planned = INTERRUPTED
             try:
-                self._done.append(self._answer(*asked))
+                if generation == self._generation:
+                    planned = self._answer(header, raw)
             except (OSError, ValueError, EOFError):  # the process ended: another for the next
-                self._done.append(Planned(refusal=Refusal.INTERRUPTED.value))
                 self._process = None
+            self._done.append((generation, planned))
 
     def _answer(self, header: bytes, raw: bytes) -> Planned:
         if self._process is None:

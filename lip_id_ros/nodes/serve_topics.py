@@ -192,6 +192,12 @@ class Inputs:
     def adjust(self, settings: ServeSettings) -> None:
         """Answer long plans by these settings."""
         self._settings = settings
+        self.interrupt_plans()
+
+    def interrupt_plans(self) -> None:
+        """Publish no plan any more that is being answered."""
+        if self._worker is not None:
+            self._worker.interrupt()
 
     @property
     def n_waiting(self) -> int:
@@ -219,6 +225,7 @@ class Inputs:
 
     def publish_zero(self) -> None:
         """Publish zero torque: whoever holds the last command then holds none."""
+        self.interrupt_plans()
         if self._server.active and self._server.enabled:
             self._outputs.torque(self._now(), np.zeros(len(self._server.joint_names)))
 
@@ -242,6 +249,7 @@ class Inputs:
             raise RefusedError(Refusal.MALFORMED) from None
         if len(message.points) > 1:
             tau = self._server.plan(message.joint_names, message.points)
+            self.interrupt_plans()
             self._outputs.plan(message, tau)
         else:
             self._answer_sample(message.header.stamp, message.joint_names, message.points)

@@ -59,7 +59,8 @@ _SENTENCES = {
     ),
     Refusal.BUSY: 'too many plans wait for their efforts; send the next one after an answer',
     Refusal.INTERRUPTED: (
-        'the model was replaced or the node disabled while the plan was computed; send it again'
+        'a newer plan came, or the model, a parameter or the state of the node changed, while the '
+        'plan was computed; send it again unless a newer one came'
     ),
     Refusal.MALFORMED: 'the message could not be deserialised; check the type of its publisher',
     Refusal.REPEATED_NAME: 'joint names must be unique, one comes twice',

@@ -31,8 +31,8 @@ from lip_id_ros.feedforward.loading import ModelFile
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import qos
 from lip_id_ros.nodes.messages import count_points
-from lip_id_ros.nodes.plans import PlanWorker
-from lip_id_ros.signals.joints import RefusedError
+from lip_id_ros.nodes.plans import Planned, PlanWorker
+from lip_id_ros.signals.joints import Refusal, RefusedError
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph
@@ -220,6 +220,49 @@ def test_a_worker_that_stands_still_holds_up_no_reload(model_path: str) -> None:
     worker.submit(serialize_message(plan(2)), ServeSettings())
     assert worker.stop() == 1
     assert process.returncode == -signal.SIGKILL
+
+
+def test_a_newer_plan_or_a_change_interrupts_those_that_wait(model_path: str) -> None:
+    worker = PlanWorker(ModelFile(model_path))
+    settings = ServeSettings()
+    raw = serialize_message(plan(2))
+
+    def answer() -> str:
+        taken: list[Planned] = []
+
+        def answered() -> bool:
+            planned = worker.take()
+            taken.extend([planned] if planned else [])
+            return bool(taken)
+
+        wait_until(answered, 'a plan')
+        return taken[0].refusal
+
+    for _ in range(3):
+        worker.submit(raw, settings)
+    assert [answer() for _ in range(3)] == [Refusal.INTERRUPTED, Refusal.INTERRUPTED, '']
+    worker.submit(raw, settings)
+    worker.interrupt()
+    assert answer() == Refusal.INTERRUPTED
+    worker.submit(raw, settings)
+    wait_until(lambda: worker._done, 'a plan that is answered')
+    worker.interrupt()  # answered, not published yet
+    assert answer() == Refusal.INTERRUPTED
+    worker.stop()
+
+
+def test_a_long_plan_does_not_come_out_after_a_newer_short_one(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    start_serve(graph, model_path=model_path)
+    plans = client.listen(JointTrajectory, PLAN)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    publisher.publish(plan(9000))
+    publisher.publish(plan(2))
+    client.status('serve', lambda status: status['refused'] == {'plan interrupted': 1})
+    assert [len(each.points) for each in plans] == [2]
 
 
 def test_points_are_counted_without_being_read() -> None:
