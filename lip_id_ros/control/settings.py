@@ -95,8 +95,8 @@ class ControlSettings(Settings):
     )
     max_plan_points: int = setting(
         10_000,
-        'Longest plan that is followed; longer ones are refused. Torques pause for 15 ms where a '
-        'plan of 10,000 points is read.',
+        'Longest plan that is followed; longer ones are refused. Torques pause for about 10 ms '
+        'where a plan of 10,000 points is read.',
         minimum=2,
         maximum=100_000,
         applies=AT_START,
