@@ -18,7 +18,7 @@ from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings
 
-ITERATIONS = 60
+ITERATIONS = 150  # 60 ended before it converged
 BLOCK = 50  # samples answered at once
 INITIAL_NOISE = 1e-2  # variance, relative to the torque's
 NOISE_FLOOR = 1e-8

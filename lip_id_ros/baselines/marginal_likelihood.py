@@ -28,17 +28,21 @@ def maximise(
     iterations: int,
     progress: Progress,
     stage: str,
+    precision: Array | float = 0.0,
 ) -> Array:
     """
-    Return the log-hyperparameters, shape (p,), of the largest marginal likelihood.
+    Return the log-hyperparameters, shape (p,), of the largest marginal likelihood or posterior.
 
     Parameters
     ----------
     y : ndarray, shape (m,)
         Measurements of zero prior mean.
     start : ndarray, shape (p,)
+        Also the centre of the prior.
     iterations : int
         Most iterations of L-BFGS.
+    precision : ndarray, shape (p,), or float
+        Of the Gaussian prior on each.
 
     Raises
     ------
@@ -46,7 +50,7 @@ def maximise(
         If the Gram matrix cannot be factorised at the start.
 
     """
-    measured = torch.tensor(y)
+    measured, centre = torch.tensor(y), torch.tensor(start)
 
     def value_and_gradient(vector: Array) -> tuple[float, Array]:
         theta = torch.tensor(vector, requires_grad=True)
@@ -55,6 +59,7 @@ def maximise(
             raise FitError(NOT_POSITIVE)
         half = torch.linalg.solve_triangular(factor, measured[:, None], upper=False)
         value = 0.5 * half.square().sum() + factor.diagonal().log().sum()
+        value = value + 0.5 * (torch.as_tensor(precision) * (theta - centre).square()).sum()
         value.backward()
         return float(value.detach()), theta.grad.numpy().copy()
 

@@ -29,7 +29,7 @@ RIGID_BODY = 'rigid_body'
 @dataclass(frozen=True)
 class SingleOutput:
     """
-    One Gaussian process per joint; hyperparameters by maximum marginal likelihood.
+    One Gaussian process per joint; hyperparameters of the largest marginal posterior.
 
     Attributes
     ----------
@@ -60,7 +60,8 @@ class SingleOutput:
         joints = []
         for joint, name in enumerate(dataset.joint_names):
             covariance = terms.covariance(joint)
-            theta = _optimise(covariance, few, self.iterations, progress, name)
+            precision = settings.prior_precision
+            theta = _optimise(covariance, few, self.iterations, precision, progress, name)
             joints.append(_condition(covariance, theta, many))
         return PerJoint(dataset.joint_names, dataset.joint_types, terms, joints)
 
@@ -233,12 +234,19 @@ def read(joints: Joints, state: State) -> PerJoint:
 
 
 def _optimise(
-    covariance: Sum, dataset: Dataset, iterations: int, progress: Progress, name: str
+    covariance: Sum,
+    dataset: Dataset,
+    iterations: int,
+    prior_precision: float,
+    progress: Progress,
+    name: str,
 ) -> Array:
     x = covariance.features(Motion(dataset.q, dataset.dq, dataset.ddq))
     y, _, _ = _standardised(dataset.tau[:, covariance.joint])
     parts = covariance.initial_guess(x)
     start = np.concatenate([*parts, [np.log(INITIAL_NOISE)]])
+    precision = np.full(start.size, prior_precision)
+    precision[-1] = 0.0  # the noise has no prior
 
     def noisy_gram(vector: torch.Tensor) -> torch.Tensor:
         gram = covariance.gram(_split(vector, parts), x, x)
@@ -246,7 +254,8 @@ def _optimise(
             len(y), dtype=torch.float64
         )
 
-    return maximise(noisy_gram, y, start, iterations, progress, f'hyperparameters of {name}')
+    stage = f'hyperparameters of {name}'
+    return maximise(noisy_gram, y, start, iterations, progress, stage, precision)
 
 
 def _condition(covariance: Sum, vector: Array, dataset: Dataset) -> Posterior:

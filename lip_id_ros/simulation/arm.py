@@ -22,7 +22,7 @@ URDF_SUFFIX = 'panda_description/urdf/panda.urdf'
 # an elbow-up posture for the joints that are locked, fingers closed
 LOCKED_AT = (0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7, 0.0, 0.0)
 
-MOTION = MotionLimits(  # the paper's table joint_limits: about half of each joint's range
+MOTION = MotionLimits(  # the paper's table joint_limits: eight tenths of each joint's range
     q_min=np.array([-2.3, -1.4, -2.3, -2.7, -2.3, 0.2, -2.3]),
     q_max=np.array([2.3, 1.4, 2.3, -0.3, 2.3, 3.2, 2.3]),
     dq_max=np.array([2.2, 2.2, 2.2, 2.2, 2.6, 2.6, 2.6]),

@@ -57,3 +57,10 @@ def test_a_trial_point_without_factor_does_not_end_the_search() -> None:
 
     found = maximise(with_a_hole, Y, np.zeros(3), 200, silent, 'test')
     assert np.exp(found[2] / 2) == pytest.approx(0.1, rel=0.5)
+
+
+def test_a_prior_holds_hyperparameters_near_their_start() -> None:
+    free = maximise(noisy_gram, Y, np.zeros(3), 200, silent, 'test')
+    held = maximise(noisy_gram, Y, np.zeros(3), 200, silent, 'test', np.array([0.0, 1e9, 0.0]))
+    assert abs(held[1]) < 1e-4 < 0.1 < abs(free[1])
+    assert abs(held[2]) > 1.0

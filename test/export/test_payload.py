@@ -75,7 +75,8 @@ def test_the_model_has_the_payload() -> None:
     ('mass', 'std', 'caution'),
     [
         *((1.0, 10.0, 'The mass is not identified'), (0.3, 0.2, 'The mass is not identified')),
-        *((1.0, 0.4, ''), (0.001, 0.01, 'No payload is found')),
+        *((1.0, 0.4, ''), (0.015, 0.01, 'No payload is found')),
+        *((0.001, 0.01, 'No payload is found'), (0.025, 0.01, '')),
     ],
 )
 def test_a_mass_that_is_not_identified_or_zero_is_a_caution(

@@ -116,3 +116,14 @@ def test_absurd_features_have_little_leverage() -> None:
     assert np.all(np.delete(weights, [0, 200], axis=0) == 1.0)
     for rows, weight in zip(features, weights.T, strict=True):
         assert np.abs(rows * np.sqrt(weight)[:, None])[::200].max() < 0.1
+
+
+@pytest.mark.parametrize('unit', [1.0, 1e-3])
+def test_noise_of_few_samples_near_rest_is_no_outlier(unit: float) -> None:
+    """Four times the noise at 3 % of the samples."""
+    rng = np.random.default_rng(0)
+    dq = rng.uniform(-2.0, 2.0, (6000, 1))
+    residuals = unit * rng.standard_normal(dq.shape) * np.where(np.abs(dq) < 0.06, 4.0, 1.0)
+    found = estimate_noise(residuals, dq)
+    assert found.std[0] == pytest.approx(unit, rel=0.05)
+    assert found.std_at(np.zeros((1, 1)))[0, 0] == pytest.approx(4.0 * unit, rel=0.15)

@@ -15,6 +15,7 @@ from lip_id_ros.errors import DataError
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.payload import payload_in_flange
 from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.identification import payload_problem
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.laplace import posterior
 from lip_id_ros.identification.payload import identify_payload, Payload
@@ -213,3 +214,14 @@ def test_the_centre_has_the_deviation_of_its_ratio() -> None:
     draws = body() + rng.standard_normal((200_000, 10)) @ factor.T
     centres = draws[:, 1:4] / draws[:, :1]
     np.testing.assert_allclose(payload.centre_std, centres.std(axis=0), rtol=0.05)
+
+
+def test_the_prior_of_a_payload_has_the_units_of_its_body() -> None:
+    """A point mass of one deviation, one deviation away, is one deviation off in every entry."""
+    mass, length = payload_problem.MASS, payload_problem.LENGTH
+    for axis in range(3):
+        body = np.zeros(10)
+        body[0], body[1 + axis] = mass, mass * length
+        body[np.delete([4, 7, 9], axis)] = mass * length**2
+        shown = body * payload_problem.BODY_PRECISION
+        np.testing.assert_allclose(shown[shown != 0.0], 1.0)

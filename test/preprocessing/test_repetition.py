@@ -23,6 +23,7 @@ from lip_id_ros.preprocessing.sample_times import (
     supports,
 )
 from lip_id_ros.preprocessing.segment import segment_of
+from lip_id_ros.preprocessing.segments import quantum
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.reading import read_log
 from lip_id_ros.settings import PreprocessingSettings
@@ -195,3 +196,13 @@ def test_held_signals_of_long_segments_are_smoothed_in_windows_alike(
     whole = preprocess(samples, settings)
     monkeypatch.setattr(smoothing, '_WINDOW', 400)
     np.testing.assert_allclose(preprocess(samples, settings).tau, whole.tau, atol=1e-12)
+
+
+@pytest.mark.parametrize(('share', 'found'), [(0.0, 0.25), (0.04, 0.25), (0.3, 0.0), (0.45, 0.0)])
+def test_a_grid_is_that_of_nearly_all_levels(share: float, found: float) -> None:
+    """Of some levels an offset is not on the grid; each is repeated."""
+    rng = np.random.default_rng(0)
+    levels = 0.25 * np.arange(100.0)
+    off = rng.choice(100, round(50 * share), replace=False)
+    levels[off] += 0.1
+    assert quantum(rng.permutation(np.repeat(levels, 10))) == pytest.approx(found)

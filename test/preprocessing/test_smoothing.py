@@ -53,6 +53,13 @@ def test_no_low_pass_where_there_is_nothing_to_remove(cutoff: float) -> None:
     assert edge_length(30.0, cutoff) == 4
 
 
+@pytest.mark.parametrize('share', [0.46, 0.49])
+def test_a_cut_off_just_below_half_the_rate_is_filtered(share: float) -> None:
+    noise = np.random.default_rng(0).standard_normal((400, 1))
+    assert is_filtered(30.0, 30.0 * share)
+    assert low_pass(noise, 30.0, 30.0 * share).std() < 0.995 * noise.std()
+
+
 def test_an_endless_edge_is_longer_than_any_recording() -> None:
     assert edge_length(30.0, 4.0, periods=1e308) > 10**11
 

@@ -142,6 +142,15 @@ def test_messages_without_what_others_have_are_left_out() -> None:
     assert samples.counts == {Reason.NO_VELOCITY: 2, Reason.NO_EFFORT: 1}
 
 
+def test_samples_begin_with_the_first_that_is_complete() -> None:
+    buffer = SampleBuffer()
+    buffer.add(100.0, NAMES, [1, 2, 3], [4, 5, 6], [])
+    samples = filled(buffer, [103.0, 104.0]).samples()
+    assert samples.start_s == 103.0
+    np.testing.assert_array_equal(samples.t, [0.0, 1.0])
+    assert buffer.all_samples().start_s == 100.0
+
+
 def test_bounded_buffer_counts_what_no_longer_fits() -> None:
     buffer = SampleBuffer(max_rows=3)
     for stamp in range(10):

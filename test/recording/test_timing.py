@@ -46,6 +46,12 @@ def test_one_wrong_stamp_costs_one_message(place: int, stamp: int, reason: Reaso
     assert timeline.dropped == {reason: 1}
 
 
+@pytest.mark.parametrize('away_s', [-300, -60, 60, 300])
+def test_a_stamp_a_minute_away_is_far_from_its_neighbours(away_s: int) -> None:
+    stamp = EPOCH + away_s * 10**9
+    assert arrange(with_one(stamp, 150)).dropped == {Reason.STRAY_STAMP: 1}
+
+
 @pytest.mark.parametrize('first', [0, 1])
 def test_first_stamp_may_be_zero_or_next_to_it(first: int) -> None:
     timeline = arrange(np.concatenate([[first], STEP * np.arange(1, 50)]))
