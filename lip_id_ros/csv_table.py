@@ -29,6 +29,7 @@ _DELIMITERS = (',', ';', '\t', ' ')
 _COMMENT = ('#', '%')
 _MOST_COLUMNS = 20_000
 _SHOWN = 12
+_NAMELESS = ('q_', 'dq_', 'ddq_', 'tau_', 'tau_noiseless_')
 
 PathLike = str | os.PathLike[str]
 
@@ -89,6 +90,11 @@ def _header(path: PathLike) -> _Header:
         raise DataError(
             f'the first line of {os.fspath(path)} must name the columns, such as t,q_shoulder,'
             f'tau_shoulder, but is {",".join(names[:_SHOWN])[:80]!r}; add such a line.'
+        )
+    if nameless := [name for name in names if name in _NAMELESS]:
+        raise DataError(
+            f'a column {nameless[0]!r} of {os.fspath(path)} must end in the name of its joint, '
+            'but has none; name it.'
         )
     if len(names) > _MOST_COLUMNS:
         raise DataError(

@@ -11,6 +11,7 @@ from preprocessing.motions import recording, uniform
 import pytest
 from work import counted_work
 
+from lip_id_ros.csv_table import read_table
 from lip_id_ros.dataset import check_suffix, Dataset
 from lip_id_ros.errors import ConfigError, DataError, LipIdError, SourceError
 from lip_id_ros.health import evidence_of, examine
@@ -338,3 +339,12 @@ def test_absurd_rows_are_dropped_and_outliers_found(tmp_path: Path) -> None:
     found = {(each.code, each.joint) for each in examine(evidence_of(samples))}
     assert ('outliers', 'elbow') in found
     assert ('outliers', 'shoulder') not in found
+
+
+@pytest.mark.parametrize('signal', ['q_', 'dq_', 'ddq_', 'tau_'])
+def test_a_joint_without_a_name_is_named(tmp_path: Path, signal: str) -> None:
+    """Else the arm would silently have a joint less."""
+    header = f't,q_a,dq_a,ddq_a,tau_a,{signal}'
+    (tmp_path / 'arm.csv').write_text(f'{header}\n0,1,2,3,4,5\n')
+    with pytest.raises(DataError, match=f"a column '{signal}' .* must end in the name of its"):
+        read_table(tmp_path / 'arm.csv')

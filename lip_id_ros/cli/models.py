@@ -13,13 +13,14 @@ from lip_id_ros.baselines.registry import load as load_baseline
 from lip_id_ros.baselines.registry import save as save_baseline
 from lip_id_ros.checked_file import COMPARED, schema_of
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import ConfigError, missing_joints
 from lip_id_ros.evaluation import fit_cautions, matched
 from lip_id_ros.identification import fit
 from lip_id_ros.loading import load_dataset, with_elected
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.serialization import contradictions
 from lip_id_ros.progress import Progress
-from lip_id_ros.settings import Config, FitSettings, override, read_config
+from lip_id_ros.settings import Config, FitSettings, override, read_config, RecordingSettings
 
 Model = InverseDynamicsModel | Baseline
 
@@ -115,8 +116,21 @@ def chosen_config(path: str | None, chosen: Mapping[str, Any]) -> Config:
 def _config_of(model: Model, path: str | None) -> Config:
     config = _of_fit(model) if path is None else read_config(path)
     config = with_elected(config, model.provenance)
-    recording = replace(config.recording, joints=model.joint_names, joint_types=model.joint_types)
-    return replace(config, recording=recording)
+    return replace(config, recording=_recording_of(model, config.recording))
+
+
+def _recording_of(model: Model, recording: RecordingSettings) -> RecordingSettings:
+    """Return the settings for the joints of a model, with values per joint in their order."""
+    named = recording.joints or model.joint_names
+    if missing := [name for name in model.joint_names if name not in named]:
+        raise ConfigError(missing_joints(missing, 'recording.joints', named))
+    columns = [named.index(name) for name in model.joint_names]
+    ordered: dict[str, Any] = {}
+    for field in ('effort_scale', 'effort_offset', 'effort_delay_s'):
+        values = getattr(recording, field)
+        if len(values) == len(named):  # else preprocessing refuses them
+            ordered[field] = tuple(values[column] for column in columns)
+    return replace(recording, joints=model.joint_names, joint_types=model.joint_types, **ordered)
 
 
 def _of_fit(model: Model) -> Config:

@@ -84,15 +84,13 @@ def read_npz(path: PathLike) -> dict[str, Any]:
         ) from error
     _check_format(path, header)
     _check_complete(path, arrays)
-    given = {name: _plain(name, arrays[name]) for name in _KNOWN if name in arrays}
+    given: dict[str, Any] = {name: _plain(name, arrays[name]) for name in _KNOWN if name in arrays}
     filled = defaults(given['q'], _step(path, arrays))
+    filled['gravity_compensated'] = False
+    if 'gravity_compensated' in header:
+        given['gravity_compensated'] = bool(header['gravity_compensated'])
     filled = {name: value for name, value in filled.items() if name not in given}
-    return {
-        **given,
-        **filled,
-        'gravity_compensated': bool(header.get('gravity_compensated', False)),
-        'provenance': _provenance(path, header, list(filled)),
-    }
+    return {**given, **filled, 'provenance': _provenance(path, header, list(filled))}
 
 
 def write_csv(path: PathLike, arrays: Mapping[str, Any], joint_names: Sequence[str]) -> None:

@@ -25,6 +25,7 @@ from lip_id_ros.progress import Progress, silent
 BLOCK = 500
 STD_BLOCK = 50  # standard deviations need far more memory per sample
 MOST_COVERED = 500  # samples of which a coverage is the share
+ROUNDING = 1e-12  # a smaller deviation of a torque, in its largest value, is none
 
 Blocks = TypeVar('Blocks', bound=Any)
 
@@ -103,7 +104,7 @@ def matched(dataset: Dataset, model: TorqueModel | Dataset) -> Dataset:
     DataError
         If a joint of the model is missing.
     ModelError
-        If a joint has another type than the model's.
+        If a joint has another type than the model's, or only one of both leaves gravity out.
 
     """
     ordered = dataset.with_joints(model.joint_names)
@@ -115,7 +116,21 @@ def matched(dataset: Dataset, model: TorqueModel | Dataset) -> Dataset:
                 f'joint {name!r} must be {expected} as in the model, but is {found} in the data; '
                 'correct recording.joint_types, or fit a new model.'
             )
+    without = _without_gravity(model)
+    if without is not None and without != dataset.gravity_compensated:
+        has = ('leave gravity out', 'contain gravity')
+        raise ModelError(
+            f'the torques of the data {has[without]}, but those that the model learned '
+            f'{has[not without]}; correct recording.gravity_compensated, or fit a new model.'
+        )
     return ordered
+
+
+def _without_gravity(model: TorqueModel | Dataset) -> bool | None:
+    """Return whether torques leave gravity out; None where the model does not tell."""
+    if isinstance(model, Dataset):
+        return model.gravity_compensated
+    return not model.has_potential if isinstance(model, InverseDynamicsModel) else None
 
 
 def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Outcome:
@@ -325,5 +340,5 @@ def _number(value: float | None) -> float | None:
 
 def _relative(squared_error: Array, truth: Array) -> Array:
     variance = np.var(truth, axis=0)
-    varies = variance > 0
+    varies = np.sqrt(variance) > ROUNDING * np.abs(truth).max(axis=0)
     return np.where(varies, 100.0 * squared_error / np.where(varies, variance, 1.0), np.nan)

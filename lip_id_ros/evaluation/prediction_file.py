@@ -29,6 +29,8 @@ TORQUE_TOPICS = {
 }
 TORQUES = ('tau', 'inertial', 'coriolis', 'gravity', 'friction')
 ENERGIES = ('kinetic', 'potential')
+PAUSE_S = 1.0
+"""Between recordings whose times would overlap."""
 UNITS = {
     't': 's',
     **dict.fromkeys((*TORQUES, 'tau_std', 'measurement_std', 'tau_measured'), 'N m or N'),
@@ -100,6 +102,19 @@ def write_prediction_npz(path: str | os.PathLike[str], data: Dataset, found: Val
     write_npz(path, arrays | names, {'format': FORMAT, 'version': VERSION, 'units': units})
 
 
+def stamps(data: Dataset) -> Array:
+    """Return times by the clocks of the recordings, each after the one before, shape (N,)."""
+    sources, t, end = data.provenance.get('sources', ()), data.t.copy(), -PAUSE_S
+    for number in np.unique(data.recording).tolist():
+        rows = data.recording == number
+        source = sources[number] if 0 <= number < len(sources) else None
+        known = source.get('start_s', 0.0) if isinstance(source, Mapping) else 0.0
+        begin = float(t[rows].min())
+        t[rows] += max(known, end + PAUSE_S - begin)
+        end = float(t[rows].max())
+    return t
+
+
 def write_prediction_mcap(path: str | os.PathLike[str], data: Dataset, found: Values) -> None:
     """
     Write measured and predicted effort, energies and standard deviations as topics.
@@ -110,7 +125,7 @@ def write_prediction_mcap(path: str | os.PathLike[str], data: Dataset, found: Va
         If the file cannot be written.
 
     """
-    names, t = data.joint_names, data.t - min(0.0, float(data.t.min()))
+    names, t = data.joint_names, stamps(data)
     tracks: list[Track] = [JointStateTrack(MEASURED_TOPIC, names, t, data.q, data.dq, data.tau)]
     for name, topic in TORQUE_TOPICS.items():
         if (torques := found.get(name)) is not None:

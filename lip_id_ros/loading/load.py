@@ -17,14 +17,19 @@ from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.errors import ConfigError, DataError, SourceError
 from lip_id_ros.loading.election import elect_preprocessing, ELECTED
 from lip_id_ros.preprocessing.pipeline import at_most, preprocess
+from lip_id_ros.preprocessing.smoothing import longest_step
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples, read_sources
 from lip_id_ros.recording.joint_samples import RepeatedSamples
 from lip_id_ros.recording.reading import read_log
-from lip_id_ros.settings import AUTO, Config, override
+from lip_id_ros.recording.timing import gap_starts
+from lip_id_ros.settings import AUTO, Config, override, PreprocessingSettings
 
 PathLike = str | os.PathLike[str]
 Watch = Callable[[JointSamples], object]
+
+ROUNDING = 1e-6
+"""Of sums of times [s]."""
 
 COPIES = 'copies'
 """Provenance: source, samples and repeated samples where an earlier source has them too."""
@@ -98,6 +103,7 @@ class _Loading:
         self._is_alone = is_alone  # nothing to compare with
         self._seen = RepeatedSamples()
         self._repeating: set[str] = set()
+        self._joints: tuple[str, ...] = ()  # to which values per joint belong
         self._report: dict[str, Any] = {}
         self.copies: list[dict[str, Any]] = []
 
@@ -115,7 +121,15 @@ class _Loading:
                 else:
                     yield self._raw(read_log(path, recording.joints))
 
+    def _bound(self, joint_names: Sequence[str]) -> tuple[str, ...]:
+        """Return the order of joints: that of the settings, else of the first source."""
+        if self._settings.recording.joints:
+            return self._settings.recording.joints
+        self._joints = self._joints or tuple(joint_names)
+        return self._joints if set(self._joints) == set(joint_names) else tuple(joint_names)
+
     def _raw(self, samples: JointSamples) -> JointSamples:
+        samples = samples.with_joints(self._bound(samples.joint_names))
         self._watch(samples)
         fresh = self._fresh(samples.source, samples.joint_names, samples.position, samples.effort)
         if not fresh.all():
@@ -146,12 +160,12 @@ class _Loading:
 
     def _data_set(self, path: PathLike) -> Iterator[Dataset]:
         data, recording = Dataset.load(path), self._settings.recording
-        if recording.joints:
-            data = data.with_joints(recording.joints)
-        if Path(path).suffix == CSV_SUFFIX:  # which holds neither
-            data = replace(data, gravity_compensated=recording.gravity_compensated)
-            data = _with_types(data, recording.joint_types)
-        elif _has_default_types(data):
+        data = data.with_joints(self._bound(data.joint_names))
+        defaults = _defaults(data)
+        if Path(path).suffix == CSV_SUFFIX or 'gravity_compensated' in defaults:
+            without = data.gravity_compensated or recording.gravity_compensated
+            data = replace(data, gravity_compensated=without)
+        if Path(path).suffix == CSV_SUFFIX or 'joint_types' in defaults:
             data = _with_types(data, recording.joint_types)
         fresh = self._fresh(os.fspath(path), data.joint_names, data.q, data.tau)
         if fresh.any():
@@ -168,10 +182,10 @@ class _Loading:
         return fresh
 
 
-def _has_default_types(data: Dataset) -> bool:
-    """Return whether the types of joints were not given where the data were read."""
+def _defaults(data: Dataset) -> Sequence[str]:
+    """Return what was not given where the data were read, of what the settings give."""
     first = next(iter(data.provenance.get('sources', ())), None)  # those of arrays are names
-    return isinstance(first, Mapping) and 'joint_types' in first.get('defaults', ())
+    return first.get('defaults', ()) if isinstance(first, Mapping) else ()
 
 
 def _with_types(data: Dataset, joint_types: Sequence[str]) -> Dataset:
@@ -196,7 +210,8 @@ def elected_config(
         See `lip_id_ros.loading.election.elect_preprocessing`.
 
     """
-    some = _first_share(recordings, training_share)
+    longest = config.preprocessing.max_gap_s
+    some = _first_share(recordings, training_share, longest)
     elected = elect_preprocessing(some, config.preprocessing, config.recording, progress)
     changed = replace(config, preprocessing=elected.preprocessing, recording=elected.recording)
     return changed, elected.report
@@ -234,15 +249,28 @@ def with_elected(config: Config, provenance: Mapping[str, Any]) -> Config:
     )
 
 
-def _first_share(recordings: Sequence[JointSamples], share: float) -> list[JointSamples]:
-    """Return the first share of all samples."""
-    rest = round(share * sum(samples.n_samples for samples in recordings))
+def _first_share(
+    recordings: Sequence[JointSamples], share: float, longest_s: float = 0.0
+) -> list[JointSamples]:
+    """Return the first share of all recorded time, of which gaps are none."""
+    elapsed = [_elapsed(samples.t, longest_s) for samples in recordings]
+    rest = share * sum(float(each[-1]) for each in elapsed)
     first = []
-    for samples in recordings:
-        if rest > 0:
-            first.append(samples.rows(slice(0, rest)))
-        rest -= samples.n_samples
+    for samples, each in zip(recordings, elapsed, strict=True):
+        if rest > 0.0:
+            first.append(samples.rows(slice(0, int(np.searchsorted(each, rest + ROUNDING)))))
+        rest -= float(each[-1])
     return first
+
+
+def _elapsed(t: Array, longest_s: float) -> Array:
+    """Return the recorded time up to each sample, shape (N,) [s]."""
+    if t.size < 2:
+        return np.zeros(t.size or 1)
+    steps = np.diff(t, prepend=t[0])
+    usual = PreprocessingSettings().cutoff
+    steps[gap_starts(t, longest_s or longest_step(t, usual)) + 1] = 0.0
+    return np.cumsum(steps)
 
 
 def _is_bag(path: PathLike) -> bool:

@@ -133,6 +133,14 @@ class JointSamples:
             effort=self.effort[chosen],
         )
 
+    def with_joints(self, joint_names: Sequence[str]) -> JointSamples:
+        """Return the samples with these of their joints; without a copy where all are so."""
+        if tuple(joint_names) == self.joint_names:
+            return self
+        columns = [self.joint_names.index(name) for name in joint_names]
+        signals: dict[str, Any] = {name: getattr(self, name)[:, columns] for name in SIGNALS}
+        return replace(self, joint_names=tuple(joint_names), **signals)
+
     def select(self, keep: BoolArray) -> JointSamples:
         """Return some of the samples; all of them without a copy."""
         if keep.all():

@@ -164,6 +164,20 @@ def test_recordings_are_prepared_as_for_the_fit(workshop: Workshop, here: Path) 
     assert as_fit['tau_measured'].shape != other['tau_measured'].shape
 
 
+def test_settings_bind_scales_to_their_own_order_of_joints(workshop: Workshop, here: Path) -> None:
+    names = load_dataset(workshop.bag).joint_names
+    order = [names[2], names[0], names[1]]
+    settings = {'joints': order, 'effort_scale': [3.0, 1.0, 2.0]}
+    Path('scaled.yaml').write_text(json.dumps({'recording': settings}))
+    torques = []
+    for config in (workshop.settings, 'scaled.yaml'):
+        lip_id(
+            'predict', workshop.model, workshop.bag, '-o', 'p.npz', '--config', config, '--force'
+        )
+        torques.append(np.std(read_npz('p.npz')[0]['tau_measured'], axis=0))
+    np.testing.assert_allclose(torques[1], torques[0] * [1.0, 2.0, 3.0], rtol=0.1)
+
+
 def test_predict_gives_the_parts_of_the_torque(workshop: Workshop, here: Path) -> None:
     lip_id('predict', workshop.model, workshop.other_bag, '-o', 'out.npz')
 

@@ -58,6 +58,7 @@ def test_bare_file_gets_documented_defaults(
         'joint_names',
         'joint_types',
         'segment',
+        'gravity_compensated',
     ]
 
 

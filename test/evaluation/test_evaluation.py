@@ -209,6 +209,16 @@ def test_a_joint_of_another_type_is_named() -> None:
         matched(other, data)
 
 
+def test_torques_without_gravity_are_no_torques_with_it() -> None:
+    data, model = swing(1), random_model(ARTICULATED, swing(1).joint_types)
+    named = replace(data, joint_names=model.joint_names, joint_types=model.joint_types)
+    for known in (named, model):
+        with pytest.raises(ModelError, match=r'leave gravity out, but .* contain gravity'):
+            matched(replace(named, gravity_compensated=True), known)
+    with pytest.raises(ModelError, match=r'contain gravity, but .* leave gravity out'):
+        matched(named, replace(named, gravity_compensated=True))
+
+
 def test_table_shows_every_joint_and_energy() -> None:
     table = error_table(evaluate(Knowing(torque_error=0.2), swing(1)), 'Here')
 

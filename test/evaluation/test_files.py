@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 from simulation.pendulums import swing
 
+from lip_id_ros.dataset import concatenate
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation import run
 from lip_id_ros.evaluation.prediction_file import (
@@ -121,6 +123,23 @@ def test_mcap_shows_measured_beside_predicted(tmp_path: Path) -> None:
     )
     np.testing.assert_allclose([seconds(message) for message in predicted], data.t, atol=1e-9)
     assert tuple(predicted[0].name) == data.joint_names
+
+
+def test_mcap_has_the_times_of_the_clock_and_no_stamp_twice(tmp_path: Path) -> None:
+    first, second = (
+        replace(swing(seed), provenance={'sources': [{'source': 'a', **start}]})
+        for seed, start in ((1, {'start_s': 1.7e9}), (2, {'start_s': 1.7e9 + 1.0}))
+    )
+    for parts in ([first, second], [first, replace(second, provenance={})]):
+        data = concatenate(parts)
+        found = predicted_values(Knowing(), run(Knowing(), data))
+        write_prediction_mcap(tmp_path / 'out.mcap', data, found)
+        shown = messages(tmp_path / 'out.mcap')
+        stamps = np.array([seconds(x) for topic, x in shown if topic == '/measured'])
+        assert (np.diff(stamps) > 0.0).all()
+        half = first.n_samples
+        np.testing.assert_allclose(stamps[:half], 1.7e9 + first.t, atol=1e-6)
+        np.testing.assert_allclose(np.diff(stamps[half:]), np.diff(second.t), atol=1e-6)
 
 
 def test_mcap_has_energies_and_standard_deviations(tmp_path: Path) -> None:

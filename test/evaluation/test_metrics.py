@@ -32,6 +32,8 @@ def test_what_does_not_vary_has_no_nmse() -> None:
 
     assert np.isnan(nmse[0])
     assert nmse[1] == 0.0
+    rounded = 0.1 + np.array([0.0, 1e-17, 2e-17, 0.0]) + np.finfo(float).eps * np.arange(4.0)
+    assert np.isnan(metrics.nmse_percent(np.zeros(4), rounded))
 
 
 @given(columns, st.floats(-100, 100))

@@ -14,8 +14,10 @@ from lip_id_ros.errors import ConfigError
 from lip_id_ros.loading import election_lines, load_dataset, with_elected
 from lip_id_ros.loading.delay_election import fewest
 from lip_id_ros.loading.election import CUTOFFS_HZ, elect_preprocessing, Elected
+from lip_id_ros.loading.load import _first_share
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.smoothing import resample, resample_early
+from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import AUTO, Config, PreprocessingSettings, RecordingSettings
 
 ELECTING = PreprocessingSettings(cutoff_hz=AUTO)
@@ -144,6 +146,20 @@ def test_what_is_held_out_does_not_matter(tmp_path: Path) -> None:
     assert load_dataset(good, again).provenance['sources'][0]['recording'] == (
         reports[0]['recording'] | {'effort_delay_s': again.recording.effort_delay_s}
     )
+
+
+def test_the_first_share_is_one_of_time() -> None:
+    """Messages that come more often do not move the cut; time in which there are none is none."""
+    slow, fast = np.arange(0.0, 40.0, 0.01), np.arange(40.0, 100.0, 0.001)
+    t = np.concatenate([slow, fast[fast < 60.0], 1000.0 + fast[fast >= 60.0]])
+    values = np.zeros((t.size, 1))
+    samples = JointSamples(t, values, values, values, ('a',))
+    for share, last in ((0.2, 20.0), (0.5, 50.0), (0.8, 1080.0), (1.0, t[-1])):
+        (first,) = _first_share([samples], share)
+        assert first.t[-1] == pytest.approx(last, abs=0.02)
+    first, second = _first_share([samples.rows(slice(0, 4000)), samples], 0.5)
+    assert second.t[-1] == pytest.approx(30.0, abs=0.02)
+    assert first.n_samples == 4000
 
 
 def test_few_samples_keep_the_usual_cutoff(tmp_path: Path) -> None:

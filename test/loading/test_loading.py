@@ -133,3 +133,34 @@ def test_recordings_are_numbered(tmp_path: Path) -> None:
     np.testing.assert_array_equal(data.recording, np.repeat([0, 1, 2], n))
     np.testing.assert_array_equal(data.segment, np.repeat([0, 1, 2], n))
     np.testing.assert_allclose(data.tau[2 * n :], 1.2 * data.tau[:n], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize('first', [('shoulder', 'elbow'), ('elbow', 'shoulder')])
+def test_values_per_joint_belong_to_the_joints_of_the_first_recording(
+    tmp_path: Path, first: tuple[str, str]
+) -> None:
+    """Columns of a second recording in another order have the scale of their joint."""
+    write_bag(tmp_path / 'a', first)
+    write_bag(tmp_path / 'b', (first[1], first[0]), factor=1.5)
+    config = Config(
+        recording=RecordingSettings(
+            effort_scale=(2.0, 3.0), joint_types=('revolute', 'prismatic')
+        ),
+        preprocessing=PreprocessingSettings(max_samples=0),
+    )
+    plain = load_dataset([tmp_path / 'a', tmp_path / 'b'])
+    data = load_dataset([tmp_path / 'a', tmp_path / 'b'], config)
+    assert data.joint_names == plain.joint_names == first
+    assert data.joint_types == ('revolute', 'prismatic')
+    np.testing.assert_allclose(data.tau, plain.tau * [2.0, 3.0], rtol=1e-12)
+
+
+def test_a_bare_data_set_without_gravity(tmp_path: Path) -> None:
+    columns = np.arange(20.0).reshape(10, 2)
+    np.savez(tmp_path / 'bare.npz', q=columns, dq=columns, ddq=columns, tau=columns)
+    config = Config(recording=RecordingSettings(gravity_compensated=True))
+    data = load_dataset(tmp_path / 'bare.npz', config)
+    assert data.gravity_compensated
+    data.save(tmp_path / 'said.npz')
+    assert load_dataset(tmp_path / 'said.npz').gravity_compensated
+    assert not load_dataset(tmp_path / 'bare.npz').gravity_compensated
