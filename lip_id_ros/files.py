@@ -75,6 +75,8 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
             _copy_to_stream(whole, path)
         return
     target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
     _sweep(target)
     temporary = _temporary_beside(target)
     try:

@@ -369,3 +369,9 @@ def test_a_folder_in_use_is_not_swept(tmp_path: Path, monkeypatch: pytest.Monkey
     os.utime(tmp_path / f'{files.SCRATCH}link', (0, 0), follow_symlinks=False)
     with scratch_folder():
         assert (tmp_path / 'elsewhere').is_dir()
+
+
+@pytest.mark.parametrize('path', ['/', '', '/tmp/'])
+def test_a_folder_is_no_place_for_a_file(path: str) -> None:
+    with pytest.raises(IsADirectoryError, match=rf"Is a directory: '{path}'$"):
+        write_atomically(path, write_new)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 import dataclasses
 from dataclasses import dataclass, field
+from numbers import Real
 import os
 from pathlib import Path
 from typing import Any, Self
@@ -194,9 +195,11 @@ class Dataset:
         Raises
         ------
         DataError
-            If one of the parts would be empty.
+            If one of the parts would be empty, or the share is no number.
 
         """
+        if not isinstance(fraction, Real):
+            raise DataError(f'the share of a split must be a number, not {fraction!r}.')
         rows = np.arange(self.n_samples)
         cut = round(fraction * self.n_samples) if 0 < fraction < 1 else 0
         if not 0 < cut < self.n_samples:

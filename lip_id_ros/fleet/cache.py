@@ -11,6 +11,7 @@ from importlib.metadata import version
 import logging
 import os
 from pathlib import Path
+import tempfile
 import time
 
 from lip_id_ros.files import write_whole
@@ -138,8 +139,11 @@ def unused_for(some: Sequence[Entry], days: float) -> list[Entry]:
 
 
 def default_folder() -> Path:
-    """Return where results are kept unless a folder is named."""
-    base = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
+    """Return where results are kept unless a folder is named: a temporary one without a home."""
+    try:
+        base = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
+    except RuntimeError:  # in containers: neither HOME nor an entry of the user
+        base = Path(tempfile.gettempdir()) / f'cache_of_{os.getuid()}'
     return Path(base) / 'lip_id_ros' / 'fleet'
 
 

@@ -77,8 +77,13 @@ def load_dataset(
         If a source does not exist or cannot be opened.
 
     """
-    settings = settings or Config()
-    paths = [sources] if isinstance(sources, (str, os.PathLike)) else list(sources)
+    settings = Config() if settings is None else settings
+    if not isinstance(settings, Config):
+        raise ConfigError(
+            f'the settings of load_dataset must be a Config, not {type(settings).__name__}; '
+            'write Config(recording=..., preprocessing=...), or use read_config.'
+        )
+    paths = _paths(sources)
     if not paths:
         raise SourceError('at least one recording or data set is needed, but none was named.')
     loading = _Loading(settings, progress, watch, is_alone=len(paths) == 1)
@@ -91,6 +96,15 @@ def load_dataset(
     if loading.copies:
         data = replace(data, provenance={**data.provenance, COPIES: loading.copies})
     return at_most(data, settings.preprocessing)
+
+
+def _paths(sources: Any) -> list[PathLike]:
+    is_one = isinstance(sources, (str, os.PathLike)) or not isinstance(sources, Iterable)
+    paths = [sources] if is_one else list(sources)
+    for path in paths:
+        if not isinstance(path, (str, os.PathLike)):
+            raise SourceError(f'a source must be a path, not {path!r}; pass one path, or a list.')
+    return paths
 
 
 class _Loading:

@@ -9,7 +9,7 @@ import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.checked_file import Arrays, MODEL, read_checked, write_checked
@@ -347,7 +347,7 @@ class InverseDynamicsModel:
     def _checked(self, *arrays: ArrayLike) -> list[Array]:
         # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
         try:
-            out = [np.array(x, dtype=np.float64, order='C') for x in arrays]
+            out = [np.array(_numbers(x), dtype=np.float64, order='C') for x in arrays]
         except (TypeError, ValueError) as error:
             raise ShapeError(
                 f'joint states must be arrays of numbers with rows of equal length; {error}.'
@@ -359,3 +359,12 @@ class InverseDynamicsModel:
                     'pass one row per sample and one column per joint of the model.'
                 )
         return out
+
+
+def _numbers(values: ArrayLike) -> NDArray[Any]:
+    array = np.asarray(values)
+    if array.dtype.kind not in 'iuf':
+        raise TypeError(f'one has values of type {array.dtype}')
+    if np.ma.is_masked(values):
+        raise TypeError('one has masked values')
+    return array

@@ -310,3 +310,9 @@ def test_a_block_ends_with_a_segment_that_ends_near() -> None:
     first, second, _ = data.blocks(3)
     assert (second.held_out[0], second.held_out[-1]) == (95, 204)
     assert first.training[0] == 95
+
+
+@pytest.mark.parametrize('fraction', ['a', None, 1j, [0.5]])
+def test_split_refuses_what_is_no_number(fraction: Any) -> None:
+    with pytest.raises(DataError, match=r'^the share of a split must be a number, not '):
+        dataset().split(fraction)

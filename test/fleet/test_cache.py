@@ -158,7 +158,7 @@ def test_a_cache_of_another_user_is_read() -> None:
         kept = FolderCache(folder)
         kept[KEY] = CONTENT
         (entry,) = entries(folder)
-        with as_nobody():
+        with as_user(NOBODY):
             readable = os.access(entry.path, os.R_OK, effective_ids=True)
             writable = os.access(entry.path, os.W_OK, effective_ids=True)
             assert (readable, writable) == (True, False)
@@ -166,9 +166,25 @@ def test_a_cache_of_another_user_is_read() -> None:
 
 
 @contextmanager
-def as_nobody() -> Iterator[None]:
-    os.seteuid(NOBODY)
+def as_user(number: int) -> Iterator[None]:
+    os.setresuid(number, number, 0)
     try:
         yield
     finally:
-        os.seteuid(0)
+        os.setresuid(0, 0, 0)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root can become a user without an entry')
+def test_a_user_without_a_home_has_a_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ('HOME', 'XDG_CACHE_HOME'):
+        monkeypatch.delenv(name, raising=False)
+    cache.code_version()  # the sources may be closed to others
+    with tempfile.TemporaryDirectory(dir='/tmp') as folder:
+        os.chmod(folder, 0o777)
+        monkeypatch.setattr('tempfile.tempdir', folder)
+        with as_user(12345):
+            kept = FolderCache(cache.default_folder())
+            kept[KEY] = CONTENT
+            assert kept.get(KEY) == CONTENT
+        (entry,) = entries(Path(folder) / 'cache_of_12345' / 'lip_id_ros' / 'fleet')
+        assert entry.path.name == KEY

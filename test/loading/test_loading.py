@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from preprocessing.motions import recording, uniform
@@ -10,10 +11,10 @@ import pytest
 from recording.bag_files import State, write_file, write_folder
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.errors import DataError, SourceError
+from lip_id_ros.errors import ConfigError, DataError, SourceError
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
+from lip_id_ros.settings import Config, FitSettings, PreprocessingSettings, RecordingSettings
 
 T = uniform(300, 100.0)
 
@@ -164,3 +165,15 @@ def test_a_bare_data_set_without_gravity(tmp_path: Path) -> None:
     data.save(tmp_path / 'said.npz')
     assert load_dataset(tmp_path / 'said.npz').gravity_compensated
     assert not load_dataset(tmp_path / 'bare.npz').gravity_compensated
+
+
+@pytest.mark.parametrize('sources', [None, 3, [None], b'bag'])
+def test_what_is_no_path_is_refused(sources: Any) -> None:
+    with pytest.raises(SourceError, match=r'^a source must be a path, not .*; pass one path'):
+        load_dataset(sources)
+
+
+@pytest.mark.parametrize('settings', [{}, {'preprocessing.cutoff_hz': 3.0}, FitSettings()])
+def test_settings_of_another_type_are_refused(settings: Any) -> None:
+    with pytest.raises(ConfigError, match=r'^the settings of load_dataset must be a Config, not '):
+        load_dataset('bag', settings)

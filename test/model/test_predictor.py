@@ -257,7 +257,19 @@ def test_no_queries_have_no_answers() -> None:
     assert deviation.kinetic.shape == (0,)
 
 
-@pytest.mark.parametrize('states', [[['a', 'b', 'c']], [[0.0], [0.0, 1.0]], [[None] * 3, 2.0]])
+@pytest.mark.parametrize(
+    'states',
+    [
+        *(
+            [['a', 'b', 'c']],
+            [['1', '2', '3']],
+            [[0.0], [0.0, 1.0]],
+            [[None] * 3, 2.0],
+            [[1j] * 3],
+        ),
+        np.ma.masked_array(np.zeros((2, 3)), mask=np.eye(2, 3, dtype=bool)),
+    ],
+)
 def test_states_that_are_no_numbers(states: Any) -> None:
     predictor = random_model('recursive')
     sentence = r'^joint states must be arrays of numbers with rows of equal length; '
