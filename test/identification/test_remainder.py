@@ -182,3 +182,18 @@ def test_a_torque_of_few_inputs_is_learned_from_them() -> None:
     assert found.replaces.all()
     error = torque_of_processes(found, q[N:], dq[N:], ddq[N:]) - tau[N:]
     assert (np.mean(error**2, axis=0) < 0.02 * tau.var(axis=0)).all()
+
+
+def test_both_ends_of_each_joint_are_left_out_beside_blocks_of_time() -> None:
+    """A process has to predict positions that it was not trained at."""
+    q = np.random.default_rng(0).permuted(
+        np.linspace(-1.0, 1.0, 600)[:, None].repeat(2, 1), axis=0
+    )
+    masks = fold_masks(q, 600, np.arange(600))
+    of_time = [mask for mask, joint in masks if joint < 0]
+    np.testing.assert_array_equal(np.sum(of_time, axis=0), 1)
+    for joint in range(2):
+        low, high = (mask for mask, place in masks if place == joint)
+        assert low.sum() == high.sum() == 100
+        assert q[low, joint].max() < q[~low & ~high, joint].min()
+        assert q[high, joint].min() > q[~low & ~high, joint].max()
