@@ -226,8 +226,19 @@ class _Reader:
             yield Body(link, placement, self._inertial(link))
             for joint in self._below.get(link, []):
                 if joint.get('name') not in names:
+                    self._refuse_mimic(joint, names)
                     child = self._end(joint, 'child')
                     waiting.append((child, placement @ self._origin(joint)))
+
+    def _refuse_mimic(self, joint: ET.Element, names: Sequence[str]) -> None:
+        mimic = joint.find('mimic')
+        if mimic is not None and mimic.get('joint') in names:
+            name, leader = joint.get('name'), mimic.get('joint')
+            raise DataError(
+                f'joint {name!r} in {self._place} moves with joint {leader!r} of the arm by '
+                '<mimic>, which the links of a serial arm cannot; fit without the URDF, or make '
+                'it a fixed joint.'
+            )
 
     def _inertial(self, link: str) -> Array:
         element = self._links.get(link)

@@ -16,6 +16,7 @@ import textwrap
 
 import numpy as np
 
+from lip_id_ros.escaping import printable
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import COLUMNS, header_lines
 from lip_id_ros.friction.drives import Drive
@@ -58,7 +59,9 @@ def to_c_header(arm: ArmDescription) -> str:
         prefix=arm.name,
         PREFIX=arm.name.upper(),
         comment=_comment(arm),
-        joints='\n'.join(f' *   {i}: {name}' for i, name in enumerate(arm.joint_names)),
+        joints='\n'.join(
+            f' *   {i}: {name}' for i, name in enumerate(_safe(map(printable, arm.joint_names)))
+        ),
         links=',\n'.join(_link(arm, i) for i in range(n)),
         up=_list(-arm.chain.gravity),
         reference=textwrap.fill(
@@ -86,8 +89,8 @@ def _comment(arm: ArmDescription) -> str:
 
 
 def _safe(lines: Iterable[str]) -> list[str]:
-    # what would end a comment, or begin one
-    return [line.replace('*/', '* /').replace('/*', '/ *') for line in lines]
+    # what would end a comment, or begin one, and what C takes for a backslash
+    return [re.sub(r'\*(?=/)|/(?=\*)|\?(?=\?)', r'\g<0> ', line) for line in lines]
 
 
 def _link(arm: ArmDescription, i: int) -> str:

@@ -27,6 +27,7 @@ from lip_id_ros.export.text import (
     xml_text,
 )
 from lip_id_ros.export.urdf import (
+    base_name,
     centre_of_mass_inertia,
     JOINT_LENGTH,
     JOINT_RADIUS,
@@ -46,6 +47,8 @@ COMPILER = {
     'fusestatic': 'false',
     'inertiafromgeom': 'false',
 }
+START = 'middle'
+"""Key from which a simulation may begin, within all ranges."""
 SHOWN = {'contype': '0', 'conaffinity': '0', 'group': '2', 'mass': '0'}
 DARK = '0.25 0.3 0.35 1'
 REMARKS = (
@@ -54,6 +57,8 @@ REMARKS = (
     'inertia of the rotor, seen through its gear.',
     'Capsules show the links, cylinders and boxes the axes of the joints; they have no mass and '
     'touch nothing.',
+    'The key `middle` is the middle of the recorded ranges: begin there (mj_resetDataKeyframe), '
+    'since zero may lie outside.',
 )
 
 
@@ -82,13 +87,16 @@ def to_mjcf(arm: ArmDescription) -> str:
     ET.SubElement(root, 'option', option)
     world = ET.SubElement(root, 'worldbody')
     ET.SubElement(world, 'light', {'pos': '0 0 3', 'dir': '0 0 -1', 'directional': 'true'})
-    parent = ET.SubElement(world, 'body', {'name': 'base_link'})
+    parent = ET.SubElement(world, 'body', {'name': base_name(arm.joint_names)})
     actuators = ET.Element('actuator')
     for i in range(arm.n_joints):
         parent = _body(parent, arm, i, friction)
         name = arm.joint_names[i]
         ET.SubElement(actuators, 'motor', {'name': f'{name}_motor', 'joint': name})
     root.append(actuators)
+    middle = 0.5 * (arm.ranges.q_min + arm.ranges.q_max)
+    key = {'name': START, 'qpos': numbers(middle)}
+    ET.SubElement(ET.SubElement(root, 'keyframe'), 'key', key)
     text = xml_text(root, header_lines(arm, remarks))
     compiled(text)
     return text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+import re
 import textwrap
 from typing import NamedTuple
 import xml.etree.ElementTree as ET
@@ -125,7 +126,7 @@ def xml_text(root: ET.Element, comment: Iterable[str]) -> str:
     """Return an XML document that begins with a comment."""
     ET.indent(root)
     # two hyphens would end the comment
-    lines = [line.replace('--', '- -') for line in comment]
+    lines = [re.sub('-(?=-)', '- ', line) for line in comment]
     body = ET.tostring(root, encoding='unicode')
     return f'<?xml version="1.0"?>\n<!--\n{_indented(lines)}\n-->\n{body}\n'
 

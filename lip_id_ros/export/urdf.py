@@ -61,7 +61,7 @@ def to_urdf(arm: ArmDescription) -> str:
     ET.register_namespace('drake', DRAKE)
     remarks = (*REMARKS, *left_out_remark(arm, friction.left_out.basis.terms, 'URDF'))
     root = ET.Element('robot', {'name': arm.name})
-    ET.SubElement(root, 'link', {'name': BASE})
+    ET.SubElement(root, 'link', {'name': base_name(arm.joint_names)})
     for i in range(arm.n_joints):
         root.append(_link(arm, i))
         root.append(_joint(arm, i, friction))
@@ -74,6 +74,14 @@ def to_urdf(arm: ArmDescription) -> str:
 def link_name(joint: str) -> str:
     """Return the name of the link that a joint moves."""
     return f'{joint}_link'
+
+
+def base_name(joint_names: tuple[str, ...]) -> str:
+    """Return a name for the base that no link has."""
+    name = BASE
+    while name in map(link_name, joint_names):
+        name = f'{name}_'
+    return name
 
 
 def rotor_inertias(root: ET.Element, joint_names: tuple[str, ...]) -> Array:
@@ -143,7 +151,8 @@ def _joint(arm: ArmDescription, i: int, friction: FrictionSplit) -> ET.Element:
     rpy = roll_pitch_yaw(arm.chain.rotations[i])
     place = {'xyz': numbers(arm.chain.translations[i]), 'rpy': numbers(rpy)}
     ET.SubElement(joint, 'origin', place)
-    ET.SubElement(joint, 'parent', {'link': link_name(arm.joint_names[i - 1]) if i > 0 else BASE})
+    parent = link_name(arm.joint_names[i - 1]) if i > 0 else base_name(arm.joint_names)
+    ET.SubElement(joint, 'parent', {'link': parent})
     ET.SubElement(joint, 'child', {'link': link_name(name)})
     ET.SubElement(joint, 'axis', {'xyz': '0 0 1'})
     limit = {

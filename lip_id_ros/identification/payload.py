@@ -32,6 +32,8 @@ from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 
 ROUNDS, EVALUATIONS, TOLERANCE = 3, 100, 1e-6
 BLOCKS = 50
+LIGHTER = 4.0
+"""A body of so many standard deviations below zero is a part that was taken off."""
 STATES, SEED = 400, 0
 """Random states at which torques of the model stand for what it was learned from."""
 LEAST_STD = 1e-6
@@ -135,7 +137,7 @@ def identify_payload(model: InverseDynamicsModel, dataset: Dataset) -> LoadedArm
     Raises
     ------
     DataError
-        If there are too few samples.
+        If there are too few samples, or the arm is lighter than its model.
 
     """
     arm = model.arm
@@ -189,6 +191,14 @@ def _existing(problem: PayloadProblem, at: LoadedState) -> LoadedState:
     if np.linalg.eigvalsh(pseudo_inertia(at.body))[0] > 0.0:
         return at
     triangle = _triangle(problem, at)
+    inverse = np.asarray(solve_triangular(triangle, np.eye(len(triangle))))
+    mass_std = float(np.linalg.norm(inverse[-BODY]))
+    if at.body[0] < -LIGHTER * mass_std:
+        raise DataError(
+            f'the arm with its payload was expected to be heavier than the model, but is lighter '
+            f'by {-at.body[0]:.3g} +- {mass_std:.2g} kg, as if the model had a tool; fit the arm '
+            'without its tool.'
+        )
     others, shared, own = (
         triangle[:-BODY, :-BODY],
         triangle[:-BODY, -BODY:],

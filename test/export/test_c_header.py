@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+from dataclasses import replace
 from pathlib import Path
+import re
 import shutil
 import subprocess
 
@@ -14,6 +16,7 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.c_header import identifier, to_c_header
+from lip_id_ros.export.check import compile_c
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
     potential_regressor,
@@ -150,3 +153,13 @@ int main() {
 )
 def test_names_for_c(name: str, expected: str) -> None:
     assert identifier(name) == expected
+
+
+def test_names_of_joints_stay_in_their_comment(tmp_path: Path) -> None:
+    arm = replace(random_arm('RRR'), joint_names=('x*/int evil;/*', 'end??/', 'a/*/b\nint c;'))
+    text = to_c_header(arm)
+    plain = to_c_header(random_arm('RRR'))
+    code = [re.sub(r'/\*.*?\*/', '', each, flags=re.DOTALL) for each in (text, plain)]
+    assert code[0] == code[1]
+    assert '??' not in text
+    assert compile_c(text, arm, tmp_path).exists()

@@ -64,3 +64,11 @@ def test_what_mujoco_refuses_is_an_error() -> None:
     links[0, 0] = -1.0
     with pytest.raises(ModelError, match='MuJoCo was to read the exported arm, but refuses it'):
         to_mjcf(replace(arm, links=links))
+
+
+def test_the_key_lies_within_the_ranges_and_names_meet_no_others() -> None:
+    """Ranges that zero is outside of, and a joint whose link is called as the base is."""
+    arm = random_arm('RPR')
+    ranges = replace(arm.ranges, q_min=arm.ranges.q_max + 1.0, q_max=arm.ranges.q_max + 3.0)
+    model = compiled(to_mjcf(replace(arm, ranges=ranges, joint_names=('base', 'a---b', 'c'))))
+    np.testing.assert_allclose(model.key_qpos[0], arm.ranges.q_max + 2.0)

@@ -130,3 +130,11 @@ def test_names_with_characters_of_xml() -> None:
     arm = replace(random_arm('RR'), joint_names=('a<b>"c"&', 'left/arm joint'))
     model = pinocchio.buildModelFromXML(to_urdf(arm))
     assert tuple(model.names)[1:] == arm.joint_names
+
+
+@pytest.mark.parametrize('names', [('base', 'b'), ('base', 'base_link'), ('a---b', 'c--')])
+def test_names_that_meet_others_or_end_comments(names: tuple[str, str]) -> None:
+    arm = replace(random_arm('RR'), joint_names=names)
+    assert tuple(pinocchio.buildModelFromXML(to_urdf(arm)).names)[1:] == names
+    links = [link.get('name') for link in ET.fromstring(to_urdf(arm)).iter('link')]
+    assert len(set(links)) == 3

@@ -201,6 +201,13 @@ def test_nothing_attached_is_a_body_of_no_mass() -> None:
     assert np.linalg.eigvalsh(pseudo_inertia(found.parameters))[0] > -1e-12
 
 
+def test_an_arm_lighter_than_its_model_is_refused() -> None:
+    """A tool of 0.2 kg was in the model."""
+    arm = arm_of('RRRRRR')
+    with pytest.raises(DataError, match=r'lighter by 0\.[12].* fit the arm without its tool'):
+        payload_of(arm, recorded(arm, -0.2 * body(), 1, NOISE))
+
+
 def test_too_few_samples() -> None:
     arm = arm_of('RRR')
     with pytest.raises(DataError, match='at least 50 samples were expected to find a payload'):
