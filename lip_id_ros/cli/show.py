@@ -26,7 +26,7 @@ from lip_id_ros.evaluation.tables import (
     Table,
 )
 from lip_id_ros.export.arm import remainder_of
-from lip_id_ros.export.kinematics import HEADER, model_kinematics, TRANSFORM, UNIDENTIFIED
+from lip_id_ros.export.kinematics import model_kinematics, UNIDENTIFIED
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
@@ -96,7 +96,8 @@ def _show_links(model: InverseDynamicsModel, console: Console) -> None:
     """Show the placements that a fit found, and whether anything else explains torques."""
     kinematics = model_kinematics(model)
     assert kinematics is not None, 'the model has links'
-    show(Table(f'Denavit-Hartenberg: {TRANSFORM}', ('', *HEADER), kinematics.cells()), console)
+    title = f'Denavit-Hartenberg: {kinematics.transform}'
+    show(Table(title, ('', *kinematics.header), kinematics.cells()), console)
     text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
     if (remainder := remainder_of(model)) is not None:
         text = f'The model has {remainder}.'

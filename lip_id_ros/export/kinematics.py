@@ -22,6 +22,7 @@ IS_DISTANCE = np.array(UNITS) == 'm'
 
 LEAST_ANGLE, LEAST_DISTANCE, HALF = 15.0, 0.05, 0.5
 """Three deviations below these [deg, m], or below half of a distance, leave it identified."""
+TILT = 'tilt [deg]'
 TILTED = 1e-4
 """Tilt of a frame that is worth a column [deg]."""
 MARK = '?'
@@ -61,24 +62,38 @@ class Kinematics:
         distances = np.maximum(HALF * np.abs(self.values), LEAST_DISTANCE)
         return np.asarray(~(3.0 * self.std >= np.where(IS_DISTANCE, distances, LEAST_ANGLE)))
 
+    @property
+    def is_tilted(self) -> bool:
+        """Whether a frame is tilted, so that four parameters do not give the chain."""
+        return bool((np.abs(self.tilt) > TILTED).any())
+
+    @property
+    def transform(self) -> str:
+        """The order of the parameters' transforms."""
+        return TRANSFORM.replace(' Rot_z', ' Rot_y(tilt) Rot_z') if self.is_tilted else TRANSFORM
+
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Names of the parameters, the tilt among them where there is one."""
+        return (*HEADER, *[TILT] * self.is_tilted)
+
     def cells(self) -> list[tuple[str, ...]]:
         """Return name and parameters of each joint as text, with deviations."""
         rows = zip(self.joint_names, self.values, self.std, self.identified, strict=True)
         return [
             (name, *(_cell(*each) for each in zip(UNITS, *columns, strict=True)))
-            for name, *columns in rows
+            + (_rounded(tilt, 'deg', 2, 4),) * self.is_tilted
+            for (name, *columns), tilt in zip(rows, self.tilt, strict=True)
         ]
 
     def lines(self) -> list[str]:
         """Return the table as lines of text, for comments in files."""
-        tilted = bool((np.abs(self.tilt) > TILTED).any())
-        transform = TRANSFORM.replace(' Rot_z', ' Rot_y(tilt) Rot_z') if tilted else TRANSFORM
-        units = (*UNITS, *['deg'] * tilted)
+        units = (*UNITS, *['deg'] * self.is_tilted)
         width = max(len(name) for name in self.joint_names)
-        head = ''.join(f'{name:>14}' for name in (*HEADER, *['tilt [deg]'] * tilted))
+        head = ''.join(f'{name:>14}' for name in self.header)
         known = np.column_stack([self.identified, np.ones_like(self.tilt, dtype=bool)])
         rows = zip(self.joint_names, np.column_stack([self.values, self.tilt]), known, strict=True)
-        lines = [f'Denavit-Hartenberg: {transform}', f'{"":{width}}{head}']
+        lines = [f'Denavit-Hartenberg: {self.transform}', f'{"":{width}}{head}']
         for name, *columns in rows:
             cells = zip(units, *(column[: len(units)] for column in columns), strict=True)
             numbers = ''.join(
@@ -95,10 +110,16 @@ class Kinematics:
             name: {
                 **dict(zip(KEYS, (np.round(values, 5) + 0.0).tolist(), strict=True)),
                 **dict(zip(STD_KEYS, std, strict=True)),
+                'tilt_deg': round(tilt, 5) + 0.0,
                 'not_identified': [x for x, sure in zip(PARAMETERS, yes, strict=True) if not sure],
             }
-            for name, values, std, yes in zip(
-                self.joint_names, self.values, known, self.identified, strict=True
+            for name, values, std, yes, tilt in zip(
+                self.joint_names,
+                self.values,
+                known,
+                self.identified,
+                self.tilt.tolist(),
+                strict=True,
             )
         }
 

@@ -9,7 +9,7 @@ from export.arms import model_of, panda, random_arm
 import numpy as np
 import pytest
 
-from lip_id_ros.export.kinematics import kinematics_of, model_kinematics, STD_KEYS
+from lip_id_ros.export.kinematics import Kinematics, kinematics_of, model_kinematics, STD_KEYS
 from lip_id_ros.export.text import header_lines
 
 pytest.importorskip('pinocchio')
@@ -52,6 +52,17 @@ def test_without_gravity_distances_are_known_up_to_a_factor() -> None:
     assert found.to_json()['joint_2']['length_std_m'] is None
     described = {**summary, 'description': {}}
     assert kinematics_of(arm.joint_names, chain, described).identified.all()
+
+
+def test_a_tilted_frame_is_shown_wherever_the_table_is() -> None:
+    values = np.zeros((2, 4))
+    tilted = Kinematics(('a', 'b'), values, np.zeros((2, 4)), np.array([0.0, 1.5]))
+    assert tilted.header[-1] == 'tilt [deg]'
+    assert [row[-1] for row in tilted.cells()] == ['0.00', '1.50']
+    assert 'Rot_y(tilt)' in tilted.transform
+    assert [joint['tilt_deg'] for joint in tilted.to_json().values()] == [0.0, 1.5]
+    plain = Kinematics(('a', 'b'), values, np.zeros((2, 4)), np.zeros(2))
+    assert len(plain.header) == 4 == len(plain.cells()[0]) - 1
 
 
 def test_files_mark_what_is_not_identified() -> None:
