@@ -1,14 +1,34 @@
 """The package, as ament_python and pip want it described."""
 
 from pathlib import Path
+import sys
 
 from setuptools import find_packages, setup
 
 PACKAGE = 'lip_id_ros'
+WHEEL = {'bdist_wheel', 'dist_info', 'editable_wheel'}  # the commands that pip runs
+NODES = [
+    'train = lip_id_ros.nodes.train:main',
+    'serve = lip_id_ros.nodes.serve:main',
+    'monitor = lip_id_ros.nodes.monitor:main',
+    'replay = lip_id_ros.nodes.replay:main',
+    'computed_torque = lip_id_ros.nodes.computed_torque:main',
+    'simulated_panda = lip_id_ros.demo.nodes:simulated_panda',
+    'simulated_arm = lip_id_ros.demo.nodes:simulated_arm',
+    'reference = lip_id_ros.demo.nodes:reference',
+]
 
 
 def files(folder: str, pattern: str = '*') -> list[str]:
     return sorted(str(path) for path in Path(folder).glob(pattern) if path.is_file())
+
+
+def programs() -> list[str]:
+    """Return lip_id, and the nodes for `ros2 run`: a wheel has none, as Ray's is called serve."""
+    program = ['lip_id = lip_id_ros.cli:main']
+    if WHEEL & set(sys.argv):
+        return program
+    return program + NODES
 
 
 setup(
@@ -29,7 +49,7 @@ setup(
         'fsspec>=2024.2',
         'lz4>=4.0',
         'matplotlib>=3.6',
-        'numba>=0.57',
+        'numba>=0.59',
         'numpy>=1.26',
         'pyyaml>=6.0',
         'rich>=13.0',
@@ -59,18 +79,6 @@ setup(
         f'{PACKAGE}.export': ['*.in'],
         f'{PACKAGE}.fleet': ['*.html'],
     },
-    zip_safe=True,
-    entry_points={
-        'console_scripts': [
-            'lip_id = lip_id_ros.cli:main',
-            'train = lip_id_ros.nodes.train:main',
-            'serve = lip_id_ros.nodes.serve:main',
-            'monitor = lip_id_ros.nodes.monitor:main',
-            'replay = lip_id_ros.nodes.replay:main',
-            'computed_torque = lip_id_ros.nodes.computed_torque:main',
-            'simulated_panda = lip_id_ros.demo.nodes:simulated_panda',
-            'simulated_arm = lip_id_ros.demo.nodes:simulated_arm',
-            'reference = lip_id_ros.demo.nodes:reference',
-        ],
-    },
+    zip_safe=False,
+    entry_points={'console_scripts': programs()},
 )

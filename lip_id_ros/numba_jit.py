@@ -15,12 +15,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 import hashlib
+import logging
 from pathlib import Path
+import re
 from typing import Any, cast, TypeVar
 
 import numba
 from numba.core.caching import FunctionCache
 import numpy as np
+
+PACKAGE = Path(__file__).parent
 
 LANES = 32
 
@@ -60,7 +64,7 @@ class _Cache(FunctionCache):
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         home = Path(self._py_func.__code__.co_filename).parent
         key = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]
-        return (*key, _digest(Path(__file__).parent), _digest(home))
+        return (*key, _digest(PACKAGE), '' if home.is_relative_to(PACKAGE) else _digest(home))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return cached code; None where there is none, or it refers to types that are gone."""
@@ -73,15 +77,42 @@ class _Cache(FunctionCache):
 
 @cache
 def _digest(folder: Path) -> str:
-    """Return a digest of all modules below a folder that compile functions."""
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob('*.py')):
-        source = path.read_bytes()
-        if b'numba_jit' in source:
-            digest.update(source)
-    return digest.hexdigest()
+    """Return a digest of all modules below a folder whose constants compiled code may hold."""
+    sources = {path: path.read_bytes() for path in sorted(folder.rglob('*.py'))}
+    if folder == PACKAGE:
+        parts = _reached(sources)
+        sources = {path: text for path, text in sources.items() if _part(path) in parts}
+    return hashlib.sha256(b''.join(sources.values())).hexdigest()
+
+
+def _reached(sources: dict[Path, bytes]) -> set[str]:
+    """Return the parts of the package that compile functions, and those that they name."""
+    names: dict[str, set[str]] = {}
+    for path, source in sources.items():
+        found = re.findall(rb'lip_id_ros\.(\w+)', source)
+        names.setdefault(_part(path), set()).update(name.decode() for name in found)
+    parts = {part for part, named in names.items() if 'numba_jit' in named}
+    while more := set().union(*(names.get(part, ()) for part in parts)) - parts:
+        parts |= more
+    return parts
+
+
+def _part(path: Path) -> str:
+    """Return the name of the folder or module of the package that a file belongs to."""
+    return Path(path.relative_to(PACKAGE).parts[0]).stem
 
 
 def _cached(function: Function, dispatcher: Any) -> Function:
-    dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
+    try:
+        dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
+    except RuntimeError:  # numba found no folder to write to
+        _tell_no_cache()
     return cast('Function', dispatcher)
+
+
+@cache
+def _tell_no_cache() -> None:
+    logging.getLogger(__name__).warning(
+        'Compiled code cannot be kept here, and each start compiles anew, which takes minutes: '
+        'set NUMBA_CACHE_DIR to a folder that can be written.'
+    )

@@ -171,15 +171,15 @@ build() {
 # compile what a first fit needs beside what follows; who needs it first compiles it anyway
 precompile() {
   local stamp
-  stamp="$(cat "$deps/venv.stamp") $(grep -rl --include '*.py' numba_jit lip_id_ros | sort |
-    xargs cat | cksum)"
+  stamp="$(cat "$deps/venv.stamp") $(find lip_id_ros -name '*.py' | sort | xargs cat | cksum)"
   current precompile.log "$stamp" && return
   {
+    flock -n 8 || exit 0  # one at a time
     if PYTHONPATH=$root OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 nice -n 10 \
       "$deps/venv/bin/python" scripts/precompile.py >"$deps/precompile.log" 2>&1; then
       finished precompile.log "$stamp"
     fi
-  } 9>&- </dev/null &  # without the lock
+  } 8>"$deps/precompile.lock" 9>&- </dev/null &  # without the lock
 }
 
 tell() {

@@ -68,6 +68,15 @@ def test_a_change_in_another_module_is_seen(folder: Path) -> None:
     assert run(folder) == (3.0, 0)
 
 
+def test_a_change_of_a_constant_in_a_module_without_compiled_code_is_seen(folder: Path) -> None:
+    (folder / 'constants.py').write_text('FACTOR = 2.0\n')
+    inner = 'from constants import FACTOR\n' + INNER.format(factor='FACTOR')
+    (folder / 'inner.py').write_text(inner)
+    assert run(folder) == (2.0, 0)
+    (folder / 'constants.py').write_text('FACTOR = 3.0\n')
+    assert run(folder) == (3.0, 0)
+
+
 def test_code_for_types_that_are_gone_is_discarded(folder: Path) -> None:
     """A type of the package that moved to another module must not end the program."""
     typed = 'from typing import NamedTuple\n\nclass Pair(NamedTuple):\n    x: float\n'

@@ -6,12 +6,14 @@ import ast
 from collections.abc import Iterator
 import os
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = 'lip_id_ros'
@@ -28,7 +30,7 @@ SHIPPED = (
 ROSDEP = {
     'backports': 'python3-rosbags-pip',  # rosbags brings its zstd
     'compression': 'python3-rosbags-pip',  # the same, from Python 3.14
-    'lz4': 'python3-lz4',
+    'lz4': 'python3-rosbags-pip',  # rosbags needs it too
     'matplotlib': 'python3-matplotlib',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
@@ -163,6 +165,73 @@ def test_pip_install_gives_a_lip_id_that_needs_no_ros(wheel: Path, tmp_path: Pat
     helped = run(wheel / 'bin' / 'lip_id', '--help', PYTHONPATH=path, LD_LIBRARY_PATH='')
     assert helped.returncode == 0, helped.stderr
     assert 'fit' in helped.stdout
+
+
+@pytest.mark.slow
+def test_a_wheel_has_no_program_of_another_name(wheel: Path) -> None:
+    """Ray has a program `serve` too."""
+    assert [path.name for path in (wheel / 'bin').iterdir()] == ['lip_id']
+
+
+def test_every_key_is_one_of_rosdep(manifest: ElementTree.Element) -> None:
+    lists = ROOT.parent / 'shared/rosdep'
+    if not lists.is_dir():
+        pytest.skip(f'no rosdep lists in {lists}')
+    known = [yaml.safe_load(path.read_text()) for path in lists.glob('*.yaml')]
+    keys = {
+        str(element.text)
+        for tag in ('exec_depend', 'test_depend')
+        for element in manifest.iter(tag)
+        if str(element.text).startswith('python3-')
+    }
+    assert keys <= {key for each in known for key in each}
+
+
+def test_no_test_holds_seconds() -> None:
+    """Each test that names a clock of a processor puts a fake in its place."""
+    clock = re.compile('|'.join(('perf' + '_counter', 'process' + '_time', 'time' + 'it')))
+    holders = [
+        f'{path.relative_to(ROOT)}: {line.strip()}'
+        for path in (ROOT / 'test').rglob('*.py')
+        for line in path.read_text(encoding='utf-8').splitlines()
+        if clock.search(line) and 'monkeypatch' not in line
+    ]
+    assert holders == []
+
+
+@pytest.mark.slow
+def test_a_package_that_cannot_be_written_runs_without_a_cache(
+    wheel: Path, tmp_path: Path
+) -> None:
+    """As in a container: no HOME, and a file where numba would put its folder."""
+    copy = tmp_path / PACKAGE
+    shutil.copytree(wheel / PACKAGE, copy, ignore=shutil.ignore_patterns('__pycache__'))
+    for folder in (copy, *(path for path in copy.rglob('*') if path.is_dir())):
+        (folder / '__pycache__').write_text('')
+    code = (
+        'import lip_id_ros\n'
+        'from lip_id_ros.rigid_body import spatial\n'
+        'print(lip_id_ros.__file__)\n'
+    )
+    ran = run(
+        sys.executable,
+        '-P',
+        '-c',
+        code,
+        PYTHONPATH=str(tmp_path),
+        PYTHONDONTWRITEBYTECODE='1',
+        HOME='/proc/none',
+        XDG_CACHE_HOME='/proc/none',
+        NUMBA_CACHE_DIR='',
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert str(tmp_path) in ran.stdout
+    assert ran.stderr.count('set NUMBA_CACHE_DIR') == 1
+
+
+def test_the_version_is_told(manifest: ElementTree.Element) -> None:
+    told = run(sys.executable, '-m', PACKAGE, '--version', PYTHONPATH=str(ROOT))
+    assert told.stdout == f'lip_id {manifest.findtext("version")}\n'
 
 
 @pytest.mark.ros

@@ -237,7 +237,7 @@ class Jobs:
         """Run `job_process`; return the last state once the process has ended."""
         state = self.state
         with subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.acquisition.job_process'],
+            [sys.executable, '-P', '-m', 'lip_id_ros.acquisition.job_process'],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

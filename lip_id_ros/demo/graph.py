@@ -185,7 +185,14 @@ def launched(output: Path) -> Iterator[subprocess.Popen[bytes]]:
     """Run the demo's launch file while the block runs; its log goes to the output folder."""
     with open(output / 'nodes.log', 'wb') as log:
         process = subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.demo.graph', LAUNCH_FILE, f'output:={output}'],
+            [
+                sys.executable,
+                '-P',
+                '-m',
+                'lip_id_ros.demo.graph',
+                LAUNCH_FILE,
+                f'output:={output}',
+            ],
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=subprocess.STDOUT,

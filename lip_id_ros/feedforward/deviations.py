@@ -74,7 +74,7 @@ class Deviations:
         self._done: Deviated | None = None
         self.latest: Deviated | None = None
         self._process = subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.feedforward.deviations', path],
+            [sys.executable, '-P', '-m', 'lip_id_ros.feedforward.deviations', path],
             pass_fds=tuple(inherited),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -140,7 +140,7 @@ class PlanWorker:
     def _answer(self, header: bytes, raw: bytes) -> Planned:
         if self._process is None:
             self._process = subprocess.Popen(
-                [sys.executable, '-m', 'lip_id_ros.nodes.plans', self._file.place],
+                [sys.executable, '-P', '-m', 'lip_id_ros.nodes.plans', self._file.place],
                 pass_fds=(self._file.descriptor,),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,

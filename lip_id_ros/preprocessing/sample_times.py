@@ -20,9 +20,9 @@ from itertools import pairwise
 import math
 
 import numpy as np
-from scipy.optimize import isotonic_regression
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
+from lip_id_ros.preprocessing.isotonic import isotonic
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.joint_samples import SIGNALS
 from lip_id_ros.recording.spill import large_array, marked, release, row_blocks, steps
@@ -302,7 +302,7 @@ def _numbered(t: Array) -> IntArray:
     count = np.arange(t.size)
     late = t / _clock_step(t) - count
     phase = np.angle(np.exp(2j * np.pi * late).mean()) / (2.0 * np.pi)
-    lost = isotonic_regression(late - phase).x
+    lost = isotonic(late - phase)
     numbers: IntArray = count + np.round(lost).astype(np.int64)
     return numbers
 
