@@ -8,7 +8,7 @@ import io
 import os
 import sys
 
-from lip_id_ros import __version__
+import lip_id_ros
 from lip_id_ros.cli import (
     bench,
     cache,
@@ -88,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument('--version', action='version', version=f'lip_id {__version__}')
+    parser.add_argument('--version', action='version', version=f'lip_id {lip_id_ros.__version__}')
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', required=True)
     for module in VERBS:
         verb = verbs.add_parser(
