@@ -37,6 +37,7 @@ PARTS = {
     'files': set(),
     'joint_types': set(),
     'numba_jit': set(),
+    '__main__': {'cli'},
     'processes': set(),
     'progress': set(),
     'linear_algebra': set(),
