@@ -113,6 +113,6 @@ def _cached(function: Function, dispatcher: Any) -> Function:
 @cache
 def _tell_no_cache() -> None:
     logging.getLogger(__name__).warning(
-        'Compiled code cannot be kept here, and each start compiles anew, which takes minutes: '
+        'Compiled code cannot be kept here, and each first fit compiles for half a minute: '
         'set NUMBA_CACHE_DIR to a folder that can be written.'
     )

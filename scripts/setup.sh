@@ -174,7 +174,7 @@ precompile() {
   stamp="$(cat "$deps/venv.stamp") $(find lip_id_ros -name '*.py' | sort | xargs cat | cksum)"
   current precompile.log "$stamp" && return
   {
-    flock -n 8 || exit 0  # one at a time
+    if command -v flock >/dev/null; then flock -n 8 || exit 0; fi  # one at a time
     if PYTHONPATH=$root OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 nice -n 10 \
       "$deps/venv/bin/python" scripts/precompile.py >"$deps/precompile.log" 2>&1; then
       finished precompile.log "$stamp"

@@ -97,7 +97,6 @@ PARTS |= {
     'nodes': INNER - {'simulation'} | {'acquisition'},
     'tracking': INNER,  # the paper's tracking experiment
     'cli': INNER | {'tracking'},
-    '__main__': {'cli'},
     'demo': INNER | {'cli', 'nodes', 'tracking'},
     'parameter_page': {'acquisition', 'control', 'demo', 'feedforward', 'monitoring', 'settings'},
 }

@@ -113,9 +113,17 @@ def test_manifest_names_what_is_imported_and_no_more(manifest: ElementTree.Eleme
 
 
 def test_requirements_name_what_has_no_rosdep_key() -> None:
-    lines = (ROOT / 'requirements.txt').read_text().splitlines()
+    files = ('requirements.txt', 'requirements-extras.txt')
+    lines = [line for name in files for line in (ROOT / name).read_text().splitlines()]
     for distribution in WITHOUT_KEY.values():
         assert any(line.startswith(distribution) for line in lines)
+
+
+def test_requirements_of_the_package_are_what_only_pip_brings() -> None:
+    """What the demo and the tests need beside would bring numpy 2 over the system's."""
+    lines = (ROOT / 'requirements.txt').read_text().splitlines()
+    names = {re.split('[<>=]', line)[0] for line in lines if line and not line.startswith('#')}
+    assert names == {'rosbags', 'threadpoolctl', 'fsspec'}
 
 
 def test_lock_files_pin_everything_exactly() -> None:
