@@ -250,26 +250,30 @@ def test_a_reload_does_not_outlive_its_configuration(
 
     monkeypatch.setattr(serve, 'load_models', load_models)
     with free_domain() as domain:
-        rclpy.init(args=['--ros-args', '-p', f'model_path:={model_path}'], domain_id=domain)
+        parameters = ['-p', f'model_path:={model_path}', '-p', 'torque_limits:=[50.0]']
+        rclpy.init(args=['--ros-args', *parameters], domain_id=domain)
         node = serve.ServeNode()
-        reload = node._on_reload(Trigger.Request(), Trigger.Response())
-        reload.send(None)  # up to where it waits
-        node.trigger_deactivate()
-        node.trigger_cleanup()
-        node.set_parameters([Parameter('model_path', value=str(other))])
-        node.trigger_configure()
-        configured = node._loaded
-        slow.set()
-        node._pool.submit(int).result()
-        with pytest.raises(StopIteration) as ended:
-            reload.send(None)
-        assert not ended.value.value.success
-        assert 'cleaned up while the model was loaded' in ended.value.value.message
-        assert node._loaded is configured
-        assert node.status().summary == 'inactive'
-        node.stop()
-        node.destroy_node()
-        rclpy.shutdown()
+        try:
+            reload = node._on_reload(Trigger.Request(), Trigger.Response())
+            reload.send(None)  # up to where it waits
+            node.trigger_deactivate()
+            node.trigger_cleanup()
+            node.set_parameters([Parameter('model_path', value=str(other))])
+            node.trigger_configure()
+            configured = node._loaded
+            slow.set()
+            node._pool.submit(int).result()
+            with pytest.raises(StopIteration) as ended:
+                reload.send(None)
+            assert not ended.value.value.success
+            assert 'cleaned up while the model was loaded' in ended.value.value.message
+            assert node._loaded is configured
+            assert node.status().summary == 'inactive'
+        finally:
+            slow.set()
+            node.stop()
+            node.destroy_node()
+            rclpy.shutdown()
 
 
 @pytest.mark.slow
