@@ -47,7 +47,7 @@ setup(
     install_requires=[
         'backports.zstd>=1.0; python_version < "3.14"',
         'fsspec>=2024.2',
-        'lz4>=4.0',
+        'lz4>=4.1',
         'matplotlib>=3.6',
         'numba>=0.59',
         'numpy>=1.26',

@@ -130,6 +130,21 @@ install_test_packages() {
   finished tests "$stamp"
 }
 
+# an environment of the lower bounds of setup.py; without a Python 3.11 its test is skipped
+install_lowest() {
+  local oldest stamp
+  [ -n "$tests" ] && oldest=$(scripts/find_python.sh 'v == (3, 11)') || return 0
+  stamp="$oldest $(digest requirements-lowest.txt)"
+  current lowest "$stamp" && return
+  say 'the lowest versions of requirements-lowest.txt into .deps/lowest (0.5 GB)'
+  attempt 'making the environment of lowest versions' 'Remove .deps/lowest and try again.' \
+    "$oldest" -m venv --clear "$deps/lowest"
+  attempt 'installing the lowest versions' 'Check the network and the disk, then try again.' \
+    "$deps/lowest/bin/python" -m pip install --disable-pip-version-check --no-input \
+    --only-binary :all: -r requirements-lowest.txt
+  finished lowest "$stamp"
+}
+
 # whether the environment stands, was made here and from the chosen Python
 same_python() {
   [ -x "$deps/venv/bin/pip" ] && head -n 1 "$deps/venv/bin/pip" | grep -qF "$deps/venv/" &&
@@ -210,4 +225,5 @@ install_jazzy
 printf '%s\n' "$ros" >"$deps/ros"
 build
 install_test_packages
+install_lowest
 tell

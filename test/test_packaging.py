@@ -8,42 +8,32 @@ import os
 from pathlib import Path
 import re
 import shutil
-import subprocess
 import sys
 from xml.etree import ElementTree
 
+from programs import run
 import pytest
-import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = 'lip_id_ros'
-SHIPPED = (
-    'setup.py',
-    'setup.cfg',
-    'pyproject.toml',
-    'package.xml',
-    'resource',
-    'config',
-    'launch',
-)
 # rosdep keys of what has one; the rest is in requirements.txt
 ROSDEP = {
-    'backports': 'python3-rosbags-pip',  # rosbags brings its zstd
-    'compression': 'python3-rosbags-pip',  # the same, from Python 3.14
-    'lz4': 'python3-rosbags-pip',  # rosbags needs it too
     'matplotlib': 'python3-matplotlib',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
     'rich': 'python3-rich',
-    'rosbags': 'python3-rosbags-pip',
     'scipy': 'python3-scipy',
     'yaml': 'python3-yaml',
 }
 WITHOUT_KEY = {
+    'backports': 'rosbags',  # which brings zstd
+    'compression': 'rosbags',  # the same, from Python 3.14
     'example_robot_data': 'example-robot-data',
     'fsspec': 'fsspec',
+    'lz4': 'rosbags',  # which needs it too
     'mujoco': 'mujoco',
     'pinocchio': 'pin',
+    'rosbags': 'rosbags',
     'threadpoolctl': 'threadpoolctl',
 }
 OPTIONAL = {'torch'}
@@ -58,16 +48,6 @@ def generate_launch_description():
     say = LogInfo(msg=['says ', LaunchConfiguration('word')])
     return LaunchDescription([word, say])
 """
-
-
-def run(*command: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(word) for word in command],
-        capture_output=True,
-        text=True,
-        env=os.environ | environment,
-        check=False,
-    )
 
 
 def foreign_imports(*folders: str) -> set[str]:
@@ -134,67 +114,6 @@ def test_lock_files_pin_everything_exactly() -> None:
     assert len({pin.split('==')[0] for pin in pins}) == len(pins)
 
 
-@pytest.fixture(scope='module')
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Install the wheel that `pip install .` makes, built from a copy of the sources."""
-    copy = tmp_path_factory.mktemp('sources')
-    for name in (*SHIPPED, PACKAGE):
-        source = ROOT / name
-        if source.is_dir():
-            shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns('__pycache__'))
-        elif source.is_file():
-            shutil.copy(source, copy)
-    target = tmp_path_factory.mktemp('target')
-    pip = (sys.executable, '-m', 'pip', '--disable-pip-version-check', 'install', '-q')
-    done = run(*pip, '--no-deps', '--no-build-isolation', '--target', target, copy)
-    assert done.returncode == 0, done.stderr
-    return target
-
-
-@pytest.mark.slow
-def test_pip_install_ships_everything(wheel: Path) -> None:
-    shipped = {path.relative_to(wheel).as_posix() for path in wheel.rglob('*')}
-    modules = {
-        path.relative_to(ROOT).as_posix()
-        for ending in ('*.py', '*.in')
-        for path in (ROOT / PACKAGE).rglob(ending)
-    }
-    assert modules <= shipped
-    for folder in ('config', 'launch'):
-        for path in (ROOT / folder).glob('*.*'):
-            assert (wheel / 'share' / PACKAGE / folder / path.name).is_file()
-
-
-@pytest.mark.slow
-def test_pip_install_gives_a_lip_id_that_needs_no_ros(wheel: Path, tmp_path: Path) -> None:
-    # a rclpy that fails on import stands for a machine without ROS
-    (tmp_path / 'rclpy.py').write_text("raise ImportError('no ROS here')\n")
-    path = os.pathsep.join((str(tmp_path), str(wheel)))
-    helped = run(wheel / 'bin' / 'lip_id', '--help', PYTHONPATH=path, LD_LIBRARY_PATH='')
-    assert helped.returncode == 0, helped.stderr
-    assert 'fit' in helped.stdout
-
-
-@pytest.mark.slow
-def test_a_wheel_has_no_program_of_another_name(wheel: Path) -> None:
-    """Ray has a program `serve` too."""
-    assert [path.name for path in (wheel / 'bin').iterdir()] == ['lip_id']
-
-
-def test_every_key_is_one_of_rosdep(manifest: ElementTree.Element) -> None:
-    lists = ROOT.parent / 'shared/rosdep'
-    if not lists.is_dir():
-        pytest.skip(f'no rosdep lists in {lists}')
-    known = [yaml.safe_load(path.read_text()) for path in lists.glob('*.yaml')]
-    keys = {
-        str(element.text)
-        for tag in ('exec_depend', 'test_depend')
-        for element in manifest.iter(tag)
-        if str(element.text).startswith('python3-')
-    }
-    assert keys <= {key for each in known for key in each}
-
-
 def test_no_test_holds_seconds() -> None:
     """Each test that names a clock of a processor puts a fake in its place."""
     clock = re.compile('|'.join(('perf' + '_counter', 'process' + '_time', 'time' + 'it')))
@@ -205,36 +124,6 @@ def test_no_test_holds_seconds() -> None:
         if clock.search(line) and 'monkeypatch' not in line
     ]
     assert holders == []
-
-
-@pytest.mark.slow
-def test_a_package_that_cannot_be_written_runs_without_a_cache(
-    wheel: Path, tmp_path: Path
-) -> None:
-    """As in a container: no HOME, and a file where numba would put its folder."""
-    copy = tmp_path / PACKAGE
-    shutil.copytree(wheel / PACKAGE, copy, ignore=shutil.ignore_patterns('__pycache__'))
-    for folder in (copy, *(path for path in copy.rglob('*') if path.is_dir())):
-        (folder / '__pycache__').write_text('')
-    code = (
-        'import lip_id_ros\n'
-        'from lip_id_ros.rigid_body import spatial\n'
-        'print(lip_id_ros.__file__, spatial.dot((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)))\n'
-    )
-    ran = run(
-        sys.executable,
-        '-P',
-        '-c',
-        code,
-        PYTHONPATH=str(tmp_path),
-        PYTHONDONTWRITEBYTECODE='1',
-        HOME='/proc/none',
-        XDG_CACHE_HOME='/proc/none',
-        NUMBA_CACHE_DIR='',
-    )
-    assert ran.returncode == 0, ran.stderr
-    assert ran.stdout.split() == [str(copy / '__init__.py'), '32.0']
-    assert ran.stderr.count('set NUMBA_CACHE_DIR') == 1
 
 
 def test_the_version_is_told(manifest: ElementTree.Element) -> None:

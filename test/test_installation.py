@@ -1,0 +1,250 @@
+"""What is installed: by rosdep, as a Debian package, with pip, and where little may be written."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+from pathlib import Path
+import re
+import shutil
+import signal
+import subprocess
+import sys
+
+import numpy as np
+from programs import run
+import pytest
+from ros_domain import free_domain
+from simulation.pendulums import swing
+import yaml
+
+from lip_id_ros.simulation import write_bag
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = 'lip_id_ros'
+LOWEST = ROOT / '.deps/lowest'
+SETUP = (ROOT / 'setup.py').read_text(encoding='utf-8')
+RELEASE = {'tags': {'release': '{package}'}, 'url': 'file:///none.git', 'version': '1.0.0-1'}
+JAZZY = {'distribution_status': 'active', 'distribution_type': 'ros2', 'python_version': 3}
+SHIPPED = (
+    'setup.py',
+    'setup.cfg',
+    'pyproject.toml',
+    'package.xml',
+    'resource',
+    'config',
+    'launch',
+)
+
+
+@pytest.fixture(scope='module')
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install the wheel that `pip install .` makes, built from a copy of the sources."""
+    copy = tmp_path_factory.mktemp('sources')
+    for name in (*SHIPPED, PACKAGE):
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns('__pycache__'))
+        elif source.is_file():
+            shutil.copy(source, copy)
+    target = tmp_path_factory.mktemp('target')
+    pip = (sys.executable, '-m', 'pip', '--disable-pip-version-check', 'install', '-q')
+    done = run(*pip, '--no-deps', '--no-build-isolation', '--target', target, copy)
+    assert done.returncode == 0, done.stderr
+    return target
+
+
+@pytest.mark.slow
+def test_pip_install_ships_everything(wheel: Path) -> None:
+    shipped = {path.relative_to(wheel).as_posix() for path in wheel.rglob('*')}
+    modules = {
+        path.relative_to(ROOT).as_posix()
+        for ending in ('*.py', '*.in')
+        for path in (ROOT / PACKAGE).rglob(ending)
+    }
+    assert modules <= shipped
+    for folder in ('config', 'launch'):
+        for path in (ROOT / folder).glob('*.*'):
+            assert (wheel / 'share' / PACKAGE / folder / path.name).is_file()
+
+
+@pytest.mark.slow
+def test_pip_install_gives_a_lip_id_that_needs_no_ros(wheel: Path, tmp_path: Path) -> None:
+    # a rclpy that fails on import stands for a machine without ROS
+    (tmp_path / 'rclpy.py').write_text("raise ImportError('no ROS here')\n")
+    path = os.pathsep.join((str(tmp_path), str(wheel)))
+    helped = run(wheel / 'bin' / 'lip_id', '--help', PYTHONPATH=path, LD_LIBRARY_PATH='')
+    assert helped.returncode == 0, helped.stderr
+    assert 'fit' in helped.stdout
+
+
+@pytest.mark.slow
+def test_a_wheel_has_no_program_of_another_name(wheel: Path) -> None:
+    """Ray has a program `serve` too."""
+    ours = [path.name for path in (wheel / 'bin').iterdir()]
+    assert ours == ['lip_id']
+    pytest.importorskip('ray')
+    ray = importlib.metadata.distribution('ray').entry_points.select(group='console_scripts')
+    assert 'serve' in ray.names
+    assert not ray.names & set(ours)
+
+
+@pytest.fixture(scope='module')
+def rosdep(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Let rosdep and bloom know the keys of its lists and the packages of this ROS."""
+    lists = ROOT.parent / 'shared/rosdep'
+    if not lists.is_dir():
+        pytest.skip(f'no rosdep lists in {lists}')
+    for name in ('rosdep2', 'bloom'):
+        pytest.importorskip(name)
+    folder = tmp_path_factory.mktemp('rosdep')
+    (folder / 'sources').mkdir()
+    sources = [f'yaml {path.as_uri()}\n' for path in sorted(lists.glob('*.yaml'))]
+    (folder / 'sources/20-default.list').write_text(''.join(sources))
+    distribution = {
+        'type': 'distribution',
+        'version': 2,
+        'release_platforms': {'ubuntu': ['noble']},
+        'repositories': {'ros': {'release': {**RELEASE, 'packages': ros_packages()}}},
+    }
+    index = {
+        'type': 'index',
+        'version': 4,
+        'distributions': {'jazzy': {**JAZZY, 'distribution': ['jazzy.yaml']}},
+    }
+    for name, content in (('jazzy', distribution), ('index', index)):
+        (folder / f'{name}.yaml').write_text(yaml.safe_dump(content))
+    environment = {
+        'AMENT_PREFIX_PATH': str(folder),  # what is installed here would be left out
+        'HOME': str(folder),
+        'ROS_HOME': str(folder / 'home'),
+        'ROSDEP_SOURCE_PATH': str(folder / 'sources'),
+        'ROSDISTRO_INDEX_URL': (folder / 'index.yaml').as_uri(),
+    }
+    updated = run('rosdep', 'update', '--rosdistro', 'jazzy', **environment)
+    assert updated.returncode == 0, updated.stderr
+    return environment
+
+
+def ros_packages() -> list[str]:
+    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
+    return sorted(
+        path.name
+        for prefix in prefixes
+        for path in (Path(prefix) / 'share/ament_index/resource_index/packages').glob('*')
+        if path.name != PACKAGE
+    )
+
+
+@pytest.mark.ros
+def test_rosdep_installs_packages_of_the_system_alone(
+    rosdep: dict[str, str], tmp_path: Path
+) -> None:
+    """Ubuntu's pip refuses to install outside an environment, so a key of pip would fail."""
+    shutil.copy(ROOT / 'package.xml', tmp_path)
+    system = ('--os', 'ubuntu:noble', '--rosdistro', 'jazzy')
+    command = ('rosdep', 'install', '--from-paths', tmp_path, '--ignore-src')
+    done = run(*command, '-y', '--simulate', '--reinstall', *system, **rosdep)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.split('\n')
+    installed = {line.split()[-1] for line in lines if line.startswith('  apt-get install')}
+    assert {'python3-numba', 'python3-scipy', 'ros-jazzy-rclpy'} <= installed
+    assert 'pip' not in done.stdout
+
+
+@pytest.mark.ros
+def test_bloom_makes_a_debian_package(rosdep: dict[str, str], tmp_path: Path) -> None:
+    for name in ('package.xml', 'setup.py', 'CHANGELOG.rst', 'LICENSE'):
+        shutil.copy(ROOT / name, tmp_path)
+    system = ('--os-name', 'ubuntu', '--os-version', 'noble', '--ros-distro', 'jazzy')
+    made = run('bloom-generate', 'rosdebian', *system, folder=tmp_path, **rosdep)
+    assert made.returncode == 0, made.stdout + made.stderr
+    control = (tmp_path / 'debian/control').read_text()
+    depends = re.search('^Depends: (.*)$', control, re.MULTILINE)
+    assert depends
+    packages = [name for name in depends[1].split(', ') if not name.startswith('$')]
+    assert 'ros-jazzy-rclpy' in packages
+    assert all(name.startswith(('ros-jazzy-', 'python3-')) for name in packages)
+    assert (tmp_path / 'debian/rules').is_file()
+
+
+def test_the_lowest_versions_are_those_of_setup() -> None:
+    (needed,) = re.findall(r'install_requires=\[(.*?)\]', SETUP, re.DOTALL)
+    bounds = dict(re.findall("'([a-z0-9.]+)>=([0-9.]+)[;']", needed))
+    lines = (ROOT / 'requirements-lowest.txt').read_text().splitlines()
+    lowest = dict(line.split('==') for line in lines if line and not line.startswith('#'))
+    assert len(bounds) > 10
+    assert sorted(lowest) == sorted(bounds)
+    assert all(f'{lowest[name]}.'.startswith(f'{bounds[name]}.') for name in bounds)
+
+
+@pytest.mark.slow
+def test_the_lowest_versions_fit_and_predict(wheel: Path, bag: Path, tmp_path: Path) -> None:
+    if not LOWEST.is_dir():
+        pytest.skip('make setup found no Python 3.11 for the lowest versions')
+    here = {'PYTHONPATH': str(wheel), 'LD_LIBRARY_PATH': '', 'NUMBA_CACHE_DIR': str(tmp_path)}
+    fit_and_predict(bag, tmp_path, LOWEST / 'bin/python', here)
+
+
+def fit_and_predict(
+    bag: Path, folder: Path, python: str | Path, environment: dict[str, str]
+) -> str:
+    """Return what the command line prints to standard error."""
+    lip_id = (python, '-P', '-m', PACKAGE)
+    fitted = run(*lip_id, 'fit', bag, '-o', folder / 'arm.npz', **environment)
+    assert fitted.returncode == 0, fitted.stderr
+    torques = folder / 'torques.npz'
+    predicted = run(*lip_id, 'predict', folder / 'arm.npz', bag, '-o', torques, **environment)
+    assert predicted.returncode == 0, predicted.stderr
+    with np.load(torques) as content:
+        assert np.isfinite(content['tau']).all()
+    return fitted.stderr
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp('bag') / 'run'
+    write_bag(path, swing(0, rate=50.0), start=1.7e9)
+    return path
+
+
+@pytest.fixture(scope='module')
+def unwritable(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Give a package without cache, as in a container: no HOME, files in place of folders."""
+    copy = tmp_path_factory.mktemp('unwritable') / PACKAGE
+    shutil.copytree(wheel / PACKAGE, copy, ignore=shutil.ignore_patterns('__pycache__'))
+    for folder in (copy, *(path for path in copy.rglob('*') if path.is_dir())):
+        (folder / '__pycache__').write_text('')
+    return {
+        'PYTHONPATH': os.pathsep.join([str(copy.parent), os.environ.get('PYTHONPATH', '')]),
+        'PYTHONDONTWRITEBYTECODE': '1',
+        'HOME': '/proc/none',
+        'XDG_CACHE_HOME': '/proc/none',
+        'NUMBA_CACHE_DIR': '',
+    }
+
+
+@pytest.mark.slow
+def test_a_package_that_cannot_be_written_fits_predicts_and_serves(
+    unwritable: dict[str, str], bag: Path, tmp_path: Path
+) -> None:
+    warned = fit_and_predict(bag, tmp_path, sys.executable, unwritable)
+    assert warned.count('set NUMBA_CACHE_DIR') == 1
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    given = (f'model_path:={tmp_path / "arm.npz"}', 'torque_limits:=none')
+    node = (sys.executable, '-P', '-m', f'{PACKAGE}.nodes.serve', '--ros-args')
+    with free_domain() as domain:
+        process = subprocess.Popen(
+            [*node, *(word for each in given for word in ('-p', each))],
+            stderr=subprocess.PIPE,
+            text=True,
+            env=os.environ
+            | unwritable
+            | {'ROS_LOG_DIR': str(tmp_path), 'ROS_DOMAIN_ID': str(domain)},
+        )
+        assert process.stderr
+        served = next((line for line in process.stderr if ' serves ' in line), '')
+        process.send_signal(signal.SIGINT)
+        rest = process.stderr.read()
+        assert process.wait() == 0, rest
+    assert 'shoulder, elbow, wrist' in served
