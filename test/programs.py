@@ -7,15 +7,12 @@ from pathlib import Path
 import subprocess
 
 
-def run(
-    *command: str | Path, folder: Path | None = None, **environment: str
-) -> subprocess.CompletedProcess[str]:
+def run(*command: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run a program to its end, with changes to this environment."""
     return subprocess.run(
         [str(word) for word in command],
         capture_output=True,
         text=True,
-        cwd=folder,
         env=os.environ | environment,
         check=False,
     )

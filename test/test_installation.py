@@ -157,7 +157,7 @@ def test_bloom_makes_a_debian_package(rosdep: dict[str, str], tmp_path: Path) ->
     for name in ('package.xml', 'setup.py', 'CHANGELOG.rst', 'LICENSE'):
         shutil.copy(ROOT / name, tmp_path)
     system = ('--os-name', 'ubuntu', '--os-version', 'noble', '--ros-distro', 'jazzy')
-    made = run('bloom-generate', 'rosdebian', *system, folder=tmp_path, **rosdep)
+    made = run('env', '-C', tmp_path, 'bloom-generate', 'rosdebian', *system, **rosdep)
     assert made.returncode == 0, made.stdout + made.stderr
     control = (tmp_path / 'debian/control').read_text()
     depends = re.search('^Depends: (.*)$', control, re.MULTILINE)
