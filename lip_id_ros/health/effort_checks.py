@@ -20,6 +20,11 @@ LEAST_EXPLAINED = 0.15
 LEAST_LAG_S = 0.012
 LEAST_LAG_SAMPLES = 1.0
 LEAST_LAG_GAIN = 0.15
+NEAR_ZERO, LEAST_DIPS = 0.01, 3
+"""Share of the range of an effort that is near zero, and times at which it gets there."""
+LEAST_OWN = 1e-4
+"""Share of an effort's variance that another's does not explain where it is no copy."""
+LEAST_SAMPLES = 100
 
 
 @check(
@@ -112,6 +117,44 @@ def effort_unrelated(joint: Joint) -> Iterator[str]:
     share = joint.effort_explained
     if share < LEAST_EXPLAINED and joint.moves and joint.varies('effort'):
         yield f'the motion explains {100 * max(0.0, share):.2g} % of the effort of {joint.name}'
+
+
+@joint_check(
+    'effort_unsigned',
+    Severity.ERROR,
+    'record efforts with their sign, since it cannot be restored',
+)
+def effort_unsigned(joint: Joint) -> Iterator[str]:
+    """An effort has one sign only, and turns back near zero three times or more."""
+    if joint.varies('effort') and joint.moves:
+        low, high = joint.signals['effort'].ends
+        effort = np.abs(joint.signals['effort'].some_values())
+        near = effort < NEAR_ZERO * (high - low)
+        if low * high >= 0.0 and runs(near)[0].size >= LEAST_DIPS:
+            yield f'the effort of {joint.name} turns back at zero, as if its sign was cut off'
+
+
+@check(
+    'effort_copied',
+    Severity.ERROR,
+    'correct the driver, or leave one of them out by recording.joints',
+)
+def effort_copied(evidence: Evidence) -> Iterator[JointText]:
+    """The efforts of two joints are the same but for an offset and a scale."""
+    joints = [each for each in evidence.joints if each.varies('effort')]
+    if len(joints) < 2 or joints[0].t.size < LEAST_SAMPLES:
+        return
+    alike = np.square(np.corrcoef([each.signals['effort'].some_values() for each in joints]))
+    for one, other in np.argwhere(np.triu(alike > 1.0 - LEAST_OWN, 1)):
+        name = joints[other].name
+        yield name, f'the effort of {name} is that of {joints[one].name}, but for a scale'
+
+
+@joint_check('effort_held', Severity.WARNING, 'record all efforts at the rate of the positions')
+def effort_held(joint: Joint) -> Iterator[str]:
+    """The effort of one joint has new values at some samples only, while others change."""
+    if joint.effort_period > 1:
+        yield f'the effort of {joint.name} is held over {joint.effort_period} samples'
 
 
 @check(

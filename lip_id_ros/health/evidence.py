@@ -144,6 +144,8 @@ class Joint:
         Derivative of the smooth position [rad/s or m/s], K = 0 where the recording is too short.
     velocity_scale, velocity_correlation, velocity_lag_s : float
         See `motion.VelocityAgreement`.
+    effort_period : int
+        Samples over which the effort of this joint is held while those of others change.
     effort_explained, friction_cosine, friction_weight : float
         See `motion.EffortRegression`.
 
@@ -158,6 +160,7 @@ class Joint:
     velocity_scale: float = math.nan
     velocity_correlation: float = math.nan
     velocity_lag_s: float = math.nan
+    effort_period: int = 1
     effort_explained: float = math.nan
     friction_cosine: float = math.nan
     friction_weight: float = math.nan
@@ -271,6 +274,7 @@ class Evidence:
             velocity = motion.joined('velocity')[:, k]
             accelerations = np.abs(motion.joined('acceleration')[:, k])
             acceleration = float(np.percentile(accelerations, 99))
+        period = self._effort_period(signals['effort']) if 'effort' in signals else 1
         figures: dict[str, float] = {}
         if (agreement := self.agreement) is not None:
             figures['velocity_scale'] = float(agreement.scale[k])
@@ -281,4 +285,13 @@ class Evidence:
             figures['friction_cosine'] = float(explanation.friction_cosine[k])
             figures['friction_weight'] = float(explanation.friction_weight[k])
         kind = self.joint_types[k]
-        return Joint(name, kind, samples.t, signals, velocity, acceleration, **figures)
+        return Joint(
+            name, kind, samples.t, signals, velocity, acceleration, effort_period=period, **figures
+        )
+
+    def _effort_period(self, effort: Signal) -> int:
+        """Return the samples over which one effort is held; 1 where it comes in steps."""
+        if effort.step > 0.0 or self.source_periods['effort'] > 1:
+            return 1
+        new = ~repeated(effort.values[:, np.newaxis]) & ~self.is_stale
+        return source_period(new, self.changes['position'])

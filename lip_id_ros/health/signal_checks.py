@@ -7,10 +7,12 @@ import math
 
 import numpy as np
 
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
 from lip_id_ros.preprocessing.continuity import (
     ALIKE,
+    BLOCKS,
     LEAST_SCALE,
     MOST_SCALE,
     MOST_VALUES,
@@ -19,7 +21,7 @@ from lip_id_ros.preprocessing.continuity import (
     usual_range,
 )
 from lip_id_ros.preprocessing.smoothing import longest_step
-from lip_id_ros.recording.spill import extent, thinned
+from lip_id_ros.recording.spill import extent, some_blocks, thinned
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step, some_steps
 from lip_id_ros.settings import PreprocessingSettings
 
@@ -34,6 +36,8 @@ COARSE = {'position': 0.01, 'velocity': 0.1, 'effort': 0.1}
 FROZEN_S = 1.0
 FROZEN_SHARE = 0.2
 LEAST_WAY = 0.05
+LEAST_RETURN, RETURNED, MOST_RETURNS = 0.02, 0.8, 0.05
+"""Way there and back [rad or m], the least share of it that goes back, and share of such steps."""
 
 SPEED_UNITS = {
     180.0 / math.pi: 'in degrees per second',
@@ -177,6 +181,31 @@ def position_jump(evidence: Evidence) -> Iterator[JointText]:
         yield '', f'positions jump {rows.size} times, first that of {evidence.names[joint]} {at}'
 
 
+@check(
+    'alternating',
+    Severity.ERROR,
+    'stop the other publisher, or give the topic of the robot as recording.topic',
+)
+def alternating(evidence: Evidence) -> Iterator[JointText]:
+    """Positions go to another place and back from sample to sample, as from two publishers."""
+    samples = evidence.samples
+    marks = [
+        _returns(samples.position[rows])
+        for rows in some_blocks(samples.n_samples, MOST_VALUES, BLOCKS)
+    ]
+    share = np.concatenate(marks).mean(axis=0) if samples.n_samples > 2 else np.zeros(1)
+    if share.max() > MOST_RETURNS:
+        joint = evidence.names[int(np.argmax(share))]
+        yield '', f'positions alternate between two tracks, most that of {joint}'
+
+
+def _returns(position: Array) -> BoolArray:
+    """Mark the samples (N - 2, n) from which a position goes back to where it came from."""
+    there, back = np.diff(position, axis=0)[:-1], np.diff(position, axis=0)[1:]
+    way = np.minimum(np.abs(there), np.abs(back))
+    return np.asarray((way > LEAST_RETURN) & (np.abs(there + back) < (1.0 - RETURNED) * way))
+
+
 @joint_check('coarse', Severity.NOTE, 'record it with more digits, or move more')
 def coarse(joint: Joint) -> Iterator[str]:
     """
@@ -276,10 +305,10 @@ def velocity_sign(joint: Joint) -> Iterator[str]:
 @joint_check(
     'velocity_scale',
     Severity.WARNING,
-    'correct the unit that is wrong (positions are differentiated instead)',
+    'correct the velocities or the times (positions are differentiated instead)',
 )
 def velocity_scale(joint: Joint) -> Iterator[str]:
-    """A velocity is less than 0.8 or more than 1.25 times the change of position."""
+    """A velocity is less than 0.92 or more than 1.08 times the change of position."""
     scale, is_alike = abs(joint.velocity_scale), abs(joint.velocity_correlation) > PROPORTIONAL
     if _is_compared(joint) and is_alike and not LEAST_SCALE <= scale <= MOST_SCALE:
         unit = next((u for k, u in SPEED_UNITS.items() if abs(scale / k - 1) < UNIT_TOLERANCE), '')

@@ -110,6 +110,17 @@ def jumping(samples: JointSamples) -> JointSamples:
     )
 
 
+def alternating(samples: JointSamples) -> JointSamples:
+    """Mix in every third sample from a publisher of another posture."""
+    other = np.arange(samples.n_samples)[:, None] % 3 == 1
+    return replace(samples, position=np.where(other, 0.0, samples.position))
+
+
+def held_alone(samples: JointSamples) -> JointSamples:
+    effort = samples.effort[10 * (np.arange(samples.n_samples) // 10), JOINT]
+    return column(samples, 'effort', JOINT, effort)
+
+
 def resting(samples: JointSamples) -> JointSamples:
     """Hold the last posture for longer than the motion lasted."""
     extra = 5000
@@ -208,9 +219,19 @@ DEFECTS: dict[str, tuple[Break, set[str]]] = {
     'effort_clipped': (clipped, set()),
     'effort_sign': (times('effort', -1.0), set()),
     'effort_unrelated': (unrelated, set()),
+    'effort_unsigned': (
+        lambda samples: replace(samples, effort=np.abs(samples.effort)),
+        {'effort_unrelated', 'effort_sign'},
+    ),
+    'effort_copied': (
+        lambda samples: column(samples, 'effort', JOINT, -0.3 * samples.effort[:, 2]),
+        {'effort_unrelated', 'effort_sign'},
+    ),
+    'effort_held': (held_alone, {'effort_clipped'}),
     'effort_delay': (lambda samples: delayed(samples, 'effort', 0.06), set()),
     'effort_small': (lambda samples: replace(samples, effort=0.03 * samples.effort), set()),
     'effort_huge': (times('effort', 1e4), set()),
+    'alternating': (alternating, {'position_jump', 'velocity_unlike', 'velocity_scale'}),
     'coarse': (rounded('effort', 0.5), set()),
     'frozen': (frozen('effort'), set()),
     'position_frozen': (frozen('position'), {'position_jump'}),
