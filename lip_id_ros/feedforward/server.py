@@ -233,7 +233,12 @@ class Server:
     # messages
 
     def sample(
-        self, names: Sequence[str], points: Sequence[Point], now: float, tag: Any = None
+        self,
+        names: Sequence[str],
+        points: Sequence[Point],
+        now: float,
+        tag: Any = None,
+        age: float = 0.0,
     ) -> ServedTorque:
         """
         Answer a message of one point.
@@ -248,11 +253,16 @@ class Server:
             [s].
         tag : Any
             Comes back with its standard deviations, if they are computed.
+        age : float
+            How long ago it was sent [s]; refused beyond the longest silence of a stream.
 
         """
         try:
+            arm = self.ready_arm()
+            if age > arm.shaper.rules.stale_timeout_s:
+                raise RefusedError(Refusal.OLD)
             with np.errstate(all='ignore'):
-                served = self.ready_arm().sample(names, points, now, tag)
+                served = arm.sample(names, points, now, tag)
         except Exception as error:
             self.counts.references.refuse_for(error)
             raise

@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.signals.joints import RefusedError
 from lip_id_ros.signals.status import Status
 from lip_id_ros.signals.trajectory_header import read_header
 
@@ -31,6 +32,11 @@ def stamp_at(nanoseconds: int) -> Time:
 def doubles(values: Array) -> array[float]:
     """Return a vector as messages hold it without converting element by element."""
     return array('d', values.tobytes())
+
+
+def nanoseconds(stamp: Time) -> int:
+    """Return a stamp in nanoseconds."""
+    return int(NANOSECONDS * stamp.sec + stamp.nanosec)
 
 
 def torque_message(stamp: Time, names: Sequence[str], tau: Array) -> JointState:
@@ -94,6 +100,14 @@ def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
 def count_points(raw: bytes) -> int:
     """Read the number of points of a serialised JointTrajectory; RefusedError if it is none."""
     return read_header(raw).n_points
+
+
+def is_sample(raw: bytes) -> bool:
+    """Return whether a message can be read as a JointTrajectory of one point."""
+    try:
+        return count_points(raw) == 1
+    except RefusedError:
+        return False
 
 
 def recorded_joint_state(recorded: Any) -> JointState:

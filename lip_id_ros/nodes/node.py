@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 import functools
 import inspect
@@ -117,8 +117,8 @@ class NodeBase(Node):
         """Return the present value of every parameter."""
         return parameters.values(self, self._table)
 
-    def take_waiting(self, subscription: Any) -> None:
-        """Run the callback for messages that have arrived and no executor takes any more."""
+    def arrived(self, subscription: Any) -> Iterator[tuple[Any, Any]]:
+        """Take the messages that have arrived, each with what the middleware says of it."""
         end = time.monotonic() + LONGEST_TAKE_S
         while time.monotonic() < end:
             try:
@@ -128,7 +128,12 @@ class NodeBase(Node):
                 continue
             if taken is None:
                 return
-            subscription.callback(taken[0])
+            yield taken
+
+    def take_waiting(self, subscription: Any) -> None:
+        """Run the callback for messages that have arrived and no executor takes any more."""
+        for message, _ in self.arrived(subscription):
+            subscription.callback(message)
 
     def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
         """Create a timer that goes on where a paused simulation stops the node's clock."""
@@ -210,6 +215,8 @@ class NodeBase(Node):
         @functools.wraps(callback)
         def called(*arguments: Any) -> Any:
             self.n_callbacks += 1
+            if len(arguments) == 1 and isinstance(arguments[0], tuple):
+                (arguments,) = arguments  # the events executor has message and info in one
             try:
                 return callback(*arguments)
             except Exception as error:

@@ -25,7 +25,7 @@ REFERENCE = QoSProfile(
 )
 """
 desired_trajectory: a lost plan is a robot that does not move. Deep, so that a busy second at 1 kHz
-loses nothing; with 100, a tenth of a second on a loaded machine did.
+loses no plan; with 100, a tenth of a second on a loaded machine did.
 """
 
 OUTPUT = QoSProfile(

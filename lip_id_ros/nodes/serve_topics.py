@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import math
 import time
 from typing import Any
@@ -28,6 +28,7 @@ from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.plans import Planned, PlanWorker
 from lip_id_ros.recording.joint_messages import from_joint_state
+from lip_id_ros.signals.ages import AgeWatch, stamp_age
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 DELIVERY_S = 5.0
@@ -35,6 +36,12 @@ DELIVERY_S = 5.0
 
 INLINE_BYTES = 24 * 1024
 """A longer plan, of about a hundred points of seven joints, is answered beside the stream."""
+
+Info = Mapping[str, Any]
+"""What the middleware says of a message."""
+
+LATE_S = 0.1
+"""Where a reference waits for longer, the newest that has arrived is answered in its place."""
 
 COMPONENTS = ('inertial', 'coriolis', 'gravity', 'friction')
 COMPONENT_TOPICS = tuple(f'torque/{part}' for part in COMPONENTS)
@@ -158,8 +165,9 @@ class Inputs:
         self._optional: list[Any] = []
         self._worker: PlanWorker | None = None
         self._settings = ServeSettings()
+        self._ages = AgeWatch()
         # raw, since a long plan is not deserialised here
-        node.create_subscription(
+        self._trajectories = node.create_subscription(
             JointTrajectory,
             '~/desired_trajectory',
             self._on_trajectory,
@@ -229,15 +237,29 @@ class Inputs:
         if self._server.active and self._server.enabled:
             self._outputs.torque(self._now(), np.zeros(len(self._server.joint_names)))
 
-    def _add(self, kind: Any, topic: str, callback: Callable[[Any], None]) -> None:
+    def _add(self, kind: Any, topic: str, callback: Callable[..., None]) -> None:
         subscription = self._node.create_subscription(kind, topic, callback, qos.NEWEST)
         self._optional.append(subscription)
 
-    def _on_trajectory(self, raw: bytes) -> None:
-        self._references.received += 1
-        self._unless_refused(self._answer, raw)
+    def _on_trajectory(self, raw: bytes, info: Info) -> None:
+        """Answer a reference; where it lags, all plans that wait and the newest sample."""
+        arrived = [(raw, info)]
+        overtaken: list[int] = []
+        if self._age(info) > LATE_S:
+            arrived += self._node.arrived(self._trajectories)
+            overtaken = [n for n, (each, _) in enumerate(arrived) if messages.is_sample(each)][:-1]
+        self._references.received += len(arrived)
+        for number, (each, its_info) in enumerate(arrived):
+            if number in overtaken:
+                self._unless_refused(self._skip)
+            else:
+                self._unless_refused(self._answer, each, its_info)
 
-    def _answer(self, raw: bytes) -> None:
+    def _skip(self) -> None:
+        with self._references.refusing():
+            raise RefusedError(Refusal.OVERTAKEN)
+
+    def _answer(self, raw: bytes, info: Info) -> None:
         """Answer a plan, or a sample of a stream."""
         if len(raw) > INLINE_BYTES and (count := self._count_points(raw)) > 1:
             self._submit(raw, count)
@@ -252,7 +274,7 @@ class Inputs:
             self.interrupt_plans()
             self._outputs.plan(message, tau)
         else:
-            self._answer_sample(message.header.stamp, message.joint_names, message.points)
+            self._answer_sample(message.header.stamp, message.joint_names, message.points, info)
 
     def _count_points(self, raw: bytes) -> int:
         with self._references.refusing():
@@ -282,12 +304,12 @@ class Inputs:
                 self._references.refuse(Refusal.INTERRUPTED)
             self._worker = None
 
-    def _on_controller_state(self, message: Any) -> None:
+    def _on_controller_state(self, message: Any, info: Info) -> None:
         # before Jazzy the reference was called desired
         reference = message.reference if hasattr(message, 'reference') else message.desired
         stamp, names = message.header.stamp, message.joint_names
         self._references.received += 1
-        self._unless_refused(self._answer_sample, stamp, names, [reference])
+        self._unless_refused(self._answer_sample, stamp, names, [reference], info)
 
     def _on_joint_state(self, message: JointState) -> None:
         """Publish energies and the torque residual while they have subscribers."""
@@ -308,14 +330,24 @@ class Inputs:
         except RefusedError as refused:
             self._node.warn_of_refusal(refused)
 
-    def _answer_sample(self, stamp: Time, names: Sequence[str], points: Sequence[Any]) -> None:
+    def _answer_sample(
+        self, stamp: Time, names: Sequence[str], points: Sequence[Any], info: Info
+    ) -> None:
+        now = self._now()
         if stamp.sec == stamp.nanosec == 0:  # left empty, which in a trajectory means now
-            stamp = self._now()
-        served = self._server.sample(names, points, time.monotonic(), stamp)
+            stamp = now
+        age = max(
+            self._age(info), stamp_age(messages.nanoseconds(stamp), messages.nanoseconds(now))
+        )
+        served = self._server.sample(names, points, time.monotonic(), stamp, age)
         self._outputs.torque(stamp, served.tau)
         self._outputs.energies(stamp, served.query)
         if self._outputs.wants(*COMPONENT_TOPICS):
             self._outputs.components(stamp, self._server.arm.components(served.state))
+
+    def _age(self, info: Info) -> float:
+        """Return how long ago a reference was sent [s]."""
+        return self._ages.age(info['source_timestamp'], info['received_timestamp'], time.time_ns())
 
     def _now(self) -> Time:
         return self._node.get_clock().now().to_msg()

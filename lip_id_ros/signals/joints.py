@@ -41,6 +41,8 @@ class Refusal(StrEnum):
     REPEATED_STAMP = 'stamp repeated'
     BACKWARD_STAMP = 'stamp went back'
     FAR_STAMP = 'stamp far ahead'
+    OLD = 'reference too old'
+    OVERTAKEN = 'overtaken by a newer one'
     FAILED = 'failed'
 
 
@@ -100,6 +102,13 @@ _SENTENCES = {
     Refusal.FAR_STAMP: (
         'the stamp lies far ahead of the last joint state; check for two publishers, clocks and '
         'pauses'
+    ),
+    Refusal.OLD: (
+        'the reference was stamped or sent more than stale_timeout_s ago; check for pauses, load '
+        'and clocks, or leave its stamp zero'
+    ),
+    Refusal.OVERTAKEN: (
+        'references came faster than they are answered, only the newest is; send fewer a second'
     ),
     Refusal.FAILED: 'the message led to an error of this node; see its log',
 }

@@ -318,3 +318,13 @@ def test_every_message_is_answered_or_refused(kinds: list[int]) -> None:
             calls[kind]()
     values = server.values()
     assert messages == sum(values['answered'].values()) + sum(values['refused'].values())
+
+
+def test_an_old_reference_is_refused_and_feeds_nothing() -> None:
+    server = serving(stale_timeout_s=0.5)
+    server.sample(NAMES, [POINT], 0.0, age=0.5)
+    with pytest.raises(RefusedError, match='sent more than stale_timeout_s ago'):
+        server.sample(NAMES, [POINT], 0.4, age=0.6)
+    assert server.silence(0.4) == 0.4
+    assert server.values()['refused'] == {Refusal.OLD: 1}
+    serving(stale_timeout_s=0.0).sample(NAMES, [POINT], 0.0, age=1e9)

@@ -1,0 +1,106 @@
+"""Node `serve` behind its references: what is old is not answered as if it were fresh."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+import signal
+import time
+from typing import Any, TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from nodes.test_serve import GOOD, REFERENCE, start_serve, TORQUE
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from lip_id_ros.nodes import messages
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph
+
+pytestmark = pytest.mark.ros
+
+
+def reference(number: int) -> JointTrajectory:
+    """Return a reference with a stamp of another clock, by which its answer is known."""
+    message = JointTrajectory(joint_names=GOOD.joint_names, points=GOOD.points)
+    message.header.stamp = messages.stamp_at(number)
+    return message
+
+
+def stamps(torques: list[JointState]) -> set[int]:
+    return {messages.nanoseconds(each.header.stamp) for each in torques}
+
+
+@pytest.mark.parametrize('executor', ['events', 'single_threaded'])
+def test_references_that_waited_while_the_node_stood_still_are_not_answered(
+    ros: tuple[Graph, Client], model_path: str, executor: str
+) -> None:
+    graph, client = ros
+    serve = start_serve(graph, model_path=model_path, stale_timeout_s=0.5, executor=executor)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    publisher.publish(reference(1))
+    client.wait_until(lambda: 1 in stamps(torques), 'answer')
+    serve.send(signal.SIGSTOP)
+    for number in range(2, 52):
+        publisher.publish(reference(number))
+    time.sleep(0.6)  # longer than a reference may wait
+    serve.send(signal.SIGCONT)
+
+    def told(status: dict[str, Any]) -> bool:
+        return bool(sum(status['refused'].values()) == 50)
+
+    refused = client.status('serve', told)['refused']
+    assert set(refused) <= {'overtaken by a newer one', 'reference too old'}
+    assert refused['reference too old'] >= 1
+    assert not stamps(torques) & set(range(2, 52))
+    publisher.publish(reference(60))
+    client.wait_until(lambda: 60 in stamps(torques), 'answer to a fresh reference')
+
+
+def test_of_references_that_lag_the_newest_is_answered_and_every_plan(
+    serving: tuple[Graph, Client],
+) -> None:
+    """Without a timeout: nothing is too old, but the queue is emptied."""
+    graph, client = serving
+    serve = graph.processes[0]
+    torques = client.listen(JointState, TORQUE)
+    plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    publisher.publish(reference(1))
+    client.wait_until(lambda: 1 in stamps(torques), 'answer')
+    serve.send(signal.SIGSTOP)
+    try:
+        for number in range(2, 12):
+            publisher.publish(reference(number))
+        end = deepcopy(GOOD.points[0])
+        end.time_from_start.sec = 1
+        publisher.publish(
+            JointTrajectory(joint_names=GOOD.joint_names, points=[GOOD.points[0], end])
+        )
+        for number in range(12, 22):
+            publisher.publish(reference(number))
+        time.sleep(0.2)
+    finally:
+        serve.send(signal.SIGCONT)
+    client.wait_until(lambda: 21 in stamps(torques) and plans, 'answers')
+    status = client.status('serve', lambda status: status['received']['references'] == 22)
+    assert status['answered']['plans'] == 1
+    overtaken = status['refused'].get('overtaken by a newer one', 0)
+    assert overtaken >= 10
+    assert status['answered']['samples'] + overtaken == 21
+
+
+def test_a_stamp_says_how_old_a_reference_is(ros: tuple[Graph, Client], model_path: str) -> None:
+    graph, client = ros
+    start_serve(graph, model_path=model_path, stale_timeout_s=0.5)
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    publisher.publish(reference(time.time_ns() - 2_000_000_000))
+    client.status('serve', lambda status: status['refused'] == {'reference too old': 1})
+    assert not torques
