@@ -232,8 +232,11 @@ def test_a_reload_leaves_no_reference_unanswered(serving: tuple[Graph, Client]) 
     finally:
         stop.set()
         thread.join()
-    client.wait_until(lambda: len(torques) == sent[0], 'an answer to each reference')
-    np.testing.assert_allclose(efforts(torques), np.tile(EXPECTED, (sent[0], 1)), atol=0.1)
+    status = client.status('serve', lambda status: status['received']['references'] == sent[0])
+    # a machine so loaded that references wait: the newest is answered in their place
+    answered = sent[0] - status['refused'].get('overtaken by a newer one', 0)
+    client.wait_until(lambda: len(torques) == answered, 'an answer to each reference')
+    np.testing.assert_allclose(efforts(torques), np.tile(EXPECTED, (answered, 1)), atol=0.1)
 
 
 def test_a_reload_does_not_outlive_its_configuration(
