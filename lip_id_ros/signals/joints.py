@@ -23,6 +23,7 @@ class Refusal(StrEnum):
     BUSY = 'plans waiting'
     INTERRUPTED = 'plan interrupted'
     MALFORMED = 'malformed'
+    TOO_MANY_NAMES = 'too many joint names'
     REPEATED_NAME = 'joint name repeated'
     MISSING_JOINT = 'joint missing'
     FOREIGN_JOINT = 'foreign joint in a plan'
@@ -65,6 +66,7 @@ _SENTENCES = {
         'plan was computed; send it again unless a newer one came'
     ),
     Refusal.MALFORMED: 'the message could not be deserialised; check the type of its publisher',
+    Refusal.TOO_MANY_NAMES: 'a trajectory must not name over 1000 joints; check its publisher',
     Refusal.REPEATED_NAME: 'joint names must be unique, one comes twice',
     Refusal.MISSING_JOINT: 'the message must name every joint of the model, one is missing',
     Refusal.FOREIGN_JOINT: 'a plan gets an effort for each of its joints, one is not in the model',

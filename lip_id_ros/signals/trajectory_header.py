@@ -10,6 +10,9 @@ from lip_id_ros.signals.joints import Refusal, RefusedError
 ENCAPSULATION = 4
 COUNT, STAMP = struct.Struct('I').size, struct.Struct('iI').size
 
+MOST_NAMES = 1000
+"""More joints than any robot has: a million names take a second to read."""
+
 
 class TrajectoryHeader(NamedTuple):
     """
@@ -45,7 +48,7 @@ def read_header(raw: bytes) -> TrajectoryHeader:
     Raises
     ------
     RefusedError
-        If it ends before.
+        If it ends before, or names more than `MOST_NAMES` joints.
 
     """
     order = '<' if raw[1:2] == b'\x01' else '>'
@@ -60,6 +63,8 @@ def read_header(raw: bytes) -> TrajectoryHeader:
     try:
         at = after_string(STAMP)
         n_names, at = number(at), at + COUNT
+        if n_names > MOST_NAMES:
+            raise RefusedError(Refusal.TOO_MANY_NAMES)
         names = []
         for _ in range(n_names):
             length = number(at)

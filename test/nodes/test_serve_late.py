@@ -104,3 +104,15 @@ def test_a_stamp_says_how_old_a_reference_is(ros: tuple[Graph, Client], model_pa
     publisher.publish(reference(time.time_ns() - 2_000_000_000))
     client.status('serve', lambda status: status['refused'] == {'reference too old': 1})
     assert not torques
+
+
+def test_a_million_names_are_refused_unread(serving: tuple[Graph, Client]) -> None:
+    _, client = serving
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    message = JointTrajectory(joint_names=[f'joint{n}' for n in range(1_000_000)])
+    message.points = GOOD.points
+    publisher.publish(message)
+    publisher.publish(GOOD)
+    client.wait_until(lambda: torques, 'answer')
+    client.status('serve', lambda status: status['refused'] == {'too many joint names': 1})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from dataclasses import dataclass, field
 import math
+import struct
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
+from lip_id_ros.signals.trajectory_header import MOST_NAMES, read_header
 
 NAMES = ('base', 'shoulder', 'elbow')
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -115,3 +117,15 @@ def test_one_array_of_another_length_refuses_all(
 def test_no_points_are_refused() -> None:
     with pytest.raises(RefusedError, match=r'needs at least one point, this one has none\.$'):
         JointOrder(NAMES).states(NAMES, [])
+
+
+def test_names_beyond_those_of_any_robot_are_not_read() -> None:
+    """There are none after their number: whoever read them would find that."""
+    stamp_and_frame = struct.pack('<iIIB3x', 0, 0, 1, 0)
+    header = b'\0\1\0\0' + stamp_and_frame
+    with pytest.raises(RefusedError) as refused:
+        read_header(header + struct.pack('<I', MOST_NAMES + 1))
+    assert refused.value.reason == Refusal.TOO_MANY_NAMES
+    with pytest.raises(RefusedError) as refused:
+        read_header(header + struct.pack('<I', MOST_NAMES))
+    assert refused.value.reason == Refusal.MALFORMED
