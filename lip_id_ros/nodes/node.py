@@ -25,6 +25,9 @@ from lip_id_ros.signals.status import Level, Status
 
 STATUS_PERIOD_S = 0.5
 
+STEADY = Clock(clock_type=ClockType.STEADY_TIME)
+"""For timers and throttled warnings: neither a simulation nor who sets the time stops it."""
+
 LONGEST_TAKE_S = 2.0
 """A topic that never falls silent holds up the node's end no longer."""
 
@@ -88,8 +91,8 @@ class NodeBase(Node):
         return Status(Level.OK, 'running')
 
     def warnings(self) -> list[str]:
-        """Describe what is wrong around the node: publishers of a lower quality of service."""
-        return qos.misfits(self)
+        """Describe what is wrong around the node, such as publishers that do not fit."""
+        return [*qos.misfits(self), *self._missing_clock()]
 
     def stop(self) -> None:
         """Release the robot and keep the data; the node can still publish."""
@@ -137,7 +140,7 @@ class NodeBase(Node):
 
     def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
         """Create a timer that goes on where a paused simulation stops the node's clock."""
-        self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(period_s, callback, clock=STEADY)
 
     def publish_status(self) -> None:
         """Publish the status to /diagnostics, and to ~/status if anything changed."""
@@ -156,7 +159,9 @@ class NodeBase(Node):
         if refused.reason in HARMLESS:
             return
         self.get_logger().warning(
-            f'refused a message ({refused.reason}): {refused}', throttle_duration_sec=5.0
+            f'refused a message ({refused.reason}): {refused}',
+            throttle_duration_sec=5.0,
+            throttle_time_source_type=STEADY,
         )
 
     # the guard
@@ -192,6 +197,7 @@ class NodeBase(Node):
         self.get_logger().error(
             f'a callback failed, the node goes on: {self.last_fault}\n{where}',
             throttle_duration_sec=1.0,
+            throttle_time_source_type=STEADY,
         )
         try:
             self.output_safe_torque()
@@ -252,6 +258,12 @@ class NodeBase(Node):
         if new:
             return Status(Level.ERROR, f'a callback failed: {self.last_fault}', values)
         return replace(status, values=values)
+
+    def _missing_clock(self) -> list[str]:
+        simulated = self.get_parameter('use_sim_time').value
+        if not simulated or self.get_clock().now().nanoseconds:
+            return []
+        return ['use_sim_time is true, but /clock has no time: what is stamped now has stamp 0']
 
     def _with_warnings(self, status: Status) -> Status:
         """Add what is wrong around the node."""

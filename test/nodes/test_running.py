@@ -14,10 +14,14 @@ from waiting import run_to_end
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 import rclpy
+from rclpy.clock import ClockType
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from ros_domain import free_domain
 
+from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import spinning
+from lip_id_ros.signals.joints import Refusal, RefusedError
 
 pytestmark = pytest.mark.ros
 
@@ -143,3 +147,19 @@ def test_an_executor_spins_no_more_when_it_is_shut_down(monkeypatch: pytest.Monk
     node.destroy_node()
     rclpy.shutdown(context=context)
     assert not failed
+
+
+def test_throttled_warnings_do_not_wait_for_a_clock_that_was_set_back() -> None:
+    """They count by a clock that only runs: set back by an hour, another one hides an hour."""
+    with free_domain() as domain:
+        rclpy.init(domain_id=domain)
+        node = NodeBase('throttled', {})
+        try:
+            node.warn_of_refusal(RefusedError(Refusal.MALFORMED))
+            node.caught(RuntimeError('a programming error'))
+            logged = node.get_logger().contexts.values()
+            clocks = [each['throttle_time_source_type'] for each in logged]
+            assert [clock.clock_type for clock in clocks] == [ClockType.STEADY_TIME] * 2
+        finally:
+            node.destroy_node()
+            rclpy.shutdown()

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ros
 
 
+UNLIMITED = 'torques are not limited, and neither are their steps'
+
+
 @contextmanager
 def clock(graph: Graph, start_s: float) -> Iterator[None]:
     """Publish /clock in a process while the block runs."""
@@ -67,6 +70,14 @@ def test_train_records_a_simulation_that_is_started_twice(ros: tuple[Graph, Clie
     assert (status['rows'], status['rejected']) == (40, {})
 
 
+def test_simulated_time_without_a_clock_is_told(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    graph.start('serve', model_path=model_path, use_sim_time=True, torque_limits=[1.0])
+    client.status('serve', lambda status: 'but /clock has no time' in status['summary'])
+
+
 def test_serve_stamps_by_the_clock_of_the_simulation(
     ros: tuple[Graph, Client], model_path: str
 ) -> None:
@@ -84,5 +95,6 @@ def test_serve_stamps_by_the_clock_of_the_simulation(
         publisher = client.speak(JointTrajectory, '/serve/desired_trajectory')
         publisher.publish(unstamped)
         client.wait_until(lambda: answers, 'answer')
+        client.status('serve', lambda status: status['summary'] == 'answering; ' + UNLIMITED)
     stamp = answers[0].header.stamp
     assert ticks[0].clock.sec - 1 <= stamp.sec <= ticks[-1].clock.sec + 1
