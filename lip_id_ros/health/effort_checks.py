@@ -16,6 +16,8 @@ SMALL = 5.0
 HUGE = 5000.0
 TURNED = -0.7
 FRICTION_SHOWS = 1.8
+DRIVING, EXCHANGED = -5.5, 4.0
+"""Standard errors of responses with a wrong sign, and of two joints' that are exchanged."""
 LEAST_EXPLAINED = 0.15
 LEAST_LAG_S = 0.012
 LEAST_LAG_SAMPLES = 1.0
@@ -98,13 +100,30 @@ def effort_clipped(joint: Joint) -> Iterator[str]:
     'recording.effort_scale',
 )
 def effort_sign(joint: Joint) -> Iterator[str]:
-    """The friction in an effort would drive the motion."""
+    """The friction in an effort would drive the motion, or inertia be negative."""
     is_turned = joint.friction_cosine < TURNED and joint.friction_weight > FRICTION_SHOWS
-    if is_turned and joint.moves and joint.varies('effort'):
+    if (is_turned or joint.braking < DRIVING) and joint.moves and joint.varies('effort'):
         yield (
-            f'the effort of {joint.name} contains friction that would drive the motion instead of '
-            'braking it, as if its sign were reversed'
+            f'the effort of {joint.name} contains friction or inertia that would drive the motion '
+            'instead of braking it, as if its sign were reversed'
         )
+
+
+@check(
+    'effort_exchanged',
+    Severity.WARNING,
+    'see whether names and efforts of the driver are in one order, and exchange them',
+)
+def effort_exchanged(evidence: Evidence) -> Iterator[JointText]:
+    """The efforts of two joints answer to the motion of each other rather than to their own."""
+    if evidence.responses is None:
+        return
+    inertia, friction = (np.triu(each.crossed, 1) for each in evidence.responses)
+    crossed = np.hypot(inertia, friction)
+    one, other = np.unravel_index(int(np.argmax(crossed)), crossed.shape)
+    if crossed[one, other] > EXCHANGED:
+        names = f'{evidence.names[one]} and {evidence.names[other]}'
+        yield evidence.names[one], f'the efforts of {names} seem to be exchanged'
 
 
 @joint_check(

@@ -18,6 +18,7 @@ from lip_id_ros.health.motion import (
     velocity_agreement,
     VelocityAgreement,
 )
+from lip_id_ros.health.responses import Responses, responses
 from lip_id_ros.joint_types import POSITION_UNITS
 from lip_id_ros.preprocessing.continuity import jumps, MOST_VALUES
 from lip_id_ros.preprocessing.sample_times import (
@@ -148,6 +149,8 @@ class Joint:
         Samples over which the effort of this joint is held while those of others change.
     effort_explained, friction_cosine, friction_weight : float
         See `motion.EffortRegression`.
+    braking : float
+        Inertia and friction in standard errors, together; negative where the sign is reversed.
 
     """
 
@@ -164,6 +167,7 @@ class Joint:
     effort_explained: float = math.nan
     friction_cosine: float = math.nan
     friction_weight: float = math.nan
+    braking: float = math.nan
 
     @property
     def position(self) -> Signal:
@@ -260,6 +264,13 @@ class Evidence:
         return effort_regression(self.motion)
 
     @cached_property
+    def responses(self) -> tuple[Responses, Responses] | None:
+        """Responses of efforts to accelerations and to velocities, where they can be judged."""
+        if self.explanation is None:
+            return None
+        return responses(self.motion, self.explanation.lag_s)
+
+    @cached_property
     def joints(self) -> tuple[Joint, ...]:
         """Signals and figures of each joint."""
         return tuple(self._joint(k, name) for k, name in enumerate(self.names))
@@ -284,6 +295,8 @@ class Evidence:
             figures['effort_explained'] = float(explanation.explained[k])
             figures['friction_cosine'] = float(explanation.friction_cosine[k])
             figures['friction_weight'] = float(explanation.friction_weight[k])
+        if self.responses is not None:
+            figures['braking'] = float(sum(each.own[k] for each in self.responses)) / 2.0**0.5
         kind = self.joint_types[k]
         return Joint(
             name, kind, samples.t, signals, velocity, acceleration, effort_period=period, **figures

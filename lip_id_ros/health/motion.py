@@ -224,8 +224,7 @@ class EffortRegression:
 
 def effort_regression(motion: SmoothMotion) -> EffortRegression | None:
     """Regress efforts on the motion; None where the recording is too short for it."""
-    reach = max(1, round(LONGEST_EFFORT_LAG_S * motion.rate_hz))
-    segments = [piece for piece in motion.segments if len(piece.effort) > 3 * reach]
+    segments, reach = effort_segments(motion)
     if not segments or not _enough(motion, segments):
         return None
     regressions = _regressions(segments, reach)
@@ -240,6 +239,12 @@ def effort_regression(motion: SmoothMotion) -> EffortRegression | None:
         lag_s=peak(gain, motion.rate_hz),
         lag_gain=float(1.0 - np.exp(gain[reach] - gain[at])),
     )
+
+
+def effort_segments(motion: SmoothMotion) -> tuple[list[SmoothSegment], int]:
+    """Return the segments in which efforts can be shifted, and by how many samples at most."""
+    reach = max(1, round(LONGEST_EFFORT_LAG_S * motion.rate_hz))
+    return [piece for piece in motion.segments if len(piece.effort) > 3 * reach], reach
 
 
 def _enough(motion: SmoothMotion, segments: Sequence[SmoothSegment]) -> bool:

@@ -121,6 +121,10 @@ def held_alone(samples: JointSamples) -> JointSamples:
     return column(samples, 'effort', JOINT, effort)
 
 
+def exchanged(samples: JointSamples) -> JointSamples:
+    return replace(samples, effort=samples.effort[:, [0, 1, 2, 3, 5, 4, 6]])
+
+
 def resting(samples: JointSamples) -> JointSamples:
     """Hold the last posture for longer than the motion lasted."""
     extra = 5000
@@ -227,6 +231,7 @@ DEFECTS: dict[str, tuple[Break, set[str]]] = {
         lambda samples: column(samples, 'effort', JOINT, -0.3 * samples.effort[:, 2]),
         {'effort_unrelated', 'effort_sign'},
     ),
+    'effort_exchanged': (exchanged, {'effort_sign'}),
     'effort_held': (held_alone, {'effort_clipped'}),
     'effort_delay': (lambda samples: delayed(samples, 'effort', 0.06), set()),
     'effort_small': (lambda samples: replace(samples, effort=0.03 * samples.effort), set()),

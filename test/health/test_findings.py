@@ -87,6 +87,20 @@ def test_a_prismatic_joint_in_millimetres_is_found() -> None:
     )
 
 
+@pytest.mark.parametrize('joint', range(7))
+def test_the_sign_of_every_joint_is_judged(joint: int) -> None:
+    turned = column(sound(), 'effort', joint, -sound().effort[:, joint])
+    assert {(each.code, each.joint) for each in found(turned)} == {('effort_sign', NAMES[joint])}
+
+
+@pytest.mark.parametrize('joint', range(6))
+def test_exchanged_efforts_of_neighbours_are_found(joint: int) -> None:
+    order = np.arange(7)
+    order[[joint, joint + 1]] = joint + 1, joint
+    exchanged = replace(sound(), effort=sound().effort[:, order])
+    assert ('effort_exchanged', NAMES[joint]) in {(x.code, x.joint) for x in found(exchanged)}
+
+
 @pytest.mark.parametrize('delay', [-0.08, -0.04, 0.04, 0.08])
 def test_delay_of_the_efforts_is_measured(delay: float) -> None:
     explanation = evidence_of(delayed(sound(seconds=60.0), 'effort', delay)).explanation
