@@ -9,7 +9,13 @@ from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.model import Query
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
-from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState
+from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState, StampWatch
+from lip_id_ros.signals.joints import RefusedError
+
+LONGEST_STEP_S = 0.5
+"""A stamp that is further ahead, beyond the time its message was in coming, is doubted."""
+
+NANOSECONDS = 1_000_000_000
 
 
 class MeasuredArm:
@@ -27,6 +33,7 @@ class MeasuredArm:
     def __init__(self, loaded: LoadedModel, cutoff_hz: float) -> None:
         self._model = loaded.model
         self._reader = JointStateReader(loaded.joint_names, loaded.calibration)
+        self._stamps = StampWatch(LONGEST_STEP_S)
         self._cutoff_hz, self._low_pass = cutoff_hz, LowPass(cutoff_hz)
 
     def adjust(self, cutoff_hz: float) -> None:
@@ -34,9 +41,27 @@ class MeasuredArm:
         if cutoff_hz != self._cutoff_hz:
             self._cutoff_hz, self._low_pass = cutoff_hz, LowPass(cutoff_hz)
 
-    def read(self, message: JointMessage) -> MeasuredState:
-        """Read a joint state; RefusedError where a joint or a number is missing or wrong."""
-        return self._reader.read(message)
+    def read(self, message: JointMessage, now: float) -> MeasuredState:
+        """
+        Read a joint state.
+
+        Parameters
+        ----------
+        message : JointMessage
+        now : float
+            When it came [s], on any steady clock.
+
+        Raises
+        ------
+        RefusedError
+            If a joint or a number is missing or wrong, or the stamp is not that of a next one.
+
+        """
+        measured = self._reader.read(message)
+        doubt = self._stamps.doubt(message.stamp_ns, round(NANOSECONDS * now))
+        if doubt is not None:
+            raise RefusedError(doubt)
+        return measured
 
     def energies(self, measured: MeasuredState) -> Query:
         """Return the energies at a measured state; the torques are those without acceleration."""

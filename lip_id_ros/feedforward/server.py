@@ -229,6 +229,7 @@ class Server:
         self._position: Array | None = None
         self._measured: MeasuredState | None = None
         self._measured_at = -np.inf
+        self._source = (False, False)
 
     # messages
 
@@ -294,7 +295,7 @@ class Server:
         tally = self.counts.joint_states
         try:
             with tally.receiving():
-                self._measured = self.arm.measured.read(message)
+                self._measured = self.arm.measured.read(message, now)
         except RefusedError:
             return None
         tally.used['measured'] += 1
@@ -310,8 +311,11 @@ class Server:
         if self.silence(now) <= timeout_s:
             return None
         self.counts.torques['stale'] += not self._stale
-        self._stale = True
-        measured = self._measured if now - self._measured_at <= timeout_s else None
+        measured, fresh = self._measured, now - self._measured_at <= timeout_s
+        source = (measured is not None, fresh)  # of the position: a step where it changes
+        if self._stale and source != self._source:
+            arm.shaper.begin()
+        self._stale, self._source = True, source
         with np.errstate(all='ignore'):
             return arm.safe_torque(measured.q if measured else self._position, now)
 

@@ -14,6 +14,7 @@ from lip_id_ros.model import EffortCalibration
 from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
+from lip_id_ros.signals.joint_states import MeasuredState
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 STEP_S = 0.002
@@ -38,8 +39,13 @@ def message(number: int, names: tuple[str, ...] = ('b', 'tool', 'a')) -> JointMe
     return JointMessage(round(1e9 * (5.0 + t)), names, *rows)
 
 
+def read(followed: MeasuredArm, number: int) -> MeasuredState:
+    """Read a message as long after the first as its stamp is."""
+    return followed.read(message(number), number * STEP_S)
+
+
 def residuals(numbers: range, followed: MeasuredArm) -> list[Any]:
-    return [followed.residual(followed.read(message(number))) for number in numbers]
+    return [followed.residual(read(followed, number)) for number in numbers]
 
 
 def test_the_residual_is_what_the_model_does_not_explain() -> None:
@@ -51,16 +57,32 @@ def test_the_residual_is_what_the_model_does_not_explain() -> None:
     np.testing.assert_allclose(settled, np.tile(UNEXPLAINED, (len(settled), 1)), atol=1.0)
 
 
-@pytest.mark.parametrize('numbers', [range(500, 501), range(100, 101), range(200, 201)])
-def test_gaps_and_stamps_that_do_not_rise_begin_anew(numbers: range) -> None:
+def test_after_a_gap_the_residual_begins_anew() -> None:
     followed = measured_arm()
     assert residuals(range(201), followed)[-1] is not None
-    assert residuals(numbers, followed) == [None]
+    assert residuals(range(500, 501), followed) == [None]
+
+
+def test_of_two_clocks_the_first_is_followed() -> None:
+    """Two publishers in turn, three seconds apart: the residual is that of the first alone."""
+    followed, refused = measured_arm(), []
+    found = []
+    for number in range(1000):
+        found += residuals(range(number, number + 1), followed)
+        for apart_s in (3.0, -3.0):
+            other = message(number + round(apart_s / STEP_S))
+            with pytest.raises(RefusedError) as doubted:
+                followed.read(other, number * STEP_S)
+            refused.append(doubted.value.reason)
+    assert refused == [Refusal.FAR_STAMP, Refusal.BACKWARD_STAMP] * 1000
+    settled = [each for each in found if each is not None]
+    assert len(settled) > 900
+    np.testing.assert_allclose(settled, np.tile(UNEXPLAINED, (len(settled), 1)), atol=1.0)
 
 
 def test_energies_come_from_positions_and_velocities() -> None:
     followed = measured_arm()
-    measured = followed.read(message(0)._replace(effort=[]))
+    measured = followed.read(message(0)._replace(effort=[]), 0.0)
     assert measured.tau is None
     assert followed.residual(measured) is None
     assert followed.energies(measured).kinetic == pytest.approx(1.0)
@@ -75,11 +97,12 @@ def test_energies_come_from_positions_and_velocities() -> None:
         ({'position': []}, Refusal.NO_POSITION),
         ({'effort': [1.0]}, Refusal.WRONG_LENGTH),
         ({'position': [0.0, 0.0, np.nan]}, Refusal.NOT_FINITE),
+        ({'stamp_ns': 0}, Refusal.NO_STAMP),
     ],
 )
 def test_what_cannot_be_used_has_a_reason(changed: dict[str, Any], reason: Refusal) -> None:
     with pytest.raises(RefusedError) as refused:
-        measured_arm().read(message(0)._replace(**changed))
+        measured_arm().read(message(0)._replace(**changed), 0.0)
     assert refused.value.reason is reason
 
 

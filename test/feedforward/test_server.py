@@ -190,12 +190,38 @@ def test_the_safe_torque_of_gravity_is_that_of_where_the_arm_is() -> None:
     server = serving(stale_timeout_s=0.5, stale_policy='gravity', torque_limits=[50.0])
     server.sample(NAMES, [POINT], 1.0)
     np.testing.assert_array_equal(server.safe_torque(2.0), [1.0, 2.0])
-    assert server.measure(JointMessage(0, ('b', 'a'), [70.0, 3.0], [0.0, 0.0], []), 2.1)
+    assert server.measure(JointMessage(1, ('b', 'a'), [70.0, 3.0], [0.0, 0.0], []), 2.1)
     np.testing.assert_array_equal(server.safe_torque(2.2), [3.0, 50.0])
-    np.testing.assert_array_equal(server.safe_torque(2.7), [1.0, 2.0])
+    np.testing.assert_array_equal(server.safe_torque(99.0), [3.0, 50.0])  # where last measured
     without = ServeSettings(stale_timeout_s=0.5, stale_policy='gravity', gravity=False, **PLAIN)
     server.adjust(without)
-    np.testing.assert_array_equal(server.safe_torque(2.8), [0.0, 0.0])
+    np.testing.assert_array_equal(server.safe_torque(99.1), [0.0, 0.0])
+
+
+def test_the_safe_torque_of_gravity_stays_where_the_arm_was_measured_and_ramps_elsewhere() -> None:
+    """Joint states that stop, or freeze: no step to where the last reference asked for."""
+    server = serving(stale_timeout_s=0.5, stale_policy='gravity', safe_ramp_s=0.1)
+    asked = point([80.0, 0.0], [0.0, 0.0], [0.0, 0.0])
+
+    def measure(stamp_ns: int, q: float, now: float) -> Any:
+        return server.measure(JointMessage(stamp_ns, NAMES, [q, 0.0], [0.0, 0.0], []), now)
+
+    def safe(now: float) -> float:
+        tau = server.safe_torque(now)
+        assert tau is not None
+        return float(tau[0])
+
+    server.sample(NAMES, [asked], 0.0)
+    assert measure(1, 10.0, 0.0)
+    rising = [safe(0.6 + 0.02 * tick) for tick in range(7)]
+    np.testing.assert_allclose(rising, [80.0, 66.0, 52.0, 38.0, 24.0, 10.0, 10.0])
+    for tick in range(100):  # one frozen stamp, of another position
+        assert measure(1, 70.0, 1.0 + 0.02 * tick) is None
+        assert safe(1.0 + 0.02 * tick) == pytest.approx(10.0)
+    assert server.values()['unmeasured'] == {Refusal.REPEATED_STAMP: 100}
+    assert measure(2, 20.0, 3.0)
+    back = [safe(3.0 + 0.02 * tick) for tick in range(7)]
+    np.testing.assert_allclose(back, [10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 20.0])
 
 
 def test_the_safe_torque_keeps_to_the_rate() -> None:
@@ -296,7 +322,7 @@ def test_joint_states_of_another_robot_are_warned_of_where_no_others_come() -> N
     sentence = 'messages with trouble: joint states: only foreign joints 1'
     assert server.judge('', 0.0) == (Level.WARN, sentence)
     server.measure(foreign, 0.0)
-    server.measure(JointMessage(0, NAMES, [0.0, 0.0], [0.0, 0.0], []), 0.0)
+    server.measure(JointMessage(1, NAMES, [0.0, 0.0], [0.0, 0.0], []), 0.0)
     assert server.judge('', 0.0) == (Level.OK, 'answering')
 
 

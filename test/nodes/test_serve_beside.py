@@ -108,3 +108,20 @@ def test_measured_joint_states_give_energies_and_a_torque_residual(
     np.testing.assert_allclose(heard, np.tile([0.0, 2.0], (len(heard), 1)), atol=0.5)
     publisher.publish(JointState(name=['elbow'], position=[0.0]))
     client.status('serve', lambda status: status['unmeasured'] == {'joint missing': 1})
+
+
+def test_joint_states_by_two_clocks_are_told(ros: tuple[Graph, Client], model_path: str) -> None:
+    graph, client = ros
+    start_serve(graph, model_path=model_path)
+    client.status('serve', lambda status: status['state'] == 'active')
+    kinetic = client.listen(Float64, '/serve/measured/kinetic_energy')
+    publisher = client.speak(JointState, '/joint_states')
+    message = JointState(name=toy.JOINTS, position=[0.1, 0.2], velocity=[1.0, 1.0])
+    for row in range(20):
+        for begun_s in (1_000_000_000, 1_000_000_003):
+            message.header.stamp = messages.stamp_at(10**9 * begun_s + 10**7 * row)
+            publisher.publish(message)
+        client.wait_until(lambda: len(kinetic) > row, 'energy')  # noqa: B023
+    reasons = {'stamp far ahead': 20}
+    status = client.status('serve', lambda status: status['unmeasured'] == reasons)
+    assert status['answered']['measured'] == 20
