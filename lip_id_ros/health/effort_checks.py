@@ -21,6 +21,8 @@ DRIVING, EXCHANGED = -5.5, 4.0
 LEAST_EXPLAINED = 0.15
 LEAST_LAG_S = 0.012
 LEAST_LAG_SAMPLES = 1.0
+ALONE = 2.5
+"""Least lag of one joint from that of all, in least lags of all."""
 LEAST_LAG_GAIN = 0.15
 NEAR_ZERO, LEAST_DIPS = 0.01, 3
 """Share of the range of an effort that is near zero, and times at which it gets there."""
@@ -184,23 +186,30 @@ def effort_held(joint: Joint) -> Iterator[str]:
 )
 def effort_delay(evidence: Evidence) -> Iterator[JointText]:
     """
-    Efforts fit the motion clearly better when they are shifted in time.
+    Efforts of all joints, or of one, fit the motion clearly better when they are shifted in time.
 
-    Judged by friction, gravity and inertia of each joint by itself, so that a delay below one
-    sample, or of an arm without friction, may not be found.
+    Judged by friction, gravity and inertia as of an arm, and of a short recording by those of each
+    joint by itself, so that a delay below one sample, or of one joint, may not be found.
 
     """
-    explanation = evidence.explanation
-    if explanation is None or not explanation.lag_gain > LEAST_LAG_GAIN:
+    if (lags := evidence.lags) is None:
         return
-    lag = explanation.lag_s
-    if abs(lag) > max(LEAST_LAG_S, LEAST_LAG_SAMPLES / evidence.motion.rate_hz):
-        side = 'behind' if lag > 0 else 'ahead of'
-        yield (
-            '',
-            f'the efforts are about {1e3 * abs(lag):.2g} ms {side} the motion (by a crude '
-            f'model, whose residual variance falls by {100 * explanation.lag_gain:.2g} %)',
-        )
+    least_s = max(LEAST_LAG_S, LEAST_LAG_SAMPLES / evidence.motion.rate_hz)
+    together_s = 0.0
+    if abs(lags.lag_s) > least_s and lags.gain > LEAST_LAG_GAIN:
+        together_s = lags.lag_s
+        yield '', f'the efforts are {_late(lags.lag_s, lags.gain)}'
+    for name, lag_s, gain in zip(evidence.names, lags.joint_lag_s, lags.joint_gain, strict=True):
+        if abs(lag_s - together_s) > ALONE * least_s and gain > LEAST_LAG_GAIN:
+            yield name, f'the effort of {name} is {_late(lag_s, gain)}'
+
+
+def _late(lag_s: float, gain: float) -> str:
+    side = 'behind' if lag_s > 0 else 'ahead of'
+    return (
+        f'about {1e3 * abs(lag_s):.2g} ms {side} the motion (by a crude model, whose residual '
+        f'variance falls by {100 * gain:.2g} %)'
+    )
 
 
 @check(

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, runs
+from lip_id_ros.health.lags import effort_lags, EffortLags
 from lip_id_ros.health.motion import (
     effort_regression,
     EffortRegression,
@@ -262,6 +263,14 @@ class Evidence:
         if not self.samples.has_effort or not self.motion.segments:
             return None
         return effort_regression(self.motion)
+
+    @cached_property
+    def lags(self) -> EffortLags | None:
+        """Delays of the efforts: by many terms, or by few of a short recording."""
+        if (crude := self.explanation) is None or (fine := effort_lags(self.motion)) is not None:
+            return fine if crude is not None else None
+        unknown = np.full(len(self.names), math.nan)
+        return EffortLags(crude.lag_s, crude.lag_gain, unknown, unknown)
 
     @cached_property
     def responses(self) -> tuple[Responses, Responses] | None:

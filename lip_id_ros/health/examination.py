@@ -63,13 +63,13 @@ def health(evidence: Evidence) -> dict[str, Any]:
 
     """
     with np.errstate(all='ignore'):
-        explanation = evidence.explanation
+        lags = evidence.lags
         return {
             'findings': [finding.to_json() for finding in examine(evidence)],
             'joints': {joint.name: _figures(joint) for joint in evidence.joints},
             'stale_share': evidence.stale_share,
-            'effort_lag_s': None if explanation is None else _number(explanation.lag_s),
-            'effort_lag_gain': None if explanation is None else _number(explanation.lag_gain),
+            'effort_lag_s': None if lags is None else _number(lags.lag_s),
+            'effort_lag_gain': None if lags is None else _number(lags.gain),
         }
 
 

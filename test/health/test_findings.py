@@ -27,6 +27,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.health import CHECKS, evidence_of, examine
@@ -103,9 +104,29 @@ def test_exchanged_efforts_of_neighbours_are_found(joint: int) -> None:
 
 @pytest.mark.parametrize('delay', [-0.08, -0.04, 0.04, 0.08])
 def test_delay_of_the_efforts_is_measured(delay: float) -> None:
-    explanation = evidence_of(delayed(sound(seconds=60.0), 'effort', delay)).explanation
-    assert explanation is not None
-    assert explanation.lag_s == pytest.approx(delay, abs=0.015)
+    lags = evidence_of(delayed(sound(seconds=60.0), 'effort', delay)).lags
+    assert lags is not None
+    assert lags.lag_s == pytest.approx(delay, abs=0.015)
+
+
+def test_the_delay_of_one_joint_is_found() -> None:
+    samples = sound(seconds=150.0)
+    assert found(samples) == ()
+    late = delayed(samples, 'effort', 0.06).effort[:, JOINT]
+    (finding,) = found(column(samples, 'effort', JOINT, late))
+    assert (finding.code, finding.joint) == ('effort_delay', NAMES[JOINT])
+
+
+def test_low_passed_positions_make_efforts_early() -> None:
+    samples = sound(seconds=60.0)
+    low = butter(1, 3.0, fs=RATE)
+    start = samples.position[0]
+    position = start + lfilter(*low, samples.position - start, axis=0)
+    velocity = lfilter(*low, samples.velocity, axis=0)
+    late = found(replace(samples, position=position, velocity=velocity))
+    (finding,) = (each for each in late if each.severity != 'note')
+    assert finding.code == 'effort_delay'
+    assert 'ahead of the motion' in finding.text
 
 
 @pytest.mark.parametrize('delay', [-0.05, 0.012, 0.05])
