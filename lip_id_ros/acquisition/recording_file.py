@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from itertools import count
 import json
 import os
 from pathlib import Path
@@ -97,16 +98,25 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
         samples.effort,
     )
     names = dict.fromkeys([Path(path).name or UNSAVED, UNSAVED])
-    *others, last = (folder / name for name in names for folder in folders(path))
-    for place in others:
-        with suppress(OSError, ValueError):
+    failure = OSError('there is no folder')
+    for place in (folder / name for name in names for folder in folders(path)):
+        try:
             return _write_beside(place, track)
-    return _write_beside(last, track)
+        except OSError as error:
+            failure = error
+        except ValueError:  # of a name with NUL
+            continue
+    raise failure
 
 
-def folders(path: str | os.PathLike[str]) -> list[Path]:
-    """Return where samples may be kept, the folder that is asked for first, memory last."""
-    return [Path(path).parent, Path(tempfile.gettempdir()), Path.home(), Path('/dev/shm')]
+def folders(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield where samples may be kept, the folder that is asked for first, memory last."""
+    yield Path(path).parent
+    with suppress(OSError):
+        yield Path(tempfile.gettempdir())
+    with suppress(RuntimeError):  # of a user without HOME and without an entry
+        yield Path.home()
+    yield Path('/dev/shm')
 
 
 def has_room(path: str | os.PathLike[str], size: int) -> bool:
@@ -119,14 +129,20 @@ def has_room(path: str | os.PathLike[str], size: int) -> bool:
 
 
 def _write_beside(path: Path, track: JointStateTrack) -> Path:
-    target = _free(path)
-    write_mcap(target, [track])
+    target = _claimed(path)
+    try:
+        write_mcap(target, [track])
+    except BaseException:
+        target.unlink(missing_ok=True)
+        raise
     return target
 
 
-def _free(path: Path) -> Path:
-    candidate, number = path, 0
-    while candidate.exists():
-        number += 1
-        candidate = path.with_stem(f'{path.stem}_{number}')
-    return candidate
+def _claimed(path: Path) -> Path:
+    """Make an empty file under the first name that is free: nobody else gets that name."""
+    for number in count():
+        candidate = path.with_stem(f'{path.stem}_{number}') if number else path
+        with suppress(FileExistsError):
+            candidate.touch(exist_ok=False)
+            return candidate
+    raise AssertionError  # names are never used up

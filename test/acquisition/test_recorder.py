@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -115,6 +117,23 @@ def test_an_earlier_bag_is_never_overwritten(tmp_path: Path) -> None:
     path.write_text('precious')
     assert filled(3).keep_unsaved(str(path), 't') == [tmp_path / 'unsaved_1.mcap']
     assert path.read_text() == 'precious'
+
+
+def test_recorders_that_keep_at_the_same_time_keep_all(tmp_path: Path) -> None:
+    """Both found the same name free, and the second bag took the place of the first."""
+    path, meeting = str(tmp_path / 'unsaved.mcap'), threading.Barrier(2, timeout=60.0)
+
+    def keep(n_rows: int) -> list[Path]:
+        recorder = filled(n_rows)
+        meeting.wait()
+        return recorder.keep_unsaved(path, 't')
+
+    with ThreadPoolExecutor() as pool:
+        for _ in range(10):
+            kept = list(pool.map(keep, (3, 5)))
+            for (bag,), n_rows in zip(kept, (3, 5), strict=True):
+                with Bag(bag) as opened:
+                    assert len(list(opened.messages('t'))) == n_rows
 
 
 @pytest.mark.parametrize(
