@@ -214,7 +214,7 @@ class _Solver:
         prior = np.column_stack([np.diag(precision), -precision * numbers])
         if len(parts) > 1:
             return measure_left_out(parts, prior, self._noise)
-        squares = self._noise**2
+        squares = self._noise[None] ** 2
         return LeftOut(squares, self._sizes.inflation, self._noise, self._noise)
 
 

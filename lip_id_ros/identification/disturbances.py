@@ -236,7 +236,7 @@ class _LinearProblem:
             self._left_out(*both, fold, np.ones_like(out)),
             self._left_out(*kept, fold, ~out),
         )
-        masks = [(fold == k) & ~out for k in range(FOLDS)]
+        masks = [mask for k in range(FOLDS) if (mask := (fold == k) & ~out).any()]
         now, other = (
             np.array([np.sum(each[mask] ** 2, axis=0) for mask in masks]) + self.floor
             for each in residuals

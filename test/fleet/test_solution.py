@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from fleet.fleets import arm_of, friction_of, recording, regression_of
 import numpy as np
 from numpy.testing import assert_allclose
@@ -144,3 +146,12 @@ def test_the_gradient_by_differences() -> None:
         step = 1e-5 * np.eye(K + P)[k]
         slope = (problem.stepped(state, step).cost - problem.stepped(state, -step).cost) / 2e-5
         assert slope == pytest.approx(gradient[k], rel=1e-4, abs=1e-4 * np.abs(gradient).max())
+
+
+def test_joints_of_a_single_recording_have_residuals_of_their_own() -> None:
+    data = DATA[0]
+    assert data.tau_noiseless is not None
+    loud = data.tau_noiseless + (data.tau - data.tau_noiseless) * (1.0, 10.0)
+    alone = statistics_of(replace(data, tau=loud), REGRESSION)
+    found = solve(FleetStatistics(REGRESSION, [alone], ['a']), SIZES)
+    assert_allclose(np.sqrt(found.left_out), (NOISE[0], 10.0 * NOISE[1]), rtol=0.15)

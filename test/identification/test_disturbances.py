@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from gp.arms import noise_of
@@ -21,6 +22,7 @@ from lip_id_ros.identification.disturbances import (
     time_blocks,
     without_disturbances,
 )
+from lip_id_ros.identification.left_out import Gain
 from lip_id_ros.identification.placement_search import Calibration, calibration_at
 
 RATE, SECONDS, NOISE = 25.0, 40.0, 0.02
@@ -102,6 +104,30 @@ def test_a_load_in_about_half_of_the_samples_is_noticed(share: float, agree: boo
     is_late = dataset.t >= (1.0 - share) * SECONDS
     mixed = replace(dataset, tau=dataset.tau + is_late[:, None] * change)
     assert halves_agree(*calibrated(arm, mixed)) == agree
+
+
+def test_the_error_of_a_gain_is_that_of_the_parts_that_are_judged(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of six parts of the time, three have no samples of the half that is judged."""
+    gains: list[tuple[Array, Gain]] = []
+
+    class Seen(Gain):
+        @classmethod
+        def between(cls, now: Sequence[Array], other: Sequence[Array]) -> Gain:
+            gains.append((now[0], Gain.between(now, other)))
+            return gains[-1][1]
+
+    monkeypatch.setattr('lip_id_ros.identification.disturbances.Gain', Seen)
+    arm, dataset = recorded(0)
+    loaded = replace(arm, parameters=arm.parameters + np.outer([0, 0, 0.05], arm.parameters[2]))
+    state = dataset.q, dataset.dq, dataset.ddq
+    change = loaded.torque(*state) - arm.torque(*state)
+    is_late = dataset.t >= 0.5 * SECONDS
+    halves_agree(*calibrated(arm, replace(dataset, tau=dataset.tau + is_late[:, None] * change)))
+    for squares, gain in gains:
+        assert len(squares) == 3
+        assert gain.error < 0.15 * gain.mean
 
 
 def test_blocks_are_contiguous_times_of_one_segment() -> None:
