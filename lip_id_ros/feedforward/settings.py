@@ -80,7 +80,8 @@ class ServeSettings(Settings):
         0.5,
         'Time in which a stream takes over from the torques before: after activation, enable, '
         'reload, stale references, and a change of gravity, output_scale or a policy. A ramp '
-        'begins with the next torque; one under way continues from where it is when this changes.',
+        'begins with the next torque; one under way continues from where it is when this changes. '
+        'It counts at most 0.05 s between two torques, so slow streams take longer.',
         unit='s',
         minimum=0.0,
         maximum=60.0,

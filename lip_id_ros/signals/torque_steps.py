@@ -17,8 +17,8 @@ DEFAULT_RATE = 20.0
 """Rate limit by torque limit [1/s], where none is given: a full swing takes 0.1 s at least."""
 
 LONGEST_STEP_S = 0.05
-"""A rate limit counts no more time than this between two torques: after a pause, the next torque
-is a step for the robot, however long the pause was."""
+"""Ramps and rate limits count no more time than this between two torques: after a pause, the next
+torque is a step for the robot, however long the pause was."""
 
 
 def require_limits(limits: Sequence[float] | str) -> None:
@@ -64,7 +64,8 @@ class Ramp:
     A linear blend from the torque that the robot holds to whatever is wanted.
 
     The share of the wanted torque grows with time at a slope of one over the present duration.
-    Another duration changes the slope from here on, not the share.
+    Another duration changes the slope from here on, not the share. No more than `LONGEST_STEP_S`
+    counts between two torques.
 
     """
 
@@ -82,7 +83,7 @@ class Ramp:
             return wanted
         if self._origin is None:
             self._origin, self._at = held, now
-        elapsed, self._at = max(now - self._at, 0.0), now
+        elapsed, self._at = min(max(now - self._at, 0.0), LONGEST_STEP_S), now
         self._share += elapsed / duration_s if duration_s > 0.0 else 1.0
         if self._share >= 1.0:
             return wanted

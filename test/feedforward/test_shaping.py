@@ -88,16 +88,28 @@ def test_what_is_within_limits_is_only_scaled_and_the_rest_counted(
 
 
 def test_a_ramp_leads_from_what_was_sent_to_what_is_asked() -> None:
-    stream = shaper(ramp_s=2.0)
+    stream = shaper(ramp_s=0.1)
     stream.begin()
     asked = np.array([4.0, -8.0, 1.0])
     np.testing.assert_allclose(sampled(stream, asked, 10.0), 0.0)
-    np.testing.assert_allclose(sampled(stream, asked, 10.5), 0.25 * asked)
-    np.testing.assert_allclose(sampled(stream, asked, 12.0), asked)
+    np.testing.assert_allclose(sampled(stream, asked, 10.025), 0.25 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 10.075), 0.75 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 10.125), asked)
     stream.begin()
     np.testing.assert_allclose(sampled(stream, -asked, 20.0), asked)
-    np.testing.assert_allclose(sampled(stream, -asked, 21.0), 0.0)
-    np.testing.assert_allclose(sampled(stream, -asked, 99.0), -asked)
+    np.testing.assert_allclose(sampled(stream, -asked, 20.05), 0.0, atol=1e-9)
+    np.testing.assert_allclose(sampled(stream, -asked, 20.11), -asked)
+
+
+def test_a_pause_is_no_step_of_the_ramp() -> None:
+    """Without rate limits, a hiccup in mid-ramp led to the whole torque in one message."""
+    stream = shaper(ramp_s=0.5)
+    stream.begin()
+    asked = np.array([80.0, -8.0, 1.0])
+    np.testing.assert_allclose(sampled(stream, asked, 0.0), 0.0)
+    np.testing.assert_allclose(sampled(stream, asked, 0.05), 0.1 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 0.5), 0.2 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 0.55), 0.3 * asked)
 
 
 def test_narrower_limits_hold_at_once_though_the_rate_is_low() -> None:
@@ -143,19 +155,19 @@ def test_a_check_of_standard_deviations_needs_limits() -> None:
 
 
 def test_a_ramp_goes_on_from_its_share_when_its_duration_changes() -> None:
-    stream = shaper(ramp_s=2.0)
+    stream = shaper(ramp_s=0.1)
     stream.begin()
     asked = np.array([4.0, -8.0, 1.0])
     np.testing.assert_allclose(sampled(stream, asked, 0.0), 0.0)
-    np.testing.assert_allclose(sampled(stream, asked, 1.0), 0.5 * asked)
-    stream.adjust(make_rules(ServeSettings(ramp_s=60.0), NAMES))
-    np.testing.assert_allclose(sampled(stream, asked, 1.0), 0.5 * asked)
-    np.testing.assert_allclose(sampled(stream, asked, 7.0), 0.6 * asked)
-    stream.adjust(make_rules(ServeSettings(ramp_s=1.0), NAMES))
-    np.testing.assert_allclose(sampled(stream, asked, 7.2), 0.8 * asked)
-    np.testing.assert_allclose(sampled(stream, asked, 8.0), asked)
+    np.testing.assert_allclose(sampled(stream, asked, 0.05), 0.5 * asked)
+    stream.adjust(make_rules(ServeSettings(ramp_s=0.5), NAMES))
+    np.testing.assert_allclose(sampled(stream, asked, 0.05), 0.5 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 0.1), 0.6 * asked)
+    stream.adjust(make_rules(ServeSettings(ramp_s=0.1), NAMES))
+    np.testing.assert_allclose(sampled(stream, asked, 0.12), 0.8 * asked)
+    np.testing.assert_allclose(sampled(stream, asked, 0.15), asked)
     stream.adjust(make_rules(ServeSettings(ramp_s=60.0), NAMES))  # the ramp is over
-    np.testing.assert_allclose(sampled(stream, asked, 8.0), asked)
+    np.testing.assert_allclose(sampled(stream, asked, 0.15), asked)
 
 
 @pytest.mark.parametrize(
@@ -168,13 +180,14 @@ def test_a_ramp_goes_on_from_its_share_when_its_duration_changes() -> None:
     ],
 )
 def test_a_setting_that_changes_torques_is_ramped_to(changed: dict[str, Any]) -> None:
-    stream = shaper(ramp_s=1.0)
+    stream = shaper(ramp_s=0.1)
     before, after = np.full(3, 20.0), np.zeros(3)
     np.testing.assert_array_equal(sampled(stream, before, 0.0), before)
-    stream.adjust(make_rules(ServeSettings(**{'ramp_s': 1.0, **changed}), NAMES))
+    stream.adjust(make_rules(ServeSettings(**{'ramp_s': 0.1, **changed}), NAMES))
     np.testing.assert_allclose(sampled(stream, after, 1.0), before)
-    np.testing.assert_allclose(sampled(stream, after, 1.25), 0.75 * before)
-    np.testing.assert_allclose(sampled(stream, after, 2.0), after)
+    np.testing.assert_allclose(sampled(stream, after, 1.025), 0.75 * before)
+    np.testing.assert_allclose(sampled(stream, after, 1.075), after + 0.25 * before)
+    np.testing.assert_allclose(sampled(stream, after, 1.125), after)
 
 
 def test_rates_are_bounded_by_default_where_limits_are() -> None:
