@@ -86,7 +86,7 @@ def effort_zero(evidence: Evidence) -> Iterator[JointText]:
     'move more slowly or with less load, since what was cut off cannot be learned',
 )
 def effort_clipped(joint: Joint) -> Iterator[str]:
-    """At least 0.5 % of the samples lie on a flat end of the range of an effort."""
+    """At least 0.5 % of the samples lie on a flat end of the range of an effort, or near one."""
     if joint.varies('effort') and (share := joint.signals['effort'].clipped_share):
         low, high = joint.signals['effort'].ends
         yield (

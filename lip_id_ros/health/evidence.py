@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, runs
+from lip_id_ros.health.clipping import noisy_share
 from lip_id_ros.health.lags import effort_lags, EffortLags
 from lip_id_ros.health.motion import (
     effort_regression,
@@ -93,7 +94,8 @@ class Signal:
         Share of samples that lie on a flat end of the range.
 
         A sine that is only quantised has at most two and a half times as many samples on its last
-        level as on the one before; a clipped signal has far more.
+        level as on the one before; a clipped signal has far more. With noise on top it returns to
+        a narrow band again and again.
 
         """
         low, high = self.ends
@@ -108,7 +110,8 @@ class Signal:
             )
 
         ends = zip(at_end(width), at_end(3.0 * width), strict=True)
-        return max(_flat_end(top, nearby) for top, nearby in ends)
+        flat = max(_flat_end(top, nearby) for top, nearby in ends)
+        return flat or (0.0 if self.step else noisy_share(self.some_values()))
 
     def longest_plateau(self, t: Array) -> tuple[int, int]:
         """Return first and last row of the longest time that the signal is exactly the same."""

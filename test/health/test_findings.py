@@ -88,6 +88,17 @@ def test_a_prismatic_joint_in_millimetres_is_found() -> None:
     )
 
 
+@pytest.mark.parametrize('joint', range(3))
+def test_noise_on_top_of_clipped_efforts_hides_nothing(joint: int) -> None:
+    samples = sound(seconds=60.0)
+    effort = samples.effort[:, joint]
+    noise = 0.1 * np.random.default_rng(0).standard_normal(effort.size)
+    clipped = np.clip(effort, *np.percentile(effort, [10, 90])) + noise
+    assert ('effort_clipped', NAMES[joint]) in {
+        (each.code, each.joint) for each in found(column(samples, 'effort', joint, clipped))
+    }
+
+
 @pytest.mark.parametrize('joint', range(7))
 def test_the_sign_of_every_joint_is_judged(joint: int) -> None:
     turned = column(sound(), 'effort', joint, -sound().effort[:, joint])
