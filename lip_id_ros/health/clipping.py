@@ -12,15 +12,19 @@ NOISE_OF_DIFFERENCE = 1.4826 / np.sqrt(20.0)
 """Standard deviation of white noise over the median size of its third difference."""
 REACH, LEAST_WIDTH, MOST_WIDTH = 7.0, 0.002, 0.1
 """Width of the last band of the range, in standard deviations and as shares of the range."""
-CROWDED, LEAST_VISITS, LEAST_RUN = 6.0, 4, 5
-"""Samples there over those of a band beside it, and separate visits of so many samples."""
+CROWDED, LEAST_VISITS, LEAST_RUN, BOTH_WAYS = 6.0, 4, 5, 0.1
+"""
+Samples there over those of a band beside it, separate visits of so many samples, and the least
+share of them that goes either way.
+"""
 
 
-def noisy_share(values: Array) -> float:
+def noisy_share(values: Array, position: Array) -> float:
     """
     Return the share of the samples (N,) near a level that was clipped, 0 where there is none.
 
     A smooth peak has 2.7 times as many samples in the last band as in the mean of the two before.
+    Friction alone is near a level while its joint moves in one direction, and is not clipped.
 
     """
     if values.size < WINDOW + 3:
@@ -32,12 +36,14 @@ def noisy_share(values: Array) -> float:
     if width > MOST_WIDTH * spread:
         return 0.0
     ends = (smooth.max() - smooth, smooth - smooth.min())
-    return max(_share(below < width, below < 3.0 * width) for below in ends)
+    forward = position[WINDOW - 1 :] > position[: 1 - WINDOW]
+    return max(_share(below < width, below < 3.0 * width, forward) for below in ends)
 
 
-def _share(last: BoolArray, three: BoolArray) -> float:
+def _share(last: BoolArray, three: BoolArray, forward: BoolArray) -> float:
     first, end = runs(last)
     visits = int((end - first >= LEAST_RUN).sum())
     beside = 0.5 * float(three.sum() - last.sum())
     is_crowded = last.sum() > CROWDED * (beside + 1.0) and visits >= LEAST_VISITS
-    return float(last.mean()) if is_crowded else 0.0
+    ways = float(forward[last].mean())
+    return float(last.mean()) if is_crowded and min(ways, 1.0 - ways) > BOTH_WAYS else 0.0

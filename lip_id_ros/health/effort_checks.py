@@ -87,7 +87,7 @@ def effort_zero(evidence: Evidence) -> Iterator[JointText]:
 )
 def effort_clipped(joint: Joint) -> Iterator[str]:
     """At least 0.5 % of the samples lie on a flat end of the range of an effort, or near one."""
-    if joint.varies('effort') and (share := joint.signals['effort'].clipped_share):
+    if joint.varies('effort') and (share := joint.clipped_share):
         low, high = joint.signals['effort'].ends
         yield (
             f'the effort of {joint.name} stays at an end of its range ({low:.3g} to {high:.3g}) '

@@ -94,8 +94,7 @@ class Signal:
         Share of samples that lie on a flat end of the range.
 
         A sine that is only quantised has at most two and a half times as many samples on its last
-        level as on the one before; a clipped signal has far more. With noise on top it returns to
-        a narrow band again and again.
+        level as on the one before; a clipped signal has far more.
 
         """
         low, high = self.ends
@@ -110,8 +109,7 @@ class Signal:
             )
 
         ends = zip(at_end(width), at_end(3.0 * width), strict=True)
-        flat = max(_flat_end(top, nearby) for top, nearby in ends)
-        return flat or (0.0 if self.step else noisy_share(self.some_values()))
+        return max(_flat_end(top, nearby) for top, nearby in ends)
 
     def longest_plateau(self, t: Array) -> tuple[int, int]:
         """Return first and last row of the longest time that the signal is exactly the same."""
@@ -188,6 +186,14 @@ class Joint:
         """Root mean square velocity [rad/s or m/s]."""
         velocity = self.smooth_velocity
         return float(np.sqrt(np.mean(np.square(velocity)))) if velocity.size else math.nan
+
+    @cached_property
+    def clipped_share(self) -> float:
+        """Share of the efforts that were clipped, before or after noise was added."""
+        effort = self.signals['effort']
+        if effort.clipped_share or effort.step:
+            return effort.clipped_share
+        return noisy_share(effort.some_values(), self.position.some_values())
 
     @property
     def moves(self) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lip_id_ros.health.evidence import Evidence, Joint, STILL
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
+from lip_id_ros.health.units import left_by_degrees
 from lip_id_ros.joint_types import PRISMATIC, REVOLUTE
 from lip_id_ros.preprocessing.continuity import MOST_TURNS, TURN
 
@@ -19,6 +20,8 @@ LEAST_RETURN = 0.1
 TOGETHER = 0.97
 LEAST_SAMPLES = 100
 MOST_RANGE = {REVOLUTE: MOST_TURNS * TURN, PRISMATIC: 20.0}
+MOST_LEFT = 0.6
+"""Of the left-out efforts, if positions are read as degrees, over what is left as recorded."""
 MOST_REST = 0.5
 AT_REST = 0.02
 
@@ -44,6 +47,21 @@ def position_unit(joint: Joint) -> Iterator[str]:
     """A revolute joint turns by more than five turns, or a prismatic one moves by over 20 m."""
     if joint.reach > MOST_RANGE[joint.kind]:
         yield f'{joint.name} moves by {joint.reach:.3g} {joint.unit}'
+
+
+@check('position_degrees', Severity.ERROR, 'publish them in rad')
+def position_degrees(evidence: Evidence) -> Iterator[JointText]:
+    """Most joints turn by over a turn, and efforts follow positions far better as degrees."""
+    far = [joint.reach > TURN for joint in evidence.joints if joint.kind == REVOLUTE]
+    if evidence.explanation is None or 2 * sum(far) <= len(far):
+        return
+    left = left_by_degrees(evidence.motion)
+    if left < MOST_LEFT:
+        yield (
+            '',
+            'positions seem to be in degrees: read so, they leave '
+            f'{100 * left:.2g} % of what they leave of the efforts as rad',
+        )
 
 
 @joint_check(

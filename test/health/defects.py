@@ -13,6 +13,7 @@ from health.recordings import (
     NAMES,
     RATE,
     rows,
+    sound,
 )
 import numpy as np
 
@@ -62,6 +63,12 @@ def in_degrees(samples: JointSamples) -> JointSamples:
     return moved(
         samples, JOINT, factor * samples.position[:, JOINT], factor * samples.velocity[:, JOINT]
     )
+
+
+def all_in_degrees(samples: JointSamples) -> JointSamples:
+    """Record in degrees another motion, which stays within five turns of what should be rad."""
+    small, factor = sound(reach=0.12), 180.0 / np.pi
+    return replace(small, position=factor * small.position, velocity=factor * small.velocity)
 
 
 def random_velocity(samples: JointSamples) -> JointSamples:
@@ -211,6 +218,7 @@ DEFECTS: dict[str, tuple[Break, set[str]]] = {
     'held': (holding, set()),
     'outliers': (with_outliers, set()),
     'position_unit': (in_degrees, set()),
+    'position_degrees': (all_in_degrees, set()),
     'velocity_missing': (absent('velocity'), set()),
     'velocity_constant': (constant('velocity'), set()),
     'velocity_sign': (times('velocity', -1.0), set()),

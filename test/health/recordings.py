@@ -20,8 +20,10 @@ VISCOUS = np.array([2.0, 2.0, 1.5, 1.5, 0.5, 0.5, 0.5])
 
 
 @cache
-def sound(seed: int = 0, friction: float = 1.0, seconds: float = 40.0) -> JointSamples:
-    """Return a recording with the noise of a good driver, and nothing else wrong."""
+def sound(
+    seed: int = 0, friction: float = 1.0, seconds: float = 40.0, reach: float = 1.0
+) -> JointSamples:
+    """Return a recording with the noise of a good driver; `reach` shrinks the motion."""
     pytest.importorskip('pinocchio', reason='needs pinocchio')
     from lip_id_ros.simulation import FrictionalArm, JointFriction, panda, SinusoidTrajectory
     from lip_id_ros.simulation.arm import MOTION
@@ -29,7 +31,8 @@ def sound(seed: int = 0, friction: float = 1.0, seconds: float = 40.0) -> JointS
     rng = np.random.default_rng(seed)
     arm = FrictionalArm(panda(7), JointFriction(friction * VISCOUS, friction * COULOMB))
     t = np.arange(round(seconds * RATE)) / RATE
-    q, dq, ddq = SinusoidTrajectory.random(MOTION, rng).sample(t)
+    q, dq, ddq = (reach * x for x in SinusoidTrajectory.random(MOTION, rng).sample(t))
+    q += 0.5 * (1.0 - reach) * (MOTION.q_min + MOTION.q_max)
     return JointSamples(
         t=t,
         position=q + 1e-5 * rng.standard_normal(q.shape),
