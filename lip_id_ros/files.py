@@ -86,6 +86,7 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
             writer(file)
             _finish(file, target)
             os.replace(temporary, target)
+        sync_folder(target.parent)
     except BaseException as error:
         with suppress(OSError):
             temporary.unlink()
@@ -104,6 +105,22 @@ def move_into_place(finished: Path, path: PathLike) -> None:
     with open(finished, 'rb+') as file:
         _finish(file, target)
     os.replace(finished, target)
+    sync_folder(target.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the names in a folder survive a power cut, where its file system can do that."""
+    with suppress(OSError):
+        sync(folder)
+
+
+def sync(path: Path) -> None:
+    """Have a file survive a power cut; OSError if the disk fails."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def write_or_rescue(path: PathLike, write: Callable[[PathLike], None]) -> str | None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lip_id_ros.acquisition import recording_file
+from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import JointSamples, Reason, SampleBuffer
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joint_states import CONFIRMED_BY, LONGEST_STEP_S
@@ -15,8 +16,8 @@ from lip_id_ros.signals.joint_states import CONFIRMED_BY, LONGEST_STEP_S
 MOST_SECTIONS = 100
 """When the clock went back more often, it is not followed any more."""
 
-MESSAGE_BYTES, JOINT_BYTES = 100, 48
-"""A bound on the size of a message in a bag."""
+MESSAGE_BYTES, JOINT_BYTES = 128, 32
+"""A bound on the size of a message in a bag; the names of its joints come on top."""
 
 MOST_NAMES = 20
 """So many foreign joints are named, where messages have an endless variety."""
@@ -225,18 +226,31 @@ class Recorder(Sections):
 
         Raises
         ------
-        OSError
-            If a bag can be written nowhere.
+        LipIdError
+            If a bag can be written nowhere; the others are kept all the same.
 
         """
         if len(self) <= self._saved_rows:
             return []
-        sections = self.all_samples(topic)
-        return [recording_file.keep(path, samples, topic) for samples in sections]
+        kept: list[Path] = []
+        n_lost, reason = 0, ''
+        for samples in self.all_samples(topic):
+            try:
+                kept.append(recording_file.keep(path, samples, topic))
+            except OSError as error:
+                n_lost, reason = n_lost + samples.n_samples, error.strerror or str(error)
+        if n_lost:
+            others = f' The others are in {", ".join(map(str, kept))}.' if kept else ''
+            raise LipIdError(
+                f'{n_lost} unsaved samples are lost: they can be written neither to {path} nor to '
+                f'the home folder nor to those for temporary files ({reason}).{others}'
+            )
+        return kept
 
     def endangered(self, path: str) -> str:
         """Return why unsaved samples would be lost if the node ended now, empty if safe."""
-        needed = len(self) * (MESSAGE_BYTES + JOINT_BYTES * len(self.joint_names))
+        names = sum(JOINT_BYTES + len(name.encode()) for name in self.joint_names)
+        needed = len(self) * (MESSAGE_BYTES + names)
         if len(self) <= self._saved_rows or recording_file.has_room(path, needed):
             return ''
         return (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import count
 import json
@@ -72,7 +72,8 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
     ----------
     path : path
         Where the file goes; a number is added to its name if there is one already. Where nothing
-        can be written, it goes to one of the other `folders`, or gets another name.
+        can be written, it goes into a new folder in one of the other `folders`, or gets another
+        name.
     samples : JointSamples
         At least one. Where a message has NaN, the array of its bag message is empty.
     topic : str
@@ -97,26 +98,29 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
         samples.velocity,
         samples.effort,
     )
-    names = dict.fromkeys([Path(path).name or UNSAVED, UNSAVED])
+    asked, *others = folders(path)
     failure = OSError('there is no folder')
-    for place in (folder / name for name in names for folder in folders(path)):
-        try:
-            return _write_beside(place, track)
-        except OSError as error:
-            failure = error
-        except ValueError:  # of a name with NUL
-            continue
+    for name in dict.fromkeys([Path(path).name or UNSAVED, UNSAVED]):
+        for folder in (asked, *others):
+            try:
+                if folder is asked:
+                    return _write_beside(folder / name, track)
+                return _write_apart(folder, name, track)
+            except OSError as error:
+                failure = error
+            except ValueError:  # of a name with NUL
+                continue
     raise failure
 
 
-def folders(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield where samples may be kept, the folder that is asked for first, memory last."""
-    yield Path(path).parent
-    with suppress(OSError):
-        yield Path(tempfile.gettempdir())
+def folders(path: str | os.PathLike[str]) -> list[Path]:
+    """Return where samples may be kept, the folder that is asked for first, memory last."""
+    found = [Path(path).parent]
     with suppress(RuntimeError):  # of a user without HOME and without an entry
-        yield Path.home()
-    yield Path('/dev/shm')
+        found.append(Path.home())
+    with suppress(OSError):
+        found.append(Path(tempfile.gettempdir()))
+    return [*found, Path('/dev/shm')]
 
 
 def has_room(path: str | os.PathLike[str], size: int) -> bool:
@@ -126,6 +130,17 @@ def has_room(path: str | os.PathLike[str], size: int) -> bool:
         for folder in folders(path)
         if os.path.isdir(folder)  # Path.is_dir raises an error where a name is too long
     )
+
+
+def _write_apart(folder: Path, name: str, track: JointStateTrack) -> Path:
+    """Write a bag into a new folder, which is closed to others and whose name nobody foresees."""
+    private = Path(tempfile.mkdtemp(prefix='lip_id_ros_', dir=folder))
+    try:
+        return _write_beside(private / name, track)
+    except BaseException:
+        with suppress(OSError):
+            private.rmdir()
+        raise
 
 
 def _write_beside(path: Path, track: JointStateTrack) -> Path:

@@ -69,7 +69,7 @@ class TrainNode(NodeBase):
         Raises
         ------
         LipIdError
-            If the recording can be written nowhere.
+            If a part of the recording can be written nowhere.
 
         """
         self.take_waiting(self._subscription)
@@ -79,11 +79,6 @@ class TrainNode(NodeBase):
             if kept:
                 files = ', '.join(map(str, kept))
                 self.get_logger().info(f'kept {len(self._recorder)} unsaved samples in {files}')
-        except OSError as error:
-            raise LipIdError(
-                f'{len(self._recorder)} unsaved samples are lost: they can be written neither to '
-                f'{path} nor to the folders for temporary files ({error.strerror or error}).'
-            ) from error
         finally:
             self._jobs.stop()
 

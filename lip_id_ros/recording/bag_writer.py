@@ -18,7 +18,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.files import is_stream, move_into_place
+from lip_id_ros.files import is_stream, move_into_place, sync, sync_folder
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 BAG_VERSION: Literal[8] = 8  # the newest that Humble reads too
@@ -85,7 +85,15 @@ def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> N
     target = Path(path)
     if target.exists():
         raise FileExistsError(f'{target} exists; choose another name for the bag.')
-    _in_scratch(target, tracks, lambda bag: bag.rename(target))
+
+    def keep(bag: Path) -> None:
+        for file in bag.iterdir():
+            sync(file)
+        sync_folder(bag)
+        bag.rename(target)
+        sync_folder(target.parent)
+
+    _in_scratch(target, tracks, keep)
 
 
 def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+import errno
+import os
 from pathlib import Path
+import tempfile
 import threading
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from lip_id_ros.acquisition import recording_file
 from lip_id_ros.acquisition.recorder import Recorder
 from lip_id_ros.acquisition.recording_file import pass_on, receive
+from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import Bag, JointSamples, read_sources
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import RecordingSettings
@@ -145,20 +150,93 @@ def test_unsaved_samples_are_kept_where_the_path_names_no_file(
     """With a name that is too long for any folder all were lost."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
+    monkeypatch.setenv('HOME', str(tmp_path))
     recorder = filled(3)
     assert not recorder.endangered(path)
     (kept,) = recorder.keep_unsaved(path, 't')
     assert kept.exists()
-    assert kept.resolve().parent == tmp_path
+    assert tmp_path in kept.resolve().parents
 
 
 def test_samples_go_elsewhere_where_the_folder_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A name that others can foresee in a folder that all may write is theirs to take."""
+    (tmp_path / 'unsaved.mcap').symlink_to(tmp_path / 'trap')
     monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
-    kept = filled(3).keep_unsaved(str(tmp_path / 'gone' / 'unsaved.mcap'), 't')
-    assert kept == [tmp_path / 'unsaved.mcap']
-    assert kept[0].exists()
+    monkeypatch.setenv('HOME', str(tmp_path / 'gone'))
+    places = set()
+    for _ in range(2):
+        (kept,) = filled(3).keep_unsaved(str(tmp_path / 'gone' / 'unsaved.mcap'), 't')
+        assert kept.exists()
+        assert kept.parent.parent == tmp_path
+        assert kept.parent.stat().st_mode & 0o777 == 0o700
+        places.add(kept.parent)
+    assert len(places) == 2
+    assert not (tmp_path / 'trap').exists()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root can become a user without an entry')
+def test_a_user_without_a_home_loses_no_recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv('HOME', raising=False)
+    with tempfile.TemporaryDirectory(dir='/tmp') as folder:
+        os.chmod(folder, 0o777)
+        monkeypatch.setattr('tempfile.tempdir', folder)
+        os.setresuid(12345, 12345, 0)
+        try:
+            recorder = filled(3)
+            assert not recorder.endangered('/gone/unsaved.mcap')
+            (kept,) = recorder.keep_unsaved('/gone/unsaved.mcap', 't')
+            assert Path(folder) in kept.parents
+            assert kept.exists()
+        finally:
+            os.setresuid(0, 0, 0)
+
+
+def test_what_a_full_disk_takes_is_kept_and_only_the_rest_called_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = filled(5)
+    for row in range(4):
+        recorder.add(message(10.0 + row, [row, row]))
+    monkeypatch.setattr(recording_file, 'folders', lambda path: [tmp_path])
+    monkeypatch.setattr(recording_file, '_claimed', full_after(1))
+    with pytest.raises(LipIdError) as raised:
+        recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't')
+    assert str(raised.value).startswith('4 unsaved samples are lost: they can be written neither ')
+    assert str(raised.value).endswith(
+        f'(No space left on device). The others are in {tmp_path / "unsaved.mcap"}.'
+    )
+    with Bag(tmp_path / 'unsaved.mcap') as bag:
+        assert len(list(bag.messages('t'))) == 5
+
+
+def full_after(n_files: int) -> Callable[[Path], Path]:
+    """Return what finds names for so many files, then a full disk."""
+    find, left = recording_file._claimed, iter(range(n_files))
+
+    def claimed(path: Path) -> Path:
+        if next(left, None) is None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return find(path)
+
+    return claimed
+
+
+@pytest.mark.parametrize('length', [1, 300])
+def test_the_room_that_is_asked_for_suffices_for_names_of_any_length(
+    length: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder, path = Recorder((), max_rows=1000), tmp_path / 'unsaved.mcap'
+    recorder.recording = True
+    names = [f'{joint}'.rjust(length, 'x') for joint in range(5)]
+    for row in range(500):
+        values = [float(row)] * 5
+        recorder.add(JointMessage(1000 + row, names, values, values, values))
+    recorder.keep_unsaved(str(path), '/joint_states')
+    size = path.stat().st_size - 4096  # the index and the description of the type
+    monkeypatch.setattr('shutil.disk_usage', lambda folder: SimpleNamespace(free=size))
+    assert recorder.endangered(str(path))
 
 
 def test_each_section_is_kept_in_a_bag_of_its_own(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import os
 from pathlib import Path
 from typing import Any
 
@@ -216,3 +217,25 @@ def test_a_suffix_that_names_no_format(name: str) -> None:
 def test_the_suffix_chooses_the_format() -> None:
     assert writer_for('a.npz') is write_prediction_npz
     assert writer_for('b/a.mcap') is write_prediction_mcap
+
+
+def test_a_bag_reaches_the_disk_before_its_name_and_its_name_before_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A robot that was switched off lost its bag."""
+    synced, sync = [], os.fsync
+
+    def noted(descriptor: int) -> None:
+        synced.append(Path(os.readlink(f'/proc/self/fd/{descriptor}')))
+        sync(descriptor)
+
+    monkeypatch.setattr('os.fsync', noted)
+    track = JointStateTrack('t', ['a'], np.arange(3.0), np.zeros((3, 1)))
+    write_bag_folder(tmp_path / 'bag', [track])
+    assert {path.suffix for path in synced[:-1]} == {'.mcap', '.yaml', ''}
+    assert not any((tmp_path / 'bag') in path.parents for path in synced)
+    assert synced[-1] == tmp_path
+    synced.clear()
+    write_mcap(tmp_path / 'a.mcap', [track])
+    assert synced[-1] == tmp_path
+    assert len(synced) == 2
