@@ -211,17 +211,17 @@ class Server:
         if self._arm is not None:
             self._arm.shaper.begin()
 
-    def disable(self) -> None:
+    def disable(self, now: float) -> None:
         """Answer no more, after zero torque was published."""
         self.enabled = False
-        self.rest()
+        self.rest(now)
 
-    def rest(self) -> None:
+    def rest(self, now: float) -> None:
         """Note that zero torque was published: the next reference is ramped in from there."""
         self._fed_at = -np.inf
         self._stale = False
         if self._arm is not None:
-            self._arm.shaper.rest()
+            self._arm.shaper.rest(now)
 
     def _forget_stream(self) -> None:
         self._fed_at = -np.inf  # no reference is expected before the first

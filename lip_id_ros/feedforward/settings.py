@@ -176,6 +176,12 @@ class ServeSettings(Settings):
         'gravity.',
         applies=ON_CONFIGURE,
     )
+    several_publishers: str = setting(
+        'warn',
+        'Where ~/desired_trajectory or joint_states has several publishers: answer all the same, '
+        'say so in the status too, or refuse all references. Allow those of other joints.',
+        choices=('allow', 'warn', 'refuse'),
+    )
     residual_cutoff_hz: float = setting(
         4.0,
         'Cut-off of the low-pass on measured signals before ~/torque_residual.',

@@ -132,9 +132,9 @@ class Shaper:
         """Ramp the next torque in from what the robot holds."""
         self._ramp.begin()
 
-    def rest(self) -> None:
-        """Note that zero torque was published: the next one is ramped in from there."""
-        self.sent = Sent(np.zeros_like(self.sent.tau))
+    def rest(self, now: float) -> None:
+        """Note that zero torque was published [s]: the next one is ramped in from there."""
+        self.sent = Sent(np.zeros_like(self.sent.tau), now)
         self.begin()
 
     def adjust(self, rules: Rules) -> None:

@@ -33,7 +33,8 @@ from lip_id_ros.feedforward.settings import (
 from lip_id_ros.nodes import running
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
-from lip_id_ros.nodes.serve_topics import Inputs, Outputs
+from lip_id_ros.nodes.serve_inputs import Inputs
+from lip_id_ros.nodes.serve_outputs import Outputs
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.status import Status
 from lip_id_ros.signals.torque_steps import require_limits
@@ -72,6 +73,10 @@ class ServeNode(NodeBase, LifecycleNode):
         if self._state_label != 'finalized':
             self.trigger_shutdown()
         self._pool.shutdown()
+
+    def warnings(self) -> list[str]:
+        """Describe what is wrong around the node, several publishers of one topic too."""
+        return [*super().warnings(), *self._inputs.warnings()]
 
     def status(self) -> Status:
         """Return the state of the lifecycle and the server's counts."""
@@ -121,7 +126,7 @@ class ServeNode(NodeBase, LifecycleNode):
     def output_safe_torque(self) -> None:
         """Publish zero torque; the next reference is ramped in from there."""
         self._inputs.publish_zero()
-        self._server.rest()
+        self._server.rest(time.monotonic())
 
     # parameters
 
@@ -254,7 +259,7 @@ class ServeNode(NodeBase, LifecycleNode):
             self._server.enable()
         else:
             self._inputs.publish_zero()
-            self._server.disable()
+            self._server.disable(time.monotonic())
 
     async def _on_reload(
         self, request: Trigger.Request, response: Trigger.Response

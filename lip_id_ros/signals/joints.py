@@ -44,6 +44,7 @@ class Refusal(StrEnum):
     FAR_STAMP = 'stamp far ahead'
     OLD = 'reference too old'
     OVERTAKEN = 'overtaken by a newer one'
+    SEVERAL_PUBLISHERS = 'several publishers'
     FAILED = 'failed'
 
 
@@ -111,6 +112,10 @@ _SENTENCES = {
     ),
     Refusal.OVERTAKEN: (
         'references came faster than they are answered, only the newest is; send fewer a second'
+    ),
+    Refusal.SEVERAL_PUBLISHERS: (
+        'references or joint states come from several publishers; end all but one, or set '
+        'several_publishers'
     ),
     Refusal.FAILED: 'the message led to an error of this node; see its log',
 }

@@ -103,7 +103,7 @@ def test_whatever_comes_what_leaves_is_finite_and_within_limits(values: list[flo
 
 def test_nothing_is_answered_while_disabled_or_inactive() -> None:
     server = serving()
-    server.disable()
+    server.disable(0.0)
     with pytest.raises(RefusedError, match='call its service enable'):
         server.sample(NAMES, [POINT], 0.0)
     assert server.judge('', 0.0) == (Level.OK, 'disabled')
@@ -128,7 +128,7 @@ def test_another_model_is_ramped_in_and_counts_go_on() -> None:
 def test_enable_begins_at_zero() -> None:
     server = serving(ramp_s=0.1)
     server.sample(NAMES, [POINT], 5.0)
-    server.disable()
+    server.disable(0.0)
     server.enable()
     np.testing.assert_allclose(server.sample(NAMES, [POINT], 6.0).tau, 0.0)
     np.testing.assert_allclose(server.sample(NAMES, [POINT], 6.05).tau, 0.5 * TAU)
@@ -151,7 +151,7 @@ def test_a_silent_stream_gets_a_safe_torque_and_comes_back_by_a_ramp() -> None:
     np.testing.assert_allclose(server.sample(NAMES, [POINT], 103.0).tau, 0.0)
     assert server.safe_torque(103.01) is None
     np.testing.assert_allclose(server.sample(NAMES, [POINT], 103.05).tau, 0.5 * TAU)
-    server.disable()
+    server.disable(0.0)
     assert server.safe_torque(200.0) is None
 
 
@@ -163,10 +163,10 @@ def test_a_stream_that_begins_late_is_ramped_in_all_the_same() -> None:
         np.testing.assert_allclose(server.sample(NAMES, [POINT], begun + 0.05).tau, 0.5 * TAU)
         np.testing.assert_allclose(server.sample(NAMES, [POINT], begun + 0.11).tau, TAU)
         if begun == 100.0:
-            server.disable()
+            server.disable(0.0)
             server.enable()
         else:
-            server.rest()  # after a fault of a callback
+            server.rest(0.0)  # after a fault of a callback
 
 
 @pytest.mark.parametrize('refused', [([1], [1], [1]), ([1e308, 0], [1e308, 0], [1e308, 0])])
@@ -224,6 +224,16 @@ def test_the_safe_torque_of_gravity_stays_where_the_arm_was_measured_and_ramps_e
     np.testing.assert_allclose(back, [10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 20.0])
 
 
+def test_the_rate_counts_from_a_zero_that_was_published() -> None:
+    """It was forgotten there: 5 N m at once at 100 N m/s."""
+    server = serving(rate_limits=[100.0])
+    for now in np.arange(0.0, 1.0, 0.01):
+        server.sample(NAMES, [POINT], float(now))
+    server.disable(1.0)
+    server.enable()
+    np.testing.assert_allclose(server.sample(NAMES, [POINT], 1.01).tau, [1.0, 1.0])
+
+
 def test_the_safe_torque_keeps_to_the_rate() -> None:
     server = serving(stale_timeout_s=0.5, rate_limits=[100.0])
     for now in np.arange(0.0, 1.0, 0.05):
@@ -276,12 +286,12 @@ def test_disable_ends_the_watch_over_the_stream() -> None:
     server = serving(stale_timeout_s=0.5)
     server.sample(NAMES, [POINT], 0.0)
     assert server.safe_torque(1.0) is not None
-    server.disable()
+    server.disable(0.0)
     assert server.judge('', 1.5)[0] == Level.OK
     server.enable()
     assert server.safe_torque(99.0) is None  # no reference is expected yet
     server.sample(NAMES, [POINT], 100.0)
-    server.disable()
+    server.disable(0.0)
     server.enable()
     assert server.safe_torque(200.0) is None
     assert server.values()['stale'] == 1
@@ -334,7 +344,7 @@ def test_every_message_is_answered_or_refused(kinds: list[int]) -> None:
         lambda: server.sample(('a',), [POINT], 1.0),
         lambda: server.plan(NAMES, plan),
         lambda: server.plan(NAMES, plan[::-1]),
-        server.disable,
+        lambda: server.disable(0.0),
         server.enable,
     )
     messages = 0

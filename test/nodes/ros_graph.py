@@ -14,6 +14,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState, GetState
+import psutil
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.context import Context
@@ -67,6 +68,12 @@ class Process:
         """Send a signal, if the process is alive."""
         if self.alive:
             self._popen.send_signal(number)
+
+    def hold(self) -> None:
+        """Have the process stand still, from before this returns until it gets SIGCONT."""
+        self.send(signal.SIGSTOP)
+        process = psutil.Process(self._popen.pid)
+        wait_until(lambda: process.status() == psutil.STATUS_STOPPED, 'the stop of a process')
 
     def end(self, number: int = signal.SIGINT) -> int:
         """Ask the process to end and return its exit status."""

@@ -15,7 +15,7 @@ from nodes.test_serve import GOOD, REFERENCE, start_serve, TORQUE
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from lip_id_ros.nodes import messages
+from lip_id_ros.nodes import messages, qos
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph
@@ -45,7 +45,7 @@ def test_references_that_waited_while_the_node_stood_still_are_not_answered(
     client.status('serve', lambda status: status['state'] == 'active')
     publisher.publish(reference(1))
     client.wait_until(lambda: 1 in stamps(torques), 'answer')
-    serve.send(signal.SIGSTOP)
+    serve.hold()
     for number in range(2, 52):
         publisher.publish(reference(number))
     time.sleep(0.6)  # longer than a reference may wait
@@ -73,7 +73,7 @@ def test_of_references_that_lag_the_newest_is_answered_and_every_plan(
     publisher = client.speak(JointTrajectory, REFERENCE)
     publisher.publish(reference(1))
     client.wait_until(lambda: 1 in stamps(torques), 'answer')
-    serve.send(signal.SIGSTOP)
+    serve.hold()
     try:
         for number in range(2, 12):
             publisher.publish(reference(number))
@@ -116,3 +116,28 @@ def test_a_million_names_are_refused_unread(serving: tuple[Graph, Client]) -> No
     publisher.publish(GOOD)
     client.wait_until(lambda: torques, 'answer')
     client.status('serve', lambda status: status['refused'] == {'too many joint names': 1})
+
+
+def test_references_of_several_publishers_are_told_or_refused(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    """Torques of two streams took turns under the status `answering`."""
+    graph, client = ros
+    start_serve(graph, model_path=model_path)
+    torques = client.listen(JointState, TORQUE)
+    first = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    second = client.node.create_publisher(JointTrajectory, REFERENCE, qos.REFERENCE)
+    told = client.status('serve', lambda status: '2 publishers of' in status['summary'])
+    assert REFERENCE in told['summary']
+    first.publish(reference(1))
+    client.wait_until(lambda: 1 in stamps(torques), 'answer')
+    client.set_parameter('serve', 'several_publishers', 'refuse')
+    client.wait_until(lambda: list(torques[-1].effort) == [0.0, 0.0], 'zero torque')
+    first.publish(reference(2))
+    client.status('serve', lambda status: status['refused'] == {'several publishers': 1})
+    client.node.destroy_publisher(second)
+    client.status('serve', lambda status: 'publishers of' not in status['summary'])
+    first.publish(reference(3))
+    client.wait_until(lambda: 3 in stamps(torques), 'answer')
+    assert 2 not in stamps(torques)

@@ -1,38 +1,34 @@
-"""The topics of the node `serve`: its publishers, and its subscriptions with their callbacks."""
+"""The subscriptions of the node `serve`, with their callbacks."""
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Callable, Mapping, Sequence
-import math
 import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
 import numpy as np
-from pal_statistics_msgs.msg import Statistics
-from rclpy.duration import Duration
-from rclpy.lifecycle import LifecycleNode
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.model import Prediction, Query
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.plans import Planned, PlanWorker
+from lip_id_ros.nodes.serve_outputs import (
+    COMPONENT_TOPICS,
+    MEASURED_TOPICS,
+    Outputs,
+    RESIDUAL_TOPIC,
+    STD_TOPIC,
+)
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.signals.ages import AgeWatch, stamp_age
 from lip_id_ros.signals.joints import Refusal, RefusedError
-
-DELIVERY_S = 5.0
-"""A subscriber that does not answer for so long holds up the node's end no more."""
 
 INLINE_BYTES = 24 * 1024
 """A longer plan, of about a hundred points of seven joints, is answered beside the stream."""
@@ -42,116 +38,6 @@ Info = Mapping[str, Any]
 
 LATE_S = 0.1
 """Where a reference waits for longer, the newest that has arrived is answered in its place."""
-
-COMPONENTS = ('inertial', 'coriolis', 'gravity', 'friction')
-COMPONENT_TOPICS = tuple(f'torque/{part}' for part in COMPONENTS)
-STD_TOPIC = 'torque_std'
-MEASURED_TOPICS = ('measured/kinetic_energy', 'measured/potential_energy', 'measured/energies')
-RESIDUAL_TOPIC = 'torque_residual'
-
-
-class Outputs:
-    """Publishers, which are active while the node is."""
-
-    def __init__(self, node: LifecycleNode) -> None:
-        self._node = node
-        self._torque = self._publisher(JointState, '~/feedforward_torque')
-        self._kinetic = self._publisher(Float64, '~/kinetic_energy')
-        self._potential = self._publisher(Float64, '~/potential_energy')
-        self._energies = self._publisher(Statistics, '~/energies')
-        self._plan = self._publisher(JointTrajectory, '~/trajectory_with_effort')
-        self._optional: dict[str, Any] = {}
-        self._message, self._command = JointState(), Float64MultiArray()
-
-    def configure(self, settings: ServeSettings, joint_names: Sequence[str]) -> None:
-        """Make the publishers that are asked for; torques are of these joints."""
-        self._message.name = list(joint_names)
-        if settings.publish_commands:
-            self._add(Float64MultiArray, 'commands')
-        for topic in COMPONENT_TOPICS if settings.publish_parts else ():
-            self._add(JointState, topic)
-        if settings.publish_std:
-            self._add(JointState, STD_TOPIC)
-        if settings.follow_joint_states:
-            for topic in MEASURED_TOPICS[:2]:
-                self._add(Float64, topic)
-            self._add(Statistics, MEASURED_TOPICS[2])
-            self._add(JointState, RESIDUAL_TOPIC)
-
-    def clean_up(self) -> None:
-        """Destroy what `configure` made, after subscribers have its last messages."""
-        self._await_delivery()
-        for publisher in self._optional.values():
-            self._node.destroy_lifecycle_publisher(publisher)
-        self._optional.clear()
-
-    def _await_delivery(self) -> None:
-        """Wait for reliable subscribers of torques: with its publisher the last zero is lost."""
-        publishers = [self._torque, *filter(None, [self._optional.get('commands')])]
-        if all(publisher.wait_for_all_acked(Duration()) for publisher in publishers):
-            return
-        log = self._node.get_logger()
-        log.info('waits until every subscriber has the last torque')
-        end = time.monotonic() + DELIVERY_S
-        for publisher in publishers:
-            rest = Duration(seconds=max(0.0, end - time.monotonic()))
-            if not publisher.wait_for_all_acked(rest):
-                log.warning(
-                    f'a subscriber of {publisher.topic_name} has not confirmed the last torque '
-                    f'within {DELIVERY_S:g} s; it may still hold another one.'
-                )
-
-    def wants(self, *names: str) -> bool:
-        """Return whether anybody subscribes to one of the optional topics."""
-        publishers = [self._optional[name] for name in names if name in self._optional]
-        return any(publisher.get_subscription_count() for publisher in publishers)
-
-    def torque(self, stamp: Time, tau: Array) -> None:
-        """Publish the robot's torque, shape (n,) [N m or N]; its message has the names already."""
-        self._message.header.stamp = stamp
-        self._message.effort = self._command.data = array('d', tau.tobytes())
-        self._torque.publish(self._message)
-        if 'commands' in self._optional:
-            self._optional['commands'].publish(self._command)
-
-    def energies(self, stamp: Time, query: Query) -> None:
-        """Publish the energies of a reference."""
-        _publish_finite(self._kinetic, query.kinetic)
-        _publish_finite(self._potential, query.potential)
-        if self._energies.get_subscription_count():
-            self._energies.publish(_energies(stamp, query))
-
-    def measured_energies(self, stamp: Time, query: Query) -> None:
-        """Publish the energies of a measured state."""
-        kinetic, potential, both = MEASURED_TOPICS
-        _publish_finite(self._optional[kinetic], query.kinetic)
-        _publish_finite(self._optional[potential], query.potential)
-        self._optional[both].publish(_energies(stamp, query))
-
-    def plan(self, plan: JointTrajectory, tau: Array) -> None:
-        """Publish a plan with efforts, shape (number of points, n) [N m or N]."""
-        self._plan.publish(messages.with_effort(plan, tau))
-
-    def raw_plan(self, plan: bytes) -> None:
-        """Publish a plan with efforts that is serialised already."""
-        self._plan.publish(plan)
-
-    def components(self, stamp: Time, predicted: Prediction) -> None:
-        """Publish the parts of the model's torque at one sample, those that are finite."""
-        for part, topic in zip(COMPONENTS, COMPONENT_TOPICS, strict=True):
-            self.joints(topic, stamp, getattr(predicted, part)[0])
-
-    def joints(self, topic: str, stamp: Time, tau: Array) -> None:
-        """Publish one optional vector, shape (n,) [N m or N], if it is finite."""
-        if topic in self._optional and np.isfinite(tau).all():
-            message = messages.torque_message(stamp, self._message.name, tau)
-            self._optional[topic].publish(message)
-
-    def _add(self, kind: Any, name: str) -> None:
-        self._optional[name] = self._publisher(kind, f'~/{name}')
-
-    def _publisher(self, kind: Any, topic: str) -> Any:
-        return self._node.create_lifecycle_publisher(kind, topic, qos.OUTPUT)
 
 
 class Inputs:
@@ -165,6 +51,7 @@ class Inputs:
         self._optional: list[Any] = []
         self._worker: PlanWorker | None = None
         self._settings = ServeSettings()
+        self._is_contradicted = False
         self._ages = AgeWatch()
         # raw, since a long plan is not deserialised here
         self._trajectories = node.create_subscription(
@@ -190,6 +77,18 @@ class Inputs:
             self._add(kind, '~/controller_state', self._on_controller_state)
         if settings.follow_joint_states:
             self._add(JointState, 'joint_states', self._on_joint_state)
+
+    def warnings(self) -> list[str]:
+        """Describe topics with several publishers, unless that is allowed."""
+        if self._settings.several_publishers == 'allow':
+            return []
+        found = [qos.several_publishers(self._node, each) for each in self._single]
+        return [warning for warnings in found for warning in warnings]
+
+    @property
+    def _single(self) -> list[str]:
+        """Topics that should have one publisher."""
+        return [each.topic_name for each in (self._trajectories, *self._optional)]
 
     def use(self, loaded: LoadedModel, settings: ServeSettings) -> None:
         """Answer long plans by this model from now on."""
@@ -221,6 +120,7 @@ class Inputs:
 
     def watch(self) -> None:
         """Publish the safe torque where references have stopped, and what was computed beside."""
+        self._watch_publishers()
         tau = self._server.safe_torque(time.monotonic())
         if tau is not None:
             self._outputs.torque(self._now(), tau)
@@ -230,6 +130,15 @@ class Inputs:
         planned = self._worker.take() if self._worker else None
         if planned is not None:
             self._unless_refused(self._publish_planned, planned)
+
+    def _watch_publishers(self) -> None:
+        """Output zero where there are several publishers that are not to be answered."""
+        before, refuse = self._is_contradicted, self._settings.several_publishers == 'refuse'
+        self._is_contradicted = refuse and any(
+            self._node.count_publishers(each) > 1 for each in self._single
+        )
+        if self._is_contradicted and not before:
+            self._node.output_safe_torque()
 
     def publish_zero(self) -> None:
         """Publish zero torque: whoever holds the last command then holds none."""
@@ -251,16 +160,18 @@ class Inputs:
         self._references.received += len(arrived)
         for number, (each, its_info) in enumerate(arrived):
             if number in overtaken:
-                self._unless_refused(self._skip)
+                self._unless_refused(self._refuse, Refusal.OVERTAKEN)
             else:
                 self._unless_refused(self._answer, each, its_info)
 
-    def _skip(self) -> None:
+    def _refuse(self, reason: Refusal) -> None:
         with self._references.refusing():
-            raise RefusedError(Refusal.OVERTAKEN)
+            raise RefusedError(reason)
 
     def _answer(self, raw: bytes, info: Info) -> None:
         """Answer a plan, or a sample of a stream."""
+        if self._is_contradicted:
+            self._refuse(Refusal.SEVERAL_PUBLISHERS)
         if len(raw) > INLINE_BYTES and (count := self._count_points(raw)) > 1:
             self._submit(raw, count)
             return
@@ -362,13 +273,3 @@ def _controller_state() -> Any:
             'ros-jazzy-control-msgs or leave follow_controller false.'
         ) from None
     return JointTrajectoryControllerState
-
-
-def _publish_finite(publisher: Any, value: float) -> None:
-    if math.isfinite(value):
-        publisher.publish(Float64(data=value))
-
-
-def _energies(stamp: Time, query: Query) -> Statistics:
-    energies = {'kinetic_energy': query.kinetic, 'potential_energy': query.potential}
-    return messages.energies_message(stamp, energies)
