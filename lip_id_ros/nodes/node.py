@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 import functools
@@ -14,6 +15,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -63,6 +65,8 @@ class NodeBase(Node):
         The last one, in words.
     n_callbacks : int
         How many callbacks were run.
+    lost : Counter
+        By topic, how many messages the middleware lost before they could be taken.
 
     """
 
@@ -70,6 +74,8 @@ class NodeBase(Node):
     last_fault = ''
 
     def __init__(self, name: str, table: Mapping[str, Row]) -> None:
+        self.lost: Counter[str] = Counter()
+        self._lost_published = 0
         super().__init__(name)
         self._table = table
         parameters.declare(self, table)
@@ -144,7 +150,7 @@ class NodeBase(Node):
 
     def publish_status(self) -> None:
         """Publish the status to /diagnostics, and to ~/status if anything changed."""
-        status = self._with_warnings(self._with_faults(self.status()))
+        status = self._with_warnings(self._with_faults(self._with_losses(self.status())))
         name = self.get_fully_qualified_name().lstrip('/')
         message = messages.status_message(name, self._hardware, status)
         if message != self._last_status:
@@ -169,8 +175,14 @@ class NodeBase(Node):
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, *args: Any, **options: Any
     ) -> Any:
-        """Create a guarded subscription."""
-        guarded = self._guarded(callback)
+        """Create a guarded subscription that counts what the middleware loses."""
+        guarded, name = self._guarded(callback), topic.removeprefix('~/')
+
+        def lose(event: Any) -> None:
+            self.lost[name] += event.total_count_change
+
+        if topic != '/clock':  # of which only the newest counts
+            options['event_callbacks'] = SubscriptionEventCallbacks(message_lost=lose)
         return super().create_subscription(msg_type, topic, guarded, *args, **options)
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Any:
@@ -250,6 +262,15 @@ class NodeBase(Node):
 
     def _apply_parameters(self, changed: Sequence[Parameter]) -> None:
         self.apply_change(parameters.changed_values(self._table, changed))
+
+    def _with_losses(self, status: Status) -> Status:
+        """Add what the middleware lost, with a warning if it did since the last status."""
+        values = {**status.values, 'lost': dict(self.lost)}
+        new, self._lost_published = self.lost.total() - self._lost_published, self.lost.total()
+        if not new:
+            return replace(status, values=values)
+        summary = f'{status.summary}; the middleware lost {new} messages'
+        return Status(max(status.level, Level.WARN), summary, values)
 
     def _with_faults(self, status: Status) -> Status:
         """Add what the guard caught."""
