@@ -140,6 +140,15 @@ class SimulatedArm:
 
         return self._changed(spoil)
 
+    def with_payload(self, mass: float, at: Array) -> SimulatedArm:
+        """Copy with a point mass [kg] on the last body, at a place in its frame (3,) [m]."""
+
+        def load(model: Any) -> None:
+            body = self._pinocchio.Inertia(mass, np.asarray(at, np.float64), np.zeros((3, 3)))
+            model.inertias[model.njoints - 1] += body
+
+        return self._changed(load)
+
     def _changed(self, change: Callable[[Any], None]) -> SimulatedArm:
         other = copy.copy(self)
         other._model = self._model.copy()
