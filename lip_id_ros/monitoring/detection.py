@@ -32,6 +32,9 @@ CUTOFF_HZ = 4.0
 NEARER = 2 / 3
 """Where a threshold lies between free motion (0) and contact (1), in logarithms."""
 
+UNSETTLED = 0.01
+"""Share of an offset that an observer may still lack when its estimate is judged."""
+
 LEAST_MOTION = 0.2
 """Share of the training data's range of velocities that calibration must see of every joint."""
 
@@ -136,6 +139,9 @@ class ContactMonitor:
     """
     Estimate external torques and their high-pass while the arm moves.
 
+    The high-pass is zero until the observer has settled: it rises to a lasting error of the model
+    as fast as to a contact.
+
     Parameters
     ----------
     model : DynamicsModel
@@ -150,11 +156,18 @@ class ContactMonitor:
         self, model: DynamicsModel, gain: float = GAIN, cutoff_hz: float = CUTOFF_HZ
     ) -> None:
         self._observer = ContactObserver(model, gain)
+        self._gain, self._cutoff_hz = gain, cutoff_hz
         self._high_pass = HighPass(cutoff_hz)
+        self._t, self._unsettled = np.nan, 1.0
 
     def update(self, t: float, q: Array, dq: Array, tau: Array) -> ContactEstimate:
         """Take one measured sample at t [s], arrays of shape (n,)."""
         torque = self._observer.update(t, q, dq, tau)
+        if self._unsettled > UNSETTLED:
+            self._high_pass = HighPass(self._cutoff_hz)
+            if not np.isnan(self._t):
+                self._unsettled /= 1.0 + self._gain * (t - self._t)
+            self._t = t
         return ContactEstimate(torque, self._high_pass.update(t, torque))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
+from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring.detection import ContactEstimate, ContactMonitor, FreeMotion, Thresholds
 from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor
@@ -20,14 +21,22 @@ from lip_id_ros.signals.joint_states import (
     CONFIRMED_BY,
     JointStateReader,
     MeasuredState,
+    NANOSECONDS,
     StampWatch,
 )
-from lip_id_ros.signals.joints import by_joint, Refusal, RefusedError, require_joints
+from lip_id_ros.signals.joints import (
+    by_joint,
+    Refusal,
+    RefusedError,
+    require_joints,
+    require_unique,
+)
 from lip_id_ros.signals.status import Level, Tally
 
 LONGEST_GAP_S = 0.2
 NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
+TURN = 2.0 * np.pi
 
 SILENCE_S = 2.0
 """After so long without a joint state the monitor is blind."""
@@ -115,6 +124,7 @@ class Monitor:
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
+        require_unique('joints', settings.joints)
         model = InverseDynamicsModel.load(settings.model_path)
         require_joints(model.joint_names, settings.joints, settings.model_path)
         self.joint_names = model.joint_names
@@ -134,8 +144,11 @@ class Monitor:
         self._before = self._counts()
         self._received_at: float | None = None
         self._n_unusable = 0
+        self._refused: Counter[str] = Counter()
         self._stamps = StampWatch()
-        self._t = -np.inf
+        self._stamp_ns = -NANOSECONDS
+        self._is_revolute = ~is_prismatic(model.joint_types)
+        self._q: Array | None = None
         self._begin_anew()
 
     def calibrate(self) -> str:
@@ -171,11 +184,11 @@ class Monitor:
             doubt = self._stamps.doubt(message.stamp_ns)
             if doubt is not None:
                 raise RefusedError(doubt)
-            step = 1e-9 * message.stamp_ns - self._t
+            step = (message.stamp_ns - self._stamp_ns) / NANOSECONDS
             if 0.0 <= step < NEARLY / self._settings.rate_hz:
                 self._tally.used['too_soon'] += 1
                 return None
-            return self._watch(step, self._reader.read(message))
+            return self._watch(step, message.stamp_ns, self._reader.read(message))
 
     def judge(self, now: float) -> tuple[Level, str]:
         """
@@ -197,10 +210,12 @@ class Monitor:
         new, self._before = counts - self._before, counts
         if self._received_at is None or new['received']:
             self._received_at = now
+        refused = self._tally.new_refusals()
         self._n_unusable += new['received'] - new['watched'] - new['too_soon']
+        self._refused.update(refused)
         if new['watched']:
-            self._n_unusable = 0
-        return self._judgement(new, now - self._received_at)
+            self._n_unusable, self._refused = 0, Counter()
+        return self._judgement(new, refused, now - self._received_at)
 
     def values(self) -> dict[str, Any]:
         """Return the state and the counts, JSON-able."""
@@ -219,18 +234,21 @@ class Monitor:
         tally = self._tally
         return Counter({'received': tally.received, **tally.used})
 
-    def _judgement(self, new: Counter[str], silence: float) -> tuple[Level, str]:
-        refused = ', '.join(f'{key} {n}' for key, n in sorted(self._tally.new_refusals().items()))
+    def _judgement(
+        self, new: Counter[str], refused: Counter[str], silence: float
+    ) -> tuple[Level, str]:
+        apart = f'more than {self._longest_gap_s:g} s apart'
         if silence > SILENCE_S:
             return Level.ERROR, f'blind: no joint states for {silence:.0f} s'
         if self._n_unusable >= CONFIRMED_BY:
-            gap = f'more than {self._longest_gap_s:g} s apart'
-            trouble = f'refused: {refused}' if refused else gap
+            trouble = f'refused: {_in_words(self._refused)}' if self._refused else apart
             return Level.ERROR, f'blind: joint states {trouble}'
         if self._failure:
             return Level.ERROR, self._failure
         if refused:
-            return Level.WARN, f'joint states refused: {refused}'
+            return Level.WARN, f'joint states refused: {_in_words(refused)}'
+        if new['after_a_gap'] > 1:
+            return Level.WARN, f'{new["after_a_gap"]} joint states not watched: they came {apart}'
         return Level.OK, self._state
 
     @property
@@ -239,14 +257,16 @@ class Monitor:
             return 'calibrating'
         return 'watching' if self._thresholds is not None else 'without thresholds'
 
-    def _watch(self, step: float, measured: MeasuredState) -> Watched | None:
+    def _watch(self, step: float, stamp_ns: int, measured: MeasuredState) -> Watched | None:
         if measured.tau is None:
             raise RefusedError(Refusal.NO_EFFORT)
-        self._t = measured.t
-        follows = 0.0 < step <= self._longest_gap_s
+        self._stamp_ns = stamp_ns
+        follows = 0.0 < step <= self._longest_gap_s / NEARLY
         if not follows:
             self._begin_anew()
-        state = (measured.t, measured.q, measured.dq, measured.tau)
+        q = self._continued(measured.q)
+        self._q = q
+        state = (measured.t, q, measured.dq, measured.tau)
         external, energy = self._contact.update(*state), self._energy.update(*state)
         if not (np.isfinite(external.torque).all() and np.isfinite(energy.unexplained)):
             self._begin_anew()
@@ -258,12 +278,19 @@ class Monitor:
         self._learn(step, measured.dq, external.high_pass)
         return Watched(external, energy, self._in_contact(measured.t, external))
 
+    def _continued(self, q: Array) -> Array:
+        """Return positions without jumps of whole turns: joints may be reported within one."""
+        if self._q is None:
+            return q
+        return q + TURN * np.where(self._is_revolute, np.round((self._q - q) / TURN), 0.0)
+
     @property
     def _longest_gap_s(self) -> float:
         """Joint states further apart are not watched [s]."""
         return max(LONGEST_GAP_S, 2.0 / self._settings.rate_hz)
 
     def _begin_anew(self) -> None:
+        self._q = None
         self._contact = ContactMonitor(self._predictor)
         self._energy = EnergyMonitor(self._predictor)
 
@@ -294,3 +321,7 @@ class Monitor:
         return by_joint(
             name, getattr(self._settings, name), self._settings.joints, self.joint_names, 0.0
         )
+
+
+def _in_words(counts: Counter[str]) -> str:
+    return ', '.join(f'{key} {n}' for key, n in sorted(counts.items()))

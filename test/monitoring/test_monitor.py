@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ from nodes import toy
 import numpy as np
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, ModelError
+from lip_id_ros.model import DynamicsModel, Prediction
 from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings, Watched
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import RefusedError
@@ -108,6 +111,90 @@ def test_a_gap_and_a_clock_set_back_begin_anew(path: str, shift_s: float, n_doub
     assert len(known) == 79 - n_doubted
     assert not any(each.contact for each in known)
     assert np.abs([each.external.torque for each in known]).max() < 0.3
+
+
+def test_an_error_of_the_model_is_no_contact_after_a_gap(path: str) -> None:
+    """The observer rises to a lasting offset as fast as to a contact."""
+    watching = monitor(path, thresholds=(0.7,))
+    offset = 1.0
+    assert not any(each.contact for each in take(watching, range(100), contact=offset)[50:])
+    after = take(watching, range(130, 230), contact=offset)
+    assert len(after) == 99
+    assert not any(each.contact for each in after)
+    np.testing.assert_allclose(after[-1].external.torque, CONTACT, atol=0.3)
+    pushed = take(watching, range(230, 260), contact=offset + 1.0)
+    assert any(each.contact for each in pushed)
+
+
+class Sprung:
+    """A model with a spring of 2 N m/rad at each joint."""
+
+    def __init__(self, model: DynamicsModel) -> None:
+        self._model = model
+
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
+        found = self._model.predict(q, dq, ddq)
+        return replace(found, tau=found.tau + 2.0 * q)
+
+
+def sprung(path: str) -> Monitor:
+    watching = monitor(path)
+    watching._predictor = Sprung(watching._predictor)  # type: ignore[assignment]
+    watching._begin_anew()
+    return watching
+
+
+def test_a_position_that_wraps_by_a_turn_changes_no_estimate(path: str) -> None:
+    """A spring's torque, unlike gravity's, is another one after a turn."""
+    plain, wrapped = sprung(path), sprung(path)
+    expected = take(plain, range(300))
+    found = []
+    for row in range(300):
+        each = message(row)
+        turned = np.array(each.position) + 2.0 * np.pi * (row // 50 % 3)
+        found.append(wrapped.take(each._replace(position=turned.tolist())))
+    for one, other in zip(expected, found[1:], strict=True):
+        assert other is not None
+        np.testing.assert_allclose(other.external.torque, one.external.torque, atol=1e-6)
+
+
+@pytest.mark.parametrize(('step', 'n_watched'), [(20, 49), (30, 0)])
+def test_joint_states_at_the_longest_gap_are_watched_and_others_told(
+    path: str, step: int, n_watched: int
+) -> None:
+    """At 5 Hz rounding decided which of the stamps was too far from the one before."""
+    watching = monitor(path)
+    watching.judge(0.0)
+    assert len(take(watching, range(0, 50 * step, step))) == n_watched
+    if n_watched:
+        assert watching.judge(0.5) == (Level.OK, 'without thresholds')
+
+
+def test_gaps_among_what_is_watched_are_told(path: str) -> None:
+    watching = monitor(path)
+    for first in (0, 50, 100):
+        take(watching, range(first, first + 10))
+    assert watching.judge(0.5) == (
+        Level.WARN, '3 joint states not watched: they came more than 0.2 s apart'
+    )  # fmt: skip
+
+
+def test_the_reason_of_blindness_is_told_until_it_ends(path: str) -> None:
+    """Where nothing new had come since the last status it told of gaps."""
+    watching = monitor(path)
+    judged(watching, [message(100)] * 100)
+    assert watching.judge(0.6) == (
+        Level.ERROR, 'blind: joint states refused: stamp repeated 99'
+    )  # fmt: skip
+    take(watching, range(101, 110))
+    assert watching.judge(0.7)[0] is Level.OK
+
+
+def test_a_joint_that_is_named_twice_is_refused(path: str) -> None:
+    """The last of its thresholds held, the other was dropped."""
+    twice = (*toy.JOINTS, toy.JOINTS[0])
+    with pytest.raises(ConfigError, match="must name each joint once, but 'shoulder' comes twice"):
+        monitor(path, joints=twice, thresholds=(1.0, 2.0, 3.0))
 
 
 @pytest.mark.parametrize(

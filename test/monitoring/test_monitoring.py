@@ -23,7 +23,7 @@ from lip_id_ros.monitoring import (
     Thresholds,
 )
 from lip_id_ros.monitoring.detection import CUTOFF_HZ, step_response_peak
-from lip_id_ros.monitoring.observers import DisturbanceObserver, momentum_and_rate
+from lip_id_ros.monitoring.observers import DisturbanceObserver, GAIN, momentum_and_rate
 from lip_id_ros.signals.filters import high_pass
 
 CONTACT = np.array([1.0, -2.0, 0.5])
@@ -187,6 +187,9 @@ def test_the_monitor_estimates_the_torque_and_its_high_pass() -> None:
     found = [monitor.update(*row) for row in rows]
     torque = external_torques(knowing(), data.t, data.q, data.dq, pushed(data))
     np.testing.assert_allclose([each.torque for each in found], torque)
+    fast = np.array([each.high_pass for each in found])
+    settled = int(fast.any(axis=1).argmax()) - 1
+    assert 0 < settled <= np.ceil(np.log(100.0) / np.log1p(GAIN * (data.t[1] - data.t[0])))
     np.testing.assert_allclose(
-        [each.high_pass for each in found], high_pass(data.t, torque, CUTOFF_HZ)
+        fast[settled:], high_pass(data.t[settled:], torque[settled:], CUTOFF_HZ)
     )
