@@ -11,7 +11,9 @@ from lip_id_ros.acquisition import recording_file
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import JointSamples, Reason, SampleBuffer
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.signals.joint_states import CONFIRMED_BY, LONGEST_STEP_S
+from lip_id_ros.signals.joint_states import CONFIRMED_BY, LONGEST_STEP_S, NANOSECONDS
+
+LONGEST_STEP_NS = round(LONGEST_STEP_S * NANOSECONDS)
 
 MOST_SECTIONS = 100
 """When the clock went back more often, it is not followed any more."""
@@ -93,7 +95,7 @@ class Sections:
             Why the message is rejected, for now where its stamp jumped; None where it was taken.
 
         """
-        stamp = 1e-9 * message.stamp_ns
+        stamp = message.stamp_ns
         # the stamps of another robot are of another clock
         foreign = self.joint_names and not {*self.joint_names} & {*message.names}
         doubt = None if foreign else self._doubt(stamp)
@@ -120,15 +122,15 @@ class Sections:
             if len(section)
         ]
 
-    def _doubt(self, stamp: float) -> Reason | None:
-        last = self._current.last_stamp_s
-        if not len(self._current) or stamp <= 0.0:
+    def _doubt(self, stamp: int) -> Reason | None:
+        last = self._current.last_stamp_ns
+        if not len(self._current) or stamp <= 0:
             return None  # there is nothing to compare, or the buffer knows what is wrong
         if stamp < last and len(self._closed) + 1 < MOST_SECTIONS:
             return Reason.BACKWARD_STAMP
-        return Reason.FAR_STAMP if stamp > last + LONGEST_STEP_S else None
+        return Reason.FAR_STAMP if stamp > last + LONGEST_STEP_NS else None
 
-    def _hold(self, stamp: float, message: JointMessage, doubt: Reason) -> Reason:
+    def _hold(self, stamp: int, message: JointMessage, doubt: Reason) -> Reason:
         reason = self._trial(stamp).add(stamp, *message[1:]) or doubt
         if self._max_rows - len(self) < CONFIRMED_BY:
             reason = Reason.BUFFER_FULL
@@ -139,16 +141,16 @@ class Sections:
             self._follow()
         return reason
 
-    def _trial(self, stamp: float) -> SampleBuffer:
+    def _trial(self, stamp: int) -> SampleBuffer:
         """Return where doubted messages are checked, empty unless this stamp follows the last."""
-        if not 0.0 <= stamp - self._held_in.last_stamp_s <= LONGEST_STEP_S:
+        if not 0 <= stamp - self._held_in.last_stamp_ns <= LONGEST_STEP_NS:
             self._drop_held()
         return self._held_in
 
     def _follow(self) -> None:
         """Take what is held, in a new section if the clock went back."""
         self._current.counts -= Counter(doubt for _, _, doubt in self._held)
-        if self._held[0][0] < self._current.last_stamp_s:
+        if self._held[0][0] < self._current.last_stamp_ns:
             room = self._max_rows - len(self)
             self._closed.append(self._current)
             self._current = SampleBuffer(self.joint_names, room)
@@ -157,7 +159,7 @@ class Sections:
         self._drop_held()
 
     def _drop_held(self) -> None:
-        self._held: list[tuple[float, JointMessage, Reason]] = []
+        self._held: list[tuple[int, JointMessage, Reason]] = []
         self._held_in = SampleBuffer(self.joint_names, expected_rows=CONFIRMED_BY)
 
 

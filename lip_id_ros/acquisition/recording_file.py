@@ -42,7 +42,7 @@ def pass_on(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) ->
 def _write(path: Path, samples: JointSamples) -> None:
     header: dict[str, Any] = {
         'joint_names': samples.joint_names,
-        'start_s': samples.start_s,
+        'start_ns': samples.start_ns,
         'counts': dict(samples.counts),
         'source': samples.source,
         'topic': samples.topic,
@@ -93,10 +93,11 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
     track = JointStateTrack(
         topic,
         samples.joint_names,
-        samples.start_s + samples.t,
+        samples.t,
         samples.position,
         samples.velocity,
         samples.effort,
+        samples.start_ns,
     )
     asked, *others = folders(path)
     failure = OSError('there is no folder')

@@ -19,7 +19,6 @@ from lip_id_ros.recording.timing import (
     GAP_STEPS,
     is_one_clock,
     median_step,
-    SECOND,
     Timeline,
 )
 
@@ -58,7 +57,7 @@ def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamp
         t=timeline.t,
         **dict(zip(SIGNALS, values, strict=True)),
         joint_names=joints,
-        start_s=timeline.start_ns / SECOND,
+        start_ns=timeline.start_ns,
         counts=counted(counts),
         source=', '.join(dict.fromkeys(topic.source for topic in topics)),
         topic=', '.join(dict.fromkeys(topic.topic for topic in topics)),

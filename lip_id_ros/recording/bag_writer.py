@@ -33,6 +33,7 @@ class NumberTrack:
     topic: str
     t: Array
     values: Array
+    start_ns: ClassVar[int] = 0
     message_type: ClassVar[str] = 'std_msgs/msg/Float64'
 
     def message(self, types: Mapping[str, Any], stamp_ns: int, row: int) -> Any:
@@ -45,6 +46,7 @@ class JointStateTrack:
     """
     The messages of one JointState topic, stamped and received at times (N,) [s], not negative.
 
+    Times are those after `start_ns` [ns].
     Of `position`, `velocity`, `effort`, shape (N, n), None, or NaN throughout a row, leaves the
     array of the message empty.
 
@@ -56,6 +58,7 @@ class JointStateTrack:
     position: Array | None = None
     velocity: Array | None = None
     effort: Array | None = None
+    start_ns: int = 0
     message_type: ClassVar[str] = JOINT_STATE
 
     def message(self, types: Mapping[str, Any], stamp_ns: int, row: int) -> Any:
@@ -144,7 +147,7 @@ def _remove_unlocked(scratch: Path) -> None:
 def _write(bag: Path, tracks: Sequence[Track]) -> None:
     types = get_typestore(Stores.ROS2_JAZZY).types
     in_order = sorted(
-        (round(seconds * 1e9), number, row)
+        (track.start_ns + round(seconds * 1e9), number, row)
         for number, track in enumerate(tracks)
         for row, seconds in enumerate(track.t.tolist())
     )

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-import math
 from typing import Any
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.arrays import Array, IndexArray, IntArray
 from lip_id_ros.recording.joint_samples import (
     columns_of,
     complete,
@@ -24,6 +23,8 @@ from lip_id_ros.recording.joint_samples import (
 
 _FIRST_ROWS = 1024
 _KNOWN_ORDERS = 64
+LATEST_NS = 2**63
+"""Stamps are counted in 64 bits."""
 
 
 class SampleBuffer:
@@ -64,8 +65,8 @@ class SampleBuffer:
         self.counts: Counter[str] = Counter()
         self._orders: dict[tuple[str, ...], IndexArray | Reason] = {}
         self._size = 0
-        self._last_stamp = -math.inf
-        self._stamps = np.empty(self._first_rows)
+        self._last_stamp = -1
+        self._stamps = np.empty(self._first_rows, np.int64)
         self._rows = np.empty((self._first_rows, 3, len(self._wanted)))
 
     def __len__(self) -> int:
@@ -73,8 +74,8 @@ class SampleBuffer:
         return self._size
 
     @property
-    def last_stamp_s(self) -> float:
-        """Time of the last message taken [s]; minus infinity before the first."""
+    def last_stamp_ns(self) -> int:
+        """Stamp of the last message taken [ns]; -1 before the first."""
         return self._last_stamp
 
     @property
@@ -84,20 +85,20 @@ class SampleBuffer:
 
     def add(
         self,
-        stamp_s: float,
+        stamp_ns: int,
         names: Sequence[str],
         position: Sequence[float] | Array,
         velocity: Sequence[float] | Array,
         effort: Sequence[float] | Array,
     ) -> Reason | None:
         """
-        Take one message with its stamp [s] and joints in any order, or drop and count it.
+        Take one message with its stamp [ns] and joints in any order, or drop and count it.
 
         Velocity and effort may be empty. Returns why the message was dropped, None where it was
         taken.
 
         """
-        reason = self._take(stamp_s, names, position, velocity, effort)
+        reason = self._take(stamp_ns, names, position, velocity, effort)
         if reason is not None:
             self.counts[reason] += 1
         return reason
@@ -119,23 +120,19 @@ class SampleBuffer:
         no_velocity, no_effort = np.isnan(self._rows[: self._size, 1:, :1]).any(axis=2).T
         keep = complete(no_velocity, no_effort, counts)
         kept = taken.select(keep)
-        first = float(kept.t[0]) if kept.n_samples else 0.0
-        return replace(
-            kept, t=kept.t - first, start_s=kept.start_s + first, counts=counted(counts)
-        )
+        stamps = self._stamps[: self._size][keep]
+        return replace(kept, **_times(stamps), counts=counted(counts))
 
     def all_samples(self, source: str = 'the recording', topic: str = '') -> JointSamples:
         """Return copies of all that was taken; NaN where a message has no velocity or effort."""
         stamps, rows = self._stamps[: self._size], self._rows[: self._size]
-        start = float(stamps[0]) if stamps.size else 0.0
         position, velocity, effort = (rows[:, part].copy() for part in range(3))
         return JointSamples(
-            t=stamps - start,
+            **_times(stamps),
             position=position,
             velocity=velocity,
             effort=effort,
             joint_names=self.joint_names,
-            start_s=start,
             counts=counted(self.counts),
             source=source,
             topic=topic,
@@ -143,7 +140,7 @@ class SampleBuffer:
         )
 
     def _take(
-        self, stamp: float, names: Sequence[str], position: Any, velocity: Any, effort: Any
+        self, stamp: int, names: Sequence[str], position: Any, velocity: Any, effort: Any
     ) -> Reason | None:
         key = tuple(names)
         if key and not self.joint_names:
@@ -167,9 +164,7 @@ class SampleBuffer:
             self._make_room()
         return self._store(stamp, order, (position, velocity, effort))
 
-    def _store(
-        self, stamp: float, order: IndexArray, parts: tuple[Any, Any, Any]
-    ) -> Reason | None:
+    def _store(self, stamp: int, order: IndexArray, parts: tuple[Any, Any, Any]) -> Reason | None:
         row = self._rows[self._size]
         absent = np.array([not len(values) for values in parts])
         for part, values in enumerate(parts):
@@ -188,7 +183,7 @@ class SampleBuffer:
         capacity = 2 * len(self._stamps)
         if self._max_rows is not None:
             capacity = min(capacity, self._max_rows)
-        stamps = np.empty(capacity)
+        stamps = np.empty(capacity, np.int64)
         rows = np.empty((capacity, *self._rows.shape[1:]))
         stamps[: self._size], rows[: self._size] = self._stamps, self._rows
         self._stamps, self._rows = stamps, rows
@@ -214,11 +209,17 @@ class SampleBuffer:
             return Reason.MISSING_JOINT
         return columns_of(names, self.joint_names)
 
-    def _stamp_reason(self, stamp: float) -> Reason | None:
-        if self._last_stamp < stamp < math.inf and stamp >= 0:
-            return None
-        if not 0 <= stamp < math.inf:
+    def _stamp_reason(self, stamp: int) -> Reason | None:
+        if not 0 <= stamp < LATEST_NS:
             return Reason.BAD_STAMP
+        if stamp > self._last_stamp:
+            return None
         if stamp == 0:
             return Reason.ZERO_STAMP
         return Reason.REPEATED_STAMP if stamp == self._last_stamp else Reason.BACKWARD_STAMP
+
+
+def _times(stamps: IntArray) -> dict[str, Any]:
+    """Return the fields of `JointSamples` that have the times of stamps [ns]."""
+    start = int(stamps[0]) if stamps.size else 0
+    return {'t': (stamps - start) / 1e9, 'start_ns': start}

@@ -75,8 +75,8 @@ class JointSamples:
         the recording has none.
     joint_names : tuple of str
         Names of the n columns.
-    start_s : float
-        Stamp of the first sample [s].
+    start_ns : int
+        Stamp of the first sample [ns]: a stamp in seconds of today has steps of 238 ns.
     counts : mapping
         Messages that were dropped, by reason.
     source, topic : str
@@ -95,13 +95,18 @@ class JointSamples:
     velocity: Array
     effort: Array
     joint_names: tuple[str, ...]
-    start_s: float = 0.0
+    start_ns: int = 0
     counts: Mapping[str, int] = field(default_factory=dict)
     source: str = 'the recording'
     topic: str = ''
     seen_joints: tuple[str, ...] = ()
     clock: str = 'header'
     notes: tuple[str, ...] = ()
+
+    @property
+    def start_s(self) -> float:
+        """Stamp of the first sample [s]."""
+        return self.start_ns / 1_000_000_000
 
     @property
     def n_samples(self) -> int:

@@ -162,7 +162,7 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
         values[rows, 1],
         values[rows, 2],
         joint_names=names,
-        start_s=timeline.start_ns / SECOND,
+        start_ns=timeline.start_ns,
         counts=counted(counts),
         source=os.fspath(path),
         seen_joints=names,

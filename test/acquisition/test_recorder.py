@@ -117,6 +117,23 @@ def test_unsaved_samples_are_kept_in_a_bag_that_reads_back(tmp_path: Path) -> No
     assert read.topic == '/arm/joint_states'
 
 
+def test_a_kept_bag_has_the_stamps_that_came_to_the_nanosecond(tmp_path: Path) -> None:
+    """As seconds, stamps of today are up to 119 ns off, and those 100 ns apart were one."""
+    recorder = Recorder((), max_rows=1000)
+    recorder.recording = True
+    start = 1_795_285_693_174_866_896
+    stamps = [start, start + 1, start + 101, start + 1_000_000_003, start - 7, start - 5, start]
+    for stamp in stamps:
+        recorder.add(JointMessage(stamp, NAMES, [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]))
+    assert recorder.n_rejected == 0
+    found = []
+    for path in recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't'):
+        with Bag(path) as bag:
+            headers = [recorded.header.stamp for _, recorded in bag.messages('t')]
+        found += [each.sec * 10**9 + each.nanosec for each in headers]
+    assert found == stamps
+
+
 def test_an_earlier_bag_is_never_overwritten(tmp_path: Path) -> None:
     path = tmp_path / 'unsaved.mcap'
     path.write_text('precious')

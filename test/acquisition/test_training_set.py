@@ -21,17 +21,17 @@ RECORDING = RecordingSettings(
 CONFIG = Config(recording=RECORDING)
 
 
-def samples(n_samples: int, start_s: float = 1000.0) -> JointSamples:
+def samples(n_samples: int, start_s: int = 1000) -> JointSamples:
     t = 0.01 * np.arange(n_samples, dtype=np.float64)
     q = np.sin(np.outer(t, [1.0, 2.0]))
-    return JointSamples(t, q, np.cos(q), 3.0 * q, ('a', 'b'), start_s)
+    return JointSamples(t, q, np.cos(q), 3.0 * q, ('a', 'b'), start_s * 10**9)
 
 
 def test_live_recording_and_bags_are_joined_by_name(tmp_path: Path) -> None:
     live = samples(500)
     arrays = (live.position, live.velocity, live.effort)
     position, velocity, effort = (each[:, ::-1] for each in arrays)
-    turned = JointSamples(live.t, position, velocity, effort, ('b', 'a'), 2000.0)
+    turned = JointSamples(live.t, position, velocity, effort, ('b', 'a'), 2000 * 10**9)
     bag = keep(tmp_path / 'b.mcap', turned, '/states')
     alone = training_set([live], [], CONFIG, silent).dataset
     both = training_set([live], [str(bag)], CONFIG, silent).dataset
@@ -77,7 +77,7 @@ def test_sections_that_are_too_short_are_left_out_and_listed() -> None:
 def test_what_is_used_is_shown_raw_and_judged(tmp_path: Path) -> None:
     stuck = samples(500)
     stuck.effort[:, 1] = 0.0
-    bag = keep(tmp_path / 'b.mcap', samples(500, 2000.0), '/states')
+    bag = keep(tmp_path / 'b.mcap', samples(500, 2000), '/states')
     findings = RecordingHealth(RECORDING)
     training_set([samples(1), stuck], [str(bag)], CONFIG, silent, findings)
     assert any(
@@ -94,7 +94,7 @@ def test_nothing_but_sections_that_are_too_short_is_refused() -> None:
 
 
 def test_the_bound_holds_for_all_sources_together(tmp_path: Path) -> None:
-    bag = keep(tmp_path / 'b.mcap', samples(500, 2000.0), '/states')
+    bag = keep(tmp_path / 'b.mcap', samples(500, 2000), '/states')
     config = Config(recording=RECORDING, preprocessing=PreprocessingSettings(max_samples=40))
     data = training_set([samples(500)], [str(bag)], config, silent).dataset
     assert data.n_samples == 40
@@ -102,7 +102,7 @@ def test_the_bound_holds_for_all_sources_together(tmp_path: Path) -> None:
 
 
 def test_the_bound_thins_bags_and_live_samples_alike(tmp_path: Path) -> None:
-    bag = keep(tmp_path / 'b.mcap', samples(1000, 5000.0), '/states')
+    bag = keep(tmp_path / 'b.mcap', samples(1000, 5000), '/states')
     bounded = Config(recording=RECORDING, preprocessing=PreprocessingSettings(max_samples=40))
     everything = training_set([samples(1000)], [str(bag)], CONFIG, silent)
     thinned = training_set([samples(1000)], [str(bag)], bounded, silent)

@@ -184,7 +184,7 @@ def test_slow_recording_is_not_filtered_and_says_so() -> None:
 
 def test_provenance_is_json_and_complete() -> None:
     settings = PreprocessingSettings(cutoff_hz=3.0)
-    samples = recording(T, counts={'joint missing': 3}, start_s=12.0)
+    samples = recording(T, counts={'joint missing': 3}, start_ns=12 * 10**9)
     data = preprocess(samples, settings, RecordingSettings(topic='/joint_states'))
     (source,) = json.loads(json.dumps(data.provenance, allow_nan=False))['sources']
     assert source['source'] == 'arm.mcap'
