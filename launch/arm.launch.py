@@ -12,37 +12,43 @@ from launch.actions import IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 
-from lip_id_ros.nodes.launch_arguments import argument, common_arguments, JOINT_STATES
+from lip_id_ros.nodes.launch_arguments import (
+    argument,
+    AS_IN_FILE,
+    common_arguments,
+    JOINT_STATES,
+    node,
+)
 
 SHARED = ('params_file', 'namespace', 'joint_states', 'use_sim_time')
-OF_SERVE = ('model_path', 'desired_trajectory', 'trajectory_with_effort', 'autostart')
+TOPICS = (
+    ('desired_trajectory', '~/desired_trajectory', 'Topic of the references and plans.'),
+    ('trajectory_with_effort', '~/trajectory_with_effort', 'Topic of plans with efforts.'),
+)
 
 
 def generate_launch_description() -> LaunchDescription:
-    def included(name: str, names: tuple[str, ...]) -> IncludeLaunchDescription:
-        path = str(get_package_share_path('lip_id_ros') / 'launch' / name)
-        return IncludeLaunchDescription(
-            PythonLaunchDescriptionSource(path),
-            launch_arguments={each: LaunchConfiguration(each) for each in names}.items(),
-        )
-
+    train = get_package_share_path('lip_id_ros') / 'launch' / 'train.launch.py'
+    topics = (JOINT_STATES, *TOPICS)
     return LaunchDescription(
         [
             *common_arguments(None, 'train and serve'),
-            argument(*JOINT_STATES),
-            argument('model_path', 'model.npz', 'Model to serve: the model_path of train.'),
+            *(argument(*topic) for topic in topics),
+            argument('model_path', '', f'Model to serve: the model_path of train{AS_IN_FILE}.'),
             argument(
-                'desired_trajectory',
-                '~/desired_trajectory',
-                'Topic of the references and plans.',
+                'autostart',
+                '',
+                f'Whether serve configures and activates itself{AS_IN_FILE}, else false.',
             ),
-            argument(
-                'trajectory_with_effort',
-                '~/trajectory_with_effort',
-                'Topic of plans with efforts.',
+            IncludeLaunchDescription(
+                PythonLaunchDescriptionSource(str(train)),
+                launch_arguments={each: LaunchConfiguration(each) for each in SHARED}.items(),
             ),
-            argument('autostart', 'false', 'Whether serve configures and activates itself.'),
-            included('train.launch.py', SHARED),
-            included('serve.launch.py', SHARED + OF_SERVE),
+            node(
+                'serve',
+                topics=[(topic, LaunchConfiguration(name)) for name, topic, _ in topics],
+                given={'model_path': str, 'autostart': bool},
+                defaults={'autostart': False},
+            ),
         ]
     )

@@ -14,8 +14,8 @@ def generate_launch_description() -> LaunchDescription:
             argument(*JOINT_STATES),
             node(
                 'monitor',
-                {'model_path': LaunchConfiguration('model_path')},
-                [('joint_states', LaunchConfiguration('joint_states'))],
+                topics=[('joint_states', LaunchConfiguration('joint_states'))],
+                given={'model_path': str},
             ),
         ]
     )

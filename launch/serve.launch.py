@@ -5,10 +5,10 @@ from launch.substitutions import LaunchConfiguration
 
 from lip_id_ros.nodes.launch_arguments import (
     argument,
+    AS_IN_FILE,
     common_arguments,
     JOINT_STATES,
     node,
-    value,
 )
 
 # Launch argument, name in the node, description.
@@ -27,14 +27,13 @@ def generate_launch_description() -> LaunchDescription:
             argument('model_path', None, 'Model to serve.'),
             *common_arguments('serve.yaml', 'serve'),
             *(argument(*topic) for topic in TOPICS),
-            argument('autostart', 'true', 'Whether serve configures and activates itself.'),
+            argument(
+                'autostart', '', f'Whether serve configures and activates itself{AS_IN_FILE}.'
+            ),
             node(
                 'serve',
-                {
-                    'model_path': LaunchConfiguration('model_path'),
-                    'autostart': value('autostart', bool),
-                },
-                [(topic, LaunchConfiguration(name)) for name, topic, _ in TOPICS],
+                topics=[(topic, LaunchConfiguration(name)) for name, topic, _ in TOPICS],
+                given={'model_path': str, 'autostart': bool},
             ),
         ]
     )

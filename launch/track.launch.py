@@ -7,38 +7,35 @@ moves by a millisecond for each torque.
 """
 
 from launch import LaunchDescription
-from launch.substitutions import LaunchConfiguration
 
-from lip_id_ros.nodes.launch_arguments import argument, common_arguments, node, value
+from lip_id_ros.nodes.launch_arguments import argument, AS_IN_FILE, common_arguments, node
 
 PLAN = 'plan_with_effort'
 
 
 def generate_launch_description() -> LaunchDescription:
-    n_joints = {'n_joints': value('n_joints', int)}
-    motion = {name: value(name, float) for name in ('amplitude', 'horizon')}
-    model = {
-        'model_path': LaunchConfiguration('model_path'),
-        'autostart': value('autostart', bool),
-    }
+    n_joints = {'n_joints': int}
+    motion = {'amplitude': float, 'horizon': float}
     return LaunchDescription(
         [
             argument('model_path', None, 'Model of the Panda.'),
             *common_arguments('track.yaml', 'serve and computed_torque'),
-            argument('autostart', 'true', 'Whether serve configures and activates itself.'),
-            argument('n_joints', '7', 'Number of joints, from the base.'),
-            argument('amplitude', '0.6', 'Amplitude at the horizon [rad].'),
-            argument('horizon', '10.0', 'Length of the motion [s].'),
-            node('simulated_arm', n_joints, [('command', 'computed_torque/command')]),
+            argument(
+                'autostart', '', f'Whether serve configures and activates itself{AS_IN_FILE}.'
+            ),
+            argument('n_joints', '', f'Number of joints, from the base{AS_IN_FILE}.'),
+            argument('amplitude', '', f'Amplitude at the horizon [rad]{AS_IN_FILE}.'),
+            argument('horizon', '', f'Length of the motion [s]{AS_IN_FILE}.'),
+            node('simulated_arm', given=n_joints, topics=[('command', 'computed_torque/command')]),
             node('computed_torque', topics=[('~/joint_trajectory', PLAN)]),
             node(
                 'serve',
-                model,
-                [
+                topics=[
                     ('~/desired_trajectory', 'desired_trajectory'),
                     ('~/trajectory_with_effort', PLAN),
                 ],
+                given={'model_path': str, 'autostart': bool},
             ),
-            node('reference', n_joints | motion),
+            node('reference', given=n_joints | motion),
         ]
     )

@@ -3,7 +3,13 @@
 from launch import LaunchDescription
 from launch.substitutions import LaunchConfiguration
 
-from lip_id_ros.nodes.launch_arguments import argument, common_arguments, JOINT_STATES, node
+from lip_id_ros.nodes.launch_arguments import (
+    argument,
+    common_arguments,
+    JOINT_STATES,
+    node,
+    require_folder,
+)
 
 SECONDS_TO_SAVE = '60'  # a million samples take about 20 s to write
 
@@ -16,6 +22,7 @@ def generate_launch_description() -> LaunchDescription:
             argument(
                 'folder', '.', 'Folder of the model and the data, one for each robot; must exist.'
             ),
+            require_folder('folder'),
             node(
                 'train',
                 topics=[('joint_states', LaunchConfiguration('joint_states'))],

@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+import os
 from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_share_path
-from launch.actions import DeclareLaunchArgument
+from launch import Action, LaunchContext
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
+
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.settings.parameter_file import parameters_in_file
 
 PACKAGE = 'lip_id_ros'
 PARAMS_FILE = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')])
 """Path of the parameter file, also for a node that runs in another folder."""
 
+AS_IN_FILE = '; empty: as in params_file'
+
 JOINT_STATES = ('joint_states', 'joint_states', 'Topic of the measured joint states.')
 
 
-def common_arguments(config: str | None, nodes: str) -> list[DeclareLaunchArgument]:
+def common_arguments(config: str | None, nodes: str) -> list[Action]:
     """
-    Declare `params_file`, `namespace` and `use_sim_time`.
+    Declare `params_file`, `namespace` and `use_sim_time`; refuse arguments that nobody declares.
 
     Parameters
     ----------
@@ -36,8 +43,33 @@ def common_arguments(config: str | None, nodes: str) -> list[DeclareLaunchArgume
     return [
         argument('params_file', default, f'File with parameters of {nodes}.'),
         argument('namespace', '', 'Namespace of the arm.'),
-        argument('use_sim_time', 'false', 'Whether the nodes follow /clock.'),
+        argument('use_sim_time', '', f'Whether the nodes follow /clock{AS_IN_FILE}.'),
+        OpaqueFunction(function=_refuse_undeclared),
     ]
+
+
+def _refuse_undeclared(context: LaunchContext) -> None:
+    """Refuse arguments of the command line that no launch file of this launch declares."""
+    launched = context.locals.event.launch_description
+    known = {declared.name for declared in launched.get_launch_arguments()}
+    given = [each.partition(':=')[0] for each in context.argv if ':=' in each]
+    unknown = [name for name in given if name not in known]
+    if unknown:
+        raise ConfigError(
+            f'{unknown[0]} is not a launch argument; there are: {", ".join(sorted(known))}. '
+            'Parameters of a node belong in params_file.'
+        )
+
+
+def require_folder(name: str) -> Action:
+    """Refuse an argument that is not a folder."""
+
+    def check(context: LaunchContext) -> None:
+        path = LaunchConfiguration(name).perform(context)
+        if not os.path.isdir(path):
+            raise ConfigError(f'{name} must be a folder, not {path}; make it first.')
+
+    return OpaqueFunction(function=check)
 
 
 def argument(name: str, default: str | None, description: str) -> DeclareLaunchArgument:
@@ -54,8 +86,10 @@ def node(
     name: str,
     parameters: Mapping[str, Any] | None = None,
     topics: Sequence[tuple[str, Any]] = (),
+    given: Mapping[str, type] | None = None,
+    defaults: Mapping[str, Any] | None = None,
     **options: Any,
-) -> Node:
+) -> Action:
     """
     Return a node of the package in the namespace, with the clock and parameters of the arguments.
 
@@ -67,20 +101,36 @@ def node(
         Beside those of the parameter file, which they override.
     topics : sequence of (str, substitution)
         Name in the node, name in the graph.
+    given : mapping, optional
+        Parameters with their types that launch arguments of the same names override, unless empty.
+    defaults : mapping, optional
+        Parameters where neither the arguments nor the parameter file have one.
     **options
         Further arguments of `launch_ros.actions.Node`.
 
     """
-    return Node(
-        package=PACKAGE,
-        executable=name,
-        name=name,
-        namespace=LaunchConfiguration('namespace'),
-        parameters=[
-            PARAMS_FILE,
-            {'use_sim_time': value('use_sim_time', bool), **(parameters or {})},
-        ],
-        remappings=list(topics),
-        output='screen',
-        **options,
-    )
+
+    def started(context: LaunchContext) -> list[Node]:
+        namespace = LaunchConfiguration('namespace').perform(context).strip('/')
+        path = PARAMS_FILE.perform(context)
+        in_file = parameters_in_file(path, f'/{namespace}/{name}'.replace('//', '/'))
+        overriding = {
+            each: value(each, kind)
+            for each, kind in {'use_sim_time': bool, **(given or {})}.items()
+            if LaunchConfiguration(each).perform(context)
+        }
+        left = {key: each for key, each in (defaults or {}).items() if key not in in_file}
+        return [
+            Node(
+                package=PACKAGE,
+                executable=name,
+                name=name,
+                namespace=namespace,
+                parameters=[path, {**left, **(parameters or {}), **overriding}],
+                remappings=list(topics),
+                output='screen',
+                **options,
+            )
+        ]
+
+    return OpaqueFunction(function=started)

@@ -104,7 +104,7 @@ def read_config(path: str | os.PathLike[str]) -> Config:
 
     """
     origin = os.fspath(path)
-    content = _load(path)
+    content = load_yaml(path)
     if content is None:
         return Config()
     nested = {
@@ -139,7 +139,8 @@ def _mapping(content: object, origin: str, what: str) -> dict[str, Any]:
     return content
 
 
-def _load(path: str | os.PathLike[str]) -> object:
+def load_yaml(path: str | os.PathLike[str]) -> object:
+    """Return the content of a YAML file; ConfigError if it is none."""
     require_regular_file(path)
     with open(path, 'rb') as file:
         text = file.read(MOST_BYTES + 1)

@@ -169,6 +169,67 @@ def test_both_nodes_of_two_arms_share_a_graph(
         assert client.status('left/train', lambda status: True)['rows'] == 0
 
 
+SERVE = '/**/serve: {ros__parameters: {torque_limits: [100.0]}}'
+
+
+@pytest.mark.parametrize(
+    ('name', 'content', 'arguments', 'sentence'),
+    [
+        (
+            'serve',
+            SERVE,
+            ['params_file:=absent.yaml'],
+            'params_file must be a file, there is none',
+        ),
+        ('serve', '', [], 'its sections are: none; name one /**/serve'),
+        ('serve', SERVE.replace('/serve', '/sevre'), [], 'its sections are: /**/sevre; name one'),
+        ('serve', SERVE, ['namespace:=left', 'torque_limits:=[1.0]'], 'torque_limits is not a la'),
+        ('serve', SERVE, ['param_file:=panda.yaml'], 'param_file is not a launch argument'),
+        ('arm', SERVE, ['folder_:=x'], 'folder_ is not a launch argument'),
+        ('arm', SERVE, [], 'has no section for the node /train'),
+        ('train', SERVE.replace('serve', 'train'), ['folder:=/nope'], 'folder must be a folder'),
+    ],
+)
+def test_a_launch_with_wrong_arguments_starts_nothing(
+    name: str, content: str, arguments: list[str], sentence: str, tmp_path: Path
+) -> None:
+    (tmp_path / 'arm.yaml').write_text(content)
+    given = ['params_file:=arm.yaml', *arguments]
+    if name != 'train':
+        given.append('model_path:=model.npz')
+    command = ['-m', 'lip_id_ros.demo.graph', f'{name}.launch.py', *given]
+    ran = subprocess.run(
+        [sys.executable, *command], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 1
+    said = ran.stdout + ran.stderr
+    assert sentence in said
+    assert 'Traceback' not in said
+    assert 'process started' not in said
+
+
+@pytest.mark.parametrize(
+    ('name', 'given', 'state'),
+    [
+        ('serve', (), 'unconfigured'),
+        ('serve', ('autostart:=true',), 'active'),
+        ('arm', (), 'unconfigured'),
+        ('arm', ('autostart:=true',), 'active'),
+    ],
+)
+def test_arguments_that_are_not_given_leave_the_file_as_it_is(
+    name: str, given: tuple[str, ...], state: str, ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    (graph.folder / 'arm.yaml').write_text(
+        f'/**/serve: {{ros__parameters: {{torque_limits: [9.0], autostart: false, '
+        f'model_path: {model_path}}}}}\n/**/train: {{ros__parameters: {{model_path: x.npz}}}}\n'
+    )
+    path = (f'model_path:={model_path}',) if name == 'serve' else ()
+    with launched(graph, f'{name}.launch.py', 'params_file:=arm.yaml', *path, *given):
+        client.status('serve', lambda status: status['state'] == state)
+
+
 def test_the_example_of_ros2_control_is_about_the_same_joints() -> None:
     config = get_package_share_path('lip_id_ros') / 'config'
     controllers = yaml.safe_load((config / 'controllers.yaml').read_text())
