@@ -74,16 +74,16 @@ class FleetStatistics:
         self._groups, self._columns = list(groups), regression.columns()
         self.group: IntArray = np.unique(self._groups, return_inverse=True)[1].astype(np.int64)
         self.n_links, self.n_friction = regression.links.size, regression.n_friction
-        weights = [each.weights for each in recordings]
-        self.recording_weights = np.reshape(weights, (-1, regression.n_joints))
+        counts = [each.counts for each in recordings]
+        self.recording_counts = np.reshape(counts, (-1, regression.n_joints))
         self._link_factors = _stacked([each.link_factors for each in recordings])
         rows = _stacked([each.friction_rows for each in recordings])
         self._tops = friction_blocks(rows, regression)
 
     @property
-    def weights(self) -> Array:
-        """Sums of the weights of all samples, shape (n,)."""
-        return np.asarray(self.recording_weights.sum(axis=0))
+    def counts(self) -> Array:
+        """Numbers of samples, shape (n,)."""
+        return np.asarray(self.recording_counts.sum(axis=0))
 
     def select(self, some: BoolArray) -> FleetStatistics:
         """Return the statistics of some of the recordings."""
@@ -108,10 +108,10 @@ class FleetStatistics:
     def _links(self, some: IndexArray) -> TorqueStatistics:
         """Return the sum of triangles, with the degrees of freedom that friction leaves."""
         taken = np.array([own.size for own, _ in self._columns])
-        weights = np.maximum(self.recording_weights[some] - taken, 0.0).sum(axis=0)
+        counts = np.maximum(self.recording_counts[some] - taken, 0.0).sum(axis=0)
         rests = link_triangles(self._link_factors[some], self.regression)
         factors = tuple(triangular(rest.reshape(-1, rest.shape[2])) for rest in rests)
-        return TorqueStatistics(tuple(links for _, links in self._columns), factors, weights)
+        return TorqueStatistics(tuple(links for _, links in self._columns), factors, counts)
 
     def feature_squares(self) -> Array:
         """Return weighted sums of squared friction features of all recordings, shape (n, K)."""
@@ -199,7 +199,7 @@ class FleetStatistics:
             [(N m)^2 or N^2].
 
         """
-        out, vector = np.zeros(self.recording_weights.shape), np.append(links, -1.0)
+        out, vector = np.zeros(self.recording_counts.shape), np.append(links, -1.0)
         for some in _together(np.arange(len(self.recordings))):
             rests = link_triangles(self._link_factors[some], self.regression)
             for joint, (own, column) in enumerate(self._columns):

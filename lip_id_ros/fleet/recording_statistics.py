@@ -155,7 +155,7 @@ def packed(statistics: TorqueStatistics, regression: Regression) -> RecordingSta
     return RecordingStatistics(
         friction_rows=np.concatenate(tops),
         link_factors=np.concatenate(rests),
-        weights=statistics.weights,
+        counts=statistics.counts,
     )
 
 

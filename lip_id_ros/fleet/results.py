@@ -158,15 +158,15 @@ class RecordingStatistics(Packable):
         First rows of every joint, one after another.
     link_factors : array, shape (sum of (p_i + 1) (p_i + 2) / 2,)
         Upper triangles of the rest, row by row.
-    weights : array, shape (n,)
-        Sums of the weights of the samples.
+    counts : array, shape (n,)
+        Numbers of samples.
 
     """
 
     KIND = 'statistics'
     friction_rows: Array
     link_factors: Array
-    weights: Array
+    counts: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

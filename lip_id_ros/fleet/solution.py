@@ -151,7 +151,7 @@ def _fits(
         friction + effects.centre + effects.mean, statistics.regression.friction.basis.lower
     )
     squares = statistics.residual_squares(links, own)
-    return RecordingFits(np.sqrt(squares / statistics.recording_weights), own, effects.std)
+    return RecordingFits(np.sqrt(squares / statistics.recording_counts), own, effects.std)
 
 
 class _Solver:
@@ -184,7 +184,7 @@ class _Solver:
         self._deviations = FrictionDeviations(effects.recordings, effects.groups)
         self._fits = _fits(statistics, self._links, self._friction, effects)
         squares = statistics.links.squared_residuals(self._links.ravel())
-        variance = squares / np.maximum(statistics.links.weights, 1.0)
+        variance = squares / np.maximum(statistics.links.counts, 1.0)
         self._noise = np.maximum(np.sqrt(variance), self._least_noise)
         self._left_out = self._measured(state)
         self._inflation = self._left_out.inflation
@@ -230,7 +230,7 @@ def _about(statistics: TorqueStatistics, links: Array, slopes: Array) -> TorqueS
         residual = factor[:, -1] - factor[:, :-1] @ links.ravel()[column]
         factors.append(np.column_stack([factor[:, :-1] @ every[column], residual]))
     columns = tuple(np.arange(size) for _ in factors)
-    return TorqueStatistics(columns, tuple(factors), statistics.weights)
+    return TorqueStatistics(columns, tuple(factors), statistics.counts)
 
 
 def _varies(basis: FrictionBasis) -> BoolArray:
@@ -246,7 +246,7 @@ def _varies(basis: FrictionBasis) -> BoolArray:
 
 def _friction_std(statistics: FleetStatistics, torque_std: Array) -> Array:
     """Return deviations of coefficients that make torques of the measured size, (K,)."""
-    size = np.sqrt(statistics.feature_squares() / statistics.weights[:, None])
+    size = np.sqrt(statistics.feature_squares() / statistics.counts[:, None])
     ratio = torque_std[:, None] / np.where(size > 0.0, size, np.nan)
     # of a drive that is coupled to several joints, the smallest
     return np.nan_to_num(np.fmin.reduce(ratio, axis=0), nan=1.0)

@@ -92,8 +92,8 @@ def estimate_noise(residuals: Array, dq: Array) -> TorqueNoise:
     bound = np.where(scale > 0.0, MOST * scale, np.inf)
     clipped = np.clip(residuals, -bound, bound)
     noise = _likeliest(clipped, dq)
-    weights = noise.weights(dq) * outlier_weights(residuals, noise.std_at(dq))
-    squares = np.sum(weights * residuals**2, axis=0) / np.sum(weights, axis=0)
+    counts = outlier_weights(residuals, noise.std_at(dq))
+    squares = np.sum(noise.weights(dq) * counts * residuals**2, axis=0) / np.sum(counts, axis=0)
     return replace(noise, std=np.sqrt(squares))
 
 

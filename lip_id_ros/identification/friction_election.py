@@ -246,7 +246,8 @@ class _Election:
         for k in range(int(number[-1]) + 1):
             inside = number == k
             some = [each[inside] for each in rows]
-            blocks.append(empty.update(some, dataset.tau[inside], self._weights[inside]))
+            weights = self._weights[inside]
+            blocks.append(empty.update(some, dataset.tau[inside], weights, weights))
         torque_std = dataset.tau.std(axis=0)
         prior = np.append(self._link_std, _prior_std(basis, features, torque_std))
         lower = np.append(np.full(self.n_links, -np.inf), basis.lower)

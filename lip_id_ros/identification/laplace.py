@@ -230,7 +230,7 @@ def measure_left_out(
 
     """
     grams = np.array([[r.T @ r for r in block.factors] for block in blocks])
-    count = np.sum([block.weights for block in blocks], axis=0)
+    count = np.sum([block.counts for block in blocks], axis=0)
     _, covariance = _solved(grams.sum(axis=0), prior, noise_std)
     noise_std = _unbiased(noise_std, _spread(grams.sum(axis=0), covariance) / count)
     squares, expected = np.zeros((len(blocks), noise_std.size)), np.zeros(noise_std.size)
@@ -284,15 +284,13 @@ def _gauss_newton(
 def _mean_squares(fitter: ArmFitter, fit: ArmFit) -> Array:
     """Return the weighted mean squared residuals of all samples, shape (n,)."""
     dataset = fitter.dataset
-    squares, count = np.zeros((2, dataset.n_joints))
+    squares = np.zeros(dataset.n_joints)
     for chunk in np.array_split(np.arange(dataset.n_samples), -(-dataset.n_samples // CHUNK)):
         some = dataset.select(chunk)
         torque = links_torque(fit.chain, fit.links, some)
         torque += fit.friction.torque(some.q, some.dq, some.ddq, torque)
-        weights = fit.noise.weights(some.dq)
-        squares += np.sum(weights * (some.tau - torque) ** 2, axis=0)
-        count += weights.sum(axis=0)
-    return np.asarray(squares / count)
+        squares += np.sum(fit.noise.weights(some.dq) * (some.tau - torque) ** 2, axis=0)
+    return squares / dataset.n_samples
 
 
 def _unbiased(noise_std: Array, variance: Array) -> Array:

@@ -228,19 +228,19 @@ class LeftOutBlocks:
 
     def _squares(self, scheme: list[list[int]], thetas: Sequence[Array]) -> Array:
         """Return mean squared residuals of the left-out parts, shape (K, groups, n)."""
-        weights = [np.sum([self._parts[k].weights for k in out], axis=0) for out in scheme]
+        counts = [np.sum([self._parts[k].counts for k in out], axis=0) for out in scheme]
         sums = [
             sum(self._parts[k].squared_residuals(theta) for k in out)
             for out, theta in zip(scheme, thetas, strict=True)
         ]
-        return np.asarray(np.array(sums) / np.mean(weights, axis=0))
+        return np.asarray(np.array(sums) / np.mean(counts, axis=0))
 
 
 class _Part:
     """Rows of one block of samples, all joints in one array."""
 
     def __init__(self, statistics: TorqueStatistics, size: int) -> None:
-        self.weights = statistics.weights
+        self.counts = statistics.counts
         self._starts = np.cumsum([0, *(len(each) for each in statistics.factors)])[:-1]
         self._rows = np.zeros((sum(len(each) for each in statistics.factors), size + 1))
         self._joints = []

@@ -33,14 +33,14 @@ class TorqueStatistics:
     factors : tuple of n arrays, shapes (p_i + 1, p_i + 1)
         Upper triangular R_i with R_i^T R_i = [F_i, tau_i]^T W_i [F_i, tau_i]; the diagonal is not
         negative.
-    weights : array, shape (n,)
-        Sum of the weights of the samples: their number, where none has another weight than 1.
+    counts : array, shape (n,)
+        Numbers of samples.
 
     """
 
     columns: tuple[IndexArray, ...]
     factors: tuple[Array, ...]
-    weights: Array
+    counts: Array
 
     @classmethod
     def empty(cls, columns: Sequence[IndexArray]) -> TorqueStatistics:
@@ -55,7 +55,11 @@ class TorqueStatistics:
         return 1 + max((int(column.max()) for column in self.columns if column.size), default=-1)
 
     def update(
-        self, features: Sequence[Array], tau: Array, weights: Array | None = None
+        self,
+        features: Sequence[Array],
+        tau: Array,
+        weights: Array | None = None,
+        counts: Array | None = None,
     ) -> TorqueStatistics:
         """
         Return the statistics with further samples; costs memory for these samples only.
@@ -67,7 +71,9 @@ class TorqueStatistics:
         tau : array, shape (N, n)
             [N m or N].
         weights : array, shape (N, n), optional
-            Not negative; 1 where not given.
+            Of squared residuals, not negative; 1 where not given.
+        counts : array, shape (N, n), optional
+            By how many samples each counts, as an outlier does by less; 1 where not given.
 
         Raises
         ------
@@ -88,7 +94,8 @@ class TorqueStatistics:
         for i, factor in enumerate(self.factors):
             rows = np.column_stack([features[i], tau[:, i]])
             factors.append(triangular(factor, rows * np.sqrt(weights[:, i : i + 1])))
-        return TorqueStatistics(self.columns, tuple(factors), self.weights + weights.sum(axis=0))
+        taken = np.full(len(self.columns), len(tau)) if counts is None else counts.sum(axis=0)
+        return TorqueStatistics(self.columns, tuple(factors), self.counts + taken)
 
     def merge(self, *others: TorqueStatistics) -> TorqueStatistics:
         """
@@ -113,7 +120,7 @@ class TorqueStatistics:
             triangular(*(each.factors[i] for each in every)) for i in range(len(self.columns))
         )
         return TorqueStatistics(
-            self.columns, factors, np.sum([each.weights for each in every], axis=0)
+            self.columns, factors, np.sum([each.counts for each in every], axis=0)
         )
 
     def squared_residuals(self, parameters: Array) -> Array:
@@ -168,7 +175,7 @@ class TorqueStatistics:
 
     def to_arrays(self) -> dict[str, Array | IndexArray]:
         """Return named arrays, to be saved; `from_arrays` reads them."""
-        arrays: dict[str, Array | IndexArray] = {'weights': self.weights}
+        arrays: dict[str, Array | IndexArray] = {'counts': self.counts}
         for i, (column, factor) in enumerate(zip(self.columns, self.factors, strict=True)):
             arrays[f'columns_{i}'], arrays[f'factor_{i}'] = column, factor
         return arrays
@@ -185,8 +192,8 @@ class TorqueStatistics:
 
         """
         try:
-            weights = np.asarray(arrays['weights'], dtype=np.float64)
-            joints = range(weights.size)
+            counts = np.asarray(arrays['counts'], dtype=np.float64)
+            joints = range(counts.size)
             columns = tuple(np.asarray(arrays[f'columns_{i}'], dtype=np.intp) for i in joints)
             factors = tuple(np.asarray(arrays[f'factor_{i}'], dtype=np.float64) for i in joints)
         except KeyError as error:
@@ -202,7 +209,7 @@ class TorqueStatistics:
                 'a square factor per joint with one row more than columns was expected, but the '
                 'shapes differ; gather the statistics again.'
             )
-        return cls(columns, factors, weights)
+        return cls(columns, factors, counts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -168,6 +168,26 @@ def test_two_standard_deviations_cover_the_truth() -> None:
     assert 0.9 < np.mean(measured) < 0.99
 
 
+@pytest.mark.parametrize('seed', range(2))
+def test_white_noise_that_grows_near_rest_is_not_taken_for_correlated(seed: int) -> None:
+    arm = random_arm((R, R), seed=10 + seed)
+    motion, rng = arm.motion(1500, seed=0), np.random.default_rng(seed)
+    near = np.exp(-np.square(motion[1] / (0.4 * np.sqrt(np.mean(motion[1] ** 2, axis=0)))))
+    noise = 0.1 * np.sqrt(1.0 + 16.0 * near) * rng.standard_normal(near.shape)
+    fitter = ArmFitter(dataset_of(arm, motion, arm.torque(*motion) + friction(motion[1]) + noise))
+    calibration = ArmSearch(fitter).calibrated(0, silent)
+    elected = fitter.elected(calibration.placements.chain)
+    start = fitter.best_start([calibration.placements.chain], elected)
+    _, found, left_out = posterior(fitter, fitter.refined(fitter.some(1000), start))
+    assert left_out.inflation < 2.0
+    np.testing.assert_allclose(found.noise.std, 0.1, rtol=0.1)
+    unseen = arm.motion(1000, seed=5)
+    error = found.torque(*unseen) - arm.torque(*unseen) - friction(unseen[1])
+    std = found.torque_std(*unseen)
+    assert np.mean(np.abs(error) < 2.0 * std) > 0.85
+    assert 0.5 < np.sqrt(np.mean(std**2) / np.mean(error**2)) < 2.0
+
+
 def test_widths_of_signs_are_as_certain_as_samples_near_rest_make_them() -> None:
     fitter, fit = fitted()
     data, coulomb = fitter.dataset, fit.friction.coulomb
