@@ -150,7 +150,8 @@ class ServeSettings(Settings):
     enabled: bool = setting(True, 'Answer references; the service enable sets it too.')
     publish_commands: bool = setting(
         False,
-        'Also publish torques on ~/commands, for a forward_command_controller.',
+        'Also publish torques on ~/commands, for a forward_command_controller, in the order of '
+        'joints.',
         applies=ON_CONFIGURE,
     )
     publish_parts: bool = setting(

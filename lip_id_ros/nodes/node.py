@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 import functools
 import inspect
+import math
 import socket
 import time
 import traceback
@@ -28,7 +29,7 @@ from lip_id_ros.signals.status import Level, Status
 STATUS_PERIOD_S = 0.5
 
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
-"""For timers and throttled warnings: neither a simulation nor who sets the time stops it."""
+"""For timers: neither a simulation nor who sets the time stops it."""
 
 LONGEST_TAKE_S = 2.0
 """A topic that never falls silent holds up the node's end no longer."""
@@ -78,6 +79,7 @@ class NodeBase(Node):
         self._lost_published = 0
         super().__init__(name)
         self._table = table
+        self._logged: dict[str, float] = {}
         parameters.declare(self, table)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
@@ -122,6 +124,15 @@ class NodeBase(Node):
 
     # what a node uses
 
+    def set_parameters_atomically(
+        self, parameter_list: Sequence[Parameter]
+    ) -> SetParametersResult:
+        """Set parameters; one that there is not is refused by its name, which rclpy leaves out."""
+        for each in parameter_list:
+            if not self.has_parameter(each.name):
+                return parameters.refused(parameters.unknown(each.name, self._table))
+        return super().set_parameters_atomically(parameter_list)
+
     def values(self) -> dict[str, Any]:
         """Return the present value of every parameter."""
         return parameters.values(self, self._table)
@@ -161,14 +172,9 @@ class NodeBase(Node):
         self._diagnostics.publish(diagnostics)
 
     def warn_of_refusal(self, refused: RefusedError) -> None:
-        """Log a refused message, at most every five seconds."""
-        if refused.reason in HARMLESS:
-            return
-        self.get_logger().warning(
-            f'refused a message ({refused.reason}): {refused}',
-            throttle_duration_sec=5.0,
-            throttle_time_source_type=STEADY,
-        )
+        """Log a refused message, for each reason at most every five seconds."""
+        if refused.reason not in HARMLESS and self._is_due(refused.reason, 5.0):
+            self.get_logger().warning(f'refused a message ({refused.reason}): {refused}')
 
     # the guard
 
@@ -205,16 +211,23 @@ class NodeBase(Node):
         """Log and count an exception of a callback, and output the safe torque."""
         self.faults += 1
         self.last_fault = f'{type(error).__name__}: {error}'
-        where = ''.join(traceback.format_tb(error.__traceback__)[-2:]).strip()
-        self.get_logger().error(
-            f'a callback failed, the node goes on: {self.last_fault}\n{where}',
-            throttle_duration_sec=1.0,
-            throttle_time_source_type=STEADY,
-        )
+        if self._is_due(type(error).__name__, 1.0):
+            where = ''.join(traceback.format_tb(error.__traceback__)[-2:]).strip()
+            self.get_logger().error(
+                f'a callback failed, the node goes on: {self.last_fault}\n{where}'
+            )
         try:
             self.output_safe_torque()
         except Exception as failed:
             self.get_logger().error(f'no safe torque could be published: {failed}')
+
+    def _is_due(self, key: str, period_s: float) -> bool:
+        """Whether a line may be logged again: by a clock that nobody sets back."""
+        now = time.monotonic()
+        if now < self._logged.get(key, -math.inf) + period_s:
+            return False
+        self._logged[key] = now
+        return True
 
     def _guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         """Return the callback guarded; its second argument, if any, is a service's response."""

@@ -93,6 +93,11 @@ def refused(error: Exception) -> SetParametersResult:
     return SetParametersResult(successful=False, reason=str(error))
 
 
+def unknown(name: str, table: Mapping[str, Row]) -> ConfigError:
+    """Say that there is no such parameter."""
+    return ConfigError(unknown_name(name, name, table, 'the parameters given'))
+
+
 def descriptor(row: Row) -> ParameterDescriptor:
     """
     Describe a parameter for ``ros2 param describe`` and rqt.
@@ -157,4 +162,4 @@ def _typed(row: Row, parameter: Parameter) -> Parameter:
 def _refuse_unknown(node: Node, table: Mapping[str, Row]) -> None:
     for name in node._parameter_overrides:
         if not node.has_parameter(name) and not name.startswith('qos_overrides.'):
-            raise ConfigError(unknown_name(name, name, table, 'the parameters given'))
+            raise unknown(name, table)

@@ -1,5 +1,7 @@
 """Quality of service of every topic, each with its reason."""
 
+from typing import Any
+
 from rclpy.node import Node
 from rclpy.qos import (
     DurabilityPolicy,
@@ -48,15 +50,31 @@ DIAGNOSTICS = QoSProfile(
 
 
 def misfits(node: Node) -> list[str]:
-    """Describe publishers whose quality of service is too low for a subscription of the node."""
-    return [
-        f'{publisher.node_name} publishes {subscription.topic_name} with a quality of service '
-        f'that does not fit: {reason}'
+    """Describe publishers of another type, or of too low a quality, for a subscription."""
+    pairs = [
+        (subscription, publisher)
         for subscription in node.subscriptions
         for publisher in node.get_publishers_info_by_topic(subscription.topic_name)
+    ]
+    types = [
+        f'{publisher.node_name} publishes {subscription.topic_name} as {publisher.topic_type}, '
+        f'which must be {wanted}'
+        for subscription, publisher in pairs
+        if publisher.topic_type != (wanted := _type_name(subscription.msg_type))
+    ]
+    return types + [
+        f'{publisher.node_name} publishes {subscription.topic_name} with a quality of service '
+        f'that does not fit: {reason}'
+        for subscription, publisher in pairs
         for fit, reason in [qos_check_compatible(publisher.qos_profile, subscription.qos_profile)]
         if fit == QoSCompatibility.ERROR
     ]
+
+
+def _type_name(message: Any) -> str:
+    """Return the name of a message's type, as the graph has it."""
+    package, kind, *_ = message.__module__.split('.')
+    return f'{package}/{kind}/{message.__name__}'
 
 
 def several_publishers(node: Node, topic: str) -> list[str]:

@@ -251,6 +251,8 @@ class ServeNode(NodeBase, LifecycleNode):
         self.publish_status()
         response.success = result.successful
         done = 'enabled' if request.data else 'disabled'
+        if request.data and not self._server.active:
+            done += f'; the node is {self._state_label} and answers nothing until it is active'
         response.message = done if result.successful else result.reason
         return response
 

@@ -44,10 +44,13 @@ class Outputs:
         self._plan = self._publisher(JointTrajectory, '~/trajectory_with_effort')
         self._optional: dict[str, Any] = {}
         self._message, self._command = JointState(), Float64MultiArray()
+        self._of_commands: list[int] = []  # they have no names, but the order of `joints`
 
     def configure(self, settings: ServeSettings, joint_names: Sequence[str]) -> None:
         """Make the publishers that are asked for; torques are of these joints."""
         self._message.name = list(joint_names)
+        order = settings.joints or joint_names
+        self._of_commands = [joint_names.index(name) for name in order]
         if settings.publish_commands:
             self._add(Float64MultiArray, 'commands')
         for topic in COMPONENT_TOPICS if settings.publish_parts else ():
@@ -91,9 +94,10 @@ class Outputs:
     def torque(self, stamp: Time, tau: Array) -> None:
         """Publish the robot's torque, shape (n,) [N m or N]; its message has the names already."""
         self._message.header.stamp = stamp
-        self._message.effort = self._command.data = array('d', tau.tobytes())
+        self._message.effort = array('d', tau.tobytes())
         self._torque.publish(self._message)
         if 'commands' in self._optional:
+            self._command.data = array('d', tau[self._of_commands].tobytes())
             self._optional['commands'].publish(self._command)
 
     def energies(self, stamp: Time, query: Query) -> None:

@@ -167,6 +167,11 @@ def test_a_publisher_whose_quality_of_service_does_not_fit_is_warned_of(
     )
     client.node.destroy_publisher(publisher)
     client.status('serve', lambda status: status['summary'] == 'answering')
+    publisher = client.node.create_publisher(JointState, REFERENCE, qos.REFERENCE)
+    sentence = 'as sensor_msgs/msg/JointState, which must be trajectory_msgs/msg/JointTrajectory'
+    client.status('serve', lambda status: sentence in status['summary'])
+    client.node.destroy_publisher(publisher)
+    client.status('serve', lambda status: status['summary'] == 'answering')
 
 
 def test_long_plans_are_computed_beside_the_stream(

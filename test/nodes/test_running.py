@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 import sys
 import threading
+import time
 from typing import Any
 
 import pytest
@@ -14,13 +15,15 @@ from waiting import run_to_end
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 import rclpy
-from rclpy.clock import ClockType
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from ros_domain import free_domain
 
+from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import spinning
+from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 pytestmark = pytest.mark.ros
@@ -149,17 +152,40 @@ def test_an_executor_spins_no_more_when_it_is_shut_down(monkeypatch: pytest.Monk
     assert not failed
 
 
-def test_throttled_warnings_do_not_wait_for_a_clock_that_was_set_back() -> None:
-    """They count by a clock that only runs: set back by an hour, another one hides an hour."""
+def test_each_reason_is_logged_by_a_clock_that_nobody_sets_back(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """One reason hid all others for five seconds; a clock set back by an hour hid an hour."""
     with free_domain() as domain:
         rclpy.init(domain_id=domain)
         node = NodeBase('throttled', {})
         try:
+            for reason in (Refusal.MALFORMED, Refusal.MISSING_JOINT, Refusal.MALFORMED):
+                node.warn_of_refusal(RefusedError(reason))
+            set_back, later = time.time() - 3600.0, time.monotonic() + 6.0
+            monkeypatch.setattr(time, 'time', lambda: set_back)
+            monkeypatch.setattr(time, 'monotonic', lambda: later)
             node.warn_of_refusal(RefusedError(Refusal.MALFORMED))
-            node.caught(RuntimeError('a programming error'))
-            logged = node.get_logger().contexts.values()
-            clocks = [each['throttle_time_source_type'] for each in logged]
-            assert [clock.clock_type for clock in clocks] == [ClockType.STEADY_TIME] * 2
+        finally:
+            monkeypatch.undo()
+            node.destroy_node()
+            rclpy.shutdown()
+    logged = capfd.readouterr().err
+    assert logged.count('(malformed)') == 2
+    assert logged.count('(joint missing)') == 1
+
+
+def test_a_parameter_that_there_is_not_is_refused_by_its_name() -> None:
+    """The reason of rclpy has no name."""
+    with free_domain() as domain:
+        rclpy.init(domain_id=domain)
+        node = NodeBase('set', parameters_of(ServeSettings))
+        try:
+            unknown = Parameter('torque_limit', value=[1.0])
+            reason = node.set_parameters_atomically([unknown]).reason
         finally:
             node.destroy_node()
             rclpy.shutdown()
+    assert reason == (
+        "torque_limit in the parameters given is not a setting; did you mean 'torque_limits'?"
+    )

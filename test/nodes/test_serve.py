@@ -180,13 +180,14 @@ def test_the_last_word_is_zero_torque(
     ros: tuple[Graph, Client], model_path: str, number: int
 ) -> None:
     graph, client = ros
-    serve = start_serve(graph, model_path=model_path, publish_commands=True)
+    joints = ['elbow', 'shoulder']  # the order of commands, which have no names
+    serve = start_serve(graph, model_path=model_path, publish_commands=True, joints=joints)
     commands = client.listen(Float64MultiArray, '/serve/commands')
     publisher = client.speak(JointTrajectory, REFERENCE)
     client.status('serve', lambda status: status['state'] == 'active')
     publisher.publish(GOOD)
     client.wait_until(lambda: commands, 'command')
-    np.testing.assert_allclose(commands[0].data, EXPECTED, atol=0.1)
+    np.testing.assert_allclose(commands[0].data, EXPECTED[::-1], atol=0.1)
     assert serve.end(number) == 0, serve.log
     client.wait_until(lambda: len(commands) == 2, 'zero torque')
     assert list(commands[1].data) == [0.0, 0.0]

@@ -197,6 +197,8 @@ def test_enable_answers_by_its_effect(ros: tuple[Graph, Client], model_path: str
     assert answer.message.startswith("joints must name each joint once, but 'shoulder' comes tw")
     assert client.set_parameter('serve', 'joints', []).successful
     assert client.switch('/serve/enable', False).message == 'disabled'
+    enabled = client.switch('/serve/enable', True).message
+    assert enabled == 'enabled; the node is unconfigured and answers nothing until it is active'
 
 
 def test_a_configuration_that_fails_is_an_error_in_the_diagnostics(
