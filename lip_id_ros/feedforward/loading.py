@@ -9,7 +9,7 @@ import shutil
 
 import numpy as np
 
-from lip_id_ros.errors import ConfigError, ModelError
+from lip_id_ros.errors import ConfigError, LipIdError, ModelError
 from lip_id_ros.feedforward.deviations import Deviations
 from lip_id_ros.feedforward.settings import make_rules, require_consistent, ServeSettings
 from lip_id_ros.files import require_regular_file
@@ -54,8 +54,12 @@ class ModelFile:
         self.path = path
         self.descriptor = os.memfd_create('model')
         self.place = f'/dev/fd/{self.descriptor}'
-        with open(path, 'rb') as source, open(self.descriptor, 'wb', closefd=False) as copy:
-            shutil.copyfileobj(source, copy)
+        try:
+            with open(path, 'rb') as source, open(self.descriptor, 'wb', closefd=False) as copy:
+                shutil.copyfileobj(source, copy)
+        except Exception as error:
+            self.close()
+            raise self._named(error) from error
 
     def load(self) -> InverseDynamicsModel:
         """
@@ -69,8 +73,19 @@ class ModelFile:
         """
         try:
             return InverseDynamicsModel.load(self.place)
-        except ModelError as error:
-            raise ModelError(str(error).replace(self.place, self.path)) from error
+        except Exception as error:
+            raise self._named(error) from error
+
+    def _named(self, error: Exception) -> Exception:
+        """Return an error that names the file, whatever it is: a reload keeps the old model."""
+        if isinstance(error, OSError):
+            return OSError(error.errno, error.strerror, self.path)
+        if isinstance(error, LipIdError):
+            return ModelError(str(error).replace(self.place, self.path))
+        return ModelError(
+            f'{self.path} must be a model that can be loaded here, but {type(error).__name__} '
+            f'came ({error}); free memory, or fit again.'
+        )
 
     def close(self) -> None:
         """Forget the copy."""

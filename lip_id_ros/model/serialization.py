@@ -164,7 +164,9 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
     )
     _require_possible(arrays, coordinates)
     size = (DIRECTIONS + LINK_PARAMETERS) * n + friction.basis.with_sign_widths().size
-    root = np.zeros((size, arrays['arm_covariance_root'].shape[1]))
+    columns = arrays['arm_covariance_root'].shape[1]  # of an array that may have no rows
+    require(columns <= size, f'arm_covariance_root, with {columns} columns for {size} parameters')
+    root = np.zeros((size, columns))
     root[coordinates] = arrays['arm_covariance_root']
     places = arrays['arm_rotations'], arrays['arm_translations']
     chain = Chain(*places, is_prismatic(types), arrays['arm_gravity'])

@@ -21,6 +21,7 @@ from lip_id_ros.feedforward.loading import (
 )
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.feedforward.shaping import TrainingRange
+from lip_id_ros.model import InverseDynamicsModel
 
 MODEL = random_model('recursive')
 JOINTS = MODEL.joint_names
@@ -92,4 +93,26 @@ def test_a_payload_named_twice_is_loaded_once(settings: ServeSettings) -> None:
     models = load_models(replace(settings, payload_models=(path, path)), None)
     assert list(models) == ['', path]
     stop(models)
+    assert len(os.listdir('/proc/self/fd')) == before
+
+
+def test_what_cannot_be_read_is_named_and_leaves_no_descriptor(
+    settings: ServeSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever comes is an error that a reload answers; any other published zero in mid-stream."""
+    unreadable = f'/proc/{os.getpid()}/mem'
+    (tmp_path / 'broken.npz').write_bytes(b'no model')
+    before = len(os.listdir('/proc/self/fd'))
+    for _ in range(3):
+        with pytest.raises(OSError, match=rf"Input/output error: '{unreadable}'"):
+            load_model(replace(settings, model_path=unreadable), ())
+        with pytest.raises(ModelError, match=r'broken\.npz must be a model'):
+            load_model(replace(settings, model_path=str(tmp_path / 'broken.npz')), ())
+
+    def fail(path: str) -> None:
+        raise MemoryError('no memory')
+
+    monkeypatch.setattr(InverseDynamicsModel, 'load', fail)
+    with pytest.raises(ModelError, match=r'model\.npz must .* but MemoryError came \(no memory\)'):
+        load_model(settings, ())
     assert len(os.listdir('/proc/self/fd')) == before

@@ -117,3 +117,14 @@ def test_numbers_of_another_type_have_another_hash(path: Path) -> None:
             write_npz(path, {**arrays, name: values.view(np.int64)}, header)
             with pytest.raises(ModelError, match='is damaged: its contents do not match'):
                 InverseDynamicsModel.load(path)
+
+
+def test_columns_without_rows_take_no_memory(path: Path) -> None:
+    """They have no bytes in the file; 37 GB were asked for."""
+    arrays, header = read_npz(path)
+    if 'arm_covariance_root' in arrays:
+        empty = {'arm_coordinates': np.zeros(0, np.uint16)}
+        empty |= {'arm_covariance_root': np.zeros((0, 10**8), np.float32)}
+        tamper(path, {**arrays, **empty}, header)
+        with pytest.raises(ModelError, match='arm_covariance_root, with 100000000 columns for'):
+            InverseDynamicsModel.load(path)
