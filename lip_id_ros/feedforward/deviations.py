@@ -73,6 +73,7 @@ class Deviations:
         self._asked_at = -np.inf
         self._done: Deviated | None = None
         self.latest: Deviated | None = None
+        self._followed: Deviated | None = None
         self._process = subprocess.Popen(
             [sys.executable, '-P', '-m', 'lip_id_ros.feedforward.deviations', path],
             pass_fds=tuple(inherited),
@@ -128,9 +129,15 @@ class Deviations:
     def std(self, now: float, period_s: float) -> Array:
         """Return the newest standard deviations, infinite where none is recent."""
         longest = max(LONGEST_VALID_S, 3.0 * period_s)
-        if self.latest is None or now - self.latest.asked_at > longest:
+        known = [each for each in (self.latest, self._followed) if each is not None]
+        newest = max(known, key=lambda each: each.asked_at, default=None)
+        if newest is None or now - newest.asked_at > longest:
             return np.full(self._n_joints, np.inf)
-        return self.latest.std
+        return newest.std
+
+    def follow(self, before: Deviations) -> None:
+        """Return those of the model before until there are some of this one."""
+        self._followed = before.latest
 
     def stop(self) -> None:
         """End the process."""

@@ -248,7 +248,7 @@ def require_payload(settings: ServeSettings, known: Collection[str]) -> None:
 
 def require_rules(settings: ServeSettings, loaded: LoadedModel | None) -> None:
     """
-    Refuse settings that do not fit the arm, or where there is none yet, its named joints.
+    Refuse settings that do not fit the arm or its model, or where there is none, its named joints.
 
     Raises
     ------
@@ -261,3 +261,9 @@ def require_rules(settings: ServeSettings, loaded: LoadedModel | None) -> None:
         make_rules(settings, joints)
     else:
         require_consistent(settings)
+    if loaded and settings.gravity and not loaded.model.has_potential:
+        raise ConfigError(
+            'gravity is true, but the model has none, since the efforts of its fit were '
+            'gravity-compensated; set gravity to false where the robot adds its own, or fit '
+            'efforts with gravity.'
+        )

@@ -190,6 +190,9 @@ class Server:
         the settings do not fit them.
 
         """
+        before = self._arm.loaded.deviations if self._arm else None
+        if before is not None and loaded.deviations is not None:
+            loaded.deviations.follow(before)
         sent = self._arm.shaper.sent if self._arm else Sent(np.zeros(len(loaded.joint_names)))
         self._arm = ServedArm(loaded, settings, self.counts.torques, sent)
         self._arm.shaper.begin()

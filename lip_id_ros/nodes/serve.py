@@ -175,7 +175,8 @@ class ServeNode(NodeBase, LifecycleNode):
             self._inputs.configure(settings)
             self._models = load_models(settings, None)
             self._loaded = self._models[settings.payload]
-            require_rules(settings, self._loaded)
+            for loaded in self._models.values():
+                require_rules(settings, loaded)
             self._inputs.use(self._loaded, settings)
         except (LipIdError, OSError) as error:
             self._failure = f'not configured: {error}'
@@ -289,6 +290,12 @@ class ServeNode(NodeBase, LifecycleNode):
             raise LipIdError(
                 'the node was cleaned up while the model was loaded; call reload_model again.'
             )
+        try:
+            for loaded in models.values():
+                require_rules(self._settings(), loaded)
+        except LipIdError:
+            stop(models)
+            raise
         # another reload may have been faster: its models are replaced then
         replaced, now = self._models, self._settings()
         self._models = models

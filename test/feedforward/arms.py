@@ -24,6 +24,7 @@ class Sum:
     factor: float = 1.0
     joint_names: tuple[str, ...] = NAMES
     reach: float = 1e6
+    has_potential: bool = True
 
     @property
     def n_joints(self) -> int:
@@ -36,10 +37,6 @@ class Sum:
     @property
     def size(self) -> int:
         return 1
-
-    @property
-    def has_potential(self) -> bool:
-        return False
 
     @property
     def noise_std(self) -> Array:

@@ -95,6 +95,13 @@ def test_an_unknown_deviation_is_beyond_the_limit(tmp_path: Path) -> None:
         wait_for(arm.deviations)
         assert server.sample(model.joint_names, points, 0.1).tau.all()
         assert server.judge('', 0.1)[0] == Level.WARN
+        successor = load_model(settings, ())
+        server.use(successor, settings)  # whose own are not computed yet
+        try:
+            assert server.sample(model.joint_names, points, 0.2).tau.all()
+        finally:
+            successor.stop()
+            server.use(arm, settings)
     finally:
         arm.stop()
     assert not server.sample(model.joint_names, points, 9.0).tau.any()

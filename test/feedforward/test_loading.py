@@ -6,6 +6,7 @@ from dataclasses import replace
 import os
 from pathlib import Path
 
+from feedforward.arms import arm, Sum
 from gp.processes import process_of
 from model.models import random_model
 import numpy as np
@@ -70,6 +71,15 @@ def test_settings_are_compared_with_the_arm_or_the_named_joints(settings: ServeS
         require_rules(wrong, load_model(settings, ()))
     with pytest.raises(ConfigError, match=r'std_limits must hold'):
         require_rules(replace(settings, std_policy='warn'), None)
+
+
+def test_a_model_without_gravity_is_for_robots_that_add_their_own() -> None:
+    """A reload of one took the torque from 5.2 to 0 N m, and the safe torque of an arm to zero."""
+    compensated = replace(arm(), model=Sum(has_potential=False))
+    require_rules(ServeSettings(gravity=False), compensated)
+    require_rules(ServeSettings(), arm())
+    with pytest.raises(ConfigError, match=r'^gravity is true, but the model has none, since'):
+        require_rules(ServeSettings(), compensated)
 
 
 def test_a_joint_named_twice_is_refused(settings: ServeSettings) -> None:
