@@ -17,7 +17,6 @@ from nodes.test_train import (
     joint_publisher,
     joint_state,
     publish_all,
-    START_NS,
     start_recording,
 )
 import numpy as np
@@ -185,8 +184,8 @@ def test_bags_and_live_samples_make_one_data_set(
     live = data.segment == data.segment[0]
     assert np.count_nonzero(~live) == 600
     scale = RecordingSettings(effort_scale=(1.0, -1.0))
-    stamps = START_NS + 10_000_000 * np.arange(400)
-    samples = JointSamples(1e-9 * stamps.astype(np.float64), q, dq, effort, toy.JOINTS)
+    t = 0.01 * np.arange(400, dtype=np.float64)  # without the rounding of a time of today
+    samples = JointSamples(t, q, dq, effort, toy.JOINTS)
     expected = preprocess(samples, recording=scale)
     np.testing.assert_allclose(data.tau[live], expected.tau, rtol=0.0, atol=1e-9)
     truth = toy.torque(data.q[live], data.ddq[live])
