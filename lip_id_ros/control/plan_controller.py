@@ -14,12 +14,15 @@ from lip_id_ros.control.plan import EffortPoint, LARGEST, Plan, read_points
 from lip_id_ros.control.serialised_plan import read_serialised
 from lip_id_ros.control.settings import ControlRules, ControlSettings
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState, StampWatch
+from lip_id_ros.signals.joint_states import (
+    JointStateReader,
+    MeasuredState,
+    NANOSECONDS,
+    StampWatch,
+)
 from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
 from lip_id_ros.signals.status import Level, Status, Tally
 from lip_id_ros.signals.torque_steps import between, Ramp, Sent
-
-NANOSECONDS = 1_000_000_000
 
 
 class LetGo(StrEnum):

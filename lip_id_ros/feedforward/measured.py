@@ -9,13 +9,16 @@ from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.model import Query
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
-from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState, StampWatch
+from lip_id_ros.signals.joint_states import (
+    JointStateReader,
+    MeasuredState,
+    NANOSECONDS,
+    StampWatch,
+)
 from lip_id_ros.signals.joints import RefusedError
 
 LONGEST_STEP_S = 0.5
 """A stamp that is further ahead, beyond the time its message was in coming, is doubted."""
-
-NANOSECONDS = 1_000_000_000
 
 
 class MeasuredArm:

@@ -28,9 +28,6 @@ from lip_id_ros.signals.status import Level, Status
 
 STATUS_PERIOD_S = 0.5
 
-STEADY = Clock(clock_type=ClockType.STEADY_TIME)
-"""For timers: neither a simulation nor who sets the time stops it."""
-
 LONGEST_TAKE_S = 2.0
 """A topic that never falls silent holds up the node's end no longer."""
 
@@ -157,7 +154,7 @@ class NodeBase(Node):
 
     def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
         """Create a timer that goes on where a paused simulation stops the node's clock."""
-        self.create_timer(period_s, callback, clock=STEADY)
+        self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish_status(self) -> None:
         """Publish the status to /diagnostics, and to ~/status if anything changed."""

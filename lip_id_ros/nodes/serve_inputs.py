@@ -152,23 +152,24 @@ class Inputs:
 
     def _on_trajectory(self, raw: bytes, info: Info) -> None:
         """Answer a reference; where it lags, all plans that wait and the newest sample."""
-        arrived = [(raw, info)]
+        arrived = [(raw, self._age(info))]
         overtaken: list[int] = []
-        if self._age(info) > LATE_S:
-            arrived += self._node.arrived(self._trajectories)
+        if arrived[0][1] > LATE_S:
+            waiting = self._node.arrived(self._trajectories)
+            arrived += [(each, self._age(its_info)) for each, its_info in waiting]
             overtaken = [n for n, (each, _) in enumerate(arrived) if messages.is_sample(each)][:-1]
         self._references.received += len(arrived)
-        for number, (each, its_info) in enumerate(arrived):
+        for number, (each, age) in enumerate(arrived):
             if number in overtaken:
                 self._unless_refused(self._refuse, Refusal.OVERTAKEN)
             else:
-                self._unless_refused(self._answer, each, its_info)
+                self._unless_refused(self._answer, each, age)
 
     def _refuse(self, reason: Refusal) -> None:
         with self._references.refusing():
             raise RefusedError(reason)
 
-    def _answer(self, raw: bytes, info: Info) -> None:
+    def _answer(self, raw: bytes, age: float) -> None:
         """Answer a plan, or a sample of a stream."""
         if self._is_contradicted:
             self._refuse(Refusal.SEVERAL_PUBLISHERS)
@@ -185,7 +186,7 @@ class Inputs:
             self.interrupt_plans()
             self._outputs.plan(message, tau)
         else:
-            self._answer_sample(message.header.stamp, message.joint_names, message.points, info)
+            self._answer_sample(message.header.stamp, message.joint_names, message.points, age)
 
     def _count_points(self, raw: bytes) -> int:
         with self._references.refusing():
@@ -220,7 +221,7 @@ class Inputs:
         reference = message.reference if hasattr(message, 'reference') else message.desired
         stamp, names = message.header.stamp, message.joint_names
         self._references.received += 1
-        self._unless_refused(self._answer_sample, stamp, names, [reference], info)
+        self._unless_refused(self._answer_sample, stamp, names, [reference], self._age(info))
 
     def _on_joint_state(self, message: JointState) -> None:
         """Publish energies and the torque residual while they have subscribers."""
@@ -242,14 +243,12 @@ class Inputs:
             self._node.warn_of_refusal(refused)
 
     def _answer_sample(
-        self, stamp: Time, names: Sequence[str], points: Sequence[Any], info: Info
+        self, stamp: Time, names: Sequence[str], points: Sequence[Any], sent_s: float
     ) -> None:
         now = self._now()
         if stamp.sec == stamp.nanosec == 0:  # left empty, which in a trajectory means now
             stamp = now
-        age = max(
-            self._age(info), stamp_age(messages.nanoseconds(stamp), messages.nanoseconds(now))
-        )
+        age = max(sent_s, stamp_age(messages.nanoseconds(stamp), messages.nanoseconds(now)))
         served = self._server.sample(names, points, time.monotonic(), stamp, age)
         self._outputs.torque(stamp, served.tau)
         self._outputs.energies(stamp, served.query)

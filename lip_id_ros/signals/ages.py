@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from lip_id_ros.signals.joint_states import NANOSECONDS
+
 WINDOW = 1000
 """So many messages show how far apart two clocks are: more than wait after a pause."""
 
 SAME_CLOCK_S = 10.0
 """A stamp further in the past is of another clock, and says nothing of the age."""
-
-NANOSECONDS = 1_000_000_000
 
 
 class AgeWatch:
@@ -33,7 +33,7 @@ class AgeWatch:
         Parameters
         ----------
         sent_ns : int
-            By the clock of the sender [ns]; 0 where it is not told.
+            By the clock of the sender [ns]; 0 where it is unknown.
         received_ns, now_ns : int
             By the clock of this computer [ns].
 

@@ -180,7 +180,7 @@ def test_gaps_among_what_is_watched_are_told(path: str) -> None:
 
 
 def test_the_reason_of_blindness_is_told_until_it_ends(path: str) -> None:
-    """Where nothing new had come since the last status it told of gaps."""
+    """Where nothing new had come since the last status, the status named gaps."""
     watching = monitor(path)
     judged(watching, [message(100)] * 100)
     assert watching.judge(0.6) == (

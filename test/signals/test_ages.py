@@ -25,7 +25,7 @@ def test_the_age_is_the_wait_whatever_the_clock_of_the_sender(
 
 
 def test_a_burst_after_a_pause_is_as_old_as_it_is() -> None:
-    """It is received when the process runs again: only the time of sending tells."""
+    """It is received when the process runs again: only the time of sending shows its age."""
     watch = AgeWatch()
     for number in range(WINDOW + 100):
         watch.age(EPOCH + number * S, 0, EPOCH + number * S)
