@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.fleet.friction_deviations import NestedEffects
 from lip_id_ros.fleet.recording_statistics import friction_blocks, link_triangles, Regression
 from lip_id_ros.fleet.results import RecordingStatistics
+from lip_id_ros.identification.friction_deviations import NestedEffects
 from lip_id_ros.identification.statistics import TorqueStatistics, triangular
 
 LEFT_OUT_PARTS = 6

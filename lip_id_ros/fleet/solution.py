@@ -9,10 +9,10 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.fleet.fleet_statistics import FleetStatistics, FrictionDeviations
-from lip_id_ros.fleet.friction_deviations import Effects
 from lip_id_ros.fleet.link_problem import LinkProblem, LinkState
 from lip_id_ros.friction.model import FrictionBasis
 from lip_id_ros.identification.arm_prior import ArmPrior
+from lip_id_ros.identification.friction_deviations import Effects
 from lip_id_ros.identification.laplace import LeftOut, measure_left_out
 from lip_id_ros.identification.recording_effects import VARYING
 from lip_id_ros.identification.statistics import TorqueStatistics

@@ -168,7 +168,8 @@ def _identified(
     final, fit, arm, left_out = _with_posterior(fitter, fit)
     arm = replace(arm, covariance_root=root_with_sign_widths(final, fit, left_out))
     deviations = recording_deviations(fitter, fit, left_out.inflation)
-    arm = with_recordings(arm, deviations, fitter.some(MOST_SAMPLES).dq)
+    count = np.unique(fitter.dataset.recording).size
+    arm = with_recordings(arm, deviations, count, fitter.some(MOST_SAMPLES).dq)
     remainder = elect_remainder(fitter, fit)
     arm = replace(arm, noise=prediction_noise(fitter, fit, arm.noise, remainder))
     kinematics_std = table_std(arm.chain, free_placements_root(final, fit, left_out))

@@ -2,9 +2,8 @@
 Friction that differs between recordings: a linear mixed model (docs/maths.md, section 13).
 
 Drives warm up and offsets drift. Viscous and Coulomb coefficients and offsets of a recording are
-normal around those of the arm, with deviations that are estimated by expectation maximisation
-(Laird and Ware, Biometrics 1982). A prediction is for a recording that is not known, so that its
-deviation has theirs in it.
+normal around those of the arm, with deviations of restricted maximum likelihood, as in a fleet. A
+prediction is for a recording that is not known, so that its deviation has theirs in it.
 
 """
 
@@ -13,19 +12,19 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm, t
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_search import CHUNK
+from lip_id_ros.identification.friction_deviations import LEAST_GROUPS, NestedEffects
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
-LEAST_RECORDINGS = 3
-ROUNDS = 300
 INITIAL = 0.05
 """First deviation, as a share of the torque's."""
 
@@ -51,13 +50,13 @@ def recording_deviations(fitter: ArmFitter, fit: ArmFit, inflation: float) -> Ar
     -------
     array, shape (K,)
         In the units of the coefficients; 0 where a term does not vary, and with fewer than
-        `LEAST_RECORDINGS` recordings.
+        `LEAST_GROUPS` recordings.
 
     """
     dataset, basis = fitter.dataset, fit.friction.basis
     out = np.zeros(basis.size)
     numbers = np.unique(dataset.recording)
-    if numbers.size < LEAST_RECORDINGS:
+    if numbers.size < LEAST_GROUPS:
         return out
     each = [_normal_equations(fitter, fit, dataset.recording == number) for number in numbers]
     normal, right = (np.array(some) for some in zip(*each, strict=True))
@@ -67,7 +66,8 @@ def recording_deviations(fitter: ArmFitter, fit: ArmFit, inflation: float) -> Ar
         size = np.sqrt(np.diagonal(block.sum(axis=0)) * inflation / dataset.n_samples)
         start = INITIAL / np.where(size > 0.0, size, 1.0) * fitter.torque_std[joint]
         start /= fit.noise.std[joint]
-        out[own] = variance_components(block, right[:, joint, own] / inflation, start)
+        effects = NestedEffects(block, right[:, joint, own] / inflation, np.arange(numbers.size))
+        out[own] = effects.estimated(start).recordings
     return out
 
 
@@ -89,34 +89,9 @@ def _normal_equations(fitter: ArmFitter, fit: ArmFit, some: BoolArray) -> tuple[
     return normal, right
 
 
-def variance_components(normal: Array, right: Array, start: Array) -> Array:
-    """
-    Estimate the deviations of random effects.
-
-    Parameters
-    ----------
-    normal : array, shape (R, k, k)
-        F^T F of every group, in units of the noise.
-    right : array, shape (R, k)
-        F^T r.
-    start : array, shape (k,)
-        Deviations to begin with.
-
-    Returns
-    -------
-    array, shape (k,)
-
-    """
-    variance = start**2
-    for _ in range(ROUNDS):
-        covariance = np.linalg.inv(normal + np.diag(1.0 / variance))
-        mean = np.einsum('rij,rj->ri', covariance, right)
-        second = mean**2 + np.diagonal(covariance, axis1=1, axis2=2)
-        variance = np.maximum(second.mean(axis=0), 1e-12 * start**2)
-    return np.sqrt(variance)
-
-
-def with_recordings(arm: ArmPosterior, deviations: Array, dq: Array) -> ArmPosterior:
+def with_recordings(
+    arm: ArmPosterior, deviations: Array, n_recordings: int, dq: Array
+) -> ArmPosterior:
     """
     Return an arm whose deviations are those of a recording that is not known.
 
@@ -127,6 +102,8 @@ def with_recordings(arm: ArmPosterior, deviations: Array, dq: Array) -> ArmPoste
     arm : ArmPosterior
     deviations : array, shape (K,)
         Of `recording_deviations`.
+    n_recordings : int
+        From which they were estimated.
     dq : array, shape (N, n)
         Of the training samples.
 
@@ -136,7 +113,9 @@ def with_recordings(arm: ArmPosterior, deviations: Array, dq: Array) -> ArmPoste
         return arm
     first = (DIRECTIONS + LINK_PARAMETERS) * len(arm.links)
     columns = np.zeros((len(arm.covariance_root), varying.size))
-    columns[first + varying, np.arange(varying.size)] = deviations[varying]
+    columns[first + varying, np.arange(varying.size)] = deviations[varying] * widening(
+        n_recordings
+    )
     zero = np.zeros_like(dq)
     features = friction_features(arm.friction.basis, zero, dq, zero, zero)
     between = np.mean(np.sum((features * deviations) ** 2, axis=2), axis=0)
@@ -147,6 +126,17 @@ def with_recordings(arm: ArmPosterior, deviations: Array, dq: Array) -> ArmPoste
         noise=replace(arm.noise, std=std),
         covariance_root=np.hstack([arm.covariance_root, columns]),
     )
+
+
+def widening(n_recordings: int) -> float:
+    """
+    Return the factor of a deviation between recordings with which two of them cover a new one.
+
+    The mean of few recordings is not known exactly, nor is their deviation: Student's t.
+
+    """
+    two = t.ppf(norm.cdf(2.0), n_recordings - 1)
+    return float(0.5 * two * np.sqrt(1.0 + 1.0 / n_recordings))
 
 
 def _varying(fit: ArmFit, joint: int) -> list[int]:

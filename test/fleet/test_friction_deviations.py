@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.fleet.friction_deviations import NestedEffects
+from lip_id_ros.identification.friction_deviations import NestedEffects
 
 K = 2
 WITHIN, BETWEEN = np.array([0.3, 0.05]), np.array([0.8, 0.4])

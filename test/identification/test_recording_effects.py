@@ -9,23 +9,32 @@ import pytest
 
 from benchmarks._drives import N_JOINTS, recording
 from lip_id_ros.dataset import concatenate
+from lip_id_ros.identification.friction_deviations import NestedEffects
 from lip_id_ros.identification.identify import identify
-from lip_id_ros.identification.recording_effects import variance_components
+from lip_id_ros.identification.recording_effects import widening
 
 COUNT = 8
 
 
-def test_deviations_of_many_groups_are_recovered() -> None:
+@pytest.mark.parametrize('count', [3, 5, 12])
+def test_a_recording_that_is_not_known_is_covered(count: int) -> None:
+    """By two widened deviations, from three recordings on; their variance has no bias."""
     rng = np.random.default_rng(0)
-    truth = np.array([0.5, 0.1, 0.0])
-    rows = rng.standard_normal((300, 40, 3))
-    effects = truth * rng.standard_normal((300, 3))
-    values = np.einsum('rti,ri->rt', rows, effects) + rng.standard_normal((300, 40))
-    normal = np.einsum('rti,rtj->rij', rows, rows)
-    right = np.einsum('rti,rt->ri', rows, values)
-    got = variance_components(normal, right, np.full(3, 0.3))
-    np.testing.assert_allclose(got[:2], truth[:2], rtol=0.25)
-    assert got[2] < 0.06
+    truth, covered, variances = 0.5, [], []
+    for _ in range(300):
+        rows = rng.standard_normal((count, 100, 2))
+        effects = truth * rng.standard_normal((count, 2))
+        values = np.einsum('rti,ri->rt', rows, effects) + rng.standard_normal((count, 100))
+        normal = np.einsum('rti,rtj->rij', rows, rows)
+        right = np.einsum('rti,rt->ri', rows, values)
+        mean = np.linalg.solve(normal.sum(axis=0), right.sum(axis=0))
+        nested = NestedEffects(normal, right - normal @ mean, np.arange(count))
+        found = nested.estimated(np.full(2, 0.05)).recordings
+        variances.append(found**2)
+        error = truth * rng.standard_normal(2) - mean
+        covered.append(np.abs(error) < 2.0 * widening(count) * found)
+    assert np.sqrt(np.mean(variances)) == pytest.approx(truth, rel=0.1)
+    assert 0.9 < np.mean(covered) < 0.99
 
 
 @pytest.mark.slow
@@ -41,7 +50,7 @@ def test_offsets_that_drift_widen_the_prediction() -> None:
     found, still = identify(concatenate(apart)), identify(concatenate(same))
     terms = found.arm.friction.names()[0]
     offset = found.recording_deviations[terms.index('offset')]
-    np.testing.assert_allclose(offset, drift[:, 0].std(), rtol=0.4)
+    np.testing.assert_allclose(offset, drift[:, 0].std(ddof=1), rtol=0.4)
     assert still.recording_deviations[terms.index('offset')] < 0.1 * offset
     state = dataset.q, dataset.dq, dataset.ddq
     widened = found.arm.torque_std(*state) / still.arm.torque_std(*state)
