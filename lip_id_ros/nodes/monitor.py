@@ -42,7 +42,7 @@ class MonitorNode(NodeBase):
         self._unexplained = self.create_publisher(Float64, '~/power_unexplained', qos.OUTPUT)
         self._energy = self.create_publisher(Statistics, '~/energy', qos.OUTPUT)
         self.create_service(Trigger, '~/calibrate', self._on_calibrate)
-        self.create_subscription(JointState, 'joint_states', self._on_joint_state, qos.NEWEST)
+        self.create_subscription(JointState, 'joint_states', self._on_joint_state, qos.WATCHED)
 
     def status(self) -> Status:
         """Return the state of the monitor and its counts."""

@@ -12,6 +12,7 @@ import socket
 import time
 import traceback
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
@@ -19,9 +20,11 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.nodes import messages, parameters, qos
+from lip_id_ros.nodes.losses import Losses
 from lip_id_ros.settings import Row
 from lip_id_ros.signals.joints import HARMLESS, RefusedError
 from lip_id_ros.signals.status import Level, Status
@@ -64,7 +67,7 @@ class NodeBase(Node):
     n_callbacks : int
         How many callbacks were run.
     lost : Counter
-        By topic, how many messages the middleware lost before they could be taken.
+        By topic, how many messages were lost before they could be taken.
 
     """
 
@@ -73,7 +76,7 @@ class NodeBase(Node):
 
     def __init__(self, name: str, table: Mapping[str, Row]) -> None:
         self.lost: Counter[str] = Counter()
-        self._lost_published = 0
+        self._losses: WeakKeyDictionary[Any, Losses] = WeakKeyDictionary()
         super().__init__(name)
         self._table = table
         self._logged: dict[str, float] = {}
@@ -145,12 +148,14 @@ class NodeBase(Node):
                 continue
             if taken is None:
                 return
+            if subscription in self._losses:
+                self._losses[subscription].note(taken[1])
             yield taken
 
     def take_waiting(self, subscription: Any) -> None:
         """Run the callback for messages that have arrived and no executor takes any more."""
-        for message, _ in self.arrived(subscription):
-            subscription.callback(message)
+        for taken in self.arrived(subscription):
+            subscription.callback(taken)
 
     def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
         """Create a timer that goes on where a paused simulation stops the node's clock."""
@@ -176,17 +181,23 @@ class NodeBase(Node):
     # the guard
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Any, *args: Any, **options: Any
+        self, msg_type: Any, topic: str, callback: Any, profile: QoSProfile, **options: Any
     ) -> Any:
-        """Create a guarded subscription that counts what the middleware loses."""
-        guarded, name = self._guarded(callback), topic.removeprefix('~/')
-
-        def lose(event: Any) -> None:
-            self.lost[name] += event.total_count_change
-
-        if topic != '/clock':  # of which only the newest counts
-            options['event_callbacks'] = SubscriptionEventCallbacks(message_lost=lose)
-        return super().create_subscription(msg_type, topic, guarded, *args, **options)
+        """Create a guarded subscription that counts the messages it loses."""
+        if profile.depth == 1:  # only the newest counts
+            guarded = self._guarded(callback)
+            return super().create_subscription(msg_type, topic, guarded, profile, **options)
+        losses = Losses(topic.removeprefix('~/'))
+        subscription = super().create_subscription(
+            msg_type,
+            topic,
+            self._guarded(losses.noting(callback)),
+            profile,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=losses.on_event),
+            **options,
+        )
+        self._losses[subscription] = losses
+        return subscription
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Any:
         """Create a guarded service."""
@@ -274,13 +285,27 @@ class NodeBase(Node):
         self.apply_change(parameters.changed_values(self._table, changed))
 
     def _with_losses(self, status: Status) -> Status:
-        """Add what the middleware lost, with a warning if it did since the last status."""
+        """Add the messages that were lost, with a warning of those since the last status."""
+        new = self._new_losses()
+        self.lost.update(new)
         values = {**status.values, 'lost': dict(self.lost)}
-        new, self._lost_published = self.lost.total() - self._lost_published, self.lost.total()
         if not new:
             return replace(status, values=values)
-        summary = f'{status.summary}; the middleware lost {new} messages'
-        return Status(max(status.level, Level.WARN), summary, values)
+        told = f'lost before they were taken: {", ".join(f"{n} of {on}" for on, n in new.items())}'
+        if self._is_due('lost', 5.0):
+            self.get_logger().warning(f'messages {told}')
+        return Status(max(status.level, Level.WARN), f'{status.summary}; messages {told}', values)
+
+    def _new_losses(self) -> dict[str, int]:
+        """Return how many messages were lost since the last call, by topic, where any were."""
+        new: Counter[str] = Counter()
+        for subscription in self.subscriptions:
+            if subscription in self._losses:
+                losses = self._losses[subscription]
+                publishers = self.get_publishers_info_by_topic(subscription.topic_name)
+                gids = {bytes(each.endpoint_gid) for each in publishers}
+                new[losses.topic] += losses.settle(gids)
+        return dict(+new)
 
     def _with_faults(self, status: Status) -> Status:
         """Add what the guard caught."""

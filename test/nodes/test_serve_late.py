@@ -168,4 +168,4 @@ def test_messages_that_the_middleware_lost_are_told(
     status = client.status('serve', told)
     assert set(status['lost']) == {'joint_states'}
     assert 0 < status['lost']['joint_states'] <= 3000 + sent - status['received']['joint_states']
-    assert 'the middleware lost ' in status['summary']
+    assert 'lost before they were taken: ' in status['summary']
