@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lip_id_ros.acquisition import recording_file
+from lip_id_ros.acquisition.gaps import Gaps
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import JointSamples, Reason, SampleBuffer
 from lip_id_ros.recording.joint_messages import JointMessage
@@ -178,6 +179,8 @@ class Recorder(Sections):
     ----------
     recording : bool
         Whether messages are taken.
+    gaps : Gaps
+        In the stamps kept; where recording was switched off there is none.
 
     """
 
@@ -190,15 +193,23 @@ class Recorder(Sections):
     def add(self, message: JointMessage) -> Reason | None:
         """Take one message while recording, or reject and count it."""
         if not self.recording:
+            self._resumes = True
             return None
         self._n_received += 1
-        return super().add(message)
+        last = self._current.last_stamp_ns
+        reason = super().add(message)
+        step = self._current.last_stamp_ns - last
+        if step and last > 0 and not self._resumes:
+            self.gaps.add(step)
+        self._resumes &= not step
+        return reason
 
     def clear(self) -> None:
         """Forget all messages, counts and, unless they were given, the joints."""
         super().clear()
         self._saved_rows = self._n_received = 0
         self._times_cleared += 1
+        self.gaps, self._resumes = Gaps(), False
 
     def saving(self, sections: Sequence[JointSamples]) -> Callable[[], None]:
         """
@@ -281,6 +292,8 @@ class Recorder(Sections):
             'full': self.is_full,
             'joint_names': list(self.joint_names),
             'other_joints': self._other_joints,
+            'gaps': self.gaps.count,
+            'longest_gap_s': round(self.gaps.longest_s, 3),
             'rejected': {str(reason): count for reason, count in self.counts.most_common()},
         }
 
@@ -290,6 +303,8 @@ class Recorder(Sections):
         parts = ['recording' if self.recording else 'not recording', f'{len(self)} samples kept']
         if self.is_full:
             parts.append('no more fit under max_rows: call save_dataset, then clear')
+        if self.gaps.count:
+            parts.append(f'gaps in stamps: {self.gaps.count} up to {self.gaps.longest_s:.3g} s')
         return ', '.join([*parts, *self._complaints()])
 
     def why_empty(self, topic: str) -> str:

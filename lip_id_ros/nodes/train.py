@@ -49,7 +49,7 @@ class TrainNode(NodeBase):
         check_together(self.values())
         self._jobs = Jobs()
         self._reported = JobState()
-        self._rejected_before = 0
+        self._alarming_before = 0
         self._endangered = ''
         self._recorder = self._new_recorder()
         self._recorder.recording = self._settings().record_on_start
@@ -252,8 +252,8 @@ class TrainNode(NodeBase):
         return '; '.join([self._recorder.summary + work, *filter(None, [self._endangered])])
 
     def _level(self, job: JobState) -> Level:
-        rejected = self._recorder.n_alarming
-        rose, self._rejected_before = rejected > self._rejected_before, rejected
+        alarming = self._recorder.n_alarming + self._recorder.gaps.count
+        rose, self._alarming_before = alarming > self._alarming_before, alarming
         if job.state == 'failed':
             return Level.ERROR
         return Level.WARN if rose or self._recorder.is_full or self._endangered else Level.OK

@@ -63,6 +63,8 @@ def test_nothing_is_kept_while_not_recording() -> None:
         'full': False,
         'joint_names': NAMES,
         'other_joints': [],
+        'gaps': 0,
+        'longest_gap_s': 0.0,
         'rejected': {},
     }
 
@@ -300,6 +302,33 @@ def test_samples_handed_over_arrive_unchanged(tmp_path: Path) -> None:
         assert_same(one, other)
     assert (arrived[0].source, arrived[0].topic) == ('recording', '/joint_states')
     assert [section.counts for section in arrived] == [{'position empty': 1}, {}]
+
+
+def test_gaps_in_stamps_are_counted() -> None:
+    recorder = Recorder((), max_rows=1000)
+    recorder.recording = True
+
+    def add(*stamps: float) -> None:
+        for stamp in stamps:
+            recorder.add(message(stamp, [0.0, 0.0]))
+
+    add(*np.arange(100.0, 101.0, 0.01), 101.05)  # a short step is bridged
+    assert 'gaps' not in recorder.summary
+    add(*np.arange(104.05, 105.0, 0.01))
+    assert (recorder.gaps.count, recorder.status()['longest_gap_s']) == (1, 3.0)
+    add(4000.0)  # may be wrong
+    assert recorder.gaps.count == 1
+    add(4000.01, 4000.02)
+    assert 'gaps in stamps: 2 up to 3.9e+03 s' in recorder.summary
+    add(*np.arange(50.0, 50.1, 0.01))  # a clock that went back
+    recorder.recording = False
+    add(60.0)
+    recorder.recording = True
+    add(70.0, 70.01)  # nothing is missing while it was off
+    assert recorder.gaps.count == 2
+    recorder.clear()
+    add(*np.arange(80.0, 84.0, 0.2))  # a slow stream has no gaps
+    assert recorder.gaps.count == 0
 
 
 def test_rows_recorded_during_a_save_are_not_taken_for_saved(tmp_path: Path) -> None:
