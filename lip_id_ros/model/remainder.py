@@ -69,6 +69,11 @@ class Inputs:
         ratio = dq / self.sign_width
         return np.stack([np.tanh(ratio), SIGN_WIDTH * ratio, np.ones_like(dq)], axis=2)
 
+    def friction_at(self, x: Array) -> Array:
+        """Return the same at inputs, shapes (M, d) and (M, n, 3)."""
+        rates = slice(-2 * len(self.revolute), -len(self.revolute))
+        return self.friction(x[:, rates] * self.scale[rates] + self.centre[rates])
+
 
 def stored_inputs(x: Array) -> Array:
     """Round inputs, which are of the size of 1, to what a model file keeps: half precision."""

@@ -5,24 +5,28 @@ The exact variance of a process needs the correlations of a state with all sampl
 of the prior given the values at some of the samples, with the exact posterior covariance of these
 values (inducing points: Quinonero-Candela and Rasmussen 2005). Pivoted Cholesky factorisation
 takes that sample next whose value is determined least by those before; there are as many as keep
-all deviations close to the exact ones (docs/maths.md, section 13).
+all deviations close to the exact ones (docs/maths.md, section 13). Friction of a process in place
+of links is a linear function with coefficients of its own (Rasmussen and Williams 2006, equation
+2.42).
 
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cholesky, qr, solve_triangular
+from scipy.linalg import cho_solve, cholesky, qr, solve_triangular
 from scipy.linalg.lapack import dpstrf
 
 from lip_id_ros.arrays import Array, IndexArray, IntArray
 from lip_id_ros.model.remainder import (
     correlation,
+    FRICTION_VARIANCE,
     kinds_of,
     near_and_beyond,
     Remainder,
     set_correlations,
     set_inputs,
+    SIGN_WIDTH,
 )
 from lip_id_ros.model.threads import in_threads
 from lip_id_ros.numba_jit import jit
@@ -58,10 +62,13 @@ class RemainderDeviation:
         parameters = np.column_stack([remainder.lengths, remainder.noise])
         different, processes = kinds_of(parameters, remainder.joints)
         floats = [inputs.centre, 1.0 / inputs.scale, np.sqrt(remainder.variance)]
-        for each in different:
-            lengths = each[:-1]
-            x, root = compacted(remainder.x, lengths, float(each[-1]))
+        floats.append(1.0 / inputs.sign_width)
+        friction = inputs.friction_at(remainder.x)
+        for number, each in enumerate(different):
+            lengths, own = each[:-1], remainder.replaces & (processes == number)
+            x, root, rows = compacted(remainder.x, lengths, float(each[-1]), friction[:, own])
             floats += [1.0 / lengths, (x / lengths).T.ravel(), root[np.triu_indices_from(root)]]
+            floats.append(rows.ravel())
             sizes.append(len(x))
         # A call from Python takes longer for every array that is passed.
         self._floats = np.concatenate(floats)
@@ -86,7 +93,9 @@ class RemainderDeviation:
         in_threads(evaluate, len(std))
 
 
-def compacted(x: Array, lengths: Array, noise: float) -> tuple[Array, Array]:
+def compacted(
+    x: Array, lengths: Array, noise: float, friction: Array
+) -> tuple[Array, Array, Array]:
     """
     Return what the deviations of a process need.
 
@@ -97,6 +106,8 @@ def compacted(x: Array, lengths: Array, noise: float) -> tuple[Array, Array]:
     lengths : array, shape (d,)
     noise : float
         Variance of the noise in those of the process.
+    friction : array, shape (M, J, 3)
+        Features of friction of the J joints whose links the process replaces.
 
     Returns
     -------
@@ -105,6 +116,8 @@ def compacted(x: Array, lengths: Array, noise: float) -> tuple[Array, Array]:
     root : array, shape (m, m)
         Upper triangular T: the variance at an input is 1 - |T k|^2 in those of the process, where
         k are its correlations with x.
+    rows : array, shape (J, 3, 3 + m)
+        E: friction adds the variance |E [f, k]|^2, where f are its features.
 
     """
     gram = correlation(x, x, lengths)
@@ -127,7 +140,16 @@ def compacted(x: Array, lengths: Array, noise: float) -> tuple[Array, Array]:
         if ratio.max() < 1.0 + MOST_LARGER and ratio.min() > 1.0 - MOST_SMALLER:
             break
     by_value = solve_triangular(upper[:size, :size], factor[:size, :size].T)
-    return x[order[:size]], qr(by_value.T, mode='r')[0]
+    weights = np.einsum('ab,ac,cjk->bjk', inverse, inverse, friction, optimize=True)
+    means = np.einsum('am,mjk->ajk', gram[order[:size]], weights)
+    values = cho_solve((upper[:size, :size], False), means.reshape(size, -1)).reshape(means.shape)
+    rows = np.zeros((friction.shape[1], 3, 3 + size))
+    for joint, out in enumerate(rows):
+        own = friction[:, joint]
+        precision = np.eye(3) / FRICTION_VARIANCE + own.T @ weights[:, joint]
+        away = np.column_stack([np.eye(3), -values[:, joint].T])
+        out[:] = solve_triangular(cholesky(precision, lower=True), away, lower=True)
+    return x[order[:size]], qr(by_value.T, mode='r')[0], rows
 
 
 def _pivoted(gram: Array, variance: Array) -> tuple[IndexArray, Array]:
@@ -156,8 +178,9 @@ def add_deviations(
         As for `RemainderDeviation.add_to`.
     floats : array
         One after the other: centre and inverse scale of the inputs; prior standard deviations of
-        the joints; of each process, inverse length scales, its inputs of samples in length
-        scales, transposed, and the rows of the upper triangle of its root.
+        the joints; inverse widths of their smooth signs; of each process, inverse length scales,
+        its inputs of samples in length scales, transposed, the rows of the upper triangle of its
+        root, and E of the joints whose links it replaces.
     integers : array
         One after the other: of each joint, whether it is revolute, whether its process replaces
         its links, and the number of its process, -1 for none; of each process, the number m of
@@ -170,23 +193,44 @@ def add_deviations(
     width = 3 * n + revolute.sum()
     centre, inverse_scale = floats[:width], floats[width : 2 * width]
     std = floats[2 * width : 2 * width + n]
-    z, memory, share = np.empty(width), np.empty(sizes.max()), np.empty(len(sizes))
+    inverse_sign_width = floats[2 * width + n : 2 * width + 2 * n]
+    z, memory, features = np.empty(width), np.empty(sizes.max()), np.ones(3)
     for t in range(len(out)):
         set_inputs(z, q[t], dq[t], ddq[t], revolute, centre, inverse_scale)
-        start = 2 * width + n
+        start = 2 * width + 2 * n
         for p in range(len(sizes)):
             m = sizes[p]
             x = start + width
             root = x + width * m
-            end = root + m * (m + 1) // 2
-            set_correlations(memory[:m], z, floats[x:root], floats[start:x])
-            known = squared_norm(floats[root:end], memory[:m])
-            share[p] = np.sqrt(0.0 if known > 1.0 else 1.0 - known)
-            start = end
-        for i in range(n):
-            if processes[i] >= 0:
-                own = std[i] * share[processes[i]]
-                out[t, i] = own if replaces[i] else np.hypot(out[t, i], own)
+            start_of_process, start = start, root + m * (m + 1) // 2
+            set_correlations(memory[:m], z, floats[x:root], floats[start_of_process:x])
+            known = squared_norm(floats[root:start], memory[:m])
+            share = 0.0 if known > 1.0 else 1.0 - known
+            for i in range(n):
+                if processes[i] != p:
+                    continue
+                if replaces[i]:
+                    ratio = dq[t, i] * inverse_sign_width[i]
+                    features[0], features[1] = np.tanh(ratio), SIGN_WIDTH * ratio
+                    end = start + 3 * (3 + m)
+                    own = squared_rows(floats[start:end], features, memory[:m])
+                    out[t, i], start = std[i] * np.sqrt(share + own), end
+                else:
+                    out[t, i] = np.hypot(out[t, i], std[i] * np.sqrt(share))
+
+
+@jit
+def squared_rows(rows: Array, features: Array, correlations: Array) -> float:
+    """Return the squared norm of three rows times features and correlations."""
+    norm, place = 0.0, 0
+    for _ in range(3):
+        total = 0.0
+        for part in (features, correlations):
+            for value in part:
+                total += rows[place] * value
+                place += 1
+        norm += total * total
+    return norm
 
 
 @jit

@@ -14,7 +14,13 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.remainder import correlation, Inputs, Remainder, stored_inputs
+from lip_id_ros.model.remainder import (
+    correlation,
+    FRICTION_VARIANCE,
+    Inputs,
+    Remainder,
+    stored_inputs,
+)
 from lip_id_ros.model.remainder_deviation import compacted, RemainderDeviation
 
 TYPES = (R, P, R)
@@ -61,15 +67,25 @@ def deviations_of(remainder: Remainder, states: States) -> Array:
 
 
 def textbook(remainder: Remainder, states: States) -> Array:
-    """Return deviations from all samples (Rasmussen and Williams 2006, equation 2.26)."""
+    """
+    Return deviations from all samples (Rasmussen and Williams 2006, equation 2.26).
+
+    Friction with unknown coefficients is a part of the covariance.
+
+    """
     x, z = remainder.x, remainder.inputs(*states)
+    friction = remainder.inputs.friction_at(x), remainder.inputs.friction(states[1])
     out = np.zeros_like(states[0])
     for joint in np.flatnonzero(remainder.joints):
         lengths = remainder.lengths[joint]
-        gram = correlation(x, x, lengths) + remainder.noise[joint] * np.eye(len(x))
-        cross = correlation(x, z, lengths)
+        size = np.sqrt(FRICTION_VARIANCE * remainder.replaces[joint])
+        of_samples, of_states = (size * each[:, joint] for each in friction)
+        gram = correlation(x, x, lengths) + of_samples @ of_samples.T
+        gram += remainder.noise[joint] * np.eye(len(x))
+        cross = correlation(x, z, lengths) + of_samples @ of_states.T
+        prior = 1.0 + np.sum(of_states**2, axis=1)
         known = np.sum(cross * np.linalg.solve(gram, cross), axis=0)
-        out[:, joint] = np.sqrt(remainder.variance[joint] * (1.0 - known))
+        out[:, joint] = np.sqrt(remainder.variance[joint] * (prior - known))
     return out
 
 
@@ -79,14 +95,16 @@ def textbook(remainder: Remainder, states: States) -> Array:
     count=st.integers(2, 250),
     length=st.floats(0.3, 5.0),
     noise=st.floats(1e-3, 1.0),
+    replaces=st.booleans(),
 )
 def test_deviations_are_those_of_all_samples(
-    seed: int, count: int, length: float, noise: float
+    seed: int, count: int, length: float, noise: float, replaces: bool
 ) -> None:
     """At samples, between them, at other motions, and far from all."""
     rng = np.random.default_rng(seed)
     samples = motion(count, rng)
     remainder = remainder_of(samples, length, noise, seed)
+    remainder = replace(remainder, replaces=np.array([replaces, True, replaces]))
     at = np.stack(samples)
     states = np.concatenate(
         [
@@ -106,7 +124,8 @@ def test_deviations_are_those_of_all_samples(
 
 def test_a_smooth_process_needs_few_of_its_samples() -> None:
     remainder = remainder_of(motion(500, np.random.default_rng(0)), 1.0, 0.1)
-    few, root = compacted(remainder.x, remainder.lengths[0], remainder.noise[0])
+    x, lengths = remainder.x, remainder.lengths[0]
+    few, root, _ = compacted(x, lengths, remainder.noise[0], remainder.inputs.friction_at(x))
     assert len(few) < 150
     assert root.shape == (len(few), len(few))
     np.testing.assert_array_equal(root, np.triu(root))
@@ -114,7 +133,8 @@ def test_a_smooth_process_needs_few_of_its_samples() -> None:
 
 def test_every_sample_counts_where_none_determines_another() -> None:
     remainder = remainder_of(motion(60, np.random.default_rng(0)), 0.02, 1e-2)
-    few, _ = compacted(remainder.x, remainder.lengths[0], remainder.noise[0])
+    x, lengths = remainder.x, remainder.lengths[0]
+    few, _, _ = compacted(x, lengths, remainder.noise[0], remainder.inputs.friction_at(x))
     assert len(few) == 60
 
 
@@ -159,7 +179,7 @@ def test_variances_add_up_beside_links_and_replace_theirs_otherwise() -> None:
     )
     std = of_links.copy()
     RemainderDeviation(remainder).add_to(std, *samples)
-    own = deviations_of(replace(remainder, replaces=np.ones(3, dtype=bool)), samples)
+    own = deviations_of(remainder, samples)
     np.testing.assert_allclose(std[:, 0], np.hypot(of_links[:, 0], own[:, 0]), rtol=1e-12)
     np.testing.assert_array_equal(std[:, 1], of_links[:, 1])
     np.testing.assert_array_equal(std[:, 2], own[:, 2])
