@@ -1,0 +1,137 @@
+"""
+Whether standard deviations of torques are true: coverage of noiseless torques, and mean size.
+
+Fits to a simulated Panda with viscous and Coulomb friction, evaluated on another motion. Its axes
+are as they are, or askew by a degree or so, so that no simple geometry is right.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from itertools import product
+from pathlib import Path
+import time
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from benchmarks._panda import half_ranges
+from benchmarks._results import Results, Row
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.description.urdf import load_description
+from lip_id_ros.identification.identify import identify
+from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.simulation import SinusoidTrajectory
+from lip_id_ros.simulation.arm import panda_urdf
+
+N_JOINTS, RATE_HZ = 7, 100.0
+NAMES = tuple(f'panda_joint{i + 1}' for i in range(N_JOINTS))
+TYPES = ('revolute',) * N_JOINTS
+VISCOUS, COULOMB, WIDTH = 0.5, 0.8, 0.02
+NOISE = 0.02
+"""Of each torque's deviation."""
+
+CORRELATED = 2.0
+"""Deviation of the filter of correlated noise, in samples."""
+
+ASKEW = np.radians(1.0)
+TEST_SAMPLES, TEST_RATE_HZ, MOVING = 2000, 40.0, 0.1
+"""The motion of the test, and the velocity [rad/s] below which friction is not judged."""
+
+FIGURES = ('within', 'ratio')
+
+
+def main(arguments: list[str]) -> int:
+    """Fit what is not in the file of results yet, and print rows of a table."""
+    parser = argparse.ArgumentParser(prog='benchmarks deviations', description=__doc__)
+    parser.add_argument('--samples', type=int, nargs='+', default=[500, 2000, 10_000])
+    parser.add_argument('--seeds', type=int, nargs='+', default=list(range(5)))
+    parser.add_argument('--noise', nargs='+', choices=('white', 'filtered'), default=['white'])
+    parser.add_argument('--axes', nargs='+', choices=('right', 'askew'), default=['right'])
+    parser.add_argument('--results', type=Path, default=Path('deviations.json'))
+    options = parser.parse_args(arguments)
+    results = Results(options.results)
+    table = Table(title='noiseless torques within two deviations, joint by joint')
+    for name in ('samples', 'noise', 'axes', 'within [%]', 'deviation over error', 'CPU [s]'):
+        table.add_column(name)
+    for samples, noise, axes in product(options.samples, options.noise, options.axes):
+        rows = []
+        for seed in options.seeds:
+            measure = partial(measured, samples, noise, axes, seed)
+            rows.append(results.row(f'{samples}, {noise}, {axes}, seed {seed}', measure))
+        within, ratio = (np.mean([row[name] for row in rows], axis=0) for name in FIGURES)
+        cpu_s = np.mean([row['cpu_s'] for row in rows])
+        shown = ' '.join(f'{100.0 * x:.0f}' for x in within), ' '.join(f'{x:.2f}' for x in ratio)
+        table.add_row(str(samples), noise, axes, *shown, f'{cpu_s:.0f}')
+    Console(width=140).print(table)
+    return 0
+
+
+def measured(samples: int, noise: str, axes: str, seed: int) -> Row:
+    """Return coverage and mean deviation over error of one fit, joint by joint."""
+    rng = np.random.default_rng(seed)
+    torque = _Truth(axes, rng)
+    train = torque.dataset(np.arange(samples) / RATE_HZ, rng)
+    test = torque.dataset(np.arange(TEST_SAMPLES) / TEST_RATE_HZ, rng)
+    errors = rng.standard_normal(train.tau.shape)
+    if noise == 'filtered':
+        errors = gaussian_filter1d(errors, CORRELATED, axis=0)
+        errors /= errors.std(axis=0)
+    noisy = train.tau + NOISE * train.tau.std(axis=0) * errors
+    started = time.process_time()
+    found = identify(_of(train.t, (train.q, train.dq, train.ddq), noisy))
+    cpu_s = time.process_time() - started
+    state = test.q, test.dq, test.ddq
+    error, std = found.arm.torque(*state) - test.tau, found.arm.torque_std(*state)
+    moving = np.abs(test.dq) > MOVING
+    inside = _means(np.abs(error) < 2.0 * std, moving)
+    ratio = np.sqrt(_means(std**2, moving) / _means(error**2, moving))
+    return {
+        'within': inside.tolist(),
+        'ratio': ratio.tolist(),
+        'rms': np.sqrt(_means(error**2, moving)).tolist(),
+        'inflation': found.inflation,
+        'cpu_s': cpu_s,
+    }
+
+
+class _Truth:
+    """A Panda with friction, its axes right or askew."""
+
+    def __init__(self, axes: str, rng: np.random.Generator) -> None:
+        panda = load_description(panda_urdf(), NAMES, TYPES)
+        turns = Rotation.from_rotvec(ASKEW * rng.standard_normal((N_JOINTS, 3))).as_matrix()
+        rotations = panda.chain.rotations @ (turns if axes == 'askew' else np.eye(3))
+        self._chain, self._links = panda.chain._replace(rotations=rotations), panda.links
+
+    def dataset(self, t: Array, rng: np.random.Generator) -> Dataset:
+        """Return noiseless samples of a random motion."""
+        motion = SinusoidTrajectory.random(half_ranges(N_JOINTS), rng).sample(t)
+        dq = motion[1]
+        tau = torque_regressor(self._chain, *motion) @ self._links.ravel()
+        return _of(t, motion, tau + VISCOUS * dq + COULOMB * np.tanh(dq / WIDTH))
+
+
+def _of(t: Array, motion: tuple[Array, Array, Array], tau: Array) -> Dataset:
+    segment = np.zeros(t.size, dtype=np.int64)
+    q, dq, ddq = motion
+    return Dataset(
+        t=t,
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        tau=tau,
+        joint_names=NAMES,
+        joint_types=TYPES,
+        segment=segment,
+    )
+
+
+def _means(values: Array | BoolArray, where: BoolArray) -> Array:
+    return np.asarray(np.sum(values * where, axis=0) / np.sum(where, axis=0))
