@@ -96,6 +96,11 @@ class Deviations:
         """Whether the process still runs."""
         return self._process.poll() is None
 
+    def waited(self, now: float) -> float:
+        """Return how long an answer has been waited for [s], 0 while none is."""
+        asked = self._asked
+        return now - asked[1] if asked else 0.0
+
     def offer(self, state: Array, tag: Any, now: float, period_s: float) -> None:
         """
         Ask for a reference's; it is left out while another is in work, and before it is time.

@@ -16,7 +16,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward import shaping
-from lip_id_ros.feedforward.deviations import Deviated
+from lip_id_ros.feedforward.deviations import Deviated, LONGEST_VALID_S
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.measured import MeasuredArm
 from lip_id_ros.feedforward.settings import make_rules, Policy, SafeValue, ServeSettings
@@ -36,8 +36,8 @@ from lip_id_ros.signals.joints import (
 from lip_id_ros.signals.status import Level
 from lip_id_ros.signals.torque_steps import Sent
 
-COUNTED = (*shaping.COUNTED, 'stale')
-"""Keys of ~/status: what `shaping` counts, and streams that fell silent."""
+COUNTED = (*shaping.COUNTED, 'stale', 'late_plans')
+"""Keys of ~/status: what `shaping` counts, streams that fell silent, plans that came out late."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,13 +348,19 @@ class Server:
         arm = self._arm
         if arm is None:
             return (Level.ERROR, failure) if failure else (Level.OK, 'inactive')
-        if arm.loaded.deviations is not None and not arm.loaded.deviations.alive:
+        deviations = arm.loaded.deviations
+        if deviations is not None and not deviations.alive:
             return Level.ERROR, 'the process of the standard deviations has ended'
         if new[Refusal.NOT_FINITE_TORQUE]:
             return Level.ERROR, f'messages with trouble: {alarms}'
         if self._stale:
             held = arm.shaper.sent.in_words
             return Level.WARN, f'no reference for {self.silence(now):.1f} s: {held} published'
+        if deviations is not None and (waited := deviations.waited(now)) > LONGEST_VALID_S:
+            return Level.WARN, (
+                f'no standard deviations for {waited:.1f} s: their process stands still; '
+                'reload_model starts another'
+            )
         if new:
             return Level.WARN, f'messages with trouble: {alarms}'
         if failure:

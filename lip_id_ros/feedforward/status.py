@@ -8,8 +8,8 @@ from typing import Any
 
 from lip_id_ros.signals.status import Tally
 
-ALARMING = ('out_of_range', 'uncertain')
-"""Counts of torques that deserve a warning."""
+ALARMING = ('out_of_range', 'uncertain', 'late_plans')
+"""Counts of torques and plans that deserve a warning."""
 
 
 class ServeCounts:

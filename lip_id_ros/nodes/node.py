@@ -175,8 +175,13 @@ class NodeBase(Node):
 
     def warn_of_refusal(self, refused: RefusedError) -> None:
         """Log a refused message, for each reason at most every five seconds."""
-        if refused.reason not in HARMLESS and self._is_due(refused.reason, 5.0):
-            self.get_logger().warning(f'refused a message ({refused.reason}): {refused}')
+        if refused.reason not in HARMLESS:
+            self.warn(refused.reason, f'refused a message ({refused.reason}): {refused}')
+
+    def warn(self, key: str, warning: str) -> None:
+        """Log a warning, for each key at most every five seconds."""
+        if self._is_due(key, 5.0):
+            self.get_logger().warning(warning)
 
     # the guard
 

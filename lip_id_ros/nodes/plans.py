@@ -4,13 +4,16 @@ A process that answers long plans beside the stream.
 To deserialise, compute and serialise a plan of ten thousand points takes hundreds of milliseconds
 with the interpreter held: the stream and the watch over it would stand still. So a long plan is
 passed on as it came, as bytes, to a process of its own, which runs this module, and its answer is
-published as bytes. Each frame is two lengths, a JSON header and the bytes of a message.
+published as bytes. Each frame is two lengths, a JSON header and the bytes of a message. An empty
+frame comes first, when the process has the model.
 
 """
 
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 import json
 import queue
@@ -34,6 +37,12 @@ from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.torque_steps import Sent
 
 MOST_WAITING = 8
+LONGEST_START_S = 120.0
+"""Without a cache of compiled code, the process compiles first."""
+
+LONGEST_ANSWER_S = 20.0
+"""The longest plans take a second or two."""
+
 LENGTHS = struct.Struct('<II')
 
 
@@ -59,11 +68,15 @@ class Planned:
 
 
 INTERRUPTED = Planned(refusal=Refusal.INTERRUPTED.value)
+UNANSWERED = Planned(refusal=Refusal.UNANSWERED.value)
+
+FAILURES = (OSError, ValueError, EOFError)
+"""What reading and writing raise where the process ended."""
 
 
 class PlanWorker:
     """
-    The parent's end of the process, which starts with the first plan and again if it ended.
+    The parent's end of the process, which starts at once, and again if it ended or stood still.
 
     Parameters
     ----------
@@ -79,8 +92,8 @@ class PlanWorker:
         self._generation = 0
         self._n_waiting = 0
         self._process: subprocess.Popen[bytes] | None = None
-        self._thread: threading.Thread | None = None
         self._stopped = False
+        threading.Thread(target=self._work, name='plans', daemon=True).start()
 
     @property
     def n_waiting(self) -> int:
@@ -100,9 +113,6 @@ class PlanWorker:
         self.interrupt()
         if self._n_waiting >= MOST_WAITING:
             raise RefusedError(Refusal.BUSY)
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._work, name='plans', daemon=True)
-            self._thread.start()
         self._n_waiting += 1
         self._waiting.put((self._generation, json.dumps(asdict(settings)).encode(), raw))
 
@@ -127,28 +137,57 @@ class PlanWorker:
         return self._n_waiting
 
     def _work(self) -> None:
+        try:
+            self._start()
+        except FAILURES:  # the first plan tries again
+            self._process = None
         while (asked := self._waiting.get()) is not None and not self._stopped:
             generation, header, raw = asked
             planned = INTERRUPTED
-            try:
-                if generation == self._generation:
-                    planned = self._answer(header, raw)
-            except (OSError, ValueError, EOFError):  # the process ended: another for the next
-                self._process = None
+            if generation == self._generation:
+                planned = self._answer(header, raw)
             self._done.append((generation, planned))
 
     def _answer(self, header: bytes, raw: bytes) -> Planned:
-        if self._process is None:
-            self._process = subprocess.Popen(
-                [sys.executable, '-P', '-m', 'lip_id_ros.nodes.plans', self._file.place],
-                pass_fds=(self._file.descriptor,),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                start_new_session=True,
-            )
-        _write(cast('BinaryIO', self._process.stdin), header, raw)
-        answer, planned = _read(cast('BinaryIO', self._process.stdout))
+        try:
+            process = self._process or self._start()
+            with _deadline(process, LONGEST_ANSWER_S):
+                _write(cast('BinaryIO', process.stdin), header, raw)
+                answer, planned = _read(cast('BinaryIO', process.stdout))
+        except FAILURES:
+            self._process = None
+            return UNANSWERED
         return Planned(planned, **json.loads(answer))
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        """Start the process and wait until it has the model."""
+        if self._stopped:  # its file may be closed
+            raise EOFError
+        process = subprocess.Popen(
+            [sys.executable, '-P', '-m', 'lip_id_ros.nodes.plans', self._file.place],
+            pass_fds=(self._file.descriptor,),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
+        self._process = process
+        if self._stopped:  # meanwhile
+            kill(process)
+        with _deadline(process, LONGEST_START_S):
+            _read(cast('BinaryIO', process.stdout))
+        return process
+
+
+@contextmanager
+def _deadline(process: subprocess.Popen[bytes], seconds: float) -> Iterator[None]:
+    """Kill the process, so that reading from it ends, if the block takes longer."""
+    timer = threading.Timer(seconds, kill, [process])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
@@ -160,7 +199,8 @@ def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
     path : str
         The model's file.
     requests, answers : binary streams
-        Of frames: settings and a plan; refusal, counts and the plan with efforts.
+        Of frames: settings and a plan; first an empty one, then refusal, counts and the plan with
+        efforts.
 
     Returns
     -------
@@ -169,6 +209,7 @@ def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
 
     """
     loaded = load_model(ServeSettings(model_path=path), ())
+    _write(answers, b'', b'')
     while True:
         try:
             header, raw = _read(requests)

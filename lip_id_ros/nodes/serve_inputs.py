@@ -29,6 +29,7 @@ from lip_id_ros.nodes.serve_outputs import (
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.signals.ages import AgeWatch, stamp_age
 from lip_id_ros.signals.joints import Refusal, RefusedError
+from lip_id_ros.signals.trajectory_header import read_header
 
 INLINE_BYTES = 24 * 1024
 """A longer plan, of about a hundred points of seven joints, is answered beside the stream."""
@@ -37,7 +38,10 @@ Info = Mapping[str, Any]
 """What the middleware says of a message."""
 
 LATE_S = 0.1
-"""Where a reference waits for longer, the newest that has arrived is answered in its place."""
+"""
+Where a reference waits for longer, the newest that has arrived is answered in its place; a plan
+that comes out later than this after its begin deserves a warning.
+"""
 
 
 class Inputs:
@@ -185,6 +189,7 @@ class Inputs:
             tau = self._server.plan(message.joint_names, message.points)
             self.interrupt_plans()
             self._outputs.plan(message, tau)
+            self._note_lateness(messages.nanoseconds(message.header.stamp))
         else:
             self._answer_sample(message.header.stamp, message.joint_names, message.points, age)
 
@@ -209,6 +214,18 @@ class Inputs:
                 raise RefusedError(Refusal(planned.refusal))
         self._server.planned_beside(planned.counts)
         self._outputs.raw_plan(planned.raw)
+        self._note_lateness(read_header(planned.raw).stamp_ns)
+
+    def _note_lateness(self, stamp_ns: int) -> None:
+        """Count a plan that was published after its begin; a stamp of zero means now."""
+        late = stamp_age(stamp_ns, messages.nanoseconds(self._now())) if stamp_ns else 0.0
+        if late > LATE_S:
+            self._server.counts.torques['late_plans'] += 1
+            self._node.warn(
+                'late_plans',
+                f'a plan came out {late:.1f} s after the stamp at which it begins; send plans '
+                'earlier, or leave their stamps zero',
+            )
 
     def _stop_worker(self) -> None:
         if self._worker is not None:

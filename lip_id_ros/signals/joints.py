@@ -22,6 +22,7 @@ class Refusal(StrEnum):
     TOO_LONG = 'plan too long'
     BUSY = 'plans waiting'
     INTERRUPTED = 'plan interrupted'
+    UNANSWERED = 'plan not answered'
     MALFORMED = 'malformed'
     TOO_MANY_NAMES = 'too many joint names'
     REPEATED_NAME = 'joint name repeated'
@@ -65,6 +66,10 @@ _SENTENCES = {
     Refusal.INTERRUPTED: (
         'a newer plan came, or the model, a parameter or the state of the node changed, while the '
         'plan was computed; send it again unless a newer one came'
+    ),
+    Refusal.UNANSWERED: (
+        'the process that computes long plans ended or stood still, another takes its place; send '
+        'the plan again'
     ),
     Refusal.MALFORMED: 'the message could not be deserialised; check the type of its publisher',
     Refusal.TOO_MANY_NAMES: 'a trajectory must not name over 1000 joints; check its publisher',

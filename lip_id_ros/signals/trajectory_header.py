@@ -1,14 +1,15 @@
-"""The beginning of a serialised JointTrajectory: its joints and the number of its points."""
+"""The beginning of a serialised JointTrajectory: stamp, joints and the number of its points."""
 
 from __future__ import annotations
 
 import struct
 from typing import NamedTuple
 
+from lip_id_ros.signals.joint_states import NANOSECONDS
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 ENCAPSULATION = 4
-COUNT, STAMP = struct.Struct('I').size, struct.Struct('iI').size
+COUNT, STAMP = struct.calcsize('I'), struct.calcsize('iI')
 
 MOST_NAMES = 1000
 """More joints than any robot has: a million names take a second to read."""
@@ -20,6 +21,8 @@ class TrajectoryHeader(NamedTuple):
 
     Attributes
     ----------
+    stamp_ns : int
+        [ns].
     names : tuple of str
         Joints.
     n_points : int
@@ -30,6 +33,7 @@ class TrajectoryHeader(NamedTuple):
 
     """
 
+    stamp_ns: int
     names: tuple[str, ...]
     n_points: int
     at: int
@@ -61,6 +65,7 @@ def read_header(raw: bytes) -> TrajectoryHeader:
         return _aligned(at + COUNT + number(at))
 
     try:
+        sec, nanosec = struct.unpack_from(f'{order}iI', body)
         at = after_string(STAMP)
         n_names, at = number(at), at + COUNT
         if n_names > MOST_NAMES:
@@ -70,7 +75,8 @@ def read_header(raw: bytes) -> TrajectoryHeader:
             length = number(at)
             names.append(bytes(body[at + COUNT : at + COUNT + length]).rstrip(b'\0').decode())
             at = after_string(at)
-        return TrajectoryHeader(tuple(names), number(at), at + COUNT, order)
+        stamp_ns = NANOSECONDS * sec + nanosec
+        return TrajectoryHeader(stamp_ns, tuple(names), number(at), at + COUNT, order)
     except (struct.error, UnicodeDecodeError):
         raise RefusedError(Refusal.MALFORMED) from None
 

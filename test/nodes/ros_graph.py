@@ -69,10 +69,12 @@ class Process:
         if self.alive:
             self._popen.send_signal(number)
 
-    def hold(self) -> None:
-        """Have the process stand still, from before this returns until it gets SIGCONT."""
-        self.send(signal.SIGSTOP)
+    def hold(self, module: str = '') -> None:
+        """Have the process, or that of a module beside it, stand still until it gets SIGCONT."""
         process = psutil.Process(self._popen.pid)
+        if module:
+            (process,) = (each for each in process.children() if module in str(each.cmdline()))
+        process.suspend()
         wait_until(lambda: process.status() == psutil.STATUS_STOPPED, 'the stop of a process')
 
     def end(self, number: int = signal.SIGINT) -> int:

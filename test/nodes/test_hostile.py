@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 import shutil
 import signal
+import subprocess
 import time
 from typing import Any, TYPE_CHECKING
 
@@ -29,7 +30,7 @@ from waiting import wait_until
 from benchmarks._hostile import counts, hostile_states, hostile_trajectory
 from lip_id_ros.feedforward.loading import ModelFile
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.nodes import qos
+from lip_id_ros.nodes import plans, qos
 from lip_id_ros.nodes.messages import count_points
 from lip_id_ros.nodes.plans import Planned, PlanWorker
 from lip_id_ros.signals.joints import Refusal, RefusedError
@@ -181,7 +182,7 @@ def test_long_plans_are_computed_beside_the_stream(
     path = shutil.copy(model_path, tmp_path / 'served.npz')
     start_serve(graph, model_path=str(path), torque_limits=[3.0, 100.0], rate_limits=[1e6])
     torques = client.listen(JointState, TORQUE)
-    plans = client.listen(JointTrajectory, PLAN)
+    answers = client.listen(JointTrajectory, PLAN)
     publisher = client.speak(JointTrajectory, REFERENCE)
     client.status('serve', lambda status: status['state'] == 'active')
     shutil.copy(foreign_model_path, path)  # changes the file, not what is served
@@ -191,10 +192,10 @@ def test_long_plans_are_computed_beside_the_stream(
     for count in range(1, 11):
         publisher.publish(GOOD)
         client.wait_until(lambda: len(torques) == count, 'answer')  # noqa: B023
-    client.wait_until(lambda: plans, 'plan')
+    client.wait_until(lambda: answers, 'plan')
     topics = [topic for topic in client.order if topic in (TORQUE, PLAN)]
-    assert topics.index(TORQUE) < topics.index(PLAN)  # its process had to start first
-    efforts = np.array([each.effort for each in plans[0].points])
+    assert topics.index(TORQUE) < topics.index(PLAN)  # the stream did not wait
+    efforts = np.array([each.effort for each in answers[0].points])
     np.testing.assert_allclose(efforts, np.tile(torques[0].effort, (3000, 1)), rtol=1e-12)
     status = client.status('serve', lambda status: status['answered']['plans'] == 1)
     assert status['refused'] == {'plan too long': 1}
@@ -219,41 +220,81 @@ def test_a_worker_that_stands_still_holds_up_no_reload(model_path: str) -> None:
     worker = PlanWorker(ModelFile(model_path))
     worker.submit(serialize_message(plan(2)), ServeSettings())
     wait_until(worker.take, 'a plan')
-    process = worker._process
-    assert process is not None
-    process.send_signal(signal.SIGSTOP)
+    process = held(worker)
     worker.submit(serialize_message(plan(2)), ServeSettings())
     assert worker.stop() == 1
     assert process.returncode == -signal.SIGKILL
+
+
+def held(worker: PlanWorker) -> subprocess.Popen[bytes]:
+    """Let the process of plans stand still."""
+    process = worker._process
+    assert process is not None
+    process.send_signal(signal.SIGSTOP)
+    return process
+
+
+def refusal(worker: PlanWorker) -> str:
+    """Return why the next plan is refused, nothing of one that is answered."""
+    taken: list[Planned] = []
+
+    def answered() -> bool:
+        planned = worker.take()
+        taken.extend([planned] if planned else [])
+        return bool(taken)
+
+    wait_until(answered, 'a plan')
+    return taken[0].refusal
 
 
 def test_a_newer_plan_or_a_change_interrupts_those_that_wait(model_path: str) -> None:
     worker = PlanWorker(ModelFile(model_path))
     settings = ServeSettings()
     raw = serialize_message(plan(2))
-
-    def answer() -> str:
-        taken: list[Planned] = []
-
-        def answered() -> bool:
-            planned = worker.take()
-            taken.extend([planned] if planned else [])
-            return bool(taken)
-
-        wait_until(answered, 'a plan')
-        return taken[0].refusal
-
     for _ in range(3):
         worker.submit(raw, settings)
-    assert [answer() for _ in range(3)] == [Refusal.INTERRUPTED, Refusal.INTERRUPTED, '']
+    refusals = [refusal(worker) for _ in range(3)]
+    assert refusals == [Refusal.INTERRUPTED, Refusal.INTERRUPTED, '']
     worker.submit(raw, settings)
     worker.interrupt()
-    assert answer() == Refusal.INTERRUPTED
+    assert refusal(worker) == Refusal.INTERRUPTED
     worker.submit(raw, settings)
     wait_until(lambda: worker._done, 'a plan that is answered')
     worker.interrupt()  # answered, not published yet
-    assert answer() == Refusal.INTERRUPTED
+    assert refusal(worker) == Refusal.INTERRUPTED
     worker.stop()
+
+
+def test_a_process_of_plans_that_stands_still_is_replaced(
+    model_path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Eight plans waited without end."""
+    worker = PlanWorker(ModelFile(model_path))
+    raw = serialize_message(plan(2))
+    worker.submit(raw, ServeSettings())
+    assert refusal(worker) == ''
+    monkeypatch.setattr(plans, 'LONGEST_ANSWER_S', 0.1)
+    process = held(worker)
+    worker.submit(raw, ServeSettings())
+    assert refusal(worker) == Refusal.UNANSWERED
+    assert process.returncode == -signal.SIGKILL
+    monkeypatch.undo()
+    worker.submit(raw, ServeSettings())
+    assert refusal(worker) == ''
+    worker.stop()
+
+
+def test_too_many_plans_do_not_wait(model_path: str) -> None:
+    worker = PlanWorker(ModelFile(model_path))
+    raw = serialize_message(plan(2))
+    worker.submit(raw, ServeSettings())
+    assert refusal(worker) == ''
+    held(worker)
+    for _ in range(plans.MOST_WAITING):
+        worker.submit(raw, ServeSettings())
+    with pytest.raises(RefusedError, match='too many plans wait'):
+        worker.submit(raw, ServeSettings())
+    assert worker.stop() == plans.MOST_WAITING == 8
 
 
 def test_a_long_plan_does_not_come_out_after_a_newer_short_one(
@@ -261,13 +302,13 @@ def test_a_long_plan_does_not_come_out_after_a_newer_short_one(
 ) -> None:
     graph, client = ros
     start_serve(graph, model_path=model_path)
-    plans = client.listen(JointTrajectory, PLAN)
+    answers = client.listen(JointTrajectory, PLAN)
     publisher = client.speak(JointTrajectory, REFERENCE)
     client.status('serve', lambda status: status['state'] == 'active')
     publisher.publish(plan(9000))
     publisher.publish(plan(2))
     client.status('serve', lambda status: status['refused'] == {'plan interrupted': 1})
-    assert [len(each.points) for each in plans] == [2]
+    assert [len(each.points) for each in answers] == [2]
 
 
 def test_points_are_counted_without_being_read() -> None:

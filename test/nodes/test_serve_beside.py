@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from nodes import toy
-from nodes.test_serve import EXPECTED, GOOD, REFERENCE, start_serve, TORQUE
+from nodes.test_serve import EXPECTED, GOOD, REFERENCE, start_serve, TORQUE, trajectory
 import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -125,3 +125,40 @@ def test_joint_states_by_two_clocks_are_told(ros: tuple[Graph, Client], model_pa
     reasons = {'stamp far ahead': 20}
     status = client.status('serve', lambda status: status['unmeasured'] == reasons)
     assert status['answered']['measured'] == 20
+
+
+def test_a_plan_that_comes_out_after_its_begin_is_told(serving: tuple[Graph, Client]) -> None:
+    _, client = serving
+    plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    plan = trajectory(toy.JOINTS, deepcopy(GOOD.points[0]), deepcopy(GOOD.points[0]))
+    plan.points[1].time_from_start.sec = 1
+    now = client.node.get_clock().now().nanoseconds
+    for begin in (now - 2 * 10**9, now + 600 * 10**9, 0):
+        plan.header.stamp = messages.stamp_at(begin)
+        publisher.publish(plan)
+    client.wait_until(lambda: len(plans) == 3, 'plans')
+    status = client.status('serve', lambda status: status['answered']['plans'] == 3)
+    assert status['late_plans'] == 1
+
+
+def test_standard_deviations_that_do_not_come_are_told(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    graph, client = ros
+    serve = start_serve(graph, model_path=model_path, publish_std=True, std_rate_hz=100.0)
+    deviations = client.listen(JointState, '/serve/torque_std')
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    serve.hold('feedforward.deviations')
+    sentence = 'their process stands still; reload_model starts another'
+
+    def told(status: dict[str, Any]) -> bool:
+        publisher.publish(GOOD)
+        return sentence in status['summary']
+
+    client.status('serve', told)
+    assert not deviations
+    assert client.trigger('/serve/reload_model').success
+    client.status('serve', lambda status: not told(status))
+    client.wait_until(lambda: deviations or publisher.publish(GOOD), 'deviations')
