@@ -8,14 +8,11 @@ from setuptools import find_packages, setup
 PACKAGE = 'lip_id_ros'
 WHEEL = {'bdist_wheel', 'dist_info', 'editable_wheel'}  # the commands that pip runs
 NODES = [
-    'train = lip_id_ros.nodes.train:main',
-    'serve = lip_id_ros.nodes.serve:main',
-    'monitor = lip_id_ros.nodes.monitor:main',
-    'replay = lip_id_ros.nodes.replay:main',
-    'computed_torque = lip_id_ros.nodes.computed_torque:main',
-    'simulated_panda = lip_id_ros.demo.nodes:simulated_panda',
-    'simulated_arm = lip_id_ros.demo.nodes:simulated_arm',
-    'reference = lip_id_ros.demo.nodes:reference',
+    f'{name} = lip_id_ros.programs:{name}'
+    for name in (
+        *('train', 'serve', 'monitor', 'replay', 'computed_torque'),
+        *('simulated_panda', 'simulated_arm', 'reference'),
+    )
 ]
 
 
@@ -25,7 +22,7 @@ def files(folder: str, pattern: str = '*') -> list[str]:
 
 def programs() -> list[str]:
     """Return lip_id, and the nodes for `ros2 run`: a wheel has none, as Ray's is called serve."""
-    program = ['lip_id = lip_id_ros.cli:main']
+    program = ['lip_id = lip_id_ros.programs:lip_id']
     if WHEEL & set(sys.argv):
         return program
     return program + NODES

@@ -38,6 +38,7 @@ PARTS = {
     'joint_types': set(),
     'numba_jit': set(),
     '__main__': {'cli'},
+    'programs': set(),
     'processes': set(),
     'progress': set(),
     'linear_algebra': set(),
