@@ -8,6 +8,7 @@ import re
 import pytest
 
 from benchmarks.__main__ import available
+from lip_id_ros import programs
 from lip_id_ros.cli import main
 from lip_id_ros.cli.main import VERBS as MODULES
 
@@ -73,7 +74,8 @@ def test_nodes_and_launch_files_exist(page: Path) -> None:
     text = page.read_text(encoding='utf-8')
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
     for name in re.findall(r'ros2 run lip_id_ros (\w+)', text):
-        assert f"'{name} = " in setup, name
+        assert f"'{name}'" in setup, name
+        assert callable(getattr(programs, name)), name
     launched = re.findall(r'ros2 launch lip_id_ros (\S+\.launch\.py)((?:[^`\n]|\\\n)*)', text)
     for name, rest in launched:
         launch = ROOT / 'launch' / name
