@@ -266,5 +266,5 @@ def _no_text(path: PathLike, error: Exception) -> str:
 def _is_number(text: str) -> bool:
     with suppress(ValueError):
         float(text)
-        return True
+        return text.isascii() and '_' not in text  # float reads more than numpy does
     return False

@@ -348,3 +348,10 @@ def test_a_joint_without_a_name_is_named(tmp_path: Path, signal: str) -> None:
     (tmp_path / 'arm.csv').write_text(f'{header}\n0,1,2,3,4,5\n')
     with pytest.raises(DataError, match=f"a column '{signal}' .* must end in the name of its"):
         read_table(tmp_path / 'arm.csv')
+
+
+@pytest.mark.parametrize('cell', ['1_000', '\uff11\uff12'])
+def test_cell_that_only_python_takes_for_a_number_is_named(tmp_path: Path, cell: str) -> None:
+    path = log(tmp_path / 'a.csv', f't,q_a,tau_a\n0,1,2\n1,{cell},2\n2,1,2\n')
+    with pytest.raises(DataError, match=rf"^q_a in line 3 of .* must be a number, not '{cell}'"):
+        read_table(path)
