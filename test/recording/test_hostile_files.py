@@ -212,7 +212,7 @@ def test_hostile_metadata_is_noted(tmp_path: Path, text: str) -> None:
     assert samples.notes[0].startswith('metadata.yaml ')
 
 
-@pytest.mark.parametrize('table', ['messages', 'topics'])
+@pytest.mark.parametrize('table', ['messages', 'topics', 'message_definitions'])
 def test_view_in_place_of_a_table_is_refused(tmp_path: Path, table: str) -> None:
     path = write_file(tmp_path / 'a', moving(5), '.db3')
     with sqlite3.connect(path) as database:

@@ -109,7 +109,8 @@ class SqliteFile:
     def _checked_tables(self) -> str:
         """Return the name of the row number; DamageError where a table is none."""
         rows = self._database.execute(
-            "SELECT name, type, sql FROM sqlite_master WHERE name IN ('messages', 'topics')"
+            'SELECT name, type, sql FROM sqlite_master '
+            "WHERE name IN ('messages', 'topics', 'message_definitions')"
         )
         for name, kind, sql in rows:
             if kind != 'table' or 'virtual' in str(sql).lower().split()[:2]:
