@@ -47,6 +47,15 @@ def test_named_tests_exist(page: Path) -> None:
         assert f'def {name}(' in TESTS, name
 
 
+def test_each_event_of_the_safety_page_is_shown_by_a_test() -> None:
+    lines = (ROOT / 'docs' / 'safety.md').read_text(encoding='utf-8').splitlines()
+    rows = [line.strip('| ').split(' | ') for line in lines if line.startswith('| ')]
+    events = [row for row in rows if row[0] != 'Event']
+    assert len(events) > 40
+    for event, *_, shown in events:
+        assert TESTS.count(f'def {shown.strip("`")}(') == 1, event
+
+
 @EACH
 def test_named_benchmarks_exist(page: Path) -> None:
     text = page.read_text(encoding='utf-8')
