@@ -81,11 +81,11 @@ class Client:
         time.sleep(1.0)
 
     def stream(self, rate_hz: float, seconds: float) -> None:
-        """Publish at a fixed rate."""
-        begin = time.perf_counter()
-        for number in range(round(rate_hz * seconds)):
+        """Publish at a fixed rate; numbers go on from the stream before."""
+        begin, first = time.perf_counter(), len(self._sent)
+        for number in range(first, first + round(rate_hz * seconds)):
             message = numbered(self._references[number % len(self._references)], number)
-            ahead = begin + number / rate_hz - time.perf_counter()
+            ahead = begin + (number - first) / rate_hz - time.perf_counter()
             if ahead > 0:
                 time.sleep(ahead)
             self._sent.append(time.perf_counter())
