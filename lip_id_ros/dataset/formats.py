@@ -44,6 +44,9 @@ _KNOWN = (*PER_SAMPLE, *PER_JOINT, *INDICES, 'joint_names', 'joint_types')
 Arrays = Mapping[str, NDArray[Any]]
 PathLike = str | os.PathLike[str]
 
+MOST_JOINTS = 32
+"""Of an arm whose names nobody gave: more are samples."""
+
 
 def check_suffix(path: PathLike) -> None:
     """Raise a ConfigError unless the suffix of a path chooses a format."""
@@ -85,6 +88,8 @@ def read_npz(path: PathLike) -> dict[str, Any]:
     _check_format(path, header)
     _check_complete(path, arrays)
     given: dict[str, Any] = {name: _plain(name, arrays[name]) for name in _KNOWN if name in arrays}
+    if 'joint_names' not in given:
+        _refuse_rows_of_joints(path, given['q'])
     filled = defaults(given['q'], _step(path, arrays))
     filled['gravity_compensated'] = False
     if 'gravity_compensated' in header:
@@ -175,6 +180,14 @@ def _check_complete(path: PathLike, arrays: Arrays) -> None:
         raise DataError(
             f'{os.fspath(path)} must hold arrays q, dq, ddq and tau, but {", ".join(missing)} '
             f'is missing beside {", ".join(sorted(arrays)) or "nothing"}; save them too.'
+        )
+
+
+def _refuse_rows_of_joints(path: PathLike, q: NDArray[Any]) -> None:
+    if q.ndim == 2 and q.shape[1] > max(MOST_JOINTS, q.shape[0]):
+        raise DataError(
+            f'q in {os.fspath(path)} must have shape (samples, joints), but has {q.shape}, more '
+            'joints than samples; transpose the arrays, or save joint_names too.'
         )
 
 

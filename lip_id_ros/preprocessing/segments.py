@@ -70,14 +70,12 @@ def segments_of(
 
     """
     fresh, changes, is_stale = without_stale(samples)
-    if fresh.n_samples < 2:
-        raise DataError(
-            f'{fresh.source} must hold at least two different samples, but has '
-            f'{fresh.n_samples}; record while the arm moves.'
-        )
+    _require_two(fresh)
     given = replace(fresh, effort=torque(fresh, recording))
     if (is_spike := spikes(given.effort)).any():
-        given, changes = given.select(~is_spike), changes_between(changes, ~is_spike)
+        given = given.select(~is_spike)
+        _require_two(given, ' without spikes of the effort')
+        changes = changes_between(changes, ~is_spike)
     refuse_absurd_ranges(given)
     is_revolute = ~is_prismatic(per_joint(samples, 'joint_types', recording.joint_types, REVOLUTE))
     fresh = unwrapped(given, is_revolute, _longest_gap(given, settings))
@@ -136,6 +134,14 @@ def quantum(values: Array) -> float:
     multiples = steps / step
     on_grid = np.abs(multiples - np.round(multiples)) < 0.1
     return step if on_grid.mean() > ON_GRID else 0.0
+
+
+def _require_two(samples: JointSamples, kind: str = '') -> None:
+    if samples.n_samples < 2:
+        raise DataError(
+            f'{samples.source} must hold at least two different samples{kind}, but has '
+            f'{samples.n_samples}; record while the arm moves.'
+        )
 
 
 def _longest_gap(samples: JointSamples, settings: PreprocessingSettings) -> float:

@@ -103,6 +103,7 @@ class PreprocessingSettings(Settings):
         'a quarter of the period of the cut-off if that is longer.',
         unit='s',
         minimum=0.0,
+        maximum=60.0,
     )
     min_segment_s: float = setting(
         1.0, 'Shorter segments are dropped and counted.', unit='s', minimum=0.0

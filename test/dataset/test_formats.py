@@ -94,6 +94,7 @@ def test_incomplete_file_is_refused(tmp_path: Path, arrays: dict[str, Any], sent
         ({'dt': [1, 2]}, r'^dt in .*bare.npz must be one positive number .*, not \[1, 2\].$'),
         ({'tau': np.zeros((2, 2))}, r'^in .*bare.npz, tau must have shape \(2, 1\) like q, not '),
         ({'q': np.full((2, 1), None)}, r'bare.npz is not a data set \(.*\); write one with'),
+        ({'q': np.zeros((7, 500))}, r'^q in .*bare.npz must .*\(7, 500\), more .*; transpose the'),
         ({'q': 1.0}, r'^in .*bare.npz, q must have shape \(samples, joints\)'),
     ],
 )

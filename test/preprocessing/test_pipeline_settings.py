@@ -132,10 +132,17 @@ def test_an_effort_scale_of_zero_is_refused() -> None:
         preprocess(recording(T), recording=settings)
 
 
-@pytest.mark.parametrize('count', [1, 40, 57])
+@pytest.mark.parametrize('count', [1, 2, 40, 57])
 def test_too_short_a_recording_is_reported(count: int) -> None:
     with pytest.raises(DataError, match=r'^arm.mcap must hold .*; record'):
         preprocess(recording(T[:count]))
+
+
+def test_two_samples_that_are_all_spikes_are_refused() -> None:
+    samples = recording(T[:2])
+    effort = np.array([[0.0, 0.0], [1e3, 0.0]])
+    with pytest.raises(DataError, match='without spikes of the effort, but has 0; record'):
+        preprocess(replace(samples, effort=effort))
 
 
 def test_sentence_for_a_single_sample() -> None:
