@@ -29,6 +29,9 @@ MOST_BYTES = 2**26
 LARGEST = 1e6
 """No length, mass, inertia or coefficient of an arm is larger, in SI units."""
 
+LONGEST = 20.0
+"""No joint is farther from the one before it, and no centre of mass from its joint [m]."""
+
 LEAST_AXIS = 1e-6
 """A shorter vector has no direction."""
 
@@ -91,7 +94,25 @@ def parse_description(
 
     """
     reader = _Reader(parsed(text, place), place)
-    return reader.description(text.lstrip(), joint_names, joint_types)
+    description = reader.description(text.lstrip(), joint_names, joint_types)
+    _require_metres(description)
+    return description
+
+
+def _require_metres(description: RobotDescription) -> None:
+    moments, masses = description.links[:, 1:4], description.links[:, :1]
+    centres = np.divide(moments, masses, out=np.zeros_like(moments), where=masses > 0.0)
+    lengths = np.zeros(len(centres))
+    # how far the first joint is from the root of the file says nothing about the arm
+    lengths[1:] = np.linalg.norm(description.chain.translations[1:], axis=1)
+    lengths = np.maximum(lengths, np.linalg.norm(centres, axis=1))
+    worst = int(lengths.argmax())
+    if lengths[worst] > LONGEST:
+        raise DataError(
+            f'lengths in {description.place} were expected in metres, but joint '
+            f'{description.joint_names[worst]!r} has one of {lengths[worst]:.4g} m; write '
+            'millimetres as metres.'
+        )
 
 
 def parsed(text: str, place: str) -> ET.Element:

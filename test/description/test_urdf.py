@@ -39,6 +39,7 @@ SMALL = """<?xml version="1.0"?>
 """
 MIMIC = """<link name="side"/><joint name="c" type="revolute">
   <parent link="upper"/><child link="side"/><mimic joint="a"/></joint></robot>"""
+FAR = 'type="prismatic"><origin xyz="0 333 0"/>'
 
 
 def types_of(names: tuple[str, ...]) -> list[str]:
@@ -106,6 +107,7 @@ def test_a_text_is_a_description() -> None:
         (('prismatic', 'revolute'), "joint 'b' is revolute in .*, but prismatic in the data"),
         (('<parent link="base"/>', ''), "joint 'a' in .* has no <parent"),
         (('<parent link="upper"/>', '<parent link="base"/>'), "to be carried by joint 'a'"),
+        (('type="prismatic">', FAR), "in metres, but joint 'b' has one of 333 m;"),
         (('</robot>', MIMIC), "joint 'c' in .* moves with joint 'a' of the arm by <mimic>"),
         (('<child link="lower"/>', '<child link="upper"/>'), 'hangs on two joints'),
         (('<parent link="base"/>', '<parent link="lower"/>'), 'to be carried by the base'),
