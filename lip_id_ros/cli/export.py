@@ -22,6 +22,7 @@ example:
                                                                   from, with what was fitted
 """
 STATES = 1000
+ORIGINS = 'add --origins, or fit with fit.description_angle_deg: 0'
 AGREED = 1e-9
 """Largest difference of torques, over the largest torque, that --check accepts."""
 
@@ -91,20 +92,25 @@ def run(args: argparse.Namespace) -> None:
     files = {
         name: formatted(name, exported, template if name == 'urdf' else None) for name in targets
     }
+    agreements = {}
     for format_name, file in files.items():
         file.save(output.destination(targets[format_name]))
         show_lines([f'Written: {targets[format_name]}'], console)
         if args.check:
             agreement = file.check(model, STATES)
             show_lines([agreement.sentence(of_what)], console)
-            if template is None or args.origins or format_name != 'urdf':
-                agreement.require(AGREED)
+            agreements[format_name] = agreement
+        lines += file.left_out
     if remainder is not None:
         lines.append(f'Left out: {remainder}. Torques of the files are less accurate there.')
     if template is not None:
         arm = files['urdf'].exported.arm
         lines += template_remarks(arm, template.description, args.origins)
     show_lines(lines, console)
+    kept = template is not None and not args.origins
+    for format_name, agreement in agreements.items():
+        remedy = {'remedy': ORIGINS} if kept and format_name == 'urdf' else {}
+        agreement.require(AGREED, **remedy)
 
 
 def _targets(args: argparse.Namespace, names: Iterable[str]) -> dict[str, str]:

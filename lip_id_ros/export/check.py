@@ -45,31 +45,45 @@ class Agreement:
     ----------
     reader : str
         The program that evaluated the format.
+    arm : ArmDescription
     difference : array, shape (n,)
         Largest difference of each joint's torque over that joint's largest torque.
     left_out : tuple of DriveTerm
         Terms of friction that the format cannot express, left out on both sides.
+    lacking : array, shape (n,)
+        Largest torque of these terms over each joint's largest torque.
     n_states : int
 
     """
 
     reader: str
+    arm: ArmDescription
     difference: Array
     left_out: tuple[DriveTerm, ...]
+    lacking: Array
     n_states: int
 
     def sentence(self, of_what: str) -> str:
         """Return the result in words; `of_what` names what the torques were compared with."""
         names = sorted({term_name(part) for part in self.left_out})
         without = f' without {", ".join(names)}' if names else ''
-        return (
+        gravity = np.linalg.norm(self.arm.chain.gravity)
+        said = (
             f'{self.reader} gives the torques of {of_what}{without}, to '
-            f'{self.difference.max():.1e} of the largest, at {self.n_states} random states.'
+            f'{self.difference.max():.1e} of the largest, at {self.n_states} random states and '
+            f'a gravity of {gravity:.6g} m/s^2.'
+        )
+        if not self.left_out:
+            return said
+        worst = int(self.lacking.argmax())
+        return (
+            f'{said} The file lacks that friction: up to {100.0 * self.lacking[worst]:.2g} % of '
+            f'the largest torque at {self.arm.joint_names[worst]}.'
         )
 
-    def require(self, tolerance: float) -> None:
+    def require(self, tolerance: float, remedy: str = 'report this fault of lip_id_ros') -> None:
         """
-        Fail where the difference is larger than a tolerance.
+        Fail where the difference is larger than a tolerance; `remedy` says what to do then.
 
         Raises
         ------
@@ -80,7 +94,7 @@ class Agreement:
         if not self.difference.max() <= tolerance:
             raise ModelError(
                 f'{self.reader} was to give the same torques to {tolerance:g}, but they differ by '
-                f'{self.difference.max():.1e} of the largest; report this fault of lip_id_ros.'
+                f'{self.difference.max():.1e} of the largest; {remedy}.'
             )
 
 
@@ -235,15 +249,18 @@ def _agreement(
     states: Array,
     left_out: FrictionModel | None,
 ) -> Agreement:
-    expected: Array = tau
+    lacking = np.zeros_like(tau)
     terms: tuple[DriveTerm, ...] = ()
     if left_out is not None:
         q, dq, ddq = states
         load = torque_regressor(arm.chain, q, dq, ddq) @ arm.links.ravel()
-        expected, terms = tau - left_out.torque(q, dq, ddq, load), left_out.basis.terms
+        lacking, terms = left_out.torque(q, dq, ddq, load), left_out.basis.terms
     largest = np.abs(tau).max(axis=0)
-    difference = np.abs(found - expected).max(axis=0) / np.where(largest > 0.0, largest, 1.0)
-    return Agreement(reader, difference, terms, len(tau))
+    difference, lacked = (
+        np.abs(x).max(axis=0) / np.where(largest > 0.0, largest, 1.0)
+        for x in (found - (tau - lacking), lacking)
+    )
+    return Agreement(reader, arm, difference, terms, lacked, len(tau))
 
 
 def _import_pinocchio() -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import partial
 import os
@@ -13,6 +13,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import ModelError
+from lip_id_ros.export import mjcf, urdf
 from lip_id_ros.export.arm import ArmDescription, Exported
 from lip_id_ros.export.c_header import to_c_header
 from lip_id_ros.export.check import (
@@ -23,6 +24,7 @@ from lip_id_ros.export.check import (
     check_urdf,
 )
 from lip_id_ros.export.mjcf import to_mjcf
+from lip_id_ros.export.text import left_out_remark, split_friction
 from lip_id_ros.export.urdf import to_urdf
 from lip_id_ros.export.urdf_template import fill_template
 from lip_id_ros.files import write_whole
@@ -39,18 +41,21 @@ class Format(NamedTuple):
         Writes an arm.
     check : callable
         Evaluates what was written.
+    friction : collection of str or None
+        Names of the terms of friction that it can express; None for all.
 
     """
 
     text: Callable[[ArmDescription], str]
     check: Callable[[str, ArmDescription, Array, Array], Agreement]
+    friction: Collection[str] | None
 
 
 HEADER = 'c'
 FORMATS = {
-    'urdf': Format(to_urdf, check_urdf),
-    'mjcf': Format(to_mjcf, check_mjcf),
-    HEADER: Format(to_c_header, check_c_header),
+    'urdf': Format(to_urdf, check_urdf, urdf.FRICTION),
+    'mjcf': Format(to_mjcf, check_mjcf, mjcf.FRICTION),
+    HEADER: Format(to_c_header, check_c_header, None),
 }
 
 
@@ -61,12 +66,15 @@ class Formatted:
 
     Attributes
     ----------
+    name : str
+        Of the format.
     form : Format
     exported : Exported
     text : str
 
     """
 
+    name: str
     form: Format
     exported: Exported
     text: str
@@ -74,6 +82,15 @@ class Formatted:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the file; OSError if that fails."""
         write_whole(path, self.text.encode())
+
+    @property
+    def left_out(self) -> list[str]:
+        """A sentence on friction that the format cannot express, where there is some."""
+        if self.form.friction is None:
+            return []
+        arm = self.exported.arm
+        terms = split_friction(arm, self.form.friction).left_out.basis.terms
+        return left_out_remark(arm, terms, self.name)
 
     def check(self, model: DynamicsModel, count: int) -> Agreement:
         """
@@ -112,6 +129,7 @@ class Template:
         return Format(
             partial(fill_template, description=self.description, origins=self.origins),
             check_template,
+            urdf.FRICTION,
         )
 
 
@@ -136,4 +154,4 @@ def formatted(name: str, exported: Exported, template: Template | None = None) -
         )
     if template is not None:
         form, exported = template.form, replace(exported, arm=exported.in_model_frames)
-    return Formatted(form, exported, form.text(exported.arm))
+    return Formatted(name.upper(), form, exported, form.text(exported.arm))

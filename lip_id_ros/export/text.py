@@ -82,11 +82,22 @@ def term_name(part: DriveTerm) -> str:
 def header_lines(arm: ArmDescription, remarks: Iterable[str] = ()) -> list[str]:
     """Return what stands at the beginning of a file: remarks, and the table of the joints."""
     lines = [f'{arm.name}: inverse dynamics of an arm, identified by lip_id_ros', '']
-    for remark in (*arm.remarks, *remarks):
+    for remark in (*arm.remarks, *gravity_remark(arm), *remarks):
         lines += _wrapped(remark, '- ')
     kinematics = kinematics_of(arm.joint_names, arm.chain, arm.summary)
     marked = [] if kinematics.identified.all() else _wrapped(UNIDENTIFIED)
     return [*lines, '', *kinematics.lines(), *marked]
+
+
+def gravity_remark(arm: ArmDescription) -> list[str]:
+    """Return a sentence on the gravity of an arm that has one."""
+    if not arm.chain.gravity.any():
+        return []
+    return [
+        f'Gravity is {numbers(np.round(arm.chain.gravity, 6))} m/s^2 in the frame of the base. '
+        'Programs that begin with 9.81, such as pinocchio, make weights 3e-4 too large: set it '
+        'there.'
+    ]
 
 
 def _wrapped(text: str, begin: str = '') -> list[str]:

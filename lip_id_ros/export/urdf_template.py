@@ -23,7 +23,7 @@ from lip_id_ros.description.robot import Body, moved, RobotDescription, transfor
 from lip_id_ros.errors import ModelError
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import (
-    left_out_remark,
+    gravity_remark,
     number,
     numbers,
     roll_pitch_yaw,
@@ -92,7 +92,7 @@ def template_remarks(
     arm: ArmDescription, description: RobotDescription, origins: bool
 ) -> list[str]:
     """Return sentences on what was found and is not in the file."""
-    remarks = left_out_remark(arm, split_friction(arm, FRICTION).left_out.basis.terms, 'URDF')
+    remarks = gravity_remark(arm)
     rotors = zip(arm.joint_names, arm.links[:, ROTOR], strict=True)
     listed = ', '.join(f'{name} {rotor:.4g}' for name, rotor in rotors)
     remarks.append(

@@ -14,7 +14,7 @@ from lip_id_ros.errors import LipIdError, ModelError
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.check import Agreement, COMPILERS
 from lip_id_ros.export.formats import FORMATS
-from lip_id_ros.rigid_body.chain import ROTOR
+from lip_id_ros.rigid_body.chain import ROTOR, STANDARD_GRAVITY
 
 pytest.importorskip('pinocchio')
 ARMS = ('panda', 'RPRPRR', 'PPR', 'PRP', 'R', 'P')
@@ -97,6 +97,44 @@ def test_what_a_format_cannot_express_is_named(name: str) -> None:
         assert f'{term} (' in flat
     if name != 'c':
         assert 'coupled Coulomb (joint_7 with joint_6)' in flat
+
+
+@EACH_FORMAT
+def test_the_check_says_how_much_friction_a_file_lacks(name: str) -> None:
+    arm = random_arm('RRR')
+    states = arm.ranges.random_states(50, np.random.default_rng(1))
+    tau = arm.torque(*states)
+    form = FORMATS[name]
+    found = form.check(form.text(arm), arm, tau, states)
+    if form.friction is None:
+        assert not found.lacking.any()
+        assert 'lacks' not in found.sentence('the model')
+        return
+    left_out = {id(part) for part in found.left_out}
+    kept = arm.friction.with_terms([id(x) not in left_out for x in arm.friction.basis.terms])
+    missing = np.abs(tau - replace(arm, friction=kept).torque(*states)).max(axis=0)
+    lacking = missing / np.abs(tau).max(axis=0)
+    np.testing.assert_allclose(found.lacking, lacking, atol=1e-12)
+    worst = int(lacking.argmax())
+    said = f'up to {100.0 * lacking[worst]:.2g} % of the largest torque at joint_{worst + 1}.'
+    assert said in found.sentence('the model')
+
+
+@EACH_FORMAT
+def test_gravity_is_said_where_there_is_some(name: str) -> None:
+    """Other programs begin with 9.81."""
+    arm = random_arm('RR')
+    chain = arm.chain._replace(gravity=np.zeros(3))
+    floating = replace(arm, chain=chain)
+    said, unsaid = (FORMATS[name].text(x).replace('*', ' ').split() for x in (arm, floating))
+    at = said.index('Gravity')
+    vector = [float(x) for x in said[at + 2 : at + 5]]
+    np.testing.assert_allclose(vector, arm.chain.gravity, atol=1e-6)
+    assert said[at + 5 : at + 7] == ['m/s^2', 'in']
+    assert 'Gravity' not in unsaid
+    chain = chain._replace(gravity=np.array([0.0, 0.0, -STANDARD_GRAVITY]))
+    sentence = agreement(name, replace(arm, chain=chain), 2).sentence('the model')
+    assert 'a gravity of 9.80665 m/s^2' in sentence
 
 
 @EACH_FORMAT

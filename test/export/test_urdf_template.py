@@ -14,8 +14,9 @@ from scipy.spatial.transform import Rotation
 from lip_id_ros.cli import main
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.description.urdf import load_description
-from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.export.arm import ArmDescription, Exported
 from lip_id_ros.export.check import check_template
+from lip_id_ros.export.formats import formatted, Template
 from lip_id_ros.export.urdf_template import fill_template, template_remarks
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.model import InverseDynamicsModel
@@ -142,9 +143,14 @@ def test_the_verb(shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     known = {'description': {'fingerprint': description.fingerprint}}
     replace(model_of(arm), summary=known).save(model)
     template = ['--urdf', str(target), '--template', str(shared_data / 'urdf' / 'panda.urdf')]
-    assert main(['export', str(model), *template, '--check']) == 0
-    said = ' '.join(capsys.readouterr().out.split())
+    assert main(['export', str(model), *template, '--check']) == 1
+    output = capsys.readouterr()
+    assert 'was to give the same torques to 1e-09' in output.err
+    assert 'of the largest; add --origins, or fit with' in output.err
+    said = ' '.join(output.out.split())
     assert 'which are kept; add --origins' in said
+    assert 'Left out, since URDF cannot express it: ' in said
+    assert 'Gravity is 0 0 -9.80665 m/s^2' in said
     assert 'set them where you load it, as armature: panda_joint1 0.1' in said
     assert main(['export', str(model), *template, '--origins', '--check', '--force']) == 0
     assert 'pinocchio gives the torques of the model' in capsys.readouterr().out
@@ -160,8 +166,9 @@ def test_remarks_name_friction_that_urdf_cannot_express(shared_data: Path) -> No
     n = len(description.joint_names)
     friction = every_friction(n, np.random.default_rng(0))
     arm = replace(fitted(description), friction=friction)
+    file = formatted('urdf', Exported(arm, arm, None), Template(description, origins=True))
+    assert 'Stribeck (' in ' '.join(file.left_out)
     remarks = template_remarks(arm, description, origins=True)
-    assert any('Stribeck' in remark for remark in remarks)
     assert not any('--origins' in remark for remark in remarks)
 
 
