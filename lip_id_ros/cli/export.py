@@ -57,8 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _is_exported(path: Path) -> bool:
-    with open(path, 'rb') as file:
-        return b'identified by lip_id_ros' in file.read(4000)
+    content = path.read_bytes()
+    # our own files begin with the words, and filled templates end with them
+    return any(b'identified by lip_id_ros' in part for part in (content[:4000], content[-4000:]))
 
 
 def run(args: argparse.Namespace) -> None:

@@ -26,7 +26,7 @@ from lip_id_ros.export.check import (
 from lip_id_ros.export.mjcf import to_mjcf
 from lip_id_ros.export.text import left_out_remark, split_friction
 from lip_id_ros.export.urdf import to_urdf
-from lip_id_ros.export.urdf_template import fill_template
+from lip_id_ros.export.urdf_template import noted_template
 from lip_id_ros.files import write_whole
 from lip_id_ros.model import DynamicsModel
 
@@ -127,7 +127,7 @@ class Template:
     def form(self) -> Format:
         """The format that it is."""
         return Format(
-            partial(fill_template, description=self.description, origins=self.origins),
+            partial(noted_template, description=self.description, origins=self.origins),
             check_template,
             urdf.FRICTION,
         )

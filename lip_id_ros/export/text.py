@@ -82,11 +82,15 @@ def term_name(part: DriveTerm) -> str:
 def header_lines(arm: ArmDescription, remarks: Iterable[str] = ()) -> list[str]:
     """Return what stands at the beginning of a file: remarks, and the table of the joints."""
     lines = [f'{arm.name}: inverse dynamics of an arm, identified by lip_id_ros', '']
-    for remark in (*arm.remarks, *gravity_remark(arm), *remarks):
-        lines += _wrapped(remark, '- ')
+    lines += remark_lines((*arm.remarks, *gravity_remark(arm), *remarks))
     kinematics = kinematics_of(arm.joint_names, arm.chain, arm.summary)
     marked = [] if kinematics.identified.all() else _wrapped(UNIDENTIFIED)
     return [*lines, '', *kinematics.lines(), *marked]
+
+
+def remark_lines(remarks: Iterable[str]) -> list[str]:
+    """Return remarks as a list of items, in lines."""
+    return [line for remark in remarks for line in _wrapped(remark, '- ')]
 
 
 def gravity_remark(arm: ArmDescription) -> list[str]:
@@ -136,11 +140,11 @@ def roll_pitch_yaw(rotation: Array) -> Array:
 def xml_text(root: ET.Element, comment: Iterable[str]) -> str:
     """Return an XML document that begins with a comment."""
     ET.indent(root)
-    # two hyphens would end the comment
-    lines = [re.sub('-(?=-)', '- ', line) for line in comment]
     body = ET.tostring(root, encoding='unicode')
-    return f'<?xml version="1.0"?>\n<!--\n{_indented(lines)}\n-->\n{body}\n'
+    return f'<?xml version="1.0"?>\n{xml_comment(comment)}\n{body}\n'
 
 
-def _indented(lines: Iterable[str]) -> str:
-    return '\n'.join(f'  {line}'.rstrip() for line in lines)
+def xml_comment(lines: Iterable[str]) -> str:
+    """Return lines as a comment of XML, which two hyphens would end."""
+    text = '\n'.join(f'  {re.sub("-(?=-)", "- ", line)}'.rstrip() for line in lines)
+    return f'<!--\n{text}\n-->'

@@ -2,7 +2,7 @@
 What was fitted, written back into the URDF that the fit started from.
 
 Inertials, damping and friction are replaced, and the origins of the joints where that is asked
-for; every other byte of the file stays.
+for, and a comment at the end names the file as ours; every other byte of the file stays.
 
 """
 
@@ -24,10 +24,13 @@ from lip_id_ros.errors import ModelError
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import (
     gravity_remark,
+    left_out_remark,
     number,
     numbers,
+    remark_lines,
     roll_pitch_yaw,
     split_friction,
+    xml_comment,
 )
 from lip_id_ros.export.urdf import centre_of_mass_inertia, FRICTION, INERTIAS
 from lip_id_ros.model import InverseDynamicsModel
@@ -39,6 +42,10 @@ HALVINGS = 20
 
 LEAST_TURN, LEAST_SHIFT = 1e-6, 1e-9
 """Differences of origins that are rounding [degrees, m]."""
+
+NOTE = 'inertials, damping and friction, identified by lip_id_ros'
+LAST_NOTE = re.compile(rf'\n*<!--\n  [^\n]*{NOTE}\n((?!-->).)*-->\n*\Z', re.DOTALL)
+"""At the end of a text that was filled before."""
 
 ATTRIBUTE = r'\s{}\s*=\s*("[^"]*"|\'[^\']*\')'
 
@@ -60,6 +67,14 @@ def require_same_frames(model: InverseDynamicsModel, description: RobotDescripti
             f'a model that was fitted with {description.place} was expected, but this one was '
             f'fitted {found}; fit again with --urdf {description.place}.'
         )
+
+
+def noted_template(arm: ArmDescription, description: RobotDescription, origins: bool) -> str:
+    """Return a filled template that ends with a comment on what it lacks."""
+    filled = LAST_NOTE.sub('', fill_template(arm, description, origins)).rstrip('\n')
+    left_out = left_out_remark(arm, split_friction(arm, FRICTION).left_out.basis.terms, 'URDF')
+    remarks = remark_lines([*gravity_remark(arm), *left_out])
+    return f'{filled}\n{xml_comment([f"{arm.name}: {NOTE}", *remarks])}\n'
 
 
 def fill_template(arm: ArmDescription, description: RobotDescription, origins: bool) -> str:

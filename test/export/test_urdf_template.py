@@ -152,13 +152,36 @@ def test_the_verb(shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert 'Left out, since URDF cannot express it: ' in said
     assert 'Gravity is 0 0 -9.80665 m/s^2' in said
     assert 'set them where you load it, as armature: panda_joint1 0.1' in said
-    assert main(['export', str(model), *template, '--origins', '--check', '--force']) == 0
+    assert main(['export', str(model), *template, '--origins', '--check']) == 0
     assert 'pinocchio gives the torques of the model' in capsys.readouterr().out
     replace(model_of(arm), summary={}).save(model)
     assert main(['export', str(model), *template, '--force']) == 1
     assert 'but this one was fitted without one; fit again' in capsys.readouterr().err
     assert main(['export', str(model), *template[2:]]) == 1
     assert main(['export', str(model), '--urdf', 'x.urdf', '--origins']) == 1
+
+
+def test_a_filled_file_is_filled_again(
+    shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its last comment is renewed; another URDF is not replaced unasked."""
+    monkeypatch.chdir(tmp_path)
+    text = described('panda.urdf', shared_data).text
+    Path('first.urdf').write_text(text)
+    known = described('panda.urdf', shared_data)
+    summary = {'description': {'fingerprint': known.fingerprint}}
+    replace(model_of(fitted(known)), summary=summary).save('arm.npz')
+    fill = ['export', 'arm.npz', '--urdf', 'filled.urdf', '--template']
+    assert main([*fill, 'first.urdf']) == 0
+    once = Path('filled.urdf').read_text()
+    assert once.count('identified by lip_id_ros') == 1
+    assert 'Gravity is 0 0 -9.80665 m/s^2' in once[once.index('</robot>') :]
+    assert main([*fill, 'first.urdf']) == 0
+    assert main(['export', 'arm.npz', '--urdf', 'again.urdf', '--template', 'filled.urdf']) == 0
+    assert Path('again.urdf').read_text() == once == Path('filled.urdf').read_text()
+    Path('filled.urdf').write_text(text)
+    assert main([*fill, 'first.urdf']) == 1
+    assert Path('filled.urdf').read_text() == text
 
 
 def test_remarks_name_friction_that_urdf_cannot_express(shared_data: Path) -> None:
