@@ -61,6 +61,8 @@ class Event:
         Whether the plan is followed further.
     has_second : bool
         Whether a second publisher has other positions.
+    offset : float
+        What is added to all positions [rad].
 
     """
 
@@ -68,6 +70,7 @@ class Event:
     reason: str
     goes_on: bool = False
     has_second: bool = False
+    offset: float = 0.0
 
 
 def shifted(seconds: float) -> Callable[[int, list[int]], int | None]:
@@ -83,6 +86,7 @@ EVENTS = {
     ),
     'clock jumps ahead': Event(shifted(60.0), 'the stamps of the joint states jumped'),
     'clock jumps back': Event(shifted(-60.0), 'the stamps of the joint states jumped'),
+    'positions jump': Event(lambda now, _: now, 'the plan is 1 rad', offset=1.0),
     'two publishers': Event(lambda now, _: now, 'the plan is 1 rad', has_second=True),
 }
 
@@ -142,9 +146,9 @@ class Robot:
             stamp = event.stamp(time.time_ns(), stamps)
             if stamp is not None:
                 stamps.append(stamp)
-                self._publish(stamp)
+                self._publish(stamp, offset=event.offset)
             if event.has_second:
-                self._publish(time.time_ns(), self._second, 1.0)
+                self._publish(time.time_ns(), self._second, offset=1.0)
             self._step()
         if event.has_second:
             self._other.destroy_publisher(self._second)
@@ -189,10 +193,10 @@ class Robot:
     def _is_driven(self) -> bool:
         return bool(self.heard.torques) and bool(self.heard.torques[-1][1].any())
 
-    def _publish(self, stamp_ns: int, publisher: Any = None, away: float = 0.0) -> None:
+    def _publish(self, stamp_ns: int, publisher: Any = None, offset: float = 0.0) -> None:
         measured = self._arm.measure()
         state = messages.joint_state_message(
-            messages.stamp_at(stamp_ns), NAMES, measured.q + away, measured.dq, measured.tau
+            messages.stamp_at(stamp_ns), NAMES, measured.q + offset, measured.dq, measured.tau
         )
         (publisher or self._states).publish(state)
 
