@@ -34,8 +34,11 @@ from lip_id_ros.simulation.panda_drives import panda_setup
 
 RATE_HZ, STEPS = 250, 4
 SAFE_S, LONGEST_S, PLAN_S = 0.1, 0.7, 4.0
-LATE_S = 0.03
-"""A trial in which the robot itself was late by more shows nothing of the node."""
+LATE_S, WAITED_S = 0.03, 0.25
+"""
+A trial in which the robot was later by itself, or in which the threads of the node waited longer
+for a processor, shows nothing of the node.
+"""
 
 ALLOWED_KB, ASK_AGAIN_S = 2048, 0.3
 STEP_NM = 5.0
@@ -114,7 +117,8 @@ class Heard:
 class Robot:
     """A simulated Panda on the wall clock, which brakes where torques end."""
 
-    def __init__(self, node: Node, other: Node) -> None:
+    def __init__(self, node: Node, other: Node, pid: int) -> None:
+        self._pid = pid
         rest = np.zeros(len(NAMES))
         rng = np.random.default_rng(0)
         self._arm = TorqueControlledArm(SETUP.arm, SETUP.drives, SETUP.posture, rest, rng)
@@ -140,7 +144,7 @@ class Robot:
         if event.has_second:
             self._second = self._other.create_publisher(JointState, '/joint_states', qos.OUTPUT)
         self.heard.statuses.clear()
-        self.late_s = 0.0
+        self.late_s, waited_s = 0.0, waiting_s(self._pid)
         began, stamps = time.monotonic(), list[int]()
         while time.monotonic() < began + LONGEST_S:
             stamp = event.stamp(time.time_ns(), stamps)
@@ -153,6 +157,7 @@ class Robot:
         if event.has_second:
             self._other.destroy_publisher(self._second)
         row = self._judge(event, began)
+        row['late'] |= waiting_s(self._pid) - waited_s > WAITED_S
         self._rest()
         return row
 
@@ -160,7 +165,9 @@ class Robot:
         torques = [(at - began, tau) for at, tau in list(self.heard.torques)]
         after = [(at, tau) for at, tau in torques if at > SAFE_S]
         told = [at - began for at, said in list(self.heard.statuses) if event.reason in said]
+        said = [f'{at - began:.3f} {text}' for at, text in list(self.heard.statuses)]
         row: Row = {'late': self.late_s > LATE_S, 'told_s': told[0] if told else np.inf}
+        row['said'] = said
         if event.goes_on:
             steps = np.diff([tau for at, tau in torques if at > -SAFE_S], axis=0)
             row['safe_s'] = 0.0 if np.abs(steps).max() < STEP_NM and len(after) > 1 else np.inf
@@ -238,7 +245,7 @@ def main(arguments: list[str]) -> int:
     with ExitStack() as stack:
         process = stack.enter_context(running('computed_torque', parameters()))
         stack.enter_context(spun(node))
-        robot = Robot(node, other)
+        robot = Robot(node, other, process.pid)
         while not robot.heard.statuses:
             time.sleep(0.1)
         end, rng = time.monotonic() + options.seconds, np.random.default_rng(1)
@@ -269,6 +276,8 @@ def report(rows: dict[str, list[Row]], memory: list[int], unsafe: int) -> int:
         judged = [trial for trial in trials if not trial['late']]
         bad = [t for t in judged if t['safe_s'] > SAFE_S or t['told_s'] > LONGEST_S]
         failed += len(bad) + (not judged)
+        for trial in bad:
+            print(f'{name}: safe after {trial["safe_s"]:.3f} s; status: {trial["said"]}')
         figures: Row = {'event': name, 'trials': len(trials), 'late': len(trials) - len(judged)}
         for key in ('safe_s', 'told_s'):
             values = [1e3 * trial[key] for trial in judged] or [np.inf]
@@ -277,7 +286,7 @@ def report(rows: dict[str, list[Row]], memory: list[int], unsafe: int) -> int:
     columns = {
         'event': 'event',
         'trials': 'trials',
-        'late': 'robot late',
+        'late': 'late',
         'safe_s_median': 'safe after, median ms',
         'safe_s_max': 'longest ms',
         'told_s_median': 'told after, median ms',
@@ -288,6 +297,14 @@ def report(rows: dict[str, list[Row]], memory: list[int], unsafe: int) -> int:
     first, last = memory[len(memory) // 3], memory[-1]
     print(f'memory: {first} kB after a third, {last} kB at the end; unsafe torques: {unsafe}')
     return int(failed > 0 or unsafe > 0 or last - first > ALLOWED_KB)
+
+
+def waiting_s(pid: int) -> float:
+    """Return how long the threads of a process have been ready without a processor [s]."""
+    total = 0
+    for path in Path(f'/proc/{pid}/task').glob('*/schedstat'):
+        total += int(path.read_text().split()[1])
+    return 1e-9 * total
 
 
 def resident_kb(pid: int) -> int:
