@@ -89,8 +89,8 @@ EVENTS = {
     ),
     'clock jumps ahead': Event(shifted(60.0), 'the stamps of the joint states jumped'),
     'clock jumps back': Event(shifted(-60.0), 'the stamps of the joint states jumped'),
-    'positions jump': Event(lambda now, _: now, 'the plan is 1 rad', offset=1.0),
-    'two publishers': Event(lambda now, _: now, 'the plan is 1 rad', has_second=True),
+    'positions jump': Event(lambda now, _: now, 'more than the tolerance', offset=1.0),
+    'two publishers': Event(lambda now, _: now, 'more than the tolerance', has_second=True),
 }
 
 
