@@ -46,10 +46,16 @@ LIFTS = (1e-1, 1e-2)
 EVALUATIONS = (60, 30, 30)
 """Most evaluations of the rounds of a fit."""
 
-ROUND, MOST_ROUNDS, LEAST_GAIN = (30,), 12, 1e-4
+ROUND, MOST_ROUNDS, LEAST_GAIN = (30,), 12, 0.1
 """
 Of a fit that converges: evaluations of a round, most rounds, and the least gain of one in log
-likelihood per sample.
+likelihood.
+"""
+
+GROWTH, MOST_AT_ONCE = 4, 16_000
+"""
+Of a fit to all samples: how many times more come with each stage, and the most whose features are
+in memory at one time.
 """
 
 FIRST_ROUND, LAST_ROUNDS, KEPT = (40,), (30, 20), 2
@@ -188,20 +194,46 @@ class ArmFitter:
         )
 
     def refined(
-        self, dataset: Dataset, fit: ArmFit, rounds: Sequence[int] = EVALUATIONS
+        self,
+        dataset: Dataset,
+        fit: ArmFit,
+        rounds: Sequence[int] = EVALUATIONS,
+        least_gain: float = 0.0,
     ) -> ArmFit:
-        """Descend, each round with the noise and the loads that the one before has found."""
+        """
+        Descend, each round with the noise and the loads that the one before has found.
+
+        A round ends where steps gain less than `least_gain` in log likelihood.
+
+        """
         for evaluations in rounds:
             problem = self.problem(dataset, fit)
-            fit = self._measured(dataset, fit, problem, problem.minimised(fit.state, evaluations))
+            state = problem.minimised(fit.state, evaluations, least_gain)
+            fit = self._measured(dataset, fit, problem, state)
         return fit
 
-    def converged(self, dataset: Dataset, fit: ArmFit) -> ArmFit:
+    def converged(self, dataset: Dataset, fit: ArmFit, least_gain: float = 0.0) -> ArmFit:
         """Descend until a round improves the likelihood by next to nothing."""
         for _ in range(MOST_ROUNDS):
-            before, fit = fit.score, self.refined(dataset, fit, ROUND)
-            if before - fit.score < LEAST_GAIN:
+            before, fit = fit.score, self.refined(dataset, fit, ROUND, least_gain)
+            if (before - fit.score) * dataset.n_samples < LEAST_GAIN:
                 break
+        return fit
+
+    def to_all_samples(self, fit: ArmFit) -> ArmFit:
+        """
+        Descend on more and more of the samples, from a fit to `MOST_SAMPLES` of them.
+
+        All of them from the last stage on, but for those beyond `MOST_AT_ONCE`.
+
+        """
+        most, count = min(self.dataset.n_samples, MOST_AT_ONCE), MOST_SAMPLES
+        while count < most:
+            count = most if 2 * GROWTH * count > most else GROWTH * count
+            some = self.some(count)
+            problem = self.problem(some, fit)
+            fit = self._measured(some, fit, problem, fit.state)
+            fit = self.converged(some, fit, LEAST_GAIN)
         return fit
 
     def problem(self, dataset: Dataset, fit: ArmFit) -> ArmProblem:

@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_AT_ONCE
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.simple_geometry import Geometry
@@ -106,8 +106,9 @@ def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Lef
     left_out : LeftOut
 
     """
+    fit = fitter.to_all_samples(fit)
     blocks = block_statistics(fitter, fit)
-    for _ in range(STEPS if fitter.dataset.n_samples > MOST_SAMPLES else 0):
+    for _ in range(STEPS if fitter.dataset.n_samples > MOST_AT_ONCE else 0):
         fit, blocks = _gauss_newton(fitter, fit, blocks)
     problem = fitter.problem(fitter.some(1), fit)
     left_out = measure_left_out(blocks, _prior_rows(problem, fit.state), fit.noise.std)
