@@ -29,7 +29,7 @@ _DELIMITERS = (',', ';', '\t', ' ')
 _COMMENT = ('#', '%')
 _MOST_COLUMNS = 20_000
 _SHOWN = 12
-_NAMELESS = ('q_', 'dq_', 'ddq_', 'tau_', 'tau_noiseless_')
+_NAMELESS = ('q_', 'dq_', 'ddq_', 'tau_', 'tau_noiseless_', 'low_passed_sign_')
 
 PathLike = str | os.PathLike[str]
 

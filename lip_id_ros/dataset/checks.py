@@ -13,7 +13,7 @@ from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.errors import DataError, ShapeError
 from lip_id_ros.joint_types import JOINT_TYPES
 
-PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless')
+PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless', 'low_passed_sign')
 PER_SAMPLE = ('t', 'kinetic', 'potential')
 INDICES = ('segment', 'recording')
 LARGEST_INDEX = 2**53  # beyond it, floats are not all the whole numbers

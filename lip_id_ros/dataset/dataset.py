@@ -49,6 +49,9 @@ class Dataset:
         not given.
     tau_noiseless : ndarray, shape (N, n), optional
         True torques, known in simulation.
+    low_passed_sign : ndarray, shape (N, n), optional
+        Signs of the velocities after the low-pass that the torques went through, by which dry
+        friction is fitted; where not given, the sign at constant acceleration stands for it.
     kinetic, potential : ndarray, shape (N,), optional
         True energies [J], known in simulation.
     gravity_compensated : bool
@@ -75,6 +78,7 @@ class Dataset:
     segment: IntArray
     recording: IntArray = field(default_factory=_NO_NUMBERS.copy)
     tau_noiseless: Array | None = None
+    low_passed_sign: Array | None = None
     kinetic: Array | None = None
     potential: Array | None = None
     gravity_compensated: bool = False

@@ -33,12 +33,14 @@ UNITS = {
     'ddq': 'rad/s^2 or m/s^2',
     'tau': 'N m or N',
     'tau_noiseless': 'N m or N',
+    'low_passed_sign': '',
     'kinetic': 'J',
     'potential': 'J',
 }
 
 _ENERGIES = ('kinetic', 'potential')
 _NEEDED = ('q', 'dq', 'ddq', 'tau')
+_OPTIONAL = ('tau_noiseless', 'low_passed_sign')
 _KNOWN = (*PER_SAMPLE, *PER_JOINT, *INDICES, 'joint_names', 'joint_types')
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -130,8 +132,9 @@ def read_csv(path: PathLike) -> dict[str, Any]:
         path, table, ['t', *(f'{signal}_{name}' for signal in _NEEDED for name in joints)]
     )
     fields: dict[str, Any] = {signal: table.per_joint(signal, joints) for signal in _NEEDED}
-    if all(f'tau_noiseless_{joint}' in columns for joint in joints):
-        fields['tau_noiseless'] = table.per_joint('tau_noiseless', joints)
+    for signal in _OPTIONAL:
+        if all(f'{signal}_{joint}' in columns for joint in joints):
+            fields[signal] = table.per_joint(signal, joints)
     fields |= {name: columns[name] for name in (*_ENERGIES, *INDICES) if name in columns}
     return {
         't': columns['t'],

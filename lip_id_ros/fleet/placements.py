@@ -39,7 +39,7 @@ from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.settings import FitSettings
 
-SIGNALS = ('t', 'q', 'dq', 'ddq', 'tau', 'segment', 'recording')
+SIGNALS = ('t', 'q', 'dq', 'ddq', 'tau', 'low_passed_sign', 'segment', 'recording')
 
 ROUNDS = ('', ', friction of each', ', without outliers')
 """
@@ -88,7 +88,7 @@ class PlacedArm(Packable):
         Key and reason of the recordings that contradict the fleet.
     processes : tuple of n tuples
         Fields of the Gaussian process of every joint; empty where it has none.
-    t, q, dq, ddq, tau, segment, recording, gravity_compensated
+    t, q, dq, ddq, tau, low_passed_sign, segment, recording, gravity_compensated
         Samples that the arm was identified with.
 
     """
@@ -117,6 +117,7 @@ class PlacedArm(Packable):
     dq: Array
     ddq: Array
     tau: Array
+    low_passed_sign: Array | None
     segment: IntArray
     recording: IntArray
     gravity_compensated: bool
@@ -326,7 +327,7 @@ def _centred(
         part = data.select(data.recording == recording)
         deviation = solution.recordings.friction[number] - solution.friction
         load = links_torque(regression.chain, solution.links, part)
-        state = part.q, part.dq, part.ddq, load
+        state = part.q, part.dq, part.ddq, load, part.low_passed_sign
         features = friction_features(regression.friction.basis, *state)
         parts.append(replace(part, tau=part.tau - features @ deviation))
     return concatenate(parts)

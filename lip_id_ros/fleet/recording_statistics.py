@@ -86,7 +86,8 @@ class Regression:
         """Return the features of every joint, shapes (N, k_i + p_i)."""
         regressor = torque_regressor(self.chain, *_state(dataset))
         load = regressor @ self.links.ravel()
-        features = friction_features(self.friction.basis, *_state(dataset), load)
+        sign = dataset.low_passed_sign
+        features = friction_features(self.friction.basis, *_state(dataset), load, sign)
         return [
             np.hstack([features[:, joint, own], regressor[:, joint, links]])
             for joint, (own, links) in enumerate(self.columns())

@@ -144,7 +144,7 @@ def add_friction(
     """
     first = 0
     for m in range(len(friction.ends)):
-        torque = _torque_of_drive(friction, m, first, q, dq, ddq, load[friction.bearing[m]])
+        torque = _torque_of_drive(friction, m, first, q, dq, ddq, load[friction.bearing[m]], 0.0)
         first = friction.ends[m]
         for j in range(len(q)):
             out[j] += friction.shares[m, j] * torque
@@ -152,7 +152,13 @@ def add_friction(
 
 @jit
 def set_features(
-    features: CompiledFriction, q: Array, dq: Array, ddq: Array, load: Array, out: Array
+    features: CompiledFriction,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    load: Array,
+    seen: Array,
+    out: Array,
 ) -> None:
     """
     Set the features of friction at one state.
@@ -162,12 +168,15 @@ def set_features(
     features : CompiledFriction
         By `CompiledFriction.features_of`.
     q, dq, ddq, load : arrays, shape (n,)
+    seen : array, shape (K,)
+        Discrepancy of the sign of each feature's drive, as in `DriveState`.
     out : array, shape (n, K)
 
     """
     first = 0
     for k in range(len(features.ends)):
-        feature = _torque_of_drive(features, k, first, q, dq, ddq, load[features.bearing[k]])
+        bearing = load[features.bearing[k]]
+        feature = _torque_of_drive(features, k, first, q, dq, ddq, bearing, seen[k])
         first = features.ends[k]
         for j in range(len(q)):
             out[j, k] = features.shares[k, j] * feature
@@ -203,21 +212,30 @@ def set_load_slopes(
         bearing = features.bearing[k]
         sign = -1.0 if load[bearing] < 0.0 else 1.0
         first = features.ends[k - 1] if k > 0 else 0
-        change = _torque_of_drive(features, k, first, q, dq, ddq, sign)
-        change -= _torque_of_drive(features, k, first, q, dq, ddq, 0.0)
+        change = _torque_of_drive(features, k, first, q, dq, ddq, sign, 0.0)
+        change -= _torque_of_drive(features, k, first, q, dq, ddq, 0.0, 0.0)
         for j in range(len(q)):
             out[j, bearing] += features.shares[k, j] * coefficients[k] * sign * change
 
 
 @jit
-def _features(features: CompiledFriction, q: Array, dq: Array, ddq: Array, load: Array) -> Array:
+def _features(
+    features: CompiledFriction, q: Array, dq: Array, ddq: Array, load: Array, seen: Array
+) -> Array:
     out = np.empty((*q.shape, len(features.ends)))
     for t in range(len(q)):
-        set_features(features, q[t], dq[t], ddq[t], load[t], out[t])
+        set_features(features, q[t], dq[t], ddq[t], load[t], seen[t], out[t])
     return out
 
 
-def friction_features(basis: FrictionBasis, q: Array, dq: Array, ddq: Array, load: Array) -> Array:
+def friction_features(
+    basis: FrictionBasis,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    load: Array,
+    sign: Array | None = None,
+) -> Array:
     """
     Return the features of friction for all torques.
 
@@ -225,13 +243,17 @@ def friction_features(basis: FrictionBasis, q: Array, dq: Array, ddq: Array, loa
     ----------
     basis : FrictionBasis
     q, dq, ddq, load : arrays, shape (N, n)
+    sign : array, shape (N, n), optional
+        As for `FrictionBasis.features`.
 
     Returns
     -------
     array, shape (N, n, K)
 
     """
-    states = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq, load))
+    signs = [part.drive.signs(basis.n_joints) for part in basis.terms for _ in range(part.size)]
+    seen = basis.discrepancy(dq, ddq, sign) @ np.array(signs).reshape(-1, basis.n_joints).T
+    states = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq, load, seen))
     return _features(CompiledFriction.features_of(basis), *states)
 
 
@@ -244,6 +266,7 @@ def _torque_of_drive(
     dq: Array,
     ddq: Array,
     load: float,
+    discrepancy: float,
 ) -> float:
     position = speed = change = 0.0
     for j in range(len(q)):
@@ -253,7 +276,7 @@ def _torque_of_drive(
         change += ratio * ddq[j]
     smoothing = friction.rise_time[m] * change
     return drive_friction(
-        friction, first, friction.ends[m], position, speed, change, load, smoothing
+        friction, first, friction.ends[m], position, speed, change, load, smoothing, discrepancy
     )
 
 
@@ -267,10 +290,11 @@ def drive_friction(
     ddq: float,
     load: float,
     smoothing: float,
+    discrepancy: float,
 ) -> float:
     """Return the friction torque of one drive, whose state is a `DriveState`."""
     torque = 0.0
-    width, sign = -1.0, 0.0
+    width, sign, share = -1.0, 0.0, 0.0
     for p in range(first, end):
         shape = friction.shape[p]
         if shape == ONE:
@@ -280,8 +304,10 @@ def drive_friction(
         elif shape in (SIGN, REVERSAL):
             if friction.width[p] != width:  # primitives of one width follow each other
                 width = friction.width[p]
-                sign = _tanh(dq / math.sqrt(width * width + smoothing * smoothing))
-            value = sign
+                square = width * width + smoothing * smoothing
+                sign = _tanh(dq / math.sqrt(square))
+                share = smoothing * smoothing / square
+            value = sign + discrepancy * share
             if shape == REVERSAL:
                 value = (1.0 - sign * sign) * _tanh(ddq / friction.acceleration[p])
         elif shape == LOAD:

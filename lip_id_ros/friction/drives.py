@@ -59,12 +59,28 @@ class Drive:
         shares = zip(self.joints, self.shares or self.ratios, strict=True)
         return tuple((joint, share) for joint, share in shares if share != 0.0)
 
-    def state(self, q: Array, dq: Array, ddq: Array, load: Array, rise_time: float) -> DriveState:
+    def state(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        load: Array,
+        rise_time: float,
+        discrepancy: Array | float = 0.0,
+    ) -> DriveState:
         """Return the state of the drive at joint states and loads of shape (N, n)."""
         joints, ratios = list(self.joints), np.array(self.ratios)
         position, speed, acceleration = (x[:, joints] @ ratios for x in (q, dq, ddq))
-        smoothing = rise_time * np.abs(acceleration)
-        return DriveState(position, speed, acceleration, load[:, joints[0]], smoothing)
+        smoothing, own = rise_time * np.abs(acceleration), 0.0
+        if isinstance(discrepancy, np.ndarray):
+            own = discrepancy @ self.signs(discrepancy.shape[1])
+        return DriveState(position, speed, acceleration, load[:, joints[0]], smoothing, own)
+
+    def signs(self, n_joints: int) -> Array:
+        """Return the sign with which a joint turns the drive alone, shape (n,); else zeros."""
+        signs = np.zeros(n_joints)
+        signs[list(self.joints)] = np.sign(self.ratios)
+        return signs if np.count_nonzero(signs) == 1 else np.zeros(n_joints)
 
 
 @dataclass(frozen=True)

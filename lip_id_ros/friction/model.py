@@ -17,6 +17,9 @@ from lip_id_ros.friction.primitives import LOAD
 from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
 
 
+LEAST_SMOOTHING = 1e-12
+
+
 @dataclass(frozen=True)
 class FrictionBasis:
     """
@@ -83,7 +86,21 @@ class FrictionBasis:
                 own[joint].extend(range(place.start, place.stop))
         return tuple(np.array(each, dtype=np.intp) for each in own)
 
-    def features(self, q: Array, dq: Array, ddq: Array, load: Array) -> tuple[Array, ...]:
+    def discrepancy(self, dq: Array, ddq: Array, sign: Array | None) -> Array:
+        """
+        Return the difference of low-passed signs to those of constant accelerations, (N, n).
+
+        Zeros without a sign or a low-pass.
+
+        """
+        if sign is None or not self.rise_time:
+            return np.zeros_like(dq)
+        smoothing = np.maximum(self.rise_time * np.abs(ddq), LEAST_SMOOTHING)
+        return np.asarray(sign - np.tanh(dq / smoothing))
+
+    def features(
+        self, q: Array, dq: Array, ddq: Array, load: Array, sign: Array | None = None
+    ) -> tuple[Array, ...]:
         """
         Return the features of every joint's torque, in the order of `columns`.
 
@@ -92,6 +109,8 @@ class FrictionBasis:
         q, dq, ddq : arrays, shape (N, n)
         load : array, shape (N, n)
             Torques or forces that the drives transmit to the links [N m or N].
+        sign : array, shape (N, n), optional
+            Of the velocities, after the low-pass that the torques went through.
 
         Returns
         -------
@@ -99,8 +118,9 @@ class FrictionBasis:
 
         """
         own: list[list[Array]] = [[np.zeros((len(q), 0))] for _ in range(self.n_joints)]
+        discrepancy = self.discrepancy(dq, ddq, sign)
         for part in self.terms:
-            state = part.drive.state(q, dq, ddq, load, self.rise_time)
+            state = part.drive.state(q, dq, ddq, load, self.rise_time, discrepancy)
             features = part.term.features(state)
             for joint, share in part.drive.efforts:
                 own[joint].append(share * features)
@@ -170,7 +190,9 @@ class FrictionModel:
                     out[..., joint] += share * coefficient * torque[..., part.drive.joints[0]]
         return out
 
-    def torque(self, q: Array, dq: Array, ddq: Array, load: Array) -> Array:
+    def torque(
+        self, q: Array, dq: Array, ddq: Array, load: Array, sign: Array | None = None
+    ) -> Array:
         """
         Friction torques.
 
@@ -179,6 +201,8 @@ class FrictionModel:
         q, dq, ddq : arrays, shape (N, n)
         load : array, shape (N, n)
             Torques or forces of the links on the joints [N m or N].
+        sign : array, shape (N, n), optional
+            As for `FrictionBasis.features`.
 
         Returns
         -------
@@ -187,12 +211,14 @@ class FrictionModel:
 
         """
         out = np.zeros_like(dq)
-        features = self.basis.features(q, dq, ddq, load)
+        features = self.basis.features(q, dq, ddq, load, sign)
         for joint, (rows, column) in enumerate(zip(features, self.basis.columns(), strict=True)):
             out[:, joint] = rows @ self.coefficients[column]
         return out
 
-    def load_slopes(self, q: Array, dq: Array, ddq: Array, load: Array) -> Array:
+    def load_slopes(
+        self, q: Array, dq: Array, ddq: Array, load: Array, sign: Array | None = None
+    ) -> Array:
         """
         Differentiate the friction torques by the loads.
 
@@ -200,7 +226,7 @@ class FrictionModel:
 
         Parameters
         ----------
-        q, dq, ddq, load : arrays, shape (N, n)
+        q, dq, ddq, load, sign : arrays, shape (N, n)
             As for `torque`.
 
         Returns
@@ -212,11 +238,12 @@ class FrictionModel:
         slopes, loaded = np.zeros((*load.shape, self.n_joints)), self._loaded
         if not loaded.basis.terms:
             return slopes
-        sign = np.where(load < 0.0, -1.0, 1.0)
-        without = loaded.torque(q, dq, ddq, np.zeros_like(load))
+        direction = np.where(load < 0.0, -1.0, 1.0)
+        without = loaded.torque(q, dq, ddq, np.zeros_like(load), sign)
         for j in range(self.n_joints):
-            unit = sign * (np.arange(self.n_joints) == j)
-            slopes[:, :, j] = sign[:, j, None] * (loaded.torque(q, dq, ddq, unit) - without)
+            unit = direction * (np.arange(self.n_joints) == j)
+            more = loaded.torque(q, dq, ddq, unit, sign) - without
+            slopes[:, :, j] = direction[:, j, None] * more
         return slopes
 
     @cached_property

@@ -52,6 +52,9 @@ class DriveState(NamedTuple):
         Torque or force that the drive transmits to the links [N m or N].
     smoothing : array, shape (N,), or float
         Change of the velocity while a low-pass of the torques responds [rad/s or m/s].
+    discrepancy : array, shape (N,), or float
+        Of the sign after that low-pass to tanh(dq / smoothing), which it is at constant
+        acceleration.
 
     """
 
@@ -60,6 +63,7 @@ class DriveState(NamedTuple):
     ddq: Array
     load: Array
     smoothing: Array | float = 0.0
+    discrepancy: Array | float = 0.0
 
 
 def smooth_sign(state: DriveState, width: float) -> Array:
@@ -67,7 +71,8 @@ def smooth_sign(state: DriveState, width: float) -> Array:
     Return the sign of the velocity as a low-pass leaves it, shape (N,).
 
     tanh(dq / w), where w^2 = width^2 + smoothing^2: a joint that reverses with acceleration ddq
-    has the velocity ddq t, and tanh(t / rise_time) is the low-pass of a step.
+    has the velocity ddq t, and tanh(t / rise_time) is nearly the low-pass of a step. What is known
+    of the difference counts as far as the low-pass makes the width.
 
     Parameters
     ----------
@@ -76,6 +81,12 @@ def smooth_sign(state: DriveState, width: float) -> Array:
         Of the sign at constant velocity [rad/s or m/s].
 
     """
+    return _steady_sign(state, width) + state.discrepancy * (
+        np.square(state.smoothing) / (width**2 + np.square(state.smoothing))
+    )
+
+
+def _steady_sign(state: DriveState, width: float) -> Array:
     return np.asarray(np.tanh(state.dq / np.hypot(width, state.smoothing)))
 
 
@@ -295,7 +306,7 @@ class Presliding:
 
     def features(self, state: DriveState) -> Array:
         """Return the features, shape (N, 1)."""
-        near = 1.0 - smooth_sign(state, self.width) ** 2
+        near = 1.0 - _steady_sign(state, self.width) ** 2
         return (-near * np.tanh(state.ddq / self.acceleration))[:, None]
 
     def columns(self) -> tuple[Column, ...]:

@@ -202,7 +202,9 @@ def linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Arra
     if fit.friction.basis.is_loaded.any():
         load = links_torque(fit.chain, fit.links, dataset)
         loads = jacobian[..., : problem.size - fit.friction.basis.size]
-        loads += fit.friction.load_slopes(dataset.q, dataset.dq, dataset.ddq, load) @ loads
+        sign = dataset.low_passed_sign
+        slopes = fit.friction.load_slopes(dataset.q, dataset.dq, dataset.ddq, load, sign)
+        loads += slopes @ loads
     return jacobian, dataset.tau - problem.torque(fit.state)
 
 
@@ -289,7 +291,7 @@ def _mean_squares(fitter: ArmFitter, fit: ArmFit) -> Array:
     for chunk in np.array_split(np.arange(dataset.n_samples), -(-dataset.n_samples // CHUNK)):
         some = dataset.select(chunk)
         torque = links_torque(fit.chain, fit.links, some)
-        torque += fit.friction.torque(some.q, some.dq, some.ddq, torque)
+        torque += fit.friction.torque(some.q, some.dq, some.ddq, torque, some.low_passed_sign)
         squares += np.sum(fit.noise.weights(some.dq) * (some.tau - torque) ** 2, axis=0)
     return squares / dataset.n_samples
 

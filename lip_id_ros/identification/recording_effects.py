@@ -79,7 +79,7 @@ def _normal_equations(fitter: ArmFitter, fit: ArmFit, some: BoolArray) -> tuple[
     for chunk in np.array_split(rows, -(-rows.size // CHUNK)):
         part = fitter.dataset.select(chunk)
         load = links_torque(fit.chain, fit.links, part)
-        state = part.q, part.dq, part.ddq, load
+        state = part.q, part.dq, part.ddq, load, part.low_passed_sign
         residual = part.tau - load - fit.friction.torque(*state)
         scale = np.sqrt(fit.noise.weights(part.dq)) / fit.noise.std
         features = friction_features(fit.friction.basis, *state) * scale[..., None]

@@ -103,6 +103,7 @@ def used_jacobian(
     regressor = torque_regressor(chain, q, dq, ddq)
     first, last = DIRECTIONS * n, (DIRECTIONS + LINK_PARAMETERS) * n
     own, load = np.empty((n, len(features.ends))), np.empty(n)
+    steady = np.zeros(len(features.ends))
     slopes, by_load = np.empty((n, n)), np.empty(n)
     parameters = links.ravel()
     for t in range(len(out)):
@@ -110,7 +111,7 @@ def used_jacobian(
             load[i] = 0.0
             for c in range(LINK_PARAMETERS * n):
                 load[i] += regressor[t, i, c] * parameters[c]
-        set_features(features, q[t], dq[t], ddq[t], load, own)
+        set_features(features, q[t], dq[t], ddq[t], load, steady, own)
         state = q[t], dq[t], ddq[t], load
         set_load_slopes(features, loaded, coefficients, *state, slopes)
         for k in range(len(used)):

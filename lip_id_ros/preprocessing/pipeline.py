@@ -145,7 +145,8 @@ def _part(
     before = max(0, -((kept.start - window.start) // kept.step))
     numbers = range(kept.start + before * kept.step, min(kept.stop, window.stop), kept.step)
     rows = np.array(numbers, np.intp) - window.first
-    motion = {'t': uniform.t, 'q': q, 'dq': dq, 'ddq': ddq, 'tau': tau}
+    sign = low_pass(np.sign(dq), segment.rate_hz, settings.cutoff)
+    motion = {'t': uniform.t, 'q': q, 'dq': dq, 'ddq': ddq, 'tau': tau, 'low_passed_sign': sign}
     return {name: values[rows] for name, values in motion.items()}
 
 
