@@ -16,7 +16,6 @@ from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SignWidth
 from lip_id_ros.friction.primitives import LOAD
 from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
 
-
 LEAST_SMOOTHING = 1e-12
 
 

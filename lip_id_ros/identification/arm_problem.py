@@ -141,9 +141,7 @@ class ArmProblem:
         smallest = SMALLEST * self._samples.friction_std
         return np.where(self._positive, np.log(np.maximum(coefficients, smallest)), coefficients)
 
-    def minimised(
-        self, start: ArmState, evaluations: int, least_gain: float = 0.0
-    ) -> ArmState:
+    def minimised(self, start: ArmState, evaluations: int, least_gain: float = 0.0) -> ArmState:
         """Descend from a state, until steps gain less than `least_gain` of log likelihood."""
         at = self.evaluated(start)
         return minimise(self, at, evaluations, max(TOLERANCE, least_gain / max(at.cost, 1.0)))

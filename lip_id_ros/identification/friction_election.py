@@ -86,7 +86,9 @@ class ElectedFriction:
         """
         state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
         links = torque_regressor(chain, *state) @ self.link_parameters.ravel()
-        friction = self.friction.torque(dataset.q, dataset.dq, dataset.ddq, links, dataset.low_passed_sign)
+        friction = self.friction.torque(
+            dataset.q, dataset.dq, dataset.ddq, links, dataset.low_passed_sign
+        )
         residuals = dataset.tau - links - friction
         outliers = outlier_weights(residuals, self.noise.std_at(dataset.dq))
         return np.asarray(self.noise.weights(dataset.dq) * outliers)
@@ -174,7 +176,9 @@ class _Election:
         dataset, basis = self._dataset, self._basis(terms)
         number = contiguous_blocks(dataset.n_samples, BLOCKS)
         residuals = np.empty_like(dataset.tau)
-        features = basis.features(dataset.q, dataset.dq, dataset.ddq, load, dataset.low_passed_sign)
+        features = basis.features(
+            dataset.q, dataset.dq, dataset.ddq, load, dataset.low_passed_sign
+        )
         columns = basis.columns()
         for joint, (rows, column) in enumerate(zip(features, columns, strict=True)):
             thetas = np.array(fit.left_out)[number]
@@ -189,7 +193,9 @@ class _Election:
     def harmonics(self, terms: Sequence[Candidate]) -> dict[int, int]:
         """Return the strongest harmonic of every joint beside links and some terms."""
         dataset, basis = self._dataset, self._basis(terms)
-        features = basis.features(dataset.q, dataset.dq, dataset.ddq, self.no_load, dataset.low_passed_sign)
+        features = basis.features(
+            dataset.q, dataset.dq, dataset.ddq, self.no_load, dataset.low_passed_sign
+        )
         found = {}
         for joint, (used, own) in enumerate(zip(self._used, features, strict=True)):
             harmonics = resolved_harmonics(dataset, joint)
@@ -229,7 +235,9 @@ class _Election:
         """Gather statistics by blocks, and the parameters of every candidate."""
         dataset, basis = self._dataset, self._basis(terms)
         load = self.no_load if load is None else load
-        features = basis.features(dataset.q, dataset.dq, dataset.ddq, load, dataset.low_passed_sign)
+        features = basis.features(
+            dataset.q, dataset.dq, dataset.ddq, load, dataset.low_passed_sign
+        )
         columns = basis.columns()
         rows = [
             np.hstack([self._links[:, joint, used], own])

@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.compiled import add_friction, CompiledFriction, set_load_slopes
+from lip_id_ros.friction.compiled import (
+    add_friction,
+    CompiledFriction,
+    friction_features,
+    set_load_slopes,
+)
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 
@@ -36,6 +41,18 @@ def test_same_as_in_numpy(seed: int) -> None:
     state = np.random.default_rng(seed).standard_normal((4, 20, 3))
     state[1, :2] = 0.0
     np.testing.assert_allclose(evaluated(model, *state), model.torque(*state), atol=1e-12)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_features_of_recorded_signs_are_the_same_as_in_numpy(seed: int) -> None:
+    basis = everything(seed).basis
+    state = np.random.default_rng(seed).standard_normal((5, 20, 3))
+    state[1:3, :2] = 0.0
+    found, expected = friction_features(basis, *state), basis.features(*state)
+    for joint, column in enumerate(basis.columns()):
+        np.testing.assert_allclose(found[:, joint, column], expected[joint], atol=1e-12)
+        others = np.setdiff1d(np.arange(basis.size), column)
+        np.testing.assert_array_equal(found[:, joint, others], 0.0)
 
 
 @given(seed=st.integers(0, 10_000))

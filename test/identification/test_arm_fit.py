@@ -18,13 +18,18 @@ from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch
+from lip_id_ros.identification.identify import identify
 from lip_id_ros.identification.laplace import linearised, posterior, root_with_sign_widths
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.sample_selection import covering
 from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.progress import silent
+from lip_id_ros.recording import JointSamples
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.simulation import SinusoidTrajectory
+from lip_id_ros.simulation.trajectories import MotionLimits
 
 pytestmark = pytest.mark.slow
 
@@ -168,6 +173,57 @@ def test_two_standard_deviations_cover_the_truth() -> None:
     assert 0.9 < np.mean(measured) < 0.99
 
 
+def smooth_motion(rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Return a minute of two joints at 200 Hz."""
+    limits = MotionLimits(np.full(2, -1.5), np.full(2, 1.5), np.full(2, 2.0), np.full(2, 8.0))
+    return SinusoidTrajectory.random(limits, rng).sample(np.arange(12_000) / 200.0)
+
+
+def low_passed(arm: ChainArm, noise: float, rng: np.random.Generator) -> Dataset:
+    """Return samples after the preprocessing of recordings."""
+    q, dq, ddq = smooth_motion(rng)
+    t, tau = np.arange(12_000) / 200.0, arm.torque(q, dq, ddq) + friction(dq)
+    tau = tau + noise * rng.standard_normal(tau.shape)
+    return preprocess(JointSamples(t, q, dq, tau, ('a', 'b')))
+
+
+def test_the_estimate_is_that_of_all_samples_as_the_covariance_is() -> None:
+    arm = random_arm((R, R), seed=10)
+    motion, rng = arm.motion(5000, seed=0), np.random.default_rng(0)
+    tau = arm.torque(*motion) + friction(motion[1])
+    fitter = ArmFitter(dataset_of(arm, motion, tau + 0.3 * rng.standard_normal(tau.shape)))
+    calibration = ArmSearch(fitter).calibrated(0, silent)
+    elected = fitter.elected(calibration.placements.chain)
+    start = fitter.best_start([calibration.placements.chain], elected)
+    few = fitter.refined(fitter.some(1000), start)
+    fit, found, _ = posterior(fitter, few)
+    gains = []
+    for each in (few, fit):
+        problem = fitter.problem(fitter.dataset, each)
+        hessian, slope = problem.normal_equations(problem.evaluated(each.state))
+        gains.append(0.5 * slope @ np.linalg.solve(hessian, slope))
+    assert gains[0] > 2.0
+    assert gains[1] < 0.5
+    unseen = arm.motion(500, seed=5)
+    error = found.torque(*unseen) - arm.torque(*unseen) - friction(unseen[1])
+    assert np.mean(np.abs(error) < 2.0 * found.torque_std(*unseen)) > 0.85
+
+
+@pytest.mark.parametrize('noise', [0.0, 0.02])
+def test_low_passed_dry_friction_is_no_bias(noise: float) -> None:
+    """Where friction is constant; signs of constant accelerations have many times the error."""
+    arm, rng = random_arm((R, R), seed=10), np.random.default_rng(0)
+    data = low_passed(arm, noise, rng)
+    fits = [identify(each).arm for each in (data, replace(data, low_passed_sign=None))]
+    q, dq, ddq = smooth_motion(rng)
+    truth, clear = arm.torque(q, dq, ddq) + friction(dq), np.abs(dq) > 0.2 * np.abs(ddq) + 0.1
+    errors = [np.where(clear, each.torque(q, dq, ddq) - truth, 0.0) for each in fits]
+    sizes = [np.sqrt(np.sum(each**2, axis=0)) for each in errors]
+    assert (sizes[0] < 0.2 * sizes[1]).all()
+    std = fits[0].torque_std(q, dq, ddq)
+    assert np.mean((np.abs(errors[0]) < 2.0 * std)[clear]) > 0.7
+
+
 @pytest.mark.parametrize('seed', range(2))
 def test_white_noise_that_grows_near_rest_is_not_taken_for_correlated(seed: int) -> None:
     arm = random_arm((R, R), seed=10 + seed)
@@ -211,7 +267,8 @@ def test_a_step_takes_in_samples_that_the_descent_left_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """From a fit to a quarter of the samples, steps go more than half of the way to all."""
-    monkeypatch.setattr('lip_id_ros.identification.laplace.MOST_SAMPLES', 50)
+    for module in ('laplace', 'arm_fit'):
+        monkeypatch.setattr(f'lip_id_ros.identification.{module}.MOST_AT_ONCE', 50)
     fitter, best = fitted()
     some = fitter.refined(fitter.some(50), best)
     stepped, _, _ = posterior(fitter, some)

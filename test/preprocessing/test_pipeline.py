@@ -18,6 +18,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import preprocess, smoothing
+from lip_id_ros.preprocessing.smoothing import low_pass
 from lip_id_ros.recording import JointSamples, read_bag, spill
 from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
 
@@ -75,6 +76,17 @@ def test_same_low_pass_on_all_signals() -> None:
     assert relative_error(2.0 * data.ddq + 0.5 * data.dq, data.tau) < 5e-3
 
 
+def test_signs_of_velocities_go_through_the_same_low_pass() -> None:
+    t = uniform(4000, 200.0)
+    data = preprocess(recording(t))
+    full = np.sign(low_pass(Sinusoids().velocity(t), 200.0, 4.0))
+    sign, expected = data.low_passed_sign, low_pass(full, 200.0, 4.0)
+    rows = np.searchsorted(t, data.t - 1e-9)
+    assert sign is not None
+    assert np.mean(np.abs(sign - np.sign(data.dq)) > 0.05) > 0.1
+    np.testing.assert_allclose(sign, expected[rows], atol=0.02)
+
+
 def test_nothing_crosses_a_gap() -> None:
     """What lies behind a gap does not change what comes before it, and the other way round."""
     before, behind = T[:400], T[500:]
@@ -84,7 +96,7 @@ def test_nothing_crosses_a_gap() -> None:
     for number, part in enumerate((before, behind)):
         alone = preprocess(recording(part))
         rows = data.segment == number
-        for name in ('t', 'q', 'dq', 'ddq', 'tau'):
+        for name in ('t', 'q', 'dq', 'ddq', 'tau', 'low_passed_sign'):
             np.testing.assert_allclose(
                 getattr(data, name)[rows], getattr(alone, name), rtol=1e-9, atol=1e-9, err_msg=name
             )
@@ -268,7 +280,7 @@ def test_long_segments_are_smoothed_in_windows_alike(
     monkeypatch.setattr(smoothing, '_WINDOW', 400)
     parts = preprocess(samples, settings)
     np.testing.assert_array_equal(parts.t, whole.t)
-    for name in ('q', 'dq', 'ddq', 'tau'):
+    for name in ('q', 'dq', 'ddq', 'tau', 'low_passed_sign'):
         ours, expected = getattr(parts, name), getattr(whole, name)
         np.testing.assert_allclose(ours, expected, atol=1e-12 * np.abs(expected).max())
 
