@@ -71,9 +71,8 @@ class Drive:
         """Return the state of the drive at joint states and loads of shape (N, n)."""
         joints, ratios = list(self.joints), np.array(self.ratios)
         position, speed, acceleration = (x[:, joints] @ ratios for x in (q, dq, ddq))
-        smoothing, own = rise_time * np.abs(acceleration), 0.0
-        if isinstance(discrepancy, np.ndarray):
-            own = discrepancy @ self.signs(discrepancy.shape[1])
+        smoothing = rise_time * np.abs(acceleration)
+        own = np.broadcast_to(discrepancy, dq.shape) @ self.signs(dq.shape[1])
         return DriveState(position, speed, acceleration, load[:, joints[0]], smoothing, own)
 
     def signs(self, n_joints: int) -> Array:
