@@ -175,12 +175,12 @@ def test_a_narrow_sign_is_the_low_passed_one_where_that_is_known() -> None:
     motion = q[:, None], dq[:, None], ddq[:, None], np.zeros((t.size, 1))
     sign = low_pass(np.sign(motion[1]), rate, cutoff)
     inside = (np.abs(ddq) > 0.1) & (t > 0.5) & (t < 9.5)
-    for width, most in (1e-4, 1e-5), (0.1, 0.1):
+    for width, most in (1e-4, 1e-5), (0.1, 0.01), (0.3, 0.03):
         terms = (DriveTerm(Drive((0,), (-2.0,), (1.0,)), Coulomb(width)),)
         basis = FrictionBasis(1, terms, rise_time)
         known, steady = basis.features(*motion, sign)[0], basis.features(*motion)[0]
         assert np.abs(known + sign)[inside].max() < most
-        assert np.abs(steady + sign)[inside].max() > 1.5 * most
+        assert np.abs(steady + sign)[inside].max() > 0.14
     unfiltered = FrictionBasis(1, terms)
     np.testing.assert_array_equal(
         unfiltered.features(*motion, sign)[0], unfiltered.features(*motion)[0]
