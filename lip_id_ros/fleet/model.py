@@ -20,7 +20,7 @@ from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import ArmState
 from lip_id_ros.identification.identify import prediction_noise
 from lip_id_ros.identification.remainder_election import conditioned_remainder, elect_processes
-from lip_id_ros.identification.sample_selection import plausible
+from lip_id_ros.identification.sample_selection import evenly, plausible
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.effort_calibration import effort_calibrations
@@ -34,6 +34,12 @@ EXISTS = 1e-12
 
 SECTIONS = ('recording', 'preprocessing')
 """Settings in the provenance of a recording."""
+
+RANK = 1e-9
+"""Least singular value of a direction of placements that is known to less than all, as a share."""
+
+STATES = 500
+"""Samples at which links follow placements."""
 
 SMALLEST = 1e-300
 """Least coefficient of friction that has a logarithm."""
@@ -155,20 +161,52 @@ def _root(placed: PlacedArm, solution: Solution) -> Array:
     """
     Return a square root of the covariance of placements, links and friction.
 
-    The placements have the covariance of the first pass, and links and friction follow them as
-    there; with the placements given, they have that of the second.
+    The placements have the covariance of the first pass, and links and friction follow them so
+    that torques change as there; with the placements given, they have that of the second.
 
     """
     count = DIRECTIONS * len(solution.links)
     # widths of signs are taken as known
     first = placed.covariance_root[: count + len(solution.covariance_root)]
-    triangle = np.asarray(np.linalg.qr(first.T, mode='r')).T  # placements in the first columns
-    columns = [triangle[:, :count]]
+    moved = first @ _row_space(first[:count])
+    moved[count:] = _following(placed, solution, moved)
+    columns = [moved]
     for root in (solution.covariance_root, _deviations(solution)):
         column = np.zeros((len(first), root.shape[1]))
         column[len(first) - len(root) :] = root
         columns.append(column)
     return np.hstack(columns)
+
+
+def _following(placed: PlacedArm, solution: Solution, moved: Array) -> Array:
+    """
+    Return how links and friction follow placements, shape (11 n + K, r).
+
+    Links that differ by what changes no torque at these placements have other torques at others:
+    what made up for a placement beside the links of the first pass does not beside these.
+
+    """
+    regression, data = placed.regression, placed.dataset
+    some = data.select(evenly(data.n_samples, STATES))
+    friction = FrictionModel(regression.friction.basis, solution.friction)
+    before, after = (
+        ArmPosterior(regression.chain, *each, regression.noise, moved).jacobian(
+            some.q, some.dq, some.ddq
+        )
+        for each in ((regression.links, regression.friction), (solution.links, friction))
+    )
+    count = DIRECTIONS * len(solution.links)
+    change = before @ moved - after[..., :count] @ moved[:count]
+    rows = after[..., count:].reshape(-1, len(moved) - count)
+    found, *_ = np.linalg.lstsq(rows, change.reshape(len(rows), -1), rcond=RANK)
+    return np.asarray(found)
+
+
+def _row_space(matrix: Array) -> Array:
+    """Return an orthonormal basis of the rows of a matrix (m, r), shape (r, rank)."""
+    _, values, rows = np.linalg.svd(matrix, full_matrices=False)
+    rank = np.count_nonzero(values > RANK * values[0]) if values.size else 0
+    return np.asarray(rows[:rank].T)
 
 
 def _deviations(solution: Solution) -> Array:

@@ -167,6 +167,25 @@ def test_deviations_cover_a_robot_that_was_not_seen(fleet: Fleet) -> None:
     assert 0.3 < np.sqrt(np.mean(ratio**2)) < 1.7
 
 
+def test_deviations_of_one_fit_and_of_a_fleet_agree(tmp_path: Path) -> None:
+    """With each other, and with the errors, where recordings differ by noise alone."""
+    arm = arm_of(0, ('revolute',) * 4)
+    friction = friction_of(arm, np.random.default_rng(0), 0.0)
+    data = [recording(arm, friction, k, count=800) for k in range(4)]
+    sources = [save(each, tmp_path / f'{k}.npz', '') for k, each in enumerate(data)]
+    fleet = fit_fleet(sources, Config(), PlainEngine()).model.arm
+    single = fit(concatenate(data)).arm
+    assert fleet is not None
+    assert single is not None
+    unseen = recording(arm, friction, 999)
+    state = unseen.q, unseen.dq, unseen.ddq
+    stds = [np.sqrt(np.mean(each.torque_std(*state) ** 2, axis=0)) for each in (fleet, single)]
+    assert unseen.tau_noiseless is not None
+    error = fleet.torque(*state) - unseen.tau_noiseless
+    assert_allclose(stds[0], stds[1], rtol=0.4)
+    assert np.mean(np.abs(error) < 2.0 * fleet.torque_std(*state)) > 0.8
+
+
 def test_the_model_is_saved_and_read(fleet: Fleet, tmp_path: Path) -> None:
     model = fleet.result.model
     model.save(tmp_path / 'fleet.npz')
