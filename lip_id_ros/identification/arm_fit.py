@@ -52,7 +52,7 @@ Of a fit that converges: evaluations of a round, most rounds, and the least gain
 likelihood.
 """
 
-GROWTH, MOST_AT_ONCE = 4, 16_000
+GROWTH, MOST_AT_ONCE = 4, 64_000
 """
 Of a fit to all samples: how many times more come with each stage, and the most whose features are
 in memory at one time.
@@ -230,7 +230,10 @@ class ArmFitter:
         most, count = min(self.dataset.n_samples, MOST_AT_ONCE), MOST_SAMPLES
         while count < most:
             count = most if 2 * GROWTH * count > most else GROWTH * count
-            some = self.some(count)
+            rows = evenly(self.dataset.n_samples, count)
+            some = (
+                self.dataset if rows.size == self.dataset.n_samples else self.dataset.select(rows)
+            )
             problem = self.problem(some, fit)
             fit = self._measured(some, fit, problem, fit.state)
             fit = self.converged(some, fit, LEAST_GAIN)

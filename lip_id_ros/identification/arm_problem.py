@@ -43,6 +43,9 @@ TOLERANCE = 1e-6
 CHUNK = 125
 """Samples whose Jacobian one thread has in memory."""
 
+REGRESSOR_CHUNK = 1000
+"""Samples whose regressor is in memory at one time."""
+
 
 @dataclass(frozen=True, eq=False)
 class ArmState:
@@ -175,9 +178,13 @@ class ArmProblem:
 
     def torque(self, state: ArmState) -> Array:
         """Return the torques of all samples, shape (N, n) [N m or N]."""
-        regressor = torque_regressor(state.chain, *self._samples.state)
-        friction = self._samples.friction @ self.coefficients(state)
-        return np.asarray(regressor @ self.links(state).ravel() + friction)
+        torque = np.asarray(self._samples.friction @ self.coefficients(state))
+        links = self.links(state).ravel()
+        for k in range(0, len(torque), REGRESSOR_CHUNK):
+            some = slice(k, k + REGRESSOR_CHUNK)
+            motion = (x[some] for x in self._samples.state)
+            torque[some] += torque_regressor(state.chain, *motion) @ links
+        return torque
 
     def jacobian(self, state: ArmState) -> Array:
         """Differentiate the torques by a step at given loads, shape (N, n, m) [N m or N]."""

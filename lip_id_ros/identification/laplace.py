@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_AT_ONCE
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, LEAST_GAIN, MOST_AT_ONCE
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.simple_geometry import Geometry
@@ -42,12 +42,12 @@ MOST_INFLATION = 1e4
 LEAST_FREEDOM = 0.1
 """Least share of the samples that counts as left after the parameters."""
 
-DAMPINGS = (1e-1, 1.0)
+DAMPINGS = (1e-6, 1e-3, 1e-1, 1.0)
 """
 Of the Gauss-Newton steps, in squares of the columns, so that what is not identified stays finite.
 """
 
-STEPS = 2
+MOST_STEPS = 4
 
 WIDTH_STD, LEAST_COULOMB = 1.0, 1e-9
 """
@@ -108,8 +108,11 @@ def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Lef
     """
     fit = fitter.to_all_samples(fit)
     blocks = block_statistics(fitter, fit)
-    for _ in range(STEPS if fitter.dataset.n_samples > MOST_AT_ONCE else 0):
+    for _ in range(MOST_STEPS if fitter.dataset.n_samples > MOST_AT_ONCE else 0):
+        before = fit
         fit, blocks = _gauss_newton(fitter, fit, blocks)
+        if fit is before:
+            break
     problem = fitter.problem(fitter.some(1), fit)
     left_out = measure_left_out(blocks, _prior_rows(problem, fit.state), fit.noise.std)
     covariance_root = _covariance_root(fitter, fit, blocks, left_out)
@@ -269,6 +272,8 @@ def _gauss_newton(
     problem = fitter.problem(fitter.some(1), fit)
     whole = blocks[0].merge(*blocks[1:])
     root = _root(whole, _prior_rows(problem, fit.state), fit.noise.std)
+    if 0.5 * np.sum(root[:-1, -1] ** 2) < LEAST_GAIN:
+        return fit, blocks
     scale = np.linalg.norm(root[:-1, :-1], axis=0)
     before = _mean_squares(fitter, fit)
     for damping in DAMPINGS:
