@@ -20,7 +20,7 @@ from lip_id_ros.recording.joint_messages import JointMessage
 MOST_BYTES = 2**30
 """A million messages of forty other joints; beyond it a stream would only fill the disk."""
 
-_MOST_KNOWN = 64
+_MOST_KNOWN, _LONG_TEXT = 64, 2**16
 
 _OTHERS, _ALL = 1, 2
 
@@ -100,8 +100,12 @@ class Originals:
         for values, part in zip(came, parts, strict=True):
             if part == _ALL or (part and known.others.any()):
                 numbers = np.asarray(values, np.float64)
-                self._extend(numbers if part == _ALL else numbers[known.others])
+                numbers = numbers if part == _ALL else numbers[known.others]
+                self._numbers.extend(numbers)
+                self._n_numbers += numbers.size
         self.n_bytes += known.n_bytes + 8 * (self._n_numbers - before)
+        if 8 * self._n_numbers + self._n_text > MOST_BYTES:
+            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
 
     def fields(
         self, row: int, kept: Sequence[Array], joint_names: tuple[str, ...]
@@ -150,14 +154,9 @@ class Originals:
         known = _Known(self._n_text, text.size, others, n_bytes)
         self._texts.extend(text)
         self._n_text += text.size
-        self._known[layout] = known
+        if text.size <= _LONG_TEXT:
+            self._known[layout] = known
         return known
-
-    def _extend(self, numbers: Array) -> None:
-        self._n_numbers += numbers.size
-        if 8 * self._n_numbers + self._n_text > MOST_BYTES:
-            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
-        self._numbers.extend(numbers)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,7 +169,8 @@ class OriginalTrack(JointStateTrack):
     def message(self, types: Any, stamp_ns: int, row: int) -> Any:
         """Return one message."""
         message = super().message(types, stamp_ns, row)
-        kept = [values[row] for values in (self.position, self.velocity, self.effort)]
+        signals = self.position, self.velocity, self.effort
+        kept = [values[row] for values in signals if values is not None]
         names = tuple(self.joint_names)
         layout, arrays = self.originals.fields(self.first + row, kept, names)
         message.header.frame_id, message.name = layout.frame_id, list(layout.names)
