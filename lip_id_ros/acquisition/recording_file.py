@@ -64,9 +64,9 @@ def _read(path: Path) -> JointSamples:
     return JointSamples(**fields)
 
 
-def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Path:
+def keep(path: str | os.PathLike[str], track: JointStateTrack) -> Path:
     """
-    Write samples as an MCAP bag, beside those that were kept before.
+    Write messages as an MCAP bag, beside those that were kept before.
 
     Parameters
     ----------
@@ -74,10 +74,8 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
         Where the file goes; a number is added to its name if there is one already. Where nothing
         can be written, it goes into a new folder in one of the other `folders`, or gets another
         name.
-    samples : JointSamples
-        At least one. Where a message has NaN, the array of its bag message is empty.
-    topic : str
-        Topic they are written under.
+    track : JointStateTrack
+        At least one message.
 
     Returns
     -------
@@ -90,15 +88,6 @@ def keep(path: str | os.PathLike[str], samples: JointSamples, topic: str) -> Pat
         If it can be written nowhere.
 
     """
-    track = JointStateTrack(
-        topic,
-        samples.joint_names,
-        samples.t,
-        samples.position,
-        samples.velocity,
-        samples.effort,
-        samples.start_ns,
-    )
     asked, *others = folders(path)
     failure = OSError('there is no folder')
     for name in dict.fromkeys([Path(path).name or UNSAVED, UNSAVED]):

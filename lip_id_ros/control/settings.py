@@ -10,10 +10,16 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.control.computed_torque import Gains
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.settings import executor_setting, setting, Settings
+from lip_id_ros.settings import description_setting, executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START, PER_JOINT
 from lip_id_ros.signals.joints import by_joint, require_unique
-from lip_id_ros.signals.torque_steps import DEFAULT_RATE, require_limits, UNLIMITED
+from lip_id_ros.signals.torque_steps import (
+    DEFAULT_RATE,
+    DESCRIBED,
+    limits_in_numbers,
+    require_limits,
+    UNLIMITED,
+)
 
 
 @dataclass(frozen=True)
@@ -39,12 +45,14 @@ class ControlSettings(Settings):
     )
     torque_limits: tuple[float, ...] | str = setting(
         (),
-        f'Largest torque or force; must be given, the word none for no limits. {PER_JOINT}',
+        'Largest torque or force; must be given: the word none for no limits, robot_description '
+        f'for those of the URDF. {PER_JOINT}',
         unit='N m or N',
         minimum=0.0,
-        choices=(UNLIMITED,),
+        choices=(UNLIMITED, DESCRIBED),
         applies=AT_START,
     )
+    robot_description: str = description_setting()
     rate_limits: tuple[float, ...] = setting(
         (),
         'Largest change of a torque or force; empty: twenty times torque_limits per second, and '
@@ -143,9 +151,8 @@ class ControlRules:
         require_limits(settings.torque_limits)
 
         def per_joint(name: str) -> Array:
-            values = getattr(settings, name)
-            numbers = () if values == UNLIMITED else values
-            return by_joint(name, numbers, joints, joints, np.inf)
+            values = limits_in_numbers(getattr(settings, name))
+            return by_joint(name, values, joints, joints, np.inf)
 
         limits = per_joint('torque_limits')
         with np.errstate(over='ignore'):  # limits beyond all numbers leave rates without a bound

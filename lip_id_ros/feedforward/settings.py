@@ -10,10 +10,16 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.settings import executor_setting, rows, setting, Settings
+from lip_id_ros.settings import description_setting, executor_setting, rows, setting, Settings
 from lip_id_ros.settings.settings import AT_START, ON_CONFIGURE, ON_LOAD, PER_JOINT
 from lip_id_ros.signals.joints import by_joint, require_unique
-from lip_id_ros.signals.torque_steps import DEFAULT_RATE, require_limits, UNLIMITED
+from lip_id_ros.signals.torque_steps import (
+    DEFAULT_RATE,
+    DESCRIBED,
+    limits_in_numbers,
+    require_limits,
+    UNLIMITED,
+)
 
 
 class Policy(StrEnum):
@@ -60,12 +66,14 @@ class ServeSettings(Settings):
     )
     torque_limits: tuple[float, ...] | str = setting(
         (),
-        'Largest torque or force; without it the node does not activate, the word none is for no '
-        f'limits. {PER_JOINT}',
+        'Largest torque or force; without it the node does not activate. The word none is for no '
+        'limits, robot_description for those of the URDF, read when the node is activated. '
+        f'{PER_JOINT}',
         unit='N m or N',
         minimum=0.0,
-        choices=(UNLIMITED,),
+        choices=(UNLIMITED, DESCRIBED),
     )
+    robot_description: str = description_setting()
     rate_limits: tuple[float, ...] = setting(
         (),
         'Largest change of a torque or force; empty: twenty times torque_limits per second, so '
@@ -299,8 +307,7 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
     require_consistent(settings)
 
     def per_joint(name: str, default: float) -> Array:
-        values = getattr(settings, name)
-        values = () if values == UNLIMITED else values
+        values = limits_in_numbers(getattr(settings, name))
         return by_joint(name, values, settings.joints, joint_names, default)
 
     limits = per_joint('torque_limits', np.inf)

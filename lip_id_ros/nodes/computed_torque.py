@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import sys
 import time
 
@@ -14,11 +15,13 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.control.plan_controller import LetGo, PlanController
 from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.nodes import messages, qos, running
+from lip_id_ros.nodes.description import Description
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.joints import RefusedError
 from lip_id_ros.signals.status import Status
+from lip_id_ros.signals.torque_steps import DESCRIBED
 
 WATCH_PERIOD_S = 0.005
 
@@ -38,7 +41,7 @@ class ComputedTorqueNode(NodeBase):
 
     def __init__(self) -> None:
         super().__init__('computed_torque', parameters_of(ControlSettings))
-        settings = ControlSettings(**self.values())
+        settings = self._settings()
         self._controller = PlanController(settings)
         self._several = settings.several_publishers
         self._told = ''
@@ -76,6 +79,15 @@ class ComputedTorqueNode(NodeBase):
             self._watch()
             time.sleep(WATCH_PERIOD_S)
         self._command.wait_for_all_acked(Duration(seconds=DELIVERY_S))
+
+    def _settings(self) -> ControlSettings:
+        """Return the settings, with the limits of the URDF where those are asked for."""
+        settings = ControlSettings(**self.values())
+        if settings.torque_limits != DESCRIBED:
+            return settings
+        description = Description(self, settings.robot_description)
+        description.wait()
+        return replace(settings, torque_limits=description.torque_limits(settings.joints))
 
     def _on_plan(self, raw: bytes) -> None:
         try:

@@ -13,16 +13,25 @@ class Losses:
     Count the messages of one subscription that were lost before the node took them.
 
     Of messages that are overwritten in a queue the middleware says nothing, but their numbers are
-    missing. No message says which publisher it is of: so gaps count only between messages that
-    came while the graph had a single one; the middleware's own count does where it is larger.
+    missing. No message says which publisher it is of (rclpy gives no identifier): so gaps count
+    only between messages that came while the graph had a single one; the middleware's own count
+    does where it is larger.
+
+    Attributes
+    ----------
+    uncounted : bool
+        Whether what is overwritten cannot be counted: there are several publishers, or messages
+        have no numbers.
 
     """
+
+    uncounted = False
 
     def __init__(self, topic: str) -> None:
         self.topic = topic
         self._last: int | None = None
         self._missing = self._since_ns = 0
-        self._went_back = False
+        self._went_back = self._unnumbered = False
         self._publishers: Set[bytes] = frozenset()
         self._by_number = self._by_event = self._counted = 0
 
@@ -42,6 +51,7 @@ class Losses:
     def note(self, info: Mapping[str, Any]) -> None:
         """Note a message by what the middleware says of it; twice the same counts once."""
         number = info['publication_sequence_number']
+        self._unnumbered = number is None
         if number is None or info['received_timestamp'] < self._since_ns:
             return  # of a middleware without numbers, or perhaps of a publisher that has ended
         if self._last is not None and number != self._last + 1:
@@ -63,6 +73,8 @@ class Losses:
             The topic's publishers now, by their identifiers.
 
         """
+        several = len(self._publishers | publishers) > 1
+        self.uncounted = several or self._unnumbered
         single = len(self._publishers | publishers) == 1 and not self._went_back
         if single:
             self._by_number += self._missing

@@ -293,7 +293,8 @@ class NodeBase(Node):
         """Add the messages that were lost, with a warning of those since the last status."""
         new = self._new_losses()
         self.lost.update(new)
-        values = {**status.values, 'lost': dict(self.lost)}
+        uncounted = sorted({each.topic for each in self._losses.values() if each.uncounted})
+        values = {**status.values, 'lost': dict(self.lost), 'lost_uncounted': uncounted}
         if not new:
             return replace(status, values=values)
         told = f'lost before they were taken: {", ".join(f"{n} of {on}" for on, n in new.items())}'

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 import sys
@@ -31,13 +31,14 @@ from lip_id_ros.feedforward.settings import (
     unbounded,
 )
 from lip_id_ros.nodes import running
+from lip_id_ros.nodes.description import Description
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
 from lip_id_ros.nodes.serve_inputs import Inputs
 from lip_id_ros.nodes.serve_outputs import Outputs
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.status import Status
-from lip_id_ros.signals.torque_steps import require_limits
+from lip_id_ros.signals.torque_steps import DESCRIBED, require_limits
 
 WATCH_PERIOD_S = 0.02
 
@@ -59,6 +60,9 @@ class ServeNode(NodeBase, LifecycleNode):
         self._models: dict[str, LoadedModel] = {}
         self._loaded: LoadedModel | None = None
         self._failure = ''
+        self._description: Description | None = None
+        self._limits: tuple[float, ...] = ()  # of the description, while active
+        self._starting = False
         self._n_configured = 0
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='loading')
         self._outputs = Outputs(self)
@@ -133,7 +137,7 @@ class ServeNode(NodeBase, LifecycleNode):
     def check_change(self, values: Mapping[str, Any]) -> None:
         """Refuse what would have no effect now, or does not fit the arm."""
         before = self._settings()
-        settings = replace(before, **values)
+        settings = self._in_numbers(replace(before, **values))
         require_changeable(before, settings, self._state_label)
         require_rules(settings, self._loaded)
         if self._server.active:
@@ -160,12 +164,35 @@ class ServeNode(NodeBase, LifecycleNode):
             self._server.use(loaded, settings)
 
     def _settings(self) -> ServeSettings:
-        return ServeSettings(**self.values())
+        return self._in_numbers(ServeSettings(**self.values()))
+
+    def _in_numbers(self, settings: ServeSettings) -> ServeSettings:
+        if settings.torque_limits == DESCRIBED and self._limits:
+            return replace(settings, torque_limits=self._limits)
+        return settings
+
+    def _read_limits(self, joint_names: Sequence[str]) -> ServeSettings:
+        """Return the settings, with the limits of the newest URDF where those are asked for."""
+        self._limits = ()
+        settings = self._settings()
+        self._listen(settings)
+        if settings.torque_limits == DESCRIBED and self._description:
+            self._limits = self._description.torque_limits(settings.joints or joint_names)
+        return self._in_numbers(settings)
+
+    def _listen(self, settings: ServeSettings) -> None:
+        if settings.torque_limits == DESCRIBED and self._description is None:
+            self._description = Description(self, settings.robot_description, self._go_on)
 
     # lifecycle
 
     def _start(self) -> None:
-        if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+        self._starting = self.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Activate at the start, if need be once a URDF comes."""
+        if self._starting and self._state_label == 'inactive':
             self.trigger_activate()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -184,6 +211,7 @@ class ServeNode(NodeBase, LifecycleNode):
             self._forget()
             return TransitionCallbackReturn.FAILURE
         self._failure = ''
+        self._listen(settings)
         self._n_configured += 1
         self._outputs.configure(settings, self._loaded.joint_names)
         joints = ', '.join(self._loaded.joint_names)
@@ -192,16 +220,16 @@ class ServeNode(NodeBase, LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Answer references from now on."""
-        settings = self._settings()
         if self._loaded is None:
             return TransitionCallbackReturn.FAILURE
         try:
+            settings = self._read_limits(self._loaded.joint_names)
             require_limits(settings.torque_limits)
         except LipIdError as error:
             self._failure = f'not activated: {error}'
             self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
-        self._failure = ''
+        self._failure, self._starting = '', False
         if warning := unbounded(settings):
             self.get_logger().warning(warning)
         self._server.use(self._loaded, settings)
@@ -240,6 +268,7 @@ class ServeNode(NodeBase, LifecycleNode):
         self._server.release()
 
     def _forget(self) -> None:
+        self._starting = False
         self._inputs.clean_up()
         self._outputs.clean_up()
         stop(self._models)

@@ -10,7 +10,6 @@ from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.acquisition.job import in_words, Jobs, JobState, Task
@@ -23,9 +22,9 @@ from lip_id_ros.acquisition.settings import (
     train_parameters,
     TrainSettings,
 )
-from lip_id_ros.description import is_text
 from lip_id_ros.errors import ConfigError, DataError, LipIdError
 from lip_id_ros.nodes import qos, running
+from lip_id_ros.nodes.description import Description
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
 from lip_id_ros.recording.joint_messages import from_joint_state
@@ -56,10 +55,7 @@ class TrainNode(NodeBase):
         self._subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
         )
-        self._description = ''
-        self._descriptions = self.create_subscription(
-            String, 'robot_description', self._on_description, qos.LATCHED
-        )
+        self._description = Description(self)
         self._make_services()
 
     def stop(self) -> None:
@@ -215,21 +211,8 @@ class TrainNode(NodeBase):
         found = fit_values(values)
         if kind != 'fit' or not values['use_robot_description']:
             return found
-        if not self._description:
-            topic = self._descriptions.topic_name
-            raise DataError(
-                f'a URDF was expected on {topic} (use_robot_description), but none has come; '
-                'start robot_state_publisher, or switch that off.'
-            )
-        if not is_text(self._description):  # else it would be taken for the name of a file
-            raise DataError(
-                f'a URDF was expected on {self._descriptions.topic_name} (use_robot_description), '
-                f'but {self._description[:40]!r} came; correct its publisher.'
-            )
-        return {**found, 'fit.description': self._description}
-
-    def _on_description(self, message: String) -> None:
-        self._description = message.data
+        text = self._description.require('use_robot_description', 'switch that off')
+        return {**found, 'fit.description': text}
 
     def _answer(self, response: Any, success: bool, text: str) -> Any:
         self.publish_status()

@@ -10,6 +10,7 @@ from lip_id_ros.settings.sections import (
 )
 from lip_id_ros.settings.settings import (
     build,
+    description_setting,
     executor_setting,
     parameters_of,
     Row,
@@ -34,6 +35,7 @@ __all__ = [
     'Row',
     'Settings',
     'build',
+    'description_setting',
     'example_yaml',
     'executor_setting',
     'flat_rows',

@@ -80,6 +80,15 @@ def executor_setting() -> Any:
     )
 
 
+def description_setting() -> Any:
+    """Declare the URDF that limits torques."""
+    return setting(
+        '',
+        'URDF for torque_limits: robot_description; empty for that of the latched topic.',
+        applies=AT_START,
+    )
+
+
 @dataclass(frozen=True)
 class Row:
     """

@@ -13,6 +13,9 @@ from lip_id_ros.errors import ConfigError
 UNLIMITED = 'none'
 """The word that stands for no torque_limits."""
 
+DESCRIBED = 'robot_description'
+"""The word that stands for the efforts that the URDF of the robot allows, which a node reads."""
+
 DEFAULT_RATE = 20.0
 """Rate limit by torque limit [1/s], where none is given: a full swing takes 0.1 s at least."""
 
@@ -21,8 +24,20 @@ LONGEST_STEP_S = 0.05
 torque is a step for the robot, however long the pause was."""
 
 
+def limits_in_numbers(limits: Sequence[float] | str) -> Sequence[float]:
+    """Return torque_limits as numbers, none without limits; zero where a URDF is to be read."""
+    if isinstance(limits, str):
+        return () if limits == UNLIMITED else (0.0,)
+    return limits
+
+
 def require_limits(limits: Sequence[float] | str) -> None:
-    """Refuse torque_limits that are empty with ConfigError: no limits must be said in a word."""
+    """Refuse torque_limits that are empty, or not read from a URDF yet, with ConfigError."""
+    if limits == DESCRIBED:
+        raise ConfigError(
+            f'torque_limits must be numbers here, but is {DESCRIBED}, which is read only when '
+            'torques begin; deactivate the node first.'
+        )
     if not limits:
         raise ConfigError(
             'torque_limits must hold the largest torque of each joint or one for all, but is '

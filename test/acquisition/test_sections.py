@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 
-from lip_id_ros.acquisition.recorder import MOST_SECTIONS, Sections
+from lip_id_ros.acquisition.sections import MOST_SECTIONS, Sections
 from lip_id_ros.recording import Reason
 from lip_id_ros.recording.joint_messages import from_joint_state, JointMessage
 from lip_id_ros.signals.joint_states import CONFIRMED_BY, LONGEST_STEP_S
@@ -139,7 +139,8 @@ def test_clear_forgets_sections_and_doubts() -> None:
 
 def ros_message(**fields: Any) -> SimpleNamespace:
     sec, nanosec = fields.pop('stamp')
-    header = SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec))
+    stamp = SimpleNamespace(sec=sec, nanosec=nanosec)
+    header = SimpleNamespace(stamp=stamp, frame_id='')
     return SimpleNamespace(header=header, **fields)
 
 

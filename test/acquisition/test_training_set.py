@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lip_id_ros.acquisition import recording_file
 from lip_id_ros.acquisition.job_process import training_set
-from lip_id_ros.acquisition.recording_file import keep
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.progress import silent
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.bag_writer import JointStateTrack
 from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
 
 RECORDING = RecordingSettings(
@@ -27,12 +28,19 @@ def samples(n_samples: int, start_s: int = 1000) -> JointSamples:
     return JointSamples(t, q, np.cos(q), 3.0 * q, ('a', 'b'), start_s * 10**9)
 
 
+def keep(path: Path, samples: JointSamples) -> Path:
+    """Write a bag of samples."""
+    signals = samples.position, samples.velocity, samples.effort
+    known = '/states', samples.joint_names, samples.t, *signals, samples.start_ns
+    return recording_file.keep(path, JointStateTrack(*known))
+
+
 def test_live_recording_and_bags_are_joined_by_name(tmp_path: Path) -> None:
     live = samples(500)
     arrays = (live.position, live.velocity, live.effort)
     position, velocity, effort = (each[:, ::-1] for each in arrays)
     turned = JointSamples(live.t, position, velocity, effort, ('b', 'a'), 2000 * 10**9)
-    bag = keep(tmp_path / 'b.mcap', turned, '/states')
+    bag = keep(tmp_path / 'b.mcap', turned)
     alone = training_set([live], [], CONFIG, silent).dataset
     both = training_set([live], [str(bag)], CONFIG, silent).dataset
     assert both.joint_names == ('a', 'b')
@@ -47,7 +55,7 @@ def test_live_recording_and_bags_are_joined_by_name(tmp_path: Path) -> None:
 
 
 def test_a_bag_alone_is_enough(tmp_path: Path) -> None:
-    bag = keep(tmp_path / 'b.mcap', samples(500), '/states')
+    bag = keep(tmp_path / 'b.mcap', samples(500))
     assert training_set([], [str(bag)], CONFIG, silent).dataset.n_samples > 50
 
 
@@ -77,7 +85,7 @@ def test_sections_that_are_too_short_are_left_out_and_listed() -> None:
 def test_what_is_used_is_shown_raw_and_judged(tmp_path: Path) -> None:
     stuck = samples(500)
     stuck.effort[:, 1] = 0.0
-    bag = keep(tmp_path / 'b.mcap', samples(500, 2000), '/states')
+    bag = keep(tmp_path / 'b.mcap', samples(500, 2000))
     findings = RecordingHealth(RECORDING)
     training_set([samples(1), stuck], [str(bag)], CONFIG, silent, findings)
     assert any(
@@ -94,7 +102,7 @@ def test_nothing_but_sections_that_are_too_short_is_refused() -> None:
 
 
 def test_the_bound_holds_for_all_sources_together(tmp_path: Path) -> None:
-    bag = keep(tmp_path / 'b.mcap', samples(500, 2000), '/states')
+    bag = keep(tmp_path / 'b.mcap', samples(500, 2000))
     config = Config(recording=RECORDING, preprocessing=PreprocessingSettings(max_samples=40))
     data = training_set([samples(500)], [str(bag)], config, silent).dataset
     assert data.n_samples == 40
@@ -102,7 +110,7 @@ def test_the_bound_holds_for_all_sources_together(tmp_path: Path) -> None:
 
 
 def test_the_bound_thins_bags_and_live_samples_alike(tmp_path: Path) -> None:
-    bag = keep(tmp_path / 'b.mcap', samples(1000, 5000), '/states')
+    bag = keep(tmp_path / 'b.mcap', samples(1000, 5000))
     bounded = Config(recording=RECORDING, preprocessing=PreprocessingSettings(max_samples=40))
     everything = training_set([samples(1000)], [str(bag)], CONFIG, silent)
     thinned = training_set([samples(1000)], [str(bag)], bounded, silent)

@@ -35,8 +35,8 @@ def message(number: int, names: tuple[str, ...] = ('b', 'tool', 'a')) -> JointMe
     both = np.array([[q[name], dq[name]] for name in NAMES])
     tau = both[:, 0] + 10 * both[:, 1] + 100 * ddq + UNEXPLAINED
     effort = dict(zip(NAMES, (tau - OFFSET) / SCALE, strict=True)) | {'tool': 9.0}
-    rows = ([values[name] for name in names] for values in (q, dq, effort))
-    return JointMessage(round(1e9 * (5.0 + t)), names, *rows)
+    position, velocity, torque = ([values[name] for name in names] for values in (q, dq, effort))
+    return JointMessage(round(1e9 * (5.0 + t)), names, position, velocity, torque)
 
 
 def read(followed: MeasuredArm, number: int) -> MeasuredState:

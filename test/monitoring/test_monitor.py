@@ -38,8 +38,8 @@ def monitor(path: str, **values: object) -> Monitor:
 def message(row: int, contact: float = 0.0, shift_s: float = 0.0) -> JointMessage:
     """Return a sample of the motion, joints in the other order; a contact does a part."""
     stamp = START_NS + round(1e9 * (T[row] + shift_s))
-    rows = (values[row, ::-1].tolist() for values in (Q, DQ, TAU - contact * CONTACT))
-    return JointMessage(stamp, toy.JOINTS[::-1], *rows)
+    q, dq, tau = (values[row, ::-1].tolist() for values in (Q, DQ, TAU - contact * CONTACT))
+    return JointMessage(stamp, toy.JOINTS[::-1], q, dq, tau)
 
 
 def take(watching: Monitor, rows: range, contact: float = 0.0) -> list[Watched]:

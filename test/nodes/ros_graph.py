@@ -69,11 +69,16 @@ class Process:
         if self.alive:
             self._popen.send_signal(number)
 
+    def children(self, module: str) -> list[psutil.Process]:
+        """Return the processes beside it that run a module."""
+        found = psutil.Process(self._popen.pid).children()
+        return [each for each in found if module in str(each.cmdline())]
+
     def hold(self, module: str = '') -> None:
         """Have the process, or that of a module beside it, stand still until it gets SIGCONT."""
         process = psutil.Process(self._popen.pid)
         if module:
-            (process,) = (each for each in process.children() if module in str(each.cmdline()))
+            (process,) = self.children(module)
         process.suspend()
         wait_until(lambda: process.status() == psutil.STATUS_STOPPED, 'the stop of a process')
 

@@ -284,6 +284,18 @@ def test_a_process_of_plans_that_stands_still_is_replaced(
     worker.stop()
 
 
+def test_the_process_of_plans_is_there_before_the_first(
+    ros: tuple[Graph, Client], model_path: str
+) -> None:
+    """The first long plan came out half a second after its begin."""
+    graph, client = ros
+    serve = graph.start('serve', model_path=model_path, autostart=False)
+    client.status('serve', lambda status: status['state'] == 'unconfigured')
+    assert serve.children('lip_id_ros.nodes.plans') == []
+    assert client.transition(Transition.TRANSITION_CONFIGURE)
+    client.wait_until(lambda: serve.children('lip_id_ros.nodes.plans'), 'the process')
+
+
 def test_too_many_plans_do_not_wait(model_path: str) -> None:
     worker = PlanWorker(ModelFile(model_path))
     raw = serialize_message(plan(2))

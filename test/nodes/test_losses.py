@@ -111,7 +111,8 @@ def test_references_of_two_publishers_are_not_taken_for_lost(
     for _ in range(50):
         first.publish(GOOD)
     second = client.node.create_publisher(JointTrajectory, REFERENCE, qos.REFERENCE)
-    client.status('serve', lambda status: '2 publishers of' in status['summary'])
+    status = client.status('serve', lambda status: '2 publishers of' in status['summary'])
+    assert status['lost_uncounted'] == ['desired_trajectory']  # no losses are known, nor none
     for _ in range(20):
         first.publish(GOOD)
         second.publish(GOOD)
@@ -121,7 +122,7 @@ def test_references_of_two_publishers_are_not_taken_for_lost(
     for _ in range(10):
         first.publish(GOOD)
     status = client.status('serve', lambda status: status['received']['references'] == 100)
-    assert status['lost'] == {}
+    assert (status['lost'], status['lost_uncounted']) == ({}, [])
 
 
 def test_a_monitor_at_a_thousand_hertz_accounts_for_every_joint_state(
@@ -198,12 +199,17 @@ def test_the_event_and_the_numbers_of_the_same_messages_count_once() -> None:
     losses.note({'publication_sequence_number': None, 'received_timestamp': 0})
     losses.on_event(Event)
     assert losses.settle({b'first'}) == 4
+    assert losses.uncounted
+    note(losses, 11)
+    losses.settle({b'first'})
+    assert not losses.uncounted
 
 
 def test_a_restarted_publisher_loses_nothing() -> None:
     losses = Losses('topic')
     note(losses, 5, 6)
     assert losses.settle({b'first'}) == losses.settle(frozenset()) == 0
+    assert not losses.uncounted
     note(losses, 20, 21)  # it began before this node knew of it
     assert losses.settle({b'second'}) == 0
     note(losses, 7, 8, age_s=1.0)  # of the first, which waited

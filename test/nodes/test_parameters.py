@@ -65,4 +65,7 @@ def test_types_stay_when_values_are_set(node: Node) -> None:
 def test_a_refusal_prints_plain_numbers(node: Node) -> None:
     wrong = Parameter('torque_limits', value=array('d', [float('nan')]))
     reason = node.set_parameters([wrong])[0].reason
-    assert reason == 'torque_limits must be a list of numbers >= 0 N m or N or none, not [nan].'
+    assert reason == (
+        'torque_limits must be a list of numbers >= 0 N m or N or none or robot_description, not '
+        '[nan].'
+    )

@@ -112,8 +112,9 @@ def test_wrong_arguments_end_a_node_with_a_sentence_each(tmp_path: Path) -> None
     sentences = [text for text in logged if text]
     assert sentences[0] == ("there are no such ROS arguments: ['--frobnicate']; correct them.")
     assert "parameter 'use_sim_time' to '5' of type 'INTEGER'" in sentences[1]
-    assert (
-        sentences[2] == "torque_limits must be a list of numbers >= 0 N m or N or none, not 'abc'."
+    assert sentences[2] == (
+        'torque_limits must be a list of numbers >= 0 N m or N or none or robot_description, not '
+        "'abc'."
     )
     assert sentences[3].startswith('Parameter ramp_s out of range Min: 0.0')
     assert "Couldn't parse params file" in sentences[4]

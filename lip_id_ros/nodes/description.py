@@ -1,0 +1,82 @@
+"""The URDF of a node's robot: from its parameter, or from the latched topic robot_description."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import time
+
+from std_msgs.msg import String
+
+from lip_id_ros.description import is_text
+from lip_id_ros.description.limits import effort_limits
+from lip_id_ros.errors import DataError
+from lip_id_ros.nodes import qos
+from lip_id_ros.nodes.node import NodeBase
+
+NAME = 'robot_description'
+
+WAIT_S = 10.0
+"""A latched message that there is comes sooner, from a publisher that starts beside the node."""
+
+POLL_S = 0.05
+
+
+class Description:
+    """
+    The last URDF that came on robot_description, or the one that the node was given.
+
+    Parameters
+    ----------
+    node : NodeBase
+        Its subscriber.
+    given : str
+        Text of a URDF; empty for that of the topic.
+    arrived : callable
+        Is called with each that comes.
+
+    """
+
+    def __init__(
+        self, node: NodeBase, given: str = '', arrived: Callable[[], None] = lambda: None
+    ) -> None:
+        self._text, self._place, self._arrived = given, f'the parameter {NAME}', arrived
+        self._node = node
+        if not given:
+            self._subscription = node.create_subscription(String, NAME, self._take, qos.LATCHED)
+            self._place = self._subscription.topic_name
+
+    def wait(self) -> None:
+        """Wait until a URDF has come, `WAIT_S` at most; for a node that does not spin yet."""
+        end = time.monotonic() + WAIT_S
+        while not self._text and time.monotonic() < end:
+            time.sleep(POLL_S)
+            for message, _ in self._node.arrived(self._subscription):
+                self._take(message)
+
+    def require(self, setting: str, remedy: str) -> str:
+        """Return the URDF that a setting asks for; DataError if there is none."""
+        if not self._text:
+            raise DataError(
+                f'a URDF was expected on {self._place} ({setting}), but none has come; start '
+                f'robot_state_publisher, or {remedy}.'
+            )
+        if not is_text(self._text):  # else it would be taken for the name of a file
+            raise DataError(
+                f'a URDF was expected on {self._place} ({setting}), but {self._text[:40]!r} came; '
+                'correct its publisher.'
+            )
+        return self._text
+
+    def torque_limits(self, joints: Sequence[str]) -> tuple[float, ...]:
+        """Return the limits of joints [N m or N], and log them; DataError if one lacks."""
+        text = self.require('torque_limits', 'give numbers')
+        limits = effort_limits(text, self._place, joints)
+        found = ', '.join(
+            f'{joint} {limit:g}' for joint, limit in zip(joints, limits, strict=True)
+        )
+        self._node.get_logger().info(f'torque_limits of {self._place}: {found}')
+        return limits
+
+    def _take(self, message: String) -> None:
+        self._text = message.data
+        self._arrived()

@@ -1,0 +1,182 @@
+"""Torque limits of the demo's Panda, from the URDF that is published or given as a parameter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('pinocchio', reason='needs the URDF of the demo (the extra sim)')
+
+from lifecycle_msgs.msg import Transition
+from nodes.test_computed_torque import SETTINGS
+from nodes.test_serve import point, REFERENCE, start_serve, TORQUE, trajectory
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.nodes import messages, qos
+from lip_id_ros.simulation.arm import panda_urdf
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Graph
+
+pytestmark = pytest.mark.ros
+
+JOINTS = ('panda_joint5', 'panda_joint2')
+LIMITS = [12.0, 87.0]
+STRONG = trajectory(JOINTS, point([0.0, 0.0], [0.0, 0.0], [1e3, -1e3]))
+TOPIC = '/robot_description'
+
+
+def described(**efforts: str) -> String:
+    """Return the Panda's URDF, with other efforts for those that it has."""
+    text = panda_urdf().read_text()
+    for number, effort in efforts.items():
+        text = text.replace(f'effort="{number[1:]}.0"', f'effort="{effort}"')
+    return String(data=text)
+
+
+@pytest.fixture
+def panda_path(model_path: str, tmp_path: Path) -> str:
+    """Save the model of the pendulums as one of two joints of the Panda."""
+    path = tmp_path / 'panda.npz'
+    replace(InverseDynamicsModel.load(model_path), joint_names=JOINTS).save(path)
+    return str(path)
+
+
+def answer(client: Client, torques: list[Any]) -> list[float]:
+    """Return the torque that a strong acceleration gets."""
+    before = len(torques)
+    client.speak(JointTrajectory, REFERENCE).publish(STRONG)
+    client.wait_until(lambda: len(torques) > before, 'a torque')
+    return list(np.abs(torques[-1].effort))
+
+
+def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
+    ros: tuple[Graph, Client], panda_path: str
+) -> None:
+    graph, client = ros
+    limits = {'torque_limits': 'robot_description', 'rate_limits': [1e9]}
+    serve = start_serve(graph, model_path=panda_path, **limits)
+    torques = client.listen(JointState, TORQUE)
+    missing = (
+        'not activated: a URDF was expected on /robot_description (torque_limits), but none has '
+        'come; start robot_state_publisher, or give numbers.'
+    )
+    status = client.status('serve', lambda status: status['summary'] == missing)
+    assert status['state'] == 'inactive'
+    assert not client.transition(Transition.TRANSITION_ACTIVATE)
+    descriptions = client.speak(String, TOPIC, qos.LATCHED)
+    for message, sentence in (
+        (String(data='/dev/zero'), "but '/dev/zero' came; correct its publisher."),
+        (String(data='<robot'), '/robot_description is not a URDF'),
+        (
+            described(_12='0'),
+            "joint 'panda_joint5' in /robot_description was expected to be above",
+        ),
+    ):
+        descriptions.publish(message)
+        status = client.status('serve', lambda status: sentence in status['summary'])  # noqa: B023
+        assert status['state'] == 'inactive'
+    descriptions.publish(described())  # and it goes on, as autostart asks
+    client.status('serve', lambda status: status['summary'] == 'answering')
+    assert 'torque_limits of /robot_description: panda_joint5 12, panda_joint2 87' in serve.log
+    assert answer(client, torques) == LIMITS
+
+    descriptions.publish(described(_12='7', _87='8'))  # moves no limit of an active node
+    (result,) = client.set_parameters('serve', torque_limits='robot_description')
+    assert result.successful
+    assert answer(client, torques) == LIMITS
+    assert client.trigger('/serve/reload_model').success
+    client.set_parameter('serve', 'torque_limits', [3.0])
+    assert answer(client, torques) == [3.0, 3.0]
+    assert client.transition(Transition.TRANSITION_DEACTIVATE)
+    client.set_parameter('serve', 'torque_limits', 'robot_description')
+    assert client.transition(Transition.TRANSITION_ACTIVATE)
+    assert answer(client, torques) == [7.0, 8.0]
+
+
+def test_an_active_node_reads_no_limits(ros: tuple[Graph, Client], panda_path: str) -> None:
+    graph, client = ros
+    start_serve(graph, model_path=panda_path, torque_limits=[5.0], rate_limits=[1e9])
+    torques = client.listen(JointState, TORQUE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    result = client.set_parameter('serve', 'torque_limits', 'robot_description')
+    assert result.reason == (
+        'torque_limits must be numbers here, but is robot_description, which is read only when '
+        'torques begin; deactivate the node first.'
+    )
+    assert answer(client, torques) == [5.0, 5.0]
+
+
+def test_the_parameter_is_a_description_too(ros: tuple[Graph, Client], panda_path: str) -> None:
+    graph, client = ros
+    given = {'torque_limits': 'robot_description', 'robot_description': described().data}
+    start_serve(graph, model_path=panda_path, rate_limits=[1e9], **given)
+    torques = client.listen(JointState, TORQUE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    assert answer(client, torques) == LIMITS
+
+
+def control(**changes: Any) -> dict[str, Any]:
+    return {
+        **SETTINGS,
+        'joints': list(JOINTS),
+        'torque_limits': 'robot_description',
+        'rate_limits': [1e9],
+        **changes,
+    }
+
+
+def test_computed_torque_waits_for_the_topic_before_it_starts(ros: tuple[Graph, Client]) -> None:
+    graph, client = ros
+    process = graph.start('computed_torque', **control())
+    descriptions = client.node.create_publisher(String, TOPIC, qos.LATCHED)
+    client.wait_until(descriptions.get_subscription_count, 'the node')
+    descriptions.publish(described())
+    torques = client.listen(JointState, '/computed_torque/command')
+    plans = client.speak(JointTrajectory, '/computed_torque/joint_trajectory')
+    states = client.speak(JointState, '/joint_states')
+    still = {'q': [0.0, 0.0], 'dq': [0.0, 0.0], 'ddq': [0.0, 0.0]}
+    plan = trajectory(JOINTS, point(**still), point(**still))
+    plan.points[1].time_from_start.sec = 1000
+    for each in plan.points:
+        each.effort = [1e3, -1e3]
+    plans.publish(plan)
+    client.status('computed_torque', lambda status: status['plans'] == 1)
+    rest, number = np.zeros(2), 0
+
+    def limited() -> bool:
+        nonlocal number
+        number += 1
+        stamp = messages.stamp_at(1_800_000_000_000_000_000 + number * 1_000_000)
+        states.publish(messages.joint_state_message(stamp, JOINTS, rest, rest, rest))
+        return bool(torques) and list(np.abs(torques[-1].effort)) == LIMITS
+
+    client.wait_until(limited, 'torques at the limits of the URDF')
+    assert 'torque_limits of /robot_description: panda_joint5 12, panda_joint2 87' in process.log
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('text', 'sentence'),
+    [
+        ('', 'but none has come; start robot_state_publisher, or give numbers.'),
+        (described(_87='0').data, "joint 'panda_joint2' in the parameter robot_description was"),
+    ],
+    ids=['missing', 'zero'],
+)
+def test_computed_torque_does_not_start_without_limits_of_the_urdf(
+    ros: tuple[Graph, Client], text: str, sentence: str
+) -> None:
+    graph, _ = ros
+    process = graph.start('computed_torque', **control(robot_description=text))
+    assert process.wait() == 1
+    assert sentence in process.log
+    assert 'Traceback' not in process.log
