@@ -28,7 +28,7 @@ CSV_SUFFIX = '.csv'
 _DELIMITERS = (',', ';', '\t', ' ')
 _COMMENT = ('#', '%')
 _MOST_COLUMNS = 20_000
-_SHOWN = 12
+_SHOWN, _LONGEST = 12, 40
 _NAMELESS = ('q_', 'dq_', 'ddq_', 'tau_', 'tau_noiseless_', 'low_passed_sign_')
 
 PathLike = str | os.PathLike[str]
@@ -61,7 +61,7 @@ class _Header(NamedTuple):
 
 def read_header(path: PathLike) -> tuple[str, ...]:
     """
-    Read the names of the columns; one without a name is left out if it is the first.
+    Read the names of the columns but that of the first, which may number the rows without one.
 
     Raises
     ------
@@ -142,7 +142,8 @@ def read_table(path: PathLike) -> CsvTable:
     SourceError
         If it is not a regular file.
     DataError
-        If it has no header, no rows, or a cell that is no number; names the line.
+        If it has no header, no rows, a first column without a name that does not number the rows,
+        or a cell that is no number; names the line.
 
     """
     header = _header(path)
@@ -155,7 +156,12 @@ def read_table(path: PathLike) -> CsvTable:
     if rows is None or rows.size == 0:
         raise DataError(f'{os.fspath(path)} must hold rows of numbers, but has none; record some.')
     columns = dict(zip(header.names, rows.T, strict=True))
-    columns.pop('', None)
+    index = columns.pop('', np.zeros(0))
+    if np.any(np.diff(index) != 1.0):
+        raise DataError(
+            f'the first column of {os.fspath(path)} must have a name or number the rows, but has '
+            f'no name and begins with {", ".join(f"{each:.4g}" for each in index[:3])}; name it.'
+        )
     return CsvTable(columns, notes)
 
 
@@ -180,6 +186,18 @@ def check_columns(path: PathLike, table: CsvTable, wanted: Sequence[str]) -> Non
             f'(and dq_NAME, ddq_NAME where known), in s, rad and N m, but {first} is missing '
             f'beside {", ".join(present)}{f" and {more} more" if more else ""}; name the columns '
             'so.'
+        )
+
+
+def check_efforts(path: PathLike, table: CsvTable, joints: Sequence[str]) -> None:
+    """Raise a DataError where efforts are absent, but columns of other names may be these."""
+    signals = ('q', 'dq', 'tau')
+    read = {'t', *(f'{signal}_{joint}' for signal in signals for joint in joints)}
+    others = [name[:_LONGEST] for name in table.columns if name not in read]
+    if others and not any(f'tau_{joint}' in table.columns for joint in joints):
+        raise DataError(
+            f'{os.fspath(path)} must have tau_{joints[0]} [N m] beside q_{joints[0]} [rad], but '
+            f'has {", ".join(others[:_SHOWN])}; name the columns by the joints, in these units.'
         )
 
 

@@ -68,7 +68,7 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
         If the folder does not exist or cannot be written.
 
     """
-    if is_stream(path):
+    if is_stream(path_text(path)):
         with tempfile.TemporaryFile() as whole:
             writer(whole)
             whole.seek(0)
@@ -290,6 +290,16 @@ def _read(
     return arrays, header
 
 
+def path_text(path: Any) -> str:
+    """Return a path as text; SourceError where it is none."""
+    name = os.fspath(path) if isinstance(path, (str, os.PathLike)) else None
+    if not isinstance(name, str):
+        raise SourceError(f'a path must be a text or a pathlib.Path, not {path!r}; name a file.')
+    if '\0' in name:
+        raise SourceError(f'a path must not contain NUL, but {name!r} does; correct the name.')
+    return name
+
+
 def require_regular_file(path: PathLike) -> None:
     """
     Raise an error unless a path is a regular file, links followed.
@@ -304,9 +314,7 @@ def require_regular_file(path: PathLike) -> None:
         If it is anything else than a file.
 
     """
-    name = os.fspath(path)
-    if '\0' in name:
-        raise SourceError(f'a path must not contain NUL, but {name!r} does; correct the name.')
+    name = path_text(path)
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode):
         kind = 'a folder' if stat.S_ISDIR(mode) else 'a device, a pipe or a socket'

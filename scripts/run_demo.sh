@@ -7,5 +7,5 @@ if [ -e .deps/without_ros ]; then
   python -m lip_id_ros.demo.offline --output demo_output "$@"
   cat .deps/without_ros
 else
-  python -m lip_id_ros.demo.ros --output demo_output "$@"
+  exec python -m lip_id_ros.demo.ros --output demo_output "$@"
 fi

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import os
 from pathlib import Path
 import re
+from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -263,3 +264,15 @@ def test_settings_from_a_pipe_are_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / 'pipe')
     with pytest.raises(SourceError, match='must be a regular file'):
         read_config(tmp_path / 'pipe')
+
+
+@pytest.mark.parametrize('path', [None, 3, {}, b'fit.yaml'])
+def test_settings_of_no_file_are_refused(path: Any) -> None:
+    with pytest.raises(SourceError, match=r'^a path must be a text or a pathlib\.Path, not '):
+        read_config(path)
+
+
+@pytest.mark.parametrize('section', [None, {}, {'seed': 1}, RecordingSettings()])
+def test_sections_of_another_type_are_refused(section: Any) -> None:
+    with pytest.raises(ConfigError, match=r'^Config\.fit must be FitSettings, not .*; write FitS'):
+        Config(fit=section)

@@ -355,3 +355,42 @@ def test_cell_that_only_python_takes_for_a_number_is_named(tmp_path: Path, cell:
     path = log(tmp_path / 'a.csv', f't,q_a,tau_a\n0,1,2\n1,{cell},2\n2,1,2\n')
     with pytest.raises(DataError, match=rf"^q_a in line 3 of .* must be a number, not '{cell}'"):
         read_table(path)
+
+
+@pytest.mark.parametrize(
+    ('header', 'first', 'others'),
+    [
+        ('t,q_a,effort_a', 'a', 'effort_a'),
+        ('t,q_a_deg,tau_a', 'a_deg', 'tau_a'),
+        ('t,q_a_deg,torque_a', 'a_deg', 'torque_a'),
+    ],
+)
+def test_efforts_of_another_name_are_named(
+    tmp_path: Path, header: str, first: str, others: str
+) -> None:
+    path = log(tmp_path / 'a.csv', f'{header}\n0,1,2\n1,1,2\n')
+    message = (
+        rf'must have tau_{first} \[N m\] beside q_{first} \[rad\], but has {others}; name the c'
+    )
+    with pytest.raises(DataError, match=message):
+        read_log(path)
+
+
+def test_a_log_of_positions_alone_is_read(tmp_path: Path) -> None:
+    assert not read_log(log(tmp_path / 'a.csv', 't,q_a\n0,1\n1,1\n2,3\n')).has_effort
+
+
+@pytest.mark.parametrize('start', [0, 5])
+def test_a_first_column_without_a_name_numbers_the_rows(tmp_path: Path, start: int) -> None:
+    rows = '\n'.join(f'{start + k},{k},1,2' for k in range(4))
+    table = read_table(log(tmp_path / 'a.csv', f',t,q_a,tau_a\n{rows}\n'))
+    assert list(table.columns) == ['t', 'q_a', 'tau_a']
+
+
+def test_a_first_column_of_values_needs_a_name(tmp_path: Path) -> None:
+    """Else the arm would silently have a joint less."""
+    path = log(tmp_path / 'a.csv', ',t,q_b,tau_b\n0.5,0,1,2\n0.6,1,1,2\n0.7,2,1,2\n')
+    with pytest.raises(
+        DataError, match=r'first column of .* no name and begins with 0\.5, 0\.6, '
+    ):
+        read_table(path)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import errno
 import fcntl
+from functools import partial
 import io
 import json
 import os
 from pathlib import Path
 import stat
 import sys
-from typing import BinaryIO
+from typing import Any, BinaryIO
 import zipfile
 
 from hypothesis import given
@@ -24,10 +25,12 @@ from lip_id_ros.files import (
     HEADER,
     read_header,
     read_npz,
+    require_regular_file,
     scratch_folder,
     write_atomically,
     write_npz,
     write_or_rescue,
+    write_whole,
 )
 
 ARRAYS = {'q': np.arange(6.0).reshape(3, 2), 'names': np.array(['a', 'bc'])}
@@ -375,3 +378,12 @@ def test_a_folder_in_use_is_not_swept(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_a_folder_is_no_place_for_a_file(path: str) -> None:
     with pytest.raises(IsADirectoryError, match=rf"Is a directory: '{path}'$"):
         write_atomically(path, write_new)
+
+
+@pytest.mark.parametrize('path', [None, 3, b'a', 'a\0b'])
+def test_what_is_no_path_is_neither_read_nor_written(path: Any) -> None:
+    for use in (require_regular_file, partial(write_whole, content=b'x')):
+        with pytest.raises(
+            SourceError, match=r'^a path must .*; (name a file|correct the name)\.'
+        ):
+            use(path)

@@ -33,6 +33,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.dataset import check_suffix
     from lip_id_ros.dataset.formats import is_data_set
     from lip_id_ros.evaluation.cautions import copy_cautions
+    from lip_id_ros.evaluation.recording_health import RecordingHealth
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.loading import election_lines, load_dataset
 
@@ -40,10 +41,11 @@ def run(args: argparse.Namespace) -> None:
     place = output.destination(args.output)
     check_suffix(output.with_suffix(place))
     config = models.chosen_config(args.config, {'recording.joints': args.joints})
+    health = RecordingHealth(config.recording)
     with output.progress_display() as progress:
-        dataset = load_dataset(args.sources, config, progress)
+        dataset = load_dataset(args.sources, config, progress, health)
         dataset.save(place)
     console = output.console(args.output)
     show.prepared(dataset, console)
     remarks = [*copy_cautions(dataset.provenance), *election_lines(dataset.provenance)]
-    show_lines([*remarks, f'Written: {args.output}'], console)
+    show_lines([*health.lines, *remarks, f'Written: {args.output}'], console)

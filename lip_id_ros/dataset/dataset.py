@@ -20,6 +20,7 @@ from lip_id_ros.dataset.checks import checked, floats, INDICES, PER_JOINT, PER_S
 from lip_id_ros.dataset.provenance import cutoffs_hz
 from lip_id_ros.dataset.subsets import farthest_points, GUARD, left_out_blocks, LeftOutBlock
 from lip_id_ros.errors import DataError, missing_joints
+from lip_id_ros.files import path_text
 from lip_id_ros.joint_types import is_prismatic
 
 _NO_NUMBERS: IntArray = np.empty(0, np.int64)
@@ -256,7 +257,7 @@ class Dataset:
             If the file cannot be written.
 
         """
-        if Path(path).suffix == CSV_SUFFIX:
+        if Path(path_text(path)).suffix == CSV_SUFFIX:
             formats.write_csv(path, self._arrays(), self.joint_names)
             return
         names = {'joint_names': self.joint_names, 'joint_types': self.joint_types}
@@ -283,7 +284,7 @@ class Dataset:
             If it is no data set, or contradicts itself; names the file.
 
         """
-        read = formats.read_csv if Path(path).suffix == CSV_SUFFIX else formats.read_npz
+        read = formats.read_csv if Path(path_text(path)).suffix == CSV_SUFFIX else formats.read_npz
         fields = read(path)
         try:
             return cls(**fields)

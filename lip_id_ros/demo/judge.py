@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
 from pathlib import Path
+import signal
 import sys
 
 from lip_id_ros.cli.output import console
@@ -19,6 +20,7 @@ from lip_id_ros.progress import Progress
 
 TITLE = 'A simulated Panda on an unseen motion'
 REPORT = 'report'
+TERMINATED = 143
 INTERRUPTED = 130  # what a shell expects after Ctrl-C
 TORQUE_NOISE = 0.05  # of the simulated sensors [N m]
 TORQUE_LIMIT_PERCENT = 5.0
@@ -102,6 +104,8 @@ def run_demo(
     parser = argparse.ArgumentParser(prog='make demo', description=description)
     parser.add_argument('--output', default='demo_output', metavar='DIR', help='where to write')
     output = Path(parser.parse_args(argv).output).resolve()
+    # ends the nodes, which have a session of their own
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(TERMINATED))
     try:
         output.mkdir(parents=True, exist_ok=True)
         evaluation = demonstrate(output)

@@ -15,6 +15,9 @@ from lip_id_ros.model import InverseDynamicsModel
 MOST_EPISODES = 6
 """Times in one sentence, at most."""
 
+MOST_NAMES = 12
+"""Recordings of a group in one sentence, at most."""
+
 USELESS_PERCENT = 90.0
 """A joint whose nMSE reaches this is predicted no better than by the mean of its torque."""
 
@@ -40,6 +43,12 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
             'The first and the second half of the samples contradict each other, as if a payload, '
             'friction or the scale of efforts had changed: fit them apart.'
         )
+    if groups := summary.get('contradicting_recordings'):
+        these, others = (_listed(each) for each in groups)
+        texts.append(
+            f'{these} and {others} contradict each other, as if another load were at the last '
+            'link: fit them apart.'
+        )
     texts += _disturbances(joint_names, summary.get('disturbances', ()))
     if ignored := summary.get('ignored_settings'):
         texts.append(
@@ -61,16 +70,23 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
     return [str(text) for text in texts]
 
 
+def _listed(names: Sequence[str]) -> str:
+    """Return names of recordings for a sentence, some of many."""
+    more = f' and {len(names) - MOST_NAMES} more' * (len(names) > MOST_NAMES)
+    return f'{", ".join(names[:MOST_NAMES])}{more}'
+
+
 def _disturbances(joint_names: Sequence[str], episodes: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a sentence about the parts of the recordings that were left out, if any."""
     if not episodes:
         return []
     joints = sorted({joint for each in episodes for joint in each['joints']})
-    several = any(each['recording'] for each in episodes)
+    several = any(each['recording'] or each.get('name') for each in episodes)
     times = [
         f'{each["start_s"]:.4g} to {each["end_s"]:.4g} s'
-        + f' of recording {each["recording"] + 1}' * several
+        + f' of {each.get("name", number)}' * several
         for each in episodes
+        for number in [f'recording {each["recording"] + 1}']
     ]
     more = f' and {len(times) - MOST_EPISODES} more' * (len(times) > MOST_EPISODES)
     return [

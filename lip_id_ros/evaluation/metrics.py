@@ -11,7 +11,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import cutoffs_hz, Dataset
-from lip_id_ros.errors import ModelError
+from lip_id_ros.errors import DataError, ModelError
 from lip_id_ros.model import (
     DynamicsModel,
     InverseDynamicsModel,
@@ -297,6 +297,9 @@ def evaluate(model: TorqueModel, dataset: Dataset, progress: Progress = silent) 
         If a joint has another type than the model's.
 
     """
+    if not hasattr(model, 'joint_names') or not isinstance(dataset, Dataset):
+        given = f'{type(model).__name__} and {type(dataset).__name__}'
+        raise DataError(f'evaluate needs a model and a Dataset, not {given}; use load_dataset.')
     return score(run(model, matched(dataset, model), progress))
 
 

@@ -238,7 +238,7 @@ class RayEngine(Engine):
         own = {'num_cpus': jobs, 'include_dashboard': False, 'object_store_memory': STORE_BYTES}
         try:
             ray.init(address=address or 'local', logging_level='ERROR', **({} if address else own))
-        except (ConnectionError, ValueError, RuntimeError) as error:
+        except Exception as error:  # Ray has many kinds, some of the file system
             raise ConfigError(
                 f'a Ray cluster was expected at {address or "this machine"}, but none can be '
                 f'used ({error}); start one with `ray start`, name another address, or set '

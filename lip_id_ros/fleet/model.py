@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.fleet.consistency import disagreement
 from lip_id_ros.fleet.placements import chosen, PlacedArm
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.solution import Solution
@@ -101,17 +102,34 @@ def model_of(
         _root(placed, solution),
     )
     arm = compacted(arm, _ranges(placed, surveys))
-    report = json.loads(placed.report) | {
+    report = _report(placed, solution, surveys) | {
         'unexplained_left_out': (solution.left_out / fitter.torque_std**2).tolist(),
-        'covariance_inflation': solution.inflation,
         'remainder': remainder.joints.tolist() if remainder else [],
-        'friction_between_recordings': solution.deviations.recordings.tolist(),
-        'friction_between_groups': solution.deviations.groups.tolist(),
         'noise_std': arm.noise.std.tolist(),
-        'recordings': len(surveys),
     }
     model = _assembled(placed, surveys, arm, remainder, report)
     return with_checks(model, placed.dataset.q, placed.dataset.tau)
+
+
+def _report(placed: PlacedArm, solution: Solution, surveys: Sequence[Survey]) -> dict[str, Any]:
+    """Return what the first pass reports, with recordings that contradict each other."""
+    report = json.loads(placed.report)
+    names = {each.key: each.name for each in surveys}
+    report |= {
+        'covariance_inflation': solution.inflation,
+        'friction_between_recordings': solution.deviations.recordings.tolist(),
+        'friction_between_groups': solution.deviations.groups.tolist(),
+        'recordings': len(surveys),
+        'disturbances': [
+            {**each, 'name': names[each['key']]}
+            for each in report['disturbances']
+            if each['key'] in names
+        ],
+    }
+    if len(surveys) > 1:  # halves of samples in the order of keys mean nothing
+        groups = disagreement(chosen(surveys), placed.regression, solution.links)
+        report |= {'halves_agree': True, 'contradicting_recordings': groups}
+    return report
 
 
 def _remainder(

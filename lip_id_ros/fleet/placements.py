@@ -205,6 +205,7 @@ def place(
     data = merged(kept, joint_names)
     for number, stages in enumerate(ROUNDS):
         placed = _identified(data, settings, _named(progress, stages), described, excluded)
+        placed = _with_keys(placed, [each.key for each in kept])
         solution = _solution(kept, placed, described)
         if len(kept) == 1:
             break
@@ -248,7 +249,7 @@ def contradictions(rms: Array, kept: BoolArray, joint_names: Sequence[str]) -> d
     joint_names : sequence of str
 
     """
-    if kept.sum() < LEAST_RECORDINGS:
+    if kept.size < LEAST_RECORDINGS:
         return {}
     logs = np.log(np.maximum(rms, 1e-300))
     median = np.median(logs[kept], axis=0)
@@ -299,6 +300,13 @@ def _identified(
         **{name: getattr(kept, name) for name in SIGNALS},
         gravity_compensated=kept.gravity_compensated,
     )
+
+
+def _with_keys(placed: PlacedArm, keys: Sequence[str]) -> PlacedArm:
+    """Return the arm with the keys of the recordings whose episodes were left out."""
+    report = json.loads(placed.report)
+    episodes = [{**each, 'key': keys[each['recording']]} for each in report['disturbances']]
+    return replace(placed, report=json.dumps(report | {'disturbances': episodes}))
 
 
 def _solution(

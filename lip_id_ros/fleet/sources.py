@@ -33,6 +33,9 @@ from lip_id_ros.fleet.stored_files import (
 )
 from lip_id_ros.recording.bags import is_storage, METADATA
 
+ABSENT = 404
+"""Status of HTTP."""
+
 SPARE_BYTES = 2**30
 """Free space that a copy of a remote recording leaves on the disk for temporary files."""
 
@@ -160,14 +163,15 @@ def _matching(pattern: str, group_of: Grouping) -> list[StoredRecording]:
         ) from None
     try:
         files, named = _listed(system, path, pattern)
-    except FileNotFoundError:
-        return []
     except Exception as error:  # every store has its own kinds
+        cause = error.__cause__ or error  # HTTP calls all that it meets an absent file
+        if isinstance(cause, FileNotFoundError) or getattr(cause, 'status', 0) == ABSENT:
+            return []
         if is_local(system):
             raise
         raise TransferError(
             f'{public(pattern)} must be in a store that can be listed, but it cannot '
-            f'({reason_of(error, pattern)}); check the address, the credentials and the network.'
+            f'({reason_of(cause, pattern)}); check the address, the credentials and the network.'
         ) from None
     return _recordings(system, files, named, group_of, pattern)
 

@@ -8,6 +8,7 @@ from datetime import datetime
 import hashlib
 from io import RawIOBase
 import logging
+import os
 from pathlib import Path
 import tempfile
 import time
@@ -173,7 +174,8 @@ def mark_of(system: Any, details: Details) -> str:
     if is_local(system):
         try:
             with open(details['name'], 'rb') as file:
-                return f'{size} {details["mtime"]} {_probed(file, int(size or 0))}'
+                status = os.fstat(file.fileno())  # not of a link to it
+                return f'{status.st_size} {status.st_mtime} {_probed(file, status.st_size)}'
         except OSError as error:  # of this file alone, as whoever reads it will report
             return str(error)
     known = [f'{key}={details[key]}' for key in _CONTENT if details.get(key)]

@@ -9,7 +9,7 @@ import os
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.csv_table import check_columns, CsvTable, joints_of, read_table
+from lip_id_ros.csv_table import check_columns, check_efforts, CsvTable, joints_of, read_table
 from lip_id_ros.errors import DataError, missing_joints, SourceError
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.assembling import assembled
@@ -130,6 +130,7 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
             'some with recording.joints.'
         )
     check_columns(path, table, ['t', *(f'q_{name}' for name in names)])
+    check_efforts(path, table, names)
     values, notes = _csv_signals(path, table, names)
     counts: Counter[str] = Counter()
     keep = usable(values, counts)

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import yaml
 
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.files import require_regular_file
+from lip_id_ros.files import path_text, require_regular_file
 from lip_id_ros.settings.settings import build, Row, rows, Settings, shortened, unknown_name
 from lip_id_ros.settings.tables import Config
 
@@ -103,7 +103,7 @@ def read_config(path: str | os.PathLike[str]) -> Config:
         If the file cannot be read.
 
     """
-    origin = os.fspath(path)
+    origin = path_text(path)
     content = load_yaml(path)
     if content is None:
         return Config()

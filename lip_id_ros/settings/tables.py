@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.joint_types import JOINT_TYPES
@@ -200,3 +200,13 @@ class Config:
     recording: RecordingSettings = field(default_factory=RecordingSettings)
     preprocessing: PreprocessingSettings = field(default_factory=PreprocessingSettings)
     fit: FitSettings = field(default_factory=FitSettings)
+
+    def __post_init__(self) -> None:
+        """Refuse sections of another type with a ConfigError."""
+        for section in fields(self):
+            given, wanted = type(getattr(self, section.name)).__name__, section.type
+            if given != wanted:
+                raise ConfigError(
+                    f'Config.{section.name} must be {wanted}, not {given}; write '
+                    f'{wanted}(name=value).'
+                )

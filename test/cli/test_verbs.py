@@ -328,3 +328,13 @@ def test_an_output_is_replaced_by_its_own_kind_and_with_force_by_any(
     (here / 'letter.txt').write_text('Dear all')
     lip_id('evaluate', workshop.model, workshop.bag, '--json', 'letter.txt', '--force')
     assert 'nmse_percent' in json.loads((here / 'letter.txt').read_text())
+
+
+def test_dataset_tells_rows_that_were_dropped(here: Path, capsys: Capture) -> None:
+    """As of a logger that writes whole seconds."""
+    t = np.arange(3000) / 100.0
+    t[15:2985] = 15.0
+    rows = np.column_stack([t, np.sin(t), np.sin(3.0 * t), np.cos(t), np.cos(3.0 * t)])
+    np.savetxt('log.csv', rows, delimiter=',', header='t,q_a,q_b,tau_a,tau_b', comments='')
+    lip_id('dataset', 'log.csv', '-o', 'data.npz')
+    assert 'of 3000 messages cannot be used (stamp repeated: 2969)' in capsys.readouterr().out

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -9,7 +11,8 @@ import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.evaluation import metrics
+from lip_id_ros.errors import DataError
+from lip_id_ros.evaluation import evaluate, metrics
 from lip_id_ros.model.fit_checks import not_positive_definite_percent
 
 columns = arrays(np.float64, (12, 2), elements=st.floats(-1e3, 1e3, width=32))
@@ -60,3 +63,11 @@ def test_the_mean_as_an_estimate_has_a_hundred_percent(truth: Array) -> None:
 def test_an_eigenvalue_of_zero_is_not_positive() -> None:
     smallest = np.array([0.1, 0.0, -0.1, 2.0])
     assert not_positive_definite_percent(smallest) == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize(('model', 'data'), [(None, None), ('arm.npz', 'data.npz')])
+def test_what_is_no_model_or_data_set_is_refused(model: Any, data: Any) -> None:
+    with pytest.raises(
+        DataError, match=r'^evaluate needs a model and a Dataset, not \w+ and \w+; '
+    ):
+        evaluate(model, data)

@@ -233,16 +233,26 @@ def test_a_worker_of_another_version_is_refused(tmp_path: Path) -> None:
     assert done.stdout.endswith('; install the same there.\n')
 
 
-def test_an_address_without_a_cluster_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize('kind', [ConnectionError, OSError, RuntimeError, AssertionError])
+def test_an_address_without_a_cluster_is_refused(
+    monkeypatch: pytest.MonkeyPatch, kind: type[Exception]
+) -> None:
     class Ray:
         @staticmethod
         def init(**options: object) -> None:
-            raise ConnectionError('nobody answers')
+            raise kind('nobody answers')
 
     monkeypatch.setattr('lip_id_ros.fleet.engines.import_module', lambda name: Ray)
     message = r'a Ray cluster was expected at 10\.0\.0\.1:1, .*nobody answers.*name another'
     with pytest.raises(ConfigError, match=message):
         RayEngine('10.0.0.1:1')
+
+
+def test_ray_that_cannot_start_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip('ray', reason='Ray is not installed')
+    monkeypatch.setenv('RAY_TMPDIR', '/proc/nowhere')
+    with pytest.raises(ConfigError, match=r'expected at this machine, but none can be used \('):
+        RayEngine(jobs=1)
 
 
 def test_an_engine_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

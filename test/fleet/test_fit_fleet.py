@@ -195,6 +195,7 @@ def test_the_model_is_saved_and_read(fleet: Fleet, tmp_path: Path) -> None:
     assert_allclose(back.predict(*motion).tau, model.predict(*motion).tau, atol=1e-12)
     assert back.summary['recordings'] == fleet.good
     assert len(back.provenance['sources']) == fleet.good
+    assert back.summary['contradicting_recordings'] is None
 
 
 def test_a_robot_description_is_the_prior(fleet: Fleet) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 import resource
+import socket
 from threading import Thread
 from typing import Any
 
@@ -44,6 +45,9 @@ class Server:
 
         class Handler(BaseHTTPRequestHandler):
             def do_HEAD(self) -> None:
+                if server.query not in self.path:
+                    self.send_error(404)
+                    return
                 self._answer(server.content, has_size=True)
 
             def do_GET(self) -> None:
@@ -186,3 +190,17 @@ def test_credentials_are_used_and_not_shown(server: Server) -> None:
 )
 def test_addresses_are_shown_without_credentials(url: str, shown: str) -> None:
     assert public(url) == shown
+
+
+def test_a_server_that_refuses_connections_is_named(server: Server) -> None:
+    """It is not a pattern that names nothing."""
+    with socket.create_server(('127.0.0.1', 0)) as free:
+        port = free.getsockname()[1]
+    with pytest.raises(TransferError, match=rf'{port}/a\.mcap must be in a store .*annot connect'):
+        find([f'http://127.0.0.1:{port}/a.mcap'])
+
+
+def test_a_file_that_is_absent_is_no_recording(server: Server) -> None:
+    server.query = '?key'
+    with pytest.raises(SourceError, match='must name recordings, but there is none'):
+        find([server.url])

@@ -143,6 +143,21 @@ def test_fingerprints_follow_the_content(bags: Path) -> None:
     assert renamed.fingerprint == changed[str(path)]
 
 
+def test_a_link_has_the_fingerprint_of_its_file(bags: Path, tmp_path: Path) -> None:
+    """DVC and git-annex make their links anew at each checkout."""
+    path, link = bags / 'alone.mcap', tmp_path / 'link.mcap'
+    link.symlink_to(path)
+    os.utime(link, ns=(1, 1), follow_symlinks=False)
+
+    def marks() -> list[str]:
+        return [find([str(each)])[0].fingerprint for each in (path, link)]
+
+    before = marks()
+    os.utime(path, ns=(2, 2))
+    after = marks()
+    assert before[0] == before[1] != after[0] == after[1]
+
+
 @pytest.fixture(params=['memory', 'object store'])
 def store(request: pytest.FixtureRequest) -> Iterator[str]:
     if request.param == 'memory':
