@@ -45,7 +45,8 @@ def textbook(model: InverseDynamicsModel, x: States) -> StandardDeviation:
     gram = prior.torques(training, training) + np.diag(noise)
 
     def remaining(own: Array, cross: Array) -> Array:
-        return np.sqrt(own - np.diagonal(cross @ np.linalg.solve(gram, cross.T)))
+        variance = own - np.diagonal(cross @ np.linalg.solve(gram, cross.T))
+        return np.sqrt(process.inflation * variance)
 
     potential = prior.energies(prior.energy.potential_row, here, training) - prior.energies(
         prior.energy.potential_row, rest, training
@@ -152,8 +153,9 @@ def test_data_only_take_uncertainty_away() -> None:
     model = random_model('recursive')
     x = queries(20)
     got = model.standard_deviation(*x)
-    prior = process_of(model).prior.torque_variance(process_of(model).prior.kernel.states(*x))
-    assert (got.tau**2 < prior).all()
+    process = process_of(model)
+    prior = process.prior.torque_variance(process.prior.kernel.states(*x))
+    assert (got.tau**2 < process.inflation * prior).all()
 
 
 def test_queries_are_independent_of_their_block() -> None:
