@@ -30,6 +30,11 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
     texts += summary.get('description', {}).get('sentences', ())
     shares = summary.get('unexplained_percent', ())
     texts += no_better_than_mean(joint_names, shares, 'On left-out training data the model')
+    if (left := summary.get('left_by_revolutions')) is not None:
+        texts.append(
+            f'Positions seem to be in revolutions: read so, they leave {percent(100.0 * left)} % '
+            'of the residuals that they leave as rad; publish them in rad.'
+        )
     if summary.get('searches_agreed') is False:
         texts.append(
             'Two searches for the placements of the joints ended in different ones: do not use '
