@@ -244,7 +244,9 @@ def _restarts(stamps: IntArray) -> IndexArray:
     found = [_for_good(stamps, far[k : k + _CANDIDATES]) for k in range(0, far.size, _CANDIDATES)]
     if 0 < back.size <= _MOST_SET_BACK:
         step = median_step(stamps)
-        found.append(np.array([at for at in back if _is_set_back(stamps, at, step)], np.intp))
+        found.append(
+            np.array([at for at in back.tolist() if _is_set_back(stamps, at, step)], np.intp)
+        )
     return np.unique(np.concatenate(found)) if found else far
 
 
