@@ -55,10 +55,9 @@ def test_other_samples_of_the_same_recording_are_told_apart() -> None:
 
 def recorded(data: Dataset, every: int = 1, kind: type = np.float64) -> JointSamples:
     """Return raw samples of a motion, of which a copy keeps some, in fewer digits."""
-    signals = data.t, data.q, data.dq, data.tau
-    return JointSamples(
-        *(x[::every].astype(kind).astype(float) for x in signals), data.joint_names
-    )
+    signals = (data.t, data.q, data.dq, data.tau)
+    t, q, dq, tau = (x[::every].astype(kind).astype(np.float64) for x in signals)
+    return JointSamples(t, q, dq, tau, data.joint_names)
 
 
 @pytest.mark.parametrize(('every', 'kind'), [(1, np.float32), (2, np.float64), (4, np.float32)])
