@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     )
     from lip_id_ros.evaluation import evaluate, Evaluation, fit_cautions
     from lip_id_ros.identification import fit
-    from lip_id_ros.loading import load_dataset
+    from lip_id_ros.loading.examined import load_dataset
     from lip_id_ros.model import InverseDynamicsModel, Prediction
     from lip_id_ros.settings import (
         Config,
@@ -55,7 +55,7 @@ _HOMES = {
     'evaluate': 'evaluation',
     'fit': 'identification',
     'fit_cautions': 'evaluation',
-    'load_dataset': 'loading',
+    'load_dataset': 'loading.examined',
     'read_config': 'settings',
 }
 """The room of every public name."""

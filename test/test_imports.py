@@ -59,7 +59,8 @@ PARTS = {
     },
     # its election of a cut-off predicts torques of links
     'loading': {
-        *('dataset', 'identification', 'preprocessing', 'recording', 'rigid_body', 'settings'),
+        *('dataset', 'health', 'identification', 'preprocessing', 'recording', 'rigid_body'),
+        'settings',
     },
     'export': {'description', 'friction', 'identification', 'model', 'rigid_body'},
     'evaluation': {

@@ -60,11 +60,12 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.evaluation import run as predict
     from lip_id_ros.evaluation import score
-    from lip_id_ros.evaluation.cautions import copy_cautions, training_data_warnings
+    from lip_id_ros.evaluation.cautions import copy_cautions
     from lip_id_ros.evaluation.report import band, Labels, write_report
     from lip_id_ros.evaluation.rollout import rollout_cautions
     from lip_id_ros.evaluation.tables import rollout_tables, show_lines
     from lip_id_ros.evaluation.tables import show as show_table
+    from lip_id_ros.evaluation.training_data import training_data_warnings
 
     if args.urdf is not None and not args.rollout:
         raise ConfigError('--urdf is compared by --rollout, which is missing; add it.')

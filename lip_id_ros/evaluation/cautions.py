@@ -1,14 +1,11 @@
-"""Warnings about a fitted model, and about the data it is evaluated on."""
+"""Warnings about a fitted model."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeGuard
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lip_id_ros.dataset import Dataset
+from lip_id_ros.evaluation.recording_health import serious_lines
 from lip_id_ros.evaluation.tables import percent
 from lip_id_ros.model import InverseDynamicsModel
 
@@ -23,8 +20,9 @@ USELESS_PERCENT = 90.0
 
 
 def fit_cautions(model: InverseDynamicsModel) -> list[str]:
-    """Return what was unusual about the fit of a model: sentences, none where all went well."""
-    return summary_cautions(model.joint_names, model.summary)
+    """Return what was unusual about a fit and its recordings: sentences, if anything."""
+    found = serious_lines(model.provenance.get('findings', ()))
+    return [*found, *summary_cautions(model.joint_names, model.summary)]
 
 
 def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:
@@ -33,6 +31,7 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
     texts += summary.get('description', {}).get('sentences', ())
     shares = summary.get('unexplained_percent', ())
     texts += no_better_than_mean(joint_names, shares, 'On left-out training data the model')
+    texts += summary.get('suspicions', ())
     if summary.get('searches_agreed') is False:
         texts.append(
             'Two searches for the placements of the joints ended in different ones: do not use '
@@ -143,50 +142,3 @@ def no_better_than_mean(
         'check the efforts, the order and the types of the joints with lip_id inspect, and '
         'record more motion.'
     ]
-
-
-def training_data_warnings(model: Any, dataset: Dataset) -> list[str]:
-    """
-    Return a warning where a data set is, or may be, the training data of a model.
-
-    Parameters
-    ----------
-    model : TorqueModel
-        With `provenance`, and `process` where it keeps samples; an arm keeps none.
-    dataset : Dataset
-        With the model's joints in the model's order.
-
-    Returns
-    -------
-    list of str
-        Sentences; none where the data are new to the model.
-
-    """
-    process = getattr(model, 'process', None)
-    own = _rows(process.states) if process else _rows(dataset)[:0]
-    n_shared = int(np.isin(own, _rows(dataset)).sum())
-    if n_shared:
-        return [
-            f'These are training data: {n_shared} of the {len(own)} samples of the model '
-            f'are among the {dataset.n_samples} evaluated; errors on other motions may be larger.'
-        ]
-    known = _recordings(model.provenance)
-    if any(recording in known for recording in _recordings(dataset.provenance)):
-        return [
-            'The model was fitted on samples of the same recording; '
-            'errors on other motions may be larger.'
-        ]
-    return []
-
-
-def _rows(states: Any) -> NDArray[np.void]:
-    """View the positions and velocities of each sample as one value that can be compared."""
-    motion = np.ascontiguousarray(np.hstack([states.q, states.dq]))
-    return motion.view(np.dtype((np.void, motion.itemsize * motion.shape[1]))).ravel()
-
-
-def _recordings(provenance: Mapping[str, Any]) -> list[str]:
-    """Return the digests of the recordings' contents, since files are renamed and moved."""
-    sources = provenance.get('sources', ())
-    known = [source for source in sources if isinstance(source, Mapping)]
-    return [digest for source in known if (digest := source.get('content'))]

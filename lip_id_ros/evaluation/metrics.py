@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 import math
 from typing import Any, TypeVar
 
@@ -12,6 +12,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import cutoffs_hz, Dataset
 from lip_id_ros.errors import DataError, ModelError
+from lip_id_ros.evaluation.training_data import training_data_warnings
 from lip_id_ros.model import (
     DynamicsModel,
     InverseDynamicsModel,
@@ -236,6 +237,8 @@ class Evaluation:
         Smallest eigenvalue of that matrix over all samples [kg m^2 or kg].
     within_two_std_percent : tuple of float or None
         As in `Outcome`.
+    cautions : tuple of str
+        Sentences where the data are, or may be, training data.
 
     """
 
@@ -251,6 +254,7 @@ class Evaluation:
     inertia_not_pd_percent: float | None = None
     inertia_min_eigenvalue: float | None = None
     within_two_std_percent: tuple[float, ...] | None = None
+    cautions: tuple[str, ...] = ()
 
     @property
     def nmse_percent_mean(self) -> float:
@@ -300,7 +304,9 @@ def evaluate(model: TorqueModel, dataset: Dataset, progress: Progress = silent) 
     if not hasattr(model, 'joint_names') or not isinstance(dataset, Dataset):
         given = f'{type(model).__name__} and {type(dataset).__name__}'
         raise DataError(f'evaluate needs a model and a Dataset, not {given}; use load_dataset.')
-    return score(run(model, matched(dataset, model), progress))
+    dataset = matched(dataset, model)
+    cautions = tuple(training_data_warnings(model, dataset))
+    return replace(score(run(model, dataset, progress)), cautions=cautions)
 
 
 def score(outcome: Outcome) -> Evaluation:

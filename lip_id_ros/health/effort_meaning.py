@@ -22,6 +22,7 @@ from lip_id_ros.identification.effort_scale import (
     EffortScale,
     find_effort_scale,
 )
+from lip_id_ros.identification.position_unit import from_revolutions, may_be_revolutions
 from lip_id_ros.progress import Progress, silent
 
 BETTER = 2.0
@@ -65,6 +66,11 @@ def _readings(
             return
     if recorded.explains and not recorded.is_odd:
         return
+    if not recorded.explains and may_be_revolutions(dataset):
+        turned = as_recorded(from_revolutions(dataset), seed, progress)
+        if _is_better(turned, recorded):
+            yield _revolutions(turned, recorded)
+            return
     scaled = find_effort_scale(dataset, recorded, seed, progress)
     if recorded.explains and not _is_better(scaled, recorded):
         return
@@ -121,6 +127,14 @@ def _gravity(without: EffortScale, recorded: EffortScale) -> Finding:
         f'({_left(without)} of their variation is left, and {_left(recorded)}): gravity seems to '
         'have been taken out of them, or no joint moves against it; set '
         'recording.gravity_compensated to true if the driver takes gravity out',
+    )
+
+
+def _revolutions(turned: EffortScale, recorded: EffortScale) -> Finding:
+    return _finding(
+        'position_revolutions',
+        f'with positions in revolutions, links leave {_left(turned)} of the variation of the '
+        f'efforts, in rad {_left(recorded)}; publish positions in rad',
     )
 
 

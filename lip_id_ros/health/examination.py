@@ -8,7 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.health import effort_checks, excitation_checks, signal_checks
+from lip_id_ros.health import (
+    effort_checks,
+    excitation_checks,
+    signal_checks,
+    velocity_checks,
+)
 from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import Check, Finding, Severity
 from lip_id_ros.joint_types import is_prismatic, REVOLUTE
@@ -20,7 +25,7 @@ from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 CHECKS: tuple[Check, ...] = tuple(
     each
-    for module in (signal_checks, effort_checks, excitation_checks)
+    for module in (signal_checks, velocity_checks, effort_checks, excitation_checks)
     for each in vars(module).values()
     if isinstance(each, Check)
 )

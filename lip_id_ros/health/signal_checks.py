@@ -1,9 +1,8 @@
-"""Checks of stamps, of signals, and of recorded velocities against positions."""
+"""Checks of stamps and of signals."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-import math
 
 import numpy as np
 
@@ -11,18 +10,13 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.health.evidence import Evidence, Joint
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
 from lip_id_ros.preprocessing.continuity import (
-    ALIKE,
     BLOCKS,
-    LEAST_SCALE,
-    MOST_SCALE,
     MOST_VALUES,
-    PROPORTIONAL,
-    UNIT_TOLERANCE,
     usual_range,
 )
 from lip_id_ros.preprocessing.smoothing import longest_step
 from lip_id_ros.recording.spill import extent, some_blocks, thinned
-from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step, some_steps
+from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step, some_steps, WENT_BACK
 from lip_id_ros.settings import PreprocessingSettings
 
 SHORT_S = 20.0
@@ -38,17 +32,6 @@ FROZEN_SHARE = 0.2
 LEAST_WAY = 0.05
 LEAST_RETURN, RETURNED, MOST_RETURNS = 0.02, 0.8, 0.05
 """Way there and back [rad or m], the least share of it that goes back, and share of such steps."""
-
-SPEED_UNITS = {
-    180.0 / math.pi: 'in degrees per second',
-    math.pi / 180.0: 'positions were in degrees',
-    30.0 / math.pi: 'in revolutions per minute',
-    0.5 / math.pi: 'in revolutions per second',
-    1e3: 'in thousandths, or times in ms',
-    1e-3: 'in thousands',
-}
-LEAST_LAG_S = 0.01
-LEAST_SPEED = 0.01
 
 
 @check('short', Severity.WARNING, 'record a minute or more')
@@ -94,6 +77,18 @@ def gaps(evidence: Evidence) -> Iterator[JointText]:
     if starts.size and starts.size > MOST_GAPS_PER_MINUTE * (t[-1] - t[0]) / 60.0:
         longest = float((t[starts + 1] - t[starts]).max())
         yield '', f'the recording has {starts.size} gaps, the longest of {longest:.3g} s'
+
+
+@check(
+    'clock_back',
+    Severity.WARNING,
+    'let the clock be set before the recording, or set recording.clock to receive',
+)
+def clock_back(evidence: Evidence) -> Iterator[JointText]:
+    """The clock of the stamps went back; motion is cut there."""
+    for note in evidence.samples.notes:
+        if note.startswith(WENT_BACK):
+            yield '', note
 
 
 @check(
@@ -263,83 +258,3 @@ def position_frozen(joint: Joint) -> Iterator[str]:
             f'the position of {joint.name} stays {joint.position.values[first]:.3g} for '
             f'{seconds:.3g} s from {joint.t[first]:.3g} s on, while its velocity goes on'
         )
-
-
-@check(
-    'velocity_missing',
-    Severity.NOTE,
-    'nothing needs to be done, positions are differentiated; recorded velocities are often '
-    'less noisy',
-)
-def velocity_missing(evidence: Evidence) -> Iterator[JointText]:
-    """No velocities were recorded."""
-    if evidence.samples.n_samples and not evidence.samples.has_velocity:
-        yield '', 'no velocities were recorded'
-
-
-@joint_check(
-    'velocity_constant',
-    Severity.NOTE,
-    'nothing needs to be done, the positions of all joints are differentiated instead',
-)
-def velocity_constant(joint: Joint) -> Iterator[str]:
-    """A velocity never changes although the joint moves."""
-    if 'velocity' in joint.signals and joint.moves and not joint.varies('velocity'):
-        yield (
-            f'the velocity of {joint.name} is {joint.signals["velocity"].ends[0]:g} throughout, '
-            f'although its position changes by {joint.reach:.3g}'
-        )
-
-
-@joint_check(
-    'velocity_sign',
-    Severity.WARNING,
-    'check which of the two signs fits the effort (positions are differentiated instead)',
-)
-def velocity_sign(joint: Joint) -> Iterator[str]:
-    """A velocity has the other sign than the change of position."""
-    if _is_compared(joint) and joint.velocity_correlation < -ALIKE:
-        yield f'the velocity of {joint.name} has the other sign than the change of its position'
-
-
-@joint_check(
-    'velocity_scale',
-    Severity.WARNING,
-    'correct the velocities or the times (positions are differentiated instead)',
-)
-def velocity_scale(joint: Joint) -> Iterator[str]:
-    """A velocity is less than 0.92 or more than 1.08 times the change of position."""
-    scale, is_alike = abs(joint.velocity_scale), abs(joint.velocity_correlation) > PROPORTIONAL
-    if _is_compared(joint) and is_alike and not LEAST_SCALE <= scale <= MOST_SCALE:
-        unit = next((u for k, u in SPEED_UNITS.items() if abs(scale / k - 1) < UNIT_TOLERANCE), '')
-        yield (
-            f'the velocity of {joint.name} is {scale:.3g} times the change of its position'
-            f'{unit and f", as if {unit}"}'
-        )
-
-
-@joint_check(
-    'velocity_unlike',
-    Severity.WARNING,
-    'see whether it belongs to another joint (positions are differentiated instead)',
-)
-def velocity_unlike(joint: Joint) -> Iterator[str]:
-    """A velocity correlates with the change of position by less than 0.7."""
-    if _is_compared(joint) and abs(joint.velocity_correlation) <= ALIKE:
-        yield (
-            f'the velocity of {joint.name} hardly follows the change of its position (correlation '
-            f'{joint.velocity_correlation:.2g})'
-        )
-
-
-@joint_check('velocity_delay', Severity.WARNING, 'set preprocessing.velocity to differentiated')
-def velocity_delay(joint: Joint) -> Iterator[str]:
-    """A velocity is more than 10 ms behind or ahead of the position."""
-    lag, is_alike = joint.velocity_lag_s, abs(joint.velocity_correlation) > ALIKE
-    if _is_compared(joint) and is_alike and abs(lag) > LEAST_LAG_S:
-        side = 'behind' if lag > 0 else 'ahead of'
-        yield f'the velocity of {joint.name} is {1e3 * abs(lag):.2g} ms {side} its position'
-
-
-def _is_compared(joint: Joint) -> bool:
-    return joint.speed > LEAST_SPEED and joint.varies('velocity')

@@ -133,6 +133,7 @@ def fit_report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'covariance_inflation': found.inflation,
         'outliers': found.outliers,
         'halves_agree': found.halves_agree,
+        'suspicions': found.suspicions,
         'disturbances': [asdict(each) for each in found.disturbances],
         'elected_twists_deg': _twists(found),
         'elected_meeting_axes': found.geometry.meets.tolist(),

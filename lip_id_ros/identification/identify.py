@@ -36,6 +36,7 @@ from lip_id_ros.identification.sample_selection import (
     without_long_rests,
 )
 from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.suspicions import suspicions
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.remainder_mean import RemainderMean
@@ -79,6 +80,8 @@ class Identified:
         Parts of the time that were left out.
     halves_agree : bool
         Whether the first and the second half of the samples are of one arm.
+    suspicions : list of str
+        What else the recording may hold, see `lip_id_ros.identification.suspicions`.
     recording_deviations : array, shape (K,)
         Of friction coefficients between recordings; 0 where not estimated.
     doubts : DescriptionDoubts or None
@@ -98,6 +101,7 @@ class Identified:
     outliers: int
     disturbances: list[Episode]
     halves_agree: bool
+    suspicions: list[str]
     recording_deviations: Array
     doubts: DescriptionDoubts | None = None
 
@@ -188,6 +192,7 @@ def _identified(
         outliers=dataset.n_samples - fitter.dataset.n_samples,
         disturbances=disturbances,
         halves_agree=agree,
+        suspicions=suspicions(search, calibration, seed, progress),
         recording_deviations=deviations,
         kinematics_std=kinematics_std,
         doubts=doubts(fitter, fit, described[0]) if described else None,

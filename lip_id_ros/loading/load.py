@@ -22,6 +22,7 @@ from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples, read_sources
 from lip_id_ros.recording.joint_samples import RepeatedSamples
 from lip_id_ros.recording.reading import read_log
+from lip_id_ros.recording.sketch import content_sketch, SKETCH
 from lip_id_ros.recording.timing import gap_starts
 from lip_id_ros.settings import AUTO, Config, override, PreprocessingSettings
 
@@ -183,7 +184,8 @@ class _Loading:
             data = _with_types(data, recording.joint_types)
         fresh = self._fresh(os.fspath(path), data.joint_names, data.q, data.tau)
         if fresh.any():
-            yield data if fresh.all() else data.select(np.flatnonzero(fresh))
+            data = data if fresh.all() else data.select(np.flatnonzero(fresh))
+            yield _with_sketch(data)
 
     def _fresh(self, source: str, joint_names: Sequence[str], *signals: Array) -> BoolArray:
         if self._is_alone:
@@ -200,6 +202,17 @@ def _defaults(data: Dataset) -> Sequence[str]:
     """Return what was not given where the data were read, of what the settings give."""
     first = next(iter(data.provenance.get('sources', ())), None)  # those of arrays are names
     return first.get('defaults', ()) if isinstance(first, Mapping) else ()
+
+
+def _with_sketch(data: Dataset) -> Dataset:
+    """Add some samples of a data set to those of its recordings, to know its copies by."""
+    sketch = content_sketch(data.joint_names, data.q, data.tau)
+    sources = [
+        {**each, SKETCH: each.get(SKETCH, '') + sketch}
+        for source in data.provenance.get('sources', ())
+        for each in [source if isinstance(source, Mapping) else {'source': source}]
+    ]
+    return replace(data, provenance={**data.provenance, 'sources': sources})
 
 
 def _with_types(data: Dataset, joint_types: Sequence[str]) -> Dataset:

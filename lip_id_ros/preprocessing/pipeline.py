@@ -32,6 +32,7 @@ from lip_id_ros.preprocessing.smoothing import (
 )
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.joint_samples import content_digest
+from lip_id_ros.recording.sketch import content_sketch, SKETCH
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 STALE = 'sample stale'
@@ -96,6 +97,7 @@ def _recording(
         'start_s': samples.start_s,
         'samples': samples.n_samples,
         'content': content_digest(samples.joint_names, samples.position, samples.effort),
+        SKETCH: content_sketch(samples.joint_names, samples.position, samples.effort),
         'dropped': {str(reason): count for reason, count in dropped.items() if count},
         'filtered': is_filtered(rate, settings.cutoff),
         'kept_every': stride(rate, settings),

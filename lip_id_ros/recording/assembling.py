@@ -24,6 +24,8 @@ from lip_id_ros.recording.timing import (
 
 _SHOWN_NAMES = 3
 _VELOCITY, _EFFORT = 1, 2
+_WHOLE = 1.5
+"""Messages that take longer than so many usual steps have a hole, which no mean bridges."""
 
 
 def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamples:
@@ -188,8 +190,9 @@ def merged(
     Bring several blocks to the stamps of the one with the fewest, and join their columns.
 
     Between two samples no further apart than five median steps the others are interpolated
-    linearly; at an equal stamp they are taken unchanged. Where there are no two such samples, the
-    message is dropped and counted. `columns` says where in the joined columns the joints of each
+    linearly, velocities and efforts of faster ones after averaging over a step of the slow one,
+    so that nothing fast is taken for slow. Where there are no two such samples, the message is
+    dropped and counted. `columns` says where in the joined columns the joints of each
     signal are. Returns the timeline of N samples, and positions, velocities, efforts (N, n).
 
     """
@@ -212,7 +215,7 @@ def merged(
         values = [
             block.values[timeline.rows[rows]]
             if own is base
-            else _between(block.values, own, timeline.stamps_ns[rows])
+            else _between(block.values, own, timeline.stamps_ns[rows], _reach(own, base))
             for block, own in sources
         ]
         joined = np.concatenate(values, axis=2)
@@ -222,15 +225,35 @@ def merged(
     return timeline, results
 
 
-def _between(values: Array, timeline: Timeline, wanted: IntArray) -> Array:
+def _reach(timeline: Timeline, base: Timeline) -> int:
+    """Return over how many messages before and after each one faster messages are averaged."""
+    step = median_step(timeline.stamps_ns)
+    return int(0.5 * median_step(base.stamps_ns) / step) if step > 0.0 else 0
+
+
+def _between(values: Array, timeline: Timeline, wanted: IntArray, reach: int) -> Array:
     """Interpolate the values of messages to some stamps, shape (k, 3, n)."""
     rows, given = timeline.rows, timeline.stamps_ns
     start = np.clip(np.searchsorted(given, wanted, side='right') - 1, 0, max(0, rows.size - 2))
     after = np.minimum(start + 1, rows.size - 1)
     share = (wanted - given[start]) / np.maximum(given[after] - given[start], 1)
     share = np.clip(share, 0.0, 1.0)[:, np.newaxis, np.newaxis]
-    first, second = values[rows[start]], values[rows[after]]
+    first, second = (_averaged(values, timeline, each, reach) for each in (start, after))
     return np.where(share == 1.0, second, first + share * (second - first))
+
+
+def _averaged(values: Array, timeline: Timeline, at: IndexArray, reach: int) -> Array:
+    """Return messages whose velocities and efforts are means, where none is missing beside."""
+    rows, given = timeline.rows, timeline.stamps_ns
+    means = values[rows[at]]
+    first, last = np.maximum(at - reach, 0), np.minimum(at + reach, rows.size - 1)
+    longest = _WHOLE * 2.0 * reach * median_step(given)
+    whole = (last - first == 2 * reach) & (given[last] - given[first] <= longest)
+    if reach and whole.any():
+        some = at[whole]
+        around = (values[rows[some + k], _VELOCITY:] for k in range(-reach, reach + 1))
+        means[whole, _VELOCITY:] = sum(around) / (2.0 * reach + 1.0)
+    return means
 
 
 def _is_known(given: IntArray, longest_ns: float, wanted: IntArray) -> BoolArray:

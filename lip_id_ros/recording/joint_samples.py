@@ -274,7 +274,7 @@ class RepeatedSamples:
         ndarray of bool, shape (N,)
 
         """
-        rows = mapped(lambda *some: _row_hashes(joint_names, some), *signals)
+        rows = mapped(lambda *some: row_hashes(joint_names, some), *signals)
         windows, usable = _windows(rows)
         found = usable & np.isin(windows, self._known)
         self._known = np.union1d(self._known, windows[usable])
@@ -290,12 +290,12 @@ def content_digest(joint_names: Sequence[str], *signals: Array) -> str:
     """Return a text that identifies the contents of a recording; see `RepeatedSamples`."""
     digest = hashlib.sha256()
     for block in row_blocks(len(signals[0])):
-        digest.update(_row_hashes(joint_names, [signal[block] for signal in signals]).tobytes())
+        digest.update(row_hashes(joint_names, [signal[block] for signal in signals]).tobytes())
         release(*signals)
     return digest.hexdigest()[:16]
 
 
-def _row_hashes(joint_names: Sequence[str], signals: Sequence[Array]) -> Hashes:
+def row_hashes(joint_names: Sequence[str], signals: Sequence[Array]) -> Hashes:
     """Return one hash per row, shape (N,): a sum of its bits' numbers with random weights."""
     order = np.argsort(np.array(joint_names, dtype=object))
     weights = _weights(len(signals) * len(order))

@@ -26,6 +26,7 @@ END_NS = 3600 * SECOND
 RESTART_NS = SECOND
 APART_NS = 3600 * SECOND
 """What was recorded after the clock went back for good is put so long after what was before."""
+WENT_BACK = 'the clock went back for good'
 MOST_STEPS = 2**20
 """Of so many steps the median is that of all."""
 
@@ -36,6 +37,8 @@ _MOSTLY = 0.8
 _LATE_PLACES = 5
 _MOST_LATE = 0.1
 _MOST_RESTARTS = 3
+_MOST_SET_BACK = 1000
+_SET_BACK_STEPS = 12.0
 _CANDIDATES = 50_000
 _STEP_BLOCKS = 16
 _END_OF_TIME = 2**63 - 1
@@ -80,10 +83,7 @@ class Timeline(NamedTuple):
     def notes(self) -> tuple[str, ...]:
         """What was put in order, one phrase each."""
         late = f'{self.late} messages came late and were put where they belong'
-        restarts = (
-            f'the clock went back for good {self.restarts} times: what follows was put an hour '
-            'later'
-        )
+        restarts = f'{WENT_BACK} {self.restarts} times: what follows was put an hour later'
         phrases = ((self.late, late), (self.restarts, restarts))
         return tuple(phrase for count, phrase in phrases if count)
 
@@ -237,13 +237,39 @@ def _far(stamps: IntArray) -> BoolArray:
 
 
 def _restarts(stamps: IntArray) -> IndexArray:
-    """Return where the clock goes back for good: twenty messages later than the next twenty."""
-    back = np.flatnonzero(np.diff(stamps) < -RESTART_NS) + 1
+    """Return where the clock goes back for good, or a part of a second over stamps from before."""
+    back = np.flatnonzero(np.diff(stamps) < 0) + 1
     back = back[(back >= _RUN) & (back <= stamps.size - _RUN)]
-    found = [
-        _for_good(stamps, back[k : k + _CANDIDATES]) for k in range(0, back.size, _CANDIDATES)
-    ]
-    return np.concatenate(found) if found else back
+    far = back[stamps[back] < stamps[back - 1] - RESTART_NS]
+    found = [_for_good(stamps, far[k : k + _CANDIDATES]) for k in range(0, far.size, _CANDIDATES)]
+    if 0 < back.size <= _MOST_SET_BACK:
+        step = median_step(stamps)
+        found.append(
+            np.array([at for at in back.tolist() if _is_set_back(stamps, at, step)], np.intp)
+        )
+    return np.unique(np.concatenate(found)) if found else far
+
+
+def _is_set_back(stamps: IntArray, at: int, step: float) -> bool:
+    """
+    Return whether a clock was set back before a message, so that stamps come twice as densely.
+
+    Late messages fill a hole that those before them left. Those of a clock that was set back take
+    turns with them, and both are in order.
+
+    """
+    back = float(stamps[at - 1] - stamps[at])
+    if not 0.0 < _SET_BACK_STEPS * step < back < FAR_NS:
+        return False
+    count = int(2.0 * back / step) + _RUN
+    before, after = stamps[max(0, at - count) : at], stamps[at : at + count]
+    if not (_increase(before) and _increase(after)):
+        return False
+    before, after = before[before >= stamps[at]], after[after <= stamps[at - 1]]
+    is_after = np.repeat([False, True], [before.size, after.size])
+    order = np.argsort(np.concatenate([before, after]), kind='stable')
+    turns = np.count_nonzero(np.diff(is_after[order]))
+    return bool(turns > min(before.size, after.size))
 
 
 def _for_good(stamps: IntArray, places: IndexArray) -> IndexArray:

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from evaluation.models import small_model, training
+import numpy as np
+import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation.cautions import training_data_warnings as warnings
+from lip_id_ros.evaluation import evaluate
+from lip_id_ros.evaluation.training_data import training_data_warnings as warnings
+from lip_id_ros.loading import load_dataset
+from lip_id_ros.preprocessing import preprocess
+from lip_id_ros.recording import JointSamples
 
 RECORDING = {'source': 'a', 'topic': '/joint_states', 'content': '0123', 'samples': 900}
 
@@ -44,6 +51,36 @@ def test_other_samples_of_the_same_recording_are_told_apart() -> None:
 
     assert 'on samples of the same recording' in warning
     assert warnings(model, from_recording(swing(2), content='4567')) == []
+
+
+def recorded(data: Dataset, every: int = 1, kind: type = np.float64) -> JointSamples:
+    """Return raw samples of a motion, of which a copy keeps some, in fewer digits."""
+    signals = (data.t, data.q, data.dq, data.tau)
+    t, q, dq, tau = (x[::every].astype(kind).astype(np.float64) for x in signals)
+    return JointSamples(t, q, dq, tau, data.joint_names)
+
+
+@pytest.mark.parametrize(('every', 'kind'), [(1, np.float32), (2, np.float64), (4, np.float32)])
+def test_a_thinned_or_rounded_copy_is_told_apart(every: int, kind: type) -> None:
+    data = swing(1, rate=200.0)
+    model = replace(small_model(), provenance=preprocess(recorded(data)).provenance)
+    (warning,) = evaluate(model, preprocess(recorded(data, every, kind))).cautions
+    assert 'or of a copy of it' in warning
+    other = recorded(swing(2, rate=200.0), every, kind)
+    assert evaluate(model, preprocess(other)).cautions == ()
+
+
+@pytest.mark.parametrize(('every', 'kind'), [(1, np.float32), (2, np.float64)])
+def test_a_copy_of_a_data_set_is_told_apart(tmp_path: Path, every: int, kind: type) -> None:
+    data = swing(1, rate=200.0)
+    for name, some in (('own', data), ('other', swing(2, rate=200.0))):
+        some.save(tmp_path / f'{name}.npz')
+    bare = {name: getattr(data, name)[::every].astype(kind) for name in ('q', 'dq', 'ddq', 'tau')}
+    np.savez(tmp_path / 'copy.npz', joint_names=np.array(data.joint_names), **bare)
+    provenance = load_dataset(tmp_path / 'own.npz').provenance
+    model = replace(small_model(), provenance=provenance)
+    assert len(warnings(model, load_dataset(tmp_path / 'copy.npz'))) == 1
+    assert warnings(model, load_dataset(tmp_path / 'other.npz')) == []
 
 
 def test_provenance_that_says_nothing_is_no_reason_to_warn() -> None:

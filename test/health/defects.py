@@ -19,6 +19,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.timing import arrange
 
 Break = Callable[[JointSamples], JointSamples]
 
@@ -40,6 +41,11 @@ def jittered(samples: JointSamples) -> JointSamples:
 
 def with_gaps(samples: JointSamples) -> JointSamples:
     return rows(samples, np.arange(samples.n_samples) % 500 > 20)
+
+
+def set_back(samples: JointSamples) -> JointSamples:
+    stamps = np.arange(100) * 10**7
+    return replace(samples, notes=arrange(np.concatenate([stamps, stamps + 5 * 10**8])).notes)
 
 
 def repeating(samples: JointSamples) -> JointSamples:
@@ -213,6 +219,7 @@ DEFECTS: dict[str, tuple[Break, set[str]]] = {
     'low_rate': (lambda samples: rows(samples, slice(None, None, 10)), set()),
     'jitter': (jittered, set()),
     'gaps': (with_gaps, set()),
+    'clock_back': (set_back, set()),
     'dropped': (lambda samples: replace(samples, counts={'joint missing': 100}), set()),
     'stale': (repeating, set()),
     'held': (holding, set()),

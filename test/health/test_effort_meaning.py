@@ -53,3 +53,11 @@ def test_scales_are_those_that_were_put_in() -> None:
 def test_orders_that_are_tried() -> None:
     tried = orders(('b', 'a', 'c'))
     assert tried == [('a', 'b', 'c'), ('c', 'a', 'b'), ('b', 'c', 'a')]
+
+
+def test_positions_in_revolutions_are_found_by_links() -> None:
+    _, dataset = recording(0, [])
+    turns = {name: getattr(dataset, name) / (2.0 * np.pi) for name in ('q', 'dq', 'ddq')}
+    (finding,) = diagnose_effort(replace(dataset, **turns))
+    assert finding.code == 'position_revolutions'
+    assert finding.text.endswith('publish positions in rad.')

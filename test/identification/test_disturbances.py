@@ -118,7 +118,7 @@ def test_the_error_of_a_gain_is_that_of_the_parts_that_are_judged(
             gains.append((now[0], Gain.between(now, other)))
             return gains[-1][1]
 
-    monkeypatch.setattr('lip_id_ros.identification.disturbances.Gain', Seen)
+    monkeypatch.setattr('lip_id_ros.identification.linear_problem.Gain', Seen)
     arm, dataset = recorded(0)
     loaded = replace(arm, parameters=arm.parameters + np.outer([0, 0, 0.05], arm.parameters[2]))
     state = dataset.q, dataset.dq, dataset.ddq

@@ -124,6 +124,24 @@ def test_efforts_that_come_alone_are_joined(
     assert samples.notes == ('efforts came in messages of their own and were joined in time',)
 
 
+@pytest.mark.parametrize('ripple_hz', [101.0, 333.0])
+def test_what_is_fast_in_efforts_is_not_taken_for_slow(tmp_path: Path, ripple_hz: float) -> None:
+    """At 1 kHz beside states at 50 Hz, a ripple of 101 Hz would look like one of 1 Hz."""
+    states = [replace(state, effort=()) for state in moving(200)[::2]]
+    start = states[0].stamp_ns
+    efforts = []
+    for k in range(2000):
+        value = [np.sin(2e-3 * np.pi * k) + np.sin(2e-3 * np.pi * ripple_hz * k), 1.0]
+        state = replace(moving(1)[0], effort=value, stamp_ns=start + k * STEP_NS // 10)
+        efforts.append(of_effort_alone(state, topic='/currents'))
+    path = write_folder(tmp_path / 'bag', [*states, *efforts])
+    samples = read_bag(path, RecordingSettings(topic='/joint_states, /currents'))
+    inside = slice(2, -2)
+    slow = np.sin(2.0 * np.pi * samples.t[inside])
+    assert np.abs(samples.effort[inside, 0] - slow).max() < 0.1
+    np.testing.assert_allclose(samples.effort[:, 1], 1.0)
+
+
 def test_efforts_at_another_rate_are_interpolated(tmp_path: Path) -> None:
     """Named joints are not needed, and the slower topic gives the times."""
     efforts = [of_effort_alone(state, topic='/currents') for state in moving(100)[::5]]

@@ -118,15 +118,26 @@ def test_headers_are_usable_where_they_advance() -> None:
     assert not stamps_advance(np.zeros(10, np.int64))
 
 
-@pytest.mark.parametrize(('back_ms', 'restarts'), [(1300, 0), (1450, 1)])
-def test_a_restart_is_more_than_a_second_before_twenty_messages(
-    back_ms: int, restarts: int
-) -> None:
-    """Twenty messages at 100 Hz span 0.19 s on both sides of the step."""
+@pytest.mark.parametrize('back_ms', [140, 300, 305, 1000, 1300, 1450])
+@pytest.mark.parametrize('lost', [0, 40])
+def test_a_clock_that_is_set_back_begins_another_part(back_ms: int, lost: int) -> None:
+    """What follows would be taken for late messages between those from before."""
     later = CLEAN[-1] + STEP * np.arange(1, 301) - back_ms * 1_000_000
-    timeline = arrange(np.concatenate([CLEAN, later]))
-    assert timeline.restarts == restarts
-    assert (timeline.late > 0) == (restarts == 0)
+    rng = np.random.default_rng(0)
+    kept = [np.sort(rng.permutation(each)[lost:]) for each in (CLEAN, later)]
+    timeline = arrange(np.concatenate(kept))
+    assert (timeline.restarts, timeline.late, timeline.dropped) == (1, 0, {})
+    np.testing.assert_array_equal(timeline.rows, np.arange(600 - 2 * lost))
+
+
+@pytest.mark.parametrize('count', [6, 30, 100])
+def test_messages_that_come_late_together_are_no_clock_that_was_set_back(count: int) -> None:
+    """A buffer that is sent after newer messages leaves a hole before it."""
+    order = np.concatenate([np.arange(100), np.arange(100 + count, 220), np.arange(100, 300)])
+    order = order[np.sort(np.unique(order, return_index=True)[1])]
+    timeline = arrange(CLEAN[order])
+    assert (timeline.restarts, timeline.late) == (0, count)
+    np.testing.assert_array_equal(timeline.stamps_ns, CLEAN)
 
 
 def test_restarts_beyond_the_end_of_time_are_dropped() -> None:

@@ -1,0 +1,172 @@
+"""
+Causes of large residuals: drifts, a payload that comes and goes, a base that moves, other scales.
+
+On recordings of seven real arms the largest drift is 3.5 standard errors, and the largest gains
+are 0.9 (payload), 0.2 (base) and a factor of 1.2 (scales).
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.identification.arm_search import ArmSearch
+from lip_id_ros.identification.disturbances import MOST_SAMPLES, time_blocks
+from lip_id_ros.identification.effort_scale import alike, fit_scale
+from lip_id_ros.identification.linear_problem import LinearProblem
+from lip_id_ros.identification.placement_search import Calibration
+from lip_id_ros.identification.position_unit import left_by_revolutions
+from lip_id_ros.progress import Progress
+from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.regressor import torque_regressor
+
+LEAST_SAMPLES = 200
+
+LEAST_DRIFT = 6.0
+"""Standard errors."""
+
+LONGEST_LAG = 60
+"""Samples over which residuals are correlated."""
+
+BASE_GAIN, PAYLOAD_GAIN = 0.6, 1.2
+"""
+Least decrease of the logarithm of mean squares: the mean over joints where gravity turns from
+block to block, the largest of a joint where the last link gets another mass and centre of mass.
+"""
+
+SCALE_GAIN = 2.0
+RIDGE = 1e-6
+
+
+def suspicions(
+    search: ArmSearch, calibration: Calibration, seed: int, progress: Progress
+) -> list[str]:
+    """Return a sentence for each cause that explains the residuals far better than chance."""
+    dataset = search.fitter.dataset
+    rows = np.linspace(0, dataset.n_samples - 1, min(MOST_SAMPLES, dataset.n_samples)).astype(int)
+    if rows.size < LEAST_SAMPLES:
+        return []
+    left = left_by_revolutions(search, calibration, seed, progress)
+    if left is not None:
+        return [
+            f'Positions seem to be in revolutions: read so, they leave {100.0 * left:.2g} % of '
+            'the residuals that they leave as rad; publish them in rad.'
+        ]
+    block = np.unique(time_blocks(dataset)[rows], return_inverse=True)[1]
+    problem = LinearProblem.of(search, calibration, rows, block)
+    some = dataset.select(rows)
+    texts = [*_scales(search, calibration, some), *_drifts(some, problem, calibration.noise_std)]
+    return texts or list(_blocks(search, calibration, some, problem))
+
+
+def _scales(search: ArmSearch, calibration: Calibration, some: Dataset) -> Iterator[str]:
+    chain, link_std = calibration.placements.chain, search.fitter.link_std
+    one, free = fit_scale(some, chain, link_std, 1), fit_scale(some, chain, link_std)
+    left = free.mean_residual / one.mean_residual
+    if left * SCALE_GAIN < 1.0 and not alike(free.scale):
+        yield (
+            f'With a scale of its own for the efforts of each joint, links leave {100 * left:.2g} '
+            '% of the residuals: efforts seem to be motor currents or percent of a rating; see '
+            'lip_id inspect --efforts, and give recording.effort_scale.'
+        )
+
+
+def _drifts(some: Dataset, problem: LinearProblem, noise_std: Array) -> Iterator[str]:
+    """Regress torques on the time since the middle of each recording too."""
+    time = some.t.copy()
+    for number in np.unique(some.recording):
+        time[some.recording == number] -= time[some.recording == number].mean()
+    duration = float(np.ptp(time))
+    _, std = problem.solved()
+    n, k = len(std), problem.features.shape[2]
+    trend = time[:, None, None] / max(duration, 1e-9) * np.eye(n)
+    columns = np.concatenate([problem.features / std[:, None], trend], axis=2)
+    matrix, torque = columns.reshape(-1, k + n), (problem.torque / std).ravel()
+    inverse = np.linalg.inv(matrix.T @ matrix + np.eye(k + n))
+    found = inverse @ (matrix.T @ torque)
+    residual = (torque - matrix @ found).reshape(-1, n)
+    error = np.sqrt(np.diag(inverse)[k:] * np.mean(residual**2, axis=0) * _inflation(residual))
+    sure = np.abs(found[k:] / error) > LEAST_DRIFT
+    if sure.any():
+        change = (found[k:] * std * noise_std)[sure]
+        names = np.array(some.joint_names)[sure]
+        parts = [f'{name} {value:+.2g}' for name, value in zip(names, change, strict=True)]
+        yield (
+            f'Offsets of efforts drift within {duration:.3g} s: {", ".join(parts)} N m or N; let '
+            'sensors and drives warm up, or fit shorter recordings apart.'
+        )
+
+
+def _inflation(residual: Array) -> Array:
+    """Return by how much correlation in time raises the variance of a mean, (n,)."""
+    centred = residual - residual.mean(axis=0)
+    products = [
+        np.sum(centred[lag:] * centred[: len(centred) - lag], axis=0)
+        for lag in range(min(LONGEST_LAG, len(centred)))
+    ]
+    correlation = np.array(products) / products[0]
+    return 1.0 + 2.0 * np.maximum(np.cumsum(correlation[1:], axis=0).max(axis=0), 0.0)
+
+
+def _blocks(
+    search: ArmSearch, calibration: Calibration, some: Dataset, problem: LinearProblem
+) -> Iterator[str]:
+    """Ask whether gravity or the last link differs between blocks of half a second."""
+    parameters, std = problem.solved()
+    residual = (problem.torque - problem.features @ parameters) / std
+    last = problem.features.shape[2] - search.samples(some.select(np.arange(1))).friction_std.size
+    body = problem.features[:, :, last - LINK_PARAMETERS : last - LINK_PARAMETERS + 4]
+    payload = _gain(body / std[:, None], residual, problem.block)
+    gravity = _gravity(search, calibration, some, parameters[:last])
+    scale = np.sqrt(problem.weights) / (calibration.noise_std * std)
+    base = float(np.mean(_gain(gravity * scale[..., None], residual, problem.block)))
+    is_base = base >= payload.mean()  # with fewer parameters
+    if is_base and base > BASE_GAIN:
+        yield (
+            f'A base that tilts from one half second to the next explains {_share(base)} % of the '
+            'residuals of all joints: fix the base. Other efforts that change in time may look '
+            'alike.'
+        )
+    elif not is_base and payload.max() > PAYLOAD_GAIN:
+        joint = some.joint_names[int(np.argmax(payload))]
+        yield (
+            f'A last link that changes its mass from one half second to the next explains '
+            f'{_share(payload.max())} % of the residuals of {joint}: a payload that was taken up '
+            'and put down, which cannot be told from contact; fit what was recorded with and '
+            'without it apart.'
+        )
+
+
+def _share(gain: float) -> str:
+    return f'{100.0 * (1.0 - np.exp(-gain)):.2g}'
+
+
+def _gravity(
+    search: ArmSearch, calibration: Calibration, some: Dataset, parameters: Array
+) -> Array:
+    """Return the torques of a unit of gravity in the two directions across it, (N, n, 2)."""
+    chain = calibration.placements.chain
+    links = parameters * search.fitter.link_std.ravel()
+    across = np.linalg.svd(chain.gravity[None])[2][1:]
+    q, still = np.ascontiguousarray(some.q), np.zeros_like(some.q)
+    torques = [
+        torque_regressor(chain._replace(gravity=one), q, still, still) @ links
+        for one in np.ascontiguousarray(across)
+    ]
+    return np.stack(torques, axis=2)
+
+
+def _gain(columns: Array, residual: Array, block: IndexArray) -> Array:
+    """Return by how much a regression in each block lowers logarithms of mean squares, (n,)."""
+    count, k = int(block[-1]) + 1, columns.shape[2]
+    normal, right = np.zeros((count, k, k)), np.zeros((count, k))
+    np.add.at(normal, block, np.einsum('sik,sil->skl', columns, columns))
+    np.add.at(right, block, np.einsum('sik,si->sk', columns, residual))
+    normal += RIDGE * (1.0 + np.trace(normal, axis1=1, axis2=2)[:, None, None]) * np.eye(k)
+    own = np.linalg.solve(normal, right[..., None])[..., 0]
+    left = residual - np.einsum('sik,sk->si', columns, own[block])
+    return -np.log(np.mean(left**2, axis=0) / np.mean(residual**2, axis=0))

@@ -1,0 +1,72 @@
+"""What changes while an arm is recorded is told by the residuals, and what is sound is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gp.chains import ChainArm
+from identification.test_disturbances import calibrated, recorded
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.evaluation.cautions import summary_cautions
+from lip_id_ros.identification.suspicions import suspicions
+from lip_id_ros.progress import silent
+
+
+def suspected(arm: ChainArm, dataset: Dataset) -> list[str]:
+    return suspicions(*calibrated(arm, dataset), 0, silent)
+
+
+def with_torques(dataset: Dataset, change: Array) -> Dataset:
+    return replace(dataset, tau=dataset.tau + change)
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.3])
+@pytest.mark.parametrize('seed', range(4))
+def test_nothing_is_suspected_of_a_sound_recording(seed: int, friction: float) -> None:
+    """Nor of one with residuals that depend on the motion."""
+    assert suspected(*recorded(seed, friction=friction)) == []
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.3])
+def test_offsets_that_drift_are_told_with_their_size(friction: float) -> None:
+    arm, dataset = recorded(0, friction=friction)
+    drift = np.zeros(3)
+    drift[1] = -dataset.tau[:, 1].std()
+    (text,) = suspected(arm, with_torques(dataset, np.outer(dataset.t / dataset.t[-1], drift)))
+    name, value = text.split(': ')[1].split(' N m')[0].split()
+    assert name == dataset.joint_names[1]
+    assert float(value) == pytest.approx(drift[1], rel=0.1)
+
+
+@pytest.mark.parametrize('share', [0.3, 1.0])
+def test_a_payload_that_comes_and_goes_is_suspected(share: float) -> None:
+    arm, dataset = recorded(0)
+    states = dataset.q, dataset.dq, dataset.ddq
+    body = np.outer([0.0, 0.0, share], arm.parameters[2])
+    change = replace(arm, parameters=arm.parameters + body).torque(*states) - arm.torque(*states)
+    loaded = (dataset.t % 8.0 < 4.0)[:, None]
+    (text,) = suspected(arm, with_torques(dataset, loaded * change))
+    assert 'a payload that was taken up and put down' in text
+
+
+def test_a_base_that_rocks_is_suspected() -> None:
+    arm, dataset = recorded(0)
+    tilted = replace(arm, chain=arm.chain._replace(gravity=np.array([0.4, 0.0, 0.0])))
+    sway = np.sin(2.0 * np.pi * 0.45 * dataset.t)[:, None]
+    (text,) = suspected(arm, with_torques(dataset, sway * tilted.gravity(dataset.q)))
+    assert text.startswith('A base that tilts')
+
+
+def test_efforts_in_percent_of_different_ratings_are_suspected() -> None:
+    arm, dataset = recorded(0)
+    scaled = replace(dataset, tau=100.0 * dataset.tau / np.array([30.0, 90.0, 60.0]))
+    (text,) = suspected(arm, scaled)
+    assert 'give recording.effort_scale' in text
+
+
+def test_suspicions_are_cautions_of_a_fit() -> None:
+    assert summary_cautions((), {'suspicions': ['The base rocks.']}) == ['The base rocks.']
