@@ -105,7 +105,7 @@ class _Changes:
     def of(cls, surveys: Sequence[Survey], regression: Regression, links: Array) -> _Changes:
         """Return those of the reservoirs of recordings."""
         taken = np.array([own.size for own, _ in regression.columns()])
-        rows, counts = [], []
+        rows, sizes = [], []
         for survey in surveys:
             data = reservoir_data(survey, regression.joint_names)
             part = contiguous_blocks(data.n_samples, PARTS)
@@ -113,9 +113,9 @@ class _Changes:
                 found = statistics_of(data.select(part == k), regression)
                 triangles = link_triangles(found.link_factors, regression)
                 rows.append([_last(each, links.ravel()) for each in triangles])
-                counts.append(np.maximum(found.counts - taken, 1.0))
+                sizes.append(np.maximum(found.counts - taken, 1.0))
         grams = np.array([[each.T @ each for each in joints] for joints in rows])
-        squares, counts = grams[..., -1, -1], np.array(counts)
+        squares, counts = grams[..., -1, -1], np.array(sizes)
         noise = np.sqrt(squares.sum(axis=0) / counts.sum(axis=0))
         return cls(grams[..., :-1, :-1], grams[..., :-1, -1], squares, counts, noise)
 

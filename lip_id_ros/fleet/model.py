@@ -113,7 +113,7 @@ def model_of(
 
 def _report(placed: PlacedArm, solution: Solution, surveys: Sequence[Survey]) -> dict[str, Any]:
     """Return what the first pass reports, with recordings that contradict each other."""
-    report = json.loads(placed.report)
+    report: dict[str, Any] = json.loads(placed.report)
     names = {each.key: each.name for each in surveys}
     report |= {
         'covariance_inflation': solution.inflation,

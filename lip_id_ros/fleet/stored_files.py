@@ -79,7 +79,7 @@ def _is_http(url: str) -> bool:
     return url.startswith(('http://', 'https://'))
 
 
-def reason_of(error: Exception, url: str) -> str:
+def reason_of(error: BaseException, url: str) -> str:
     """Return an error as a text without the credentials of an address."""
     text = ' '.join(f'{type(error).__name__}: {error}'.split())
     return text.replace(url, public(url))

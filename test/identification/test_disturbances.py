@@ -93,6 +93,21 @@ def test_a_large_residual_that_spoils_nothing_is_kept() -> None:
     assert not disturbed_blocks(search, calibration, time_blocks(changed)).any()
 
 
+@pytest.mark.parametrize(('joints', 'is_left_out'), [((0, 1), True), ((0, 1, 2), False)])
+def test_what_most_of_the_time_contradicts_is_no_exception(
+    joints: Sequence[int], is_left_out: bool
+) -> None:
+    """Joints are pushed in turn, a quarter of the time each: of most of it nobody knows."""
+    arm, dataset = recorded(0)
+    tau = dataset.tau.copy()
+    for joint in joints:
+        on = (dataset.t / 8.0 + joint / 3.0) % 1.0 < 0.25
+        tau[on, joint] += 3.0 * tau[:, joint].std()
+    changed = replace(dataset, tau=tau)
+    marks = disturbed_blocks(*calibrated(arm, changed), time_blocks(changed))
+    assert marks.any() == is_left_out
+
+
 @pytest.mark.parametrize(
     ('share', 'agree'), [(0.0, True), (0.3, False), (0.5, False), (0.7, False)]
 )
