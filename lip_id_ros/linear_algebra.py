@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.errors import FitError
 
 JITTERS = (0.0, 1e-12, 1e-10, 1e-8, 1e-6)
@@ -77,6 +78,13 @@ class CholeskyFactor:
         # A Fortran lower triangle is a C upper one.
         upper = half.T
         return np.asarray(np.triu(upper) + np.triu(upper, 1).T)
+
+    def inverse_blocks(self, cuts: IndexArray) -> list[Array]:
+        """Return the blocks of K^-1 on its diagonal, between increasing cuts from 0 to m."""
+        root, _ = lapack.dtrtri(self.lower, lower=1)
+        # columns of L^-1, zero above its diagonal
+        columns = [np.tril(root[first:, first:last]) for first, last in pairwise(cuts)]
+        return [each.T @ each for each in columns]
 
     def log_determinant(self) -> float:
         """Return log det K."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -38,6 +40,16 @@ def test_what_a_factor_answers(m: int, seed: int) -> None:
     np.testing.assert_allclose(factor.inverse(), np.linalg.inv(matrix), atol=1e-12)
     assert factor.log_determinant() == pytest.approx(np.linalg.slogdet(matrix)[1])
     assert factor.jitter == 0.0
+
+
+@given(m=st.integers(2, 20), first=st.integers(1, 19), seed=st.integers(0, 2**32 - 1))
+def test_blocks_of_the_inverse(m: int, first: int, seed: int) -> None:
+    matrix = positive(m, seed)
+    cuts = np.array([0, min(first, m - 1), m])
+    inverse = np.linalg.inv(matrix)
+    blocks = CholeskyFactor.of(matrix).inverse_blocks(cuts)
+    for block, (begin, end) in zip(blocks, pairwise(cuts), strict=True):
+        np.testing.assert_allclose(block, inverse[begin:end, begin:end], atol=1e-12)
 
 
 def test_the_matrix_is_left_as_it_is() -> None:

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 import time
 from typing import Any
 
-import numpy as np
-
-from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.gp.conditioning import conditioned
 from lip_id_ros.gp.initialisation import (
     initial_guesses,
     InitialGuess,
@@ -24,7 +22,6 @@ from lip_id_ros.kernels import (
     JointBasis,
     TorqueKernel,
     TorquePosterior,
-    TorquePrior,
 )
 from lip_id_ros.kernels.program import without_potential
 from lip_id_ros.progress import Progress, silent
@@ -50,8 +47,8 @@ def fit_process(
     Fit Gaussian processes on energies and friction to a data set.
 
     The hyperparameters are optimised on a well-spread subset of the samples; the posterior is then
-    conditioned on all of them, or on the best spread `max_samples`. The kernel is one of
-    `lip_id_ros.kernels.FAMILY`, whatever the settings name.
+    conditioned on all of them, or on the best spread `max_samples`, whose noise is estimated
+    again. The kernel is one of `lip_id_ros.kernels.FAMILY`, whatever the settings name.
 
     Raises
     ------
@@ -66,12 +63,10 @@ def fit_process(
     seconds = round(time.monotonic() - started, 3)
     progress(CONDITIONING, 0, 1)
     some = dataset.select(dataset.covering(settings.max_samples))
-    states = torques.states(some.q, some.dq, some.ddq)
-    prior = TorquePrior(torques, optimum.hyperparameters)
-    posterior = TorquePosterior.condition(prior, states, some.tau)
+    posterior = conditioned(torques, optimum.hyperparameters, some)
     progress(CONDITIONING, 1, 1)
     place = {'device': backend.device, 'device_note': backend.note}
-    report = {**_report(optimum), 'seconds_optimising': seconds, **place}
+    report = {**_report(optimum, posterior), 'seconds_optimising': seconds, **place}
     return FittedProcess(posterior, report)
 
 
@@ -121,8 +116,7 @@ def _tried(
     return guess, maximise(objective, guess.hyperparameters, iterations, progress, stage)
 
 
-def _report(optimum: Optimum) -> dict[str, Any]:
-    noise: Array = np.sqrt(optimum.hyperparameters.noise_variance)
+def _report(optimum: Optimum, posterior: TorquePosterior) -> dict[str, Any]:
     return {
         'negative_log_likelihood': optimum.negative_log_likelihood,
         'iterations': optimum.iterations,
@@ -130,5 +124,6 @@ def _report(optimum: Optimum) -> dict[str, Any]:
         'optimiser_message': optimum.message,
         'at_bounds': list(optimum.at_bounds),
         'rejected_steps': optimum.rejected,
-        'noise_std': noise.tolist(),
+        'noise_std': posterior.noise_std.tolist(),
+        'covariance_inflation': posterior.inflation,
     }

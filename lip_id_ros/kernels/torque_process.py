@@ -223,7 +223,8 @@ class TorquePosterior:
     """
     Gaussian process posterior of torques and energies, given N samples.
 
-    `alpha`, shape (N, n), is (K + noise)^-1 tau: the weights of the posterior mean.
+    `alpha`, shape (N, n), is (K + noise)^-1 tau: the weights of the posterior mean. `inflation` is
+    a factor of its variances, for residuals that are correlated in time.
 
     """
 
@@ -231,12 +232,7 @@ class TorquePosterior:
     states: JointStates
     tau: Array
     alpha: Array
-
-    @classmethod
-    def condition(cls, prior: TorquePrior, states: JointStates, tau: Array) -> TorquePosterior:
-        """Condition a prior on samples; FitError if the Gram matrix cannot be factorised."""
-        factor = CholeskyFactor.of(prior.noisy_gram(states))
-        return cls(prior, states, tau, factor.solve(tau.ravel()).reshape(tau.shape))
+    inflation: float = 1.0
 
     @cached_property
     def factor(self) -> CholeskyFactor:
@@ -269,7 +265,7 @@ class TorquePosterior:
             rows = slice(start, start + BLOCK)
             x = self.prior.kernel.states(q[rows], dq[rows], ddq[rows])
             tau[rows], kinetic[rows], potential[rows] = self._block(x, reference[None])
-        return tau, kinetic, potential
+        return self.inflation * tau, self.inflation * kinetic, self.inflation * potential
 
     def _block(self, x: JointStates, reference: Array) -> tuple[Array, Array, Array]:
         prior, training = self.prior, self.states

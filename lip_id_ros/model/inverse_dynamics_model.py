@@ -25,7 +25,7 @@ from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.remainder_deviation import RemainderDeviation
 from lip_id_ros.model.torque_model import Parts, Prediction, Query, StandardDeviation
 
-VERSION = 6
+VERSION = 7
 
 ARTICULATED = 'articulated'
 """Name of the kernel of a model that is an arm."""

@@ -257,6 +257,7 @@ def put_process(process: TorquePosterior, arrays: Arrays) -> dict[str, Any]:
         'kernel': kernel.energy.name,
         'potential_links': kernel.energy.potential_links.tolist(),
         'friction': kernel.friction is not None,
+        'inflation': process.inflation,
     }
 
 
@@ -290,7 +291,9 @@ def process_from(
     states = kernel.states(arrays['q'], arrays['dq'], arrays['ddq'])
     expect(arrays, {'tau': states.q.shape, 'alpha': states.q.shape})
     prior = TorquePrior(kernel, hyperparameters)
-    return TorquePosterior(prior, states, arrays['tau'], arrays['alpha'])
+    inflation = float(entry['inflation'])
+    require(np.isfinite(inflation) and inflation > 0.0, f'an inflation of {inflation}')
+    return TorquePosterior(prior, states, arrays['tau'], arrays['alpha'], inflation)
 
 
 def _process_shapes(energy: EnergyKernel, has_friction: bool) -> dict[str, tuple[int, ...]]:

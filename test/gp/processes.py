@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from lip_id_ros.kernels import TorquePosterior
+from dataclasses import replace
+
+import numpy as np
+
+from lip_id_ros.kernels import TorquePosterior, TorquePrior
 from lip_id_ros.model import InverseDynamicsModel
 
 
@@ -10,3 +14,10 @@ def process_of(model: InverseDynamicsModel) -> TorquePosterior:
     """Return the Gaussian process posterior of a model."""
     assert model.process is not None
     return model.process
+
+
+def with_prior(process: TorquePosterior, prior: TorquePrior) -> TorquePosterior:
+    """Condition another prior on the samples of a process, with the noise that it has."""
+    given = TorquePosterior(prior, process.states, process.tau, np.empty_like(process.tau))
+    alpha = given.factor.solve(process.tau.ravel()).reshape(process.tau.shape)
+    return replace(given, alpha=alpha)

@@ -75,6 +75,7 @@ def test_summary() -> None:
     assert summary.keys() == {
         'at_bounds',
         'converged',
+        'covariance_inflation',
         'device',
         'device_note',
         'ignored_settings',

@@ -6,13 +6,13 @@ from dataclasses import replace
 from functools import cache
 
 from gp.arms import Arm, ARMS, dataset_of, noise_of, random_motion
-from gp.processes import process_of
+from gp.processes import process_of, with_prior
 import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification import fit
-from lip_id_ros.kernels import TorquePosterior, TorquePrior
+from lip_id_ros.kernels import TorquePrior
 from lip_id_ros.kernels.torque_process import friction_coefficients
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
@@ -131,7 +131,7 @@ def test_torques_without_noise(name: str, member: str) -> None:
     at = process_of(model).prior.hyperparameters
     exact = replace(at, noise_variance=1e-10 * at.noise_variance)
     prior = TorquePrior(process_of(model).prior.kernel, exact)
-    process = TorquePosterior.condition(prior, process_of(model).states, process_of(model).tau)
+    process = with_prior(process_of(model), prior)
     predictor = replace(model, process=process)
     tau = arm.torque(*unseen(arm))
     got = predictor.predict(*unseen(arm)).tau
@@ -202,7 +202,7 @@ def with_offset_variance(model: InverseDynamicsModel, variance: float) -> Invers
     friction = at.friction.copy()
     friction[:, 2] = variance
     prior = replace(process_of(model).prior, hyperparameters=replace(at, friction=friction))
-    process = TorquePosterior.condition(prior, process_of(model).states, process_of(model).tau)
+    process = with_prior(process_of(model), prior)
     return replace(model, process=process)
 
 

@@ -81,7 +81,7 @@ def conditioned(
     return InverseDynamicsModel(
         joint_names=tuple(f'joint_{i + 1}' for i in range(n)),
         joint_types=prior.kernel.basis.joint_types,
-        process=TorquePosterior(prior, states, tau, alpha),
+        process=TorquePosterior(prior, states, tau, alpha, inflation=1.7),
         potential_reference=rng.normal(size=n),
         training_range=(motion.min(axis=1), motion.max(axis=1)),
         largest_torque=np.ones(n),

@@ -220,6 +220,10 @@ def other_kernel(_: Arrays, header: Header) -> None:
     header['process']['kernel'] = 'perceptron'
 
 
+def other_inflation(_: Arrays, header: Header) -> None:
+    header['process']['inflation'] = -1.0
+
+
 def other_joints(_: Arrays, header: Header) -> None:
     header['joint_types'] = [R, R]
 
@@ -230,6 +234,7 @@ def other_joints(_: Arrays, header: Header) -> None:
         (drop, "'alpha'"),
         (other_kernel, "'perceptron'"),
         (other_joints, '2 joint types for 3 joints'),
+        (other_inflation, 'an inflation of -1.0'),
     ],
 )
 def test_contents_that_do_not_fit_together(

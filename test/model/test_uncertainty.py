@@ -45,7 +45,8 @@ def textbook(model: InverseDynamicsModel, x: States) -> StandardDeviation:
     gram = prior.torques(training, training) + np.diag(noise)
 
     def remaining(own: Array, cross: Array) -> Array:
-        return np.sqrt(own - np.diagonal(cross @ np.linalg.solve(gram, cross.T)))
+        variance = own - np.diagonal(cross @ np.linalg.solve(gram, cross.T))
+        return np.sqrt(process.inflation * variance)
 
     potential = prior.energies(prior.energy.potential_row, here, training) - prior.energies(
         prior.energy.potential_row, rest, training
