@@ -20,12 +20,12 @@ from lip_id_ros.identification.disturbances import (
 )
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.laplace import (
-    free_placements_root,
     LeftOut,
     posterior,
     root_with_sign_widths,
 )
 from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.placement_deviations import table_deviations
 from lip_id_ros.identification.placement_search import Calibration
 from lip_id_ros.identification.recording_effects import recording_deviations, with_recordings
 from lip_id_ros.identification.remainder_election import elect_remainder
@@ -40,7 +40,7 @@ from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.remainder_mean import RemainderMean
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table_std
+from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg
 
 STAGE = 'links and friction'
 STEPS = 4
@@ -172,7 +172,7 @@ def _identified(
     arm = with_recordings(arm, deviations, count, fitter.some(MOST_SAMPLES).dq)
     remainder = elect_remainder(fitter, fit)
     arm = replace(arm, noise=prediction_noise(fitter, fit, arm.noise, remainder))
-    kinematics_std = table_std(arm.chain, free_placements_root(final, fit, left_out))
+    kinematics_std = table_deviations(final, fit, left_out)
     states = np.stack([fitter.dataset.q, fitter.dataset.dq, fitter.dataset.ddq])
     arm = compacted(arm, (states.min(axis=1), states.max(axis=1)))
     progress(STAGE, STEPS, STEPS)

@@ -21,7 +21,6 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_AT_ONCE
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.link_torques import links_torque
-from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
     TorqueStatistics,
@@ -111,10 +110,10 @@ def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Lef
     for _ in range(STEPS if fitter.dataset.n_samples > MOST_AT_ONCE else 0):
         fit, blocks = _gauss_newton(fitter, fit, blocks)
     problem = fitter.problem(fitter.some(1), fit)
-    left_out = measure_left_out(blocks, _prior_rows(problem, fit.state), fit.noise.std)
-    covariance_root = _covariance_root(fitter, fit, blocks, left_out)
+    left_out = measure_left_out(blocks, prior_rows(problem, fit.state), fit.noise.std)
+    root = covariance_root(fitter, fit, blocks, left_out)
     noise = replace(fit.noise, std=left_out.noise_std)
-    return fit, ArmPosterior(fit.chain, fit.links, fit.friction, noise, covariance_root), left_out
+    return fit, ArmPosterior(fit.chain, fit.links, fit.friction, noise, root), left_out
 
 
 def root_with_sign_widths(fitter: ArmFitter, fit: ArmFit, left_out: LeftOut) -> Array:
@@ -124,24 +123,10 @@ def root_with_sign_widths(fitter: ArmFitter, fit: ArmFit, left_out: LeftOut) -> 
     wide = replace(fit, friction=friction, state=replace(fit.state, friction=numbers))
     coulomb = np.maximum(friction.coulomb, LEAST_COULOMB * fitter.torque_std.max())
     blocks = block_statistics(fitter, wide)
-    return _covariance_root(fitter, wide, blocks, left_out, 1.0 / (WIDTH_STD * coulomb))
+    return covariance_root(fitter, wide, blocks, left_out, 1.0 / (WIDTH_STD * coulomb))
 
 
-def free_placements_root(fitter: ArmFitter, fit: ArmFit, left_out: LeftOut) -> Array:
-    """
-    Return a square root of the covariance of the placements, (6 n, r), without elections.
-
-    A length that was set to zero because no torque speaks against it is not known to be zero.
-
-    """
-    free = fit
-    if not fit.geometry.rigid:
-        free = replace(fit, geometry=Geometry.free(len(fit.links)))
-    root = _covariance_root(fitter, free, block_statistics(fitter, free), left_out)
-    return root[: DIRECTIONS * len(fit.links)]
-
-
-def _covariance_root(
+def covariance_root(
     fitter: ArmFitter,
     fit: ArmFit,
     blocks: list[TorqueStatistics],
@@ -150,7 +135,7 @@ def _covariance_root(
 ) -> Array:
     """Return S of the posterior; `of_widths` are precisions of its last coordinates a priori."""
     problem, whole = fitter.problem(fitter.some(1), fit), blocks[0].merge(*blocks[1:])
-    prior = _prior_rows(problem, fit.state)
+    prior = prior_rows(problem, fit.state)
     last = np.arange(len(prior) - of_widths.size, len(prior))
     prior[last, last] = of_widths
     root = _root(whole, prior, left_out.unbiased_std)
@@ -159,7 +144,7 @@ def _covariance_root(
 
 def left_out_of(fitter: ArmFitter, fit: ArmFit) -> LeftOut:
     """Return what left-out blocks show of a fit to all samples."""
-    prior = _prior_rows(fitter.problem(fitter.some(1), fit), fit.state)
+    prior = prior_rows(fitter.problem(fitter.some(1), fit), fit.state)
     return measure_left_out(block_statistics(fitter, fit), prior, fit.noise.std)
 
 
@@ -234,11 +219,11 @@ def measure_left_out(
     """
     grams = np.array([[r.T @ r for r in block.factors] for block in blocks])
     count = np.sum([block.counts for block in blocks], axis=0)
-    _, covariance = _solved(grams.sum(axis=0), prior, noise_std)
+    _, covariance = solved(grams.sum(axis=0), prior, noise_std)
     noise_std = _unbiased(noise_std, _spread(grams.sum(axis=0), covariance) / count)
     squares, expected = np.zeros((len(blocks), noise_std.size)), np.zeros(noise_std.size)
     for k, block in enumerate(blocks):
-        step, covariance = _solved(grams.sum(axis=0) - grams[k], prior, noise_std)
+        step, covariance = solved(grams.sum(axis=0) - grams[k], prior, noise_std)
         squares[k] = block.squared_residuals(step)
         expected += _spread(grams[k], covariance)
     variance = noise_std**2
@@ -250,7 +235,7 @@ def measure_left_out(
     return LeftOut(len(blocks) * squares / count, inflation, left_std, noise_std)
 
 
-def _solved(grams: Array, prior: Array, noise_std: Array) -> tuple[Array, Array]:
+def solved(grams: Array, prior: Array, noise_std: Array) -> tuple[Array, Array]:
     """Return parameters and covariance from the Gram matrices of all joints' rows."""
     normal = np.tensordot(noise_std**-2.0, grams, axes=1) + prior.T @ prior
     factor = CholeskyFactor.of(np.ascontiguousarray(normal[:-1, :-1]))
@@ -268,7 +253,7 @@ def _gauss_newton(
     """Take a damped step to the best fit to all samples, where that is one."""
     problem = fitter.problem(fitter.some(1), fit)
     whole = blocks[0].merge(*blocks[1:])
-    root = _root(whole, _prior_rows(problem, fit.state), fit.noise.std)
+    root = _root(whole, prior_rows(problem, fit.state), fit.noise.std)
     scale = np.linalg.norm(root[:-1, :-1], axis=0)
     before = _mean_squares(fitter, fit)
     for damping in DAMPINGS:
@@ -307,7 +292,8 @@ def _root(statistics: TorqueStatistics, prior: Array, noise_std: Array) -> Array
     return triangular(statistics.system(noise_std), prior)
 
 
-def _prior_rows(problem: ArmProblem, state: ArmState) -> Array:
+def prior_rows(problem: ArmProblem, state: ArmState) -> Array:
+    """Return the rows of the prior, (m, m + 1), in units of its standard deviations."""
     return np.column_stack([np.diag(problem.prior_precision()), -problem.prior_residual(state)])
 
 

@@ -19,13 +19,22 @@ from lip_id_ros.friction.terms import Coulomb, LoadCoulomb
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.identify import identify
-from lip_id_ros.identification.laplace import linearised, posterior, root_with_sign_widths
+from lip_id_ros.identification.laplace import (
+    block_statistics,
+    covariance_root,
+    left_out_of,
+    linearised,
+    posterior,
+    root_with_sign_widths,
+)
 from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.placement_deviations import table_deviations
 from lip_id_ros.identification.sample_selection import covering
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.progress import silent
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.rigid_body.denavit_hartenberg import table_std
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.simulation import SinusoidTrajectory
@@ -64,6 +73,17 @@ def fitted() -> tuple[ArmFitter, ArmFit]:
 @cache
 def known() -> ArmPosterior:
     return posterior(*fitted())[1]
+
+
+def test_deviations_of_the_table_are_no_smaller_than_those_of_the_posterior() -> None:
+    """By definition where nothing is elected; the jackknife is the larger somewhere."""
+    fitter, fit = fitted()
+    left_out = left_out_of(fitter, fit)
+    root = covariance_root(fitter, fit, block_statistics(fitter, fit), left_out)
+    of_posterior = np.array(table_std(fit.chain, root[: 6 * len(TYPES)]))
+    found = np.array(table_deviations(fitter, fit, left_out))
+    assert (found >= of_posterior).all()
+    assert (found > 1.1 * of_posterior).any()
 
 
 def test_unseen_torques() -> None:
