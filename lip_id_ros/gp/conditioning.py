@@ -87,6 +87,6 @@ def left_out_inflation(alpha: Array, blocks: list[Array], noise_variance: Array)
     for part, block in zip(np.split(alpha.ravel(), ends), blocks, strict=True):
         noise = np.resize(noise_variance, part.size)
         # how far the block moves its own prediction, in the units of alpha
-        shift += part @ (CholeskyFactor.of(block).solve(part) - noise * part)
-        freedom += part.size - noise @ block.diagonal()
+        shift += float(part @ (CholeskyFactor.of(block).solve(part) - noise * part))
+        freedom += part.size - float(noise @ block.diagonal())
     return max(1.0, shift / freedom)

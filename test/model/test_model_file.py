@@ -170,8 +170,8 @@ def changed(path: Path, change: Callable[[Arrays, Header], None]) -> Path:
 
 
 def test_a_newer_format(saved: Path) -> None:
-    newer = changed(saved, lambda _, header: header.update(version=7))
-    check_refused(newer, 'has model format 7, but this program reads format 6')
+    newer = changed(saved, lambda _, header: header.update(version=8))
+    check_refused(newer, 'has model format 8, but this program reads format 7')
 
 
 def flip(arrays: Arrays, _: Header) -> None:
