@@ -13,15 +13,19 @@ compiled and the same code from the cache round differently, and fits differ.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from contextlib import suppress
+import fcntl
+from functools import cache, wraps
 import hashlib
 import logging
+import os
 from pathlib import Path
 import re
 from typing import Any, cast, TypeVar
 
 import numba
 from numba.core.caching import FunctionCache
+from numba.core.compiler_lock import global_compiler_lock
 import numpy as np
 
 PACKAGE = Path(__file__).parent
@@ -57,9 +61,12 @@ class _Cache(FunctionCache):
     Machine code on disk that is discarded when any source that it may contain has changed.
 
     The cache of `numba.njit(cache=True)` depends on the file of the outermost function only, so
-    that a change in another module would have no effect (numba issue 1833).
+    that a change in another module would have no effect (numba issue 1833). Of processes that
+    need the same function one compiles it, and the others wait for its code.
 
     """
+
+    _lock: int | None = None  # descriptor of a file
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         home = Path(self._py_func.__code__.co_filename).parent
@@ -67,6 +74,26 @@ class _Cache(FunctionCache):
         return (*key, _digest(PACKAGE), '' if home.is_relative_to(PACKAGE) else _digest(home))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return cached code; None, and a lock on the function, if it has to be compiled."""
+        found = self._load(sig, target_context)
+        if found is None and self._lock is None:
+            with suppress(OSError):  # some folders cannot be written, some have no locks
+                self._impl.locator.ensure_cache_path()
+                path = Path(self.cache_path, f'{self._impl.filename_base}.lock')
+                self._lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+                fcntl.flock(self._lock, fcntl.LOCK_EX)
+                found = self._load(sig, target_context)
+        return found
+
+    def unlock(self) -> None:
+        """Let other processes compile the function, or load what was compiled."""
+        if self._lock is not None:
+            with suppress(OSError):
+                fcntl.flock(self._lock, fcntl.LOCK_UN)  # in processes forked meanwhile too
+            os.close(self._lock)
+            self._lock = None
+
+    def _load(self, sig: Any, target_context: Any) -> Any:
         """Return cached code; None where there is none, or it refers to types that are gone."""
         try:
             return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
@@ -104,9 +131,21 @@ def _part(path: Path) -> str:
 
 def _cached(function: Function, dispatcher: Any) -> Function:
     try:
-        dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
+        stored = _Cache(function)  # type: ignore[no-untyped-call]
     except RuntimeError:  # numba found no folder to write to
         _tell_no_cache()
+        return cast('Function', dispatcher)
+    compile_here = dispatcher.compile
+
+    @wraps(compile_here)
+    def compile_once(sig: Any) -> Any:
+        with global_compiler_lock:  # of threads, as that of numba itself
+            try:
+                return compile_here(sig)
+            finally:
+                stored.unlock()
+
+    dispatcher._cache, dispatcher.compile = stored, compile_once
     return cast('Function', dispatcher)
 
 

@@ -41,14 +41,18 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def environment() -> dict[str, str]:
+    """Let processes find this package, and keep compiled code beside its source."""
+    kept = {name: value for name, value in os.environ.items() if name != 'NUMBA_CACHE_DIR'}
+    return kept | {'PYTHONPATH': str(ROOT), 'PYTHONDONTWRITEBYTECODE': '1'}
+
+
 def run(folder: Path) -> tuple[float, int]:
     """Return what the outer function computes in a new process, and how often from disk."""
-    environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'PYTHONDONTWRITEBYTECODE': '1'}
-    environment.pop('NUMBA_CACHE_DIR', None)
     ran = subprocess.run(
         [sys.executable, 'outer.py'],
         cwd=folder,
-        env=environment,
+        env=environment(),
         capture_output=True,
         text=True,
         check=True,
@@ -118,3 +122,32 @@ def test_code_from_the_cache_rounds_as_code_just_compiled(tmp_path: Path) -> Non
     )
     assert first == second
     assert len(first) > 1000
+
+
+AT_ONCE = """
+from pathlib import Path
+import sys
+import time
+import inner  # with all that takes time
+Path(sys.argv[1]).touch()
+while len(list(Path().glob('ready*'))) < 3:
+    time.sleep(0.001)
+import outer
+print(sum(outer.outer.stats.cache_misses.values()), sum(inner.inner.stats.cache_misses.values()))
+"""
+
+
+def test_of_processes_that_need_a_function_at_once_one_compiles_it(folder: Path) -> None:
+    (folder / 'at_once.py').write_text(AT_ONCE)
+    processes = [
+        subprocess.Popen(
+            [sys.executable, 'at_once.py', f'ready{number}'],
+            cwd=folder,
+            env=environment(),
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for number in range(3)
+    ]
+    lines = [process.communicate()[0].splitlines()[-1] for process in processes]
+    assert sorted(lines) == ['0 0', '0 0', '1 1']

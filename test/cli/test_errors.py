@@ -264,9 +264,8 @@ def test_where_the_disk_fails_the_model_is_kept_elsewhere(
     monkeypatch.setattr('os.replace', fail)
     monkeypatch.setattr('tempfile.tempdir', str(here / 'tmp'))
     (here / 'tmp').mkdir()
-    line = failure(
-        ['fit', str(workshop.bag), '-o', 'out.npz', '--config', str(workshop.settings)], capsys
-    )
+    fit = ['fit', str(workshop.bag), '-o', 'out.npz', '--config', str(workshop.settings)]
+    line = failure([*fit, '--kernel', 'recursive'], capsys)
 
     check(line, r'out.npz cannot be written \(No space left on device\); the result is kept in ')
     assert (here / 'out.npz').read_bytes() == old

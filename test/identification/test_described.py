@@ -174,7 +174,7 @@ def test_a_payload_of_a_learned_arm(fitted: InverseDynamicsModel) -> None:
 @pytest.mark.slow
 def test_placements_can_be_fixed() -> None:
     settings = FitSettings(description=perturbed(0), description_angle_deg=0.0)
-    model = fit(motion(0, 20, 25), settings)
+    model = fit(motion(0, 20, 5), settings)
     assert model.arm is not None
     chain = load_description(perturbed(0), NAMES, TYPES).chain
     np.testing.assert_array_equal(model.arm.chain.rotations, chain.rotations)
