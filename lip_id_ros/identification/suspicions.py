@@ -2,7 +2,8 @@
 Causes of large residuals: drifts, a payload that comes and goes, a base that moves, other scales.
 
 On recordings of seven real arms the largest drift is 3.5 standard errors, and the largest gains
-are 0.9 (payload), 0.2 (base) and a factor of 1.2 (scales).
+are 0.9 (payload), 0.2 (base) and a factor of 1.2 (scales); the limits were chosen beyond these, so
+that they say nothing of false alarms elsewhere.
 
 """
 
