@@ -21,6 +21,7 @@ import logging
 import os
 from pathlib import Path
 import re
+import time
 from typing import Any, cast, TypeVar
 
 import numba
@@ -31,6 +32,9 @@ import numpy as np
 PACKAGE = Path(__file__).parent
 
 LANES = 32
+
+LONGEST_WAIT_S, POLL_S = 20.0, 0.02
+"""For another process to compile a function: then this one compiles it too."""
 
 # Loops over `numba.prange` count without a sign; np.int64 of it mixes with other integers.
 Index = int | np.int64
@@ -81,7 +85,7 @@ class _Cache(FunctionCache):
                 self._impl.locator.ensure_cache_path()
                 path = Path(self.cache_path, f'{self._impl.filename_base}.lock')
                 self._lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-                fcntl.flock(self._lock, fcntl.LOCK_EX)
+                _wait_for(self._lock)
                 found = self._load(sig, target_context)
         return found
 
@@ -100,6 +104,17 @@ class _Cache(FunctionCache):
         except (ImportError, AttributeError):
             self.flush()  # type: ignore[no-untyped-call]
             return None
+
+
+def _wait_for(lock: int) -> None:
+    """Lock a file; give up after a while, since what holds it may stand still."""
+    last = time.monotonic() + LONGEST_WAIT_S
+    while time.monotonic() < last:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            time.sleep(POLL_S)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 from pathlib import Path
 import subprocess
@@ -151,3 +152,18 @@ def test_of_processes_that_need_a_function_at_once_one_compiles_it(folder: Path)
     ]
     lines = [process.communicate()[0].splitlines()[-1] for process in processes]
     assert sorted(lines) == ['0 0', '0 0', '1 1']
+
+
+def test_a_process_that_stands_still_while_it_compiles_stops_no_other(folder: Path) -> None:
+    run(folder)
+    held = [os.open(lock, os.O_RDWR) for lock in (folder / '__pycache__').glob('*.lock')]
+    for lock in held:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+    (folder / 'inner.py').write_text(INNER.format(factor=3.0))
+    outer = (folder / 'outer.py').read_text()
+    shorter = 'from lip_id_ros import numba_jit\nnumba_jit.LONGEST_WAIT_S = 0.1\n'
+    (folder / 'outer.py').write_text(shorter + outer)
+    assert run(folder) == (3.0, 0)
+    assert held
+    for lock in held:
+        os.close(lock)
