@@ -6,6 +6,8 @@ import sys
 from setuptools import find_packages, setup
 
 PACKAGE = 'lip_id_ros'
+AUTHORS, MAIL = 'the lip_id_ros authors', 'maintainers@lip-id-ros.example'
+HOME_PAGE = 'https://lip-id-ros.example'  # a placeholder until the project has an address
 WHEEL = {'bdist_wheel', 'dist_info', 'editable_wheel'}  # the commands that pip runs
 NODES = [
     f'{name} = lip_id_ros.programs:{name}'
@@ -32,7 +34,30 @@ setup(
     name=PACKAGE,
     version='0.1.0',
     description='Inverse dynamics of robot arms, learned from recordings and served as torques',
+    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    author=AUTHORS,
+    author_email=MAIL,
+    maintainer=AUTHORS,
+    maintainer_email=MAIL,
+    url=HOME_PAGE,
+    project_urls={'Documentation': f'{HOME_PAGE}/docs', 'Issues': f'{HOME_PAGE}/issues'},
+    keywords=['ROS', 'robotics', 'inverse dynamics', 'system identification', 'feedforward'],
+    classifiers=[
+        'Development Status :: 4 - Beta',
+        'Environment :: Console',
+        'Intended Audience :: Science/Research',
+        'Intended Audience :: Manufacturing',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Programming Language :: Python :: 3.13',
+        'Topic :: Scientific/Engineering',
+        'Typing :: Typed',
+    ],
     license='Apache-2.0',
+    license_files=['LICENSE'],
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     python_requires='>=3.11',
     data_files=[

@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tarfile
 
 import numpy as np
 from programs import run
@@ -31,6 +32,8 @@ SHIPPED = (
     'setup.cfg',
     'pyproject.toml',
     'package.xml',
+    'README.md',
+    'LICENSE',
     'resource',
     'config',
     'launch',
@@ -66,6 +69,56 @@ def test_pip_install_ships_everything(wheel: Path) -> None:
     for folder in ('config', 'launch'):
         for path in (ROOT / folder).glob('*.*'):
             assert (wheel / 'share' / PACKAGE / folder / path.name).is_file()
+
+
+@pytest.fixture(scope='module')
+def archives(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Build a source archive, and a wheel from what it holds."""
+    for name in ('build', 'twine'):
+        pytest.importorskip(name)
+    if not (ROOT / '.git').exists():
+        pytest.skip('needs the list of files of a git checkout')
+    folder = tmp_path_factory.mktemp('archives')
+    for path in tracked():
+        (folder / 'sources' / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / path, folder / 'sources' / path)
+    build = (sys.executable, '-m', 'build', '--no-isolation')
+    done = run(*build, '--sdist', '--outdir', folder, folder / 'sources')
+    assert done.returncode == 0, done.stderr
+    (sdist,) = folder.glob('*.tar.gz')
+    with tarfile.open(sdist) as archive:
+        archive.extractall(folder / 'unpacked', filter='data')
+    (unpacked,) = (folder / 'unpacked').iterdir()
+    done = run(*build, '--wheel', '--outdir', folder, unpacked)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = folder.glob('*.whl')
+    return sdist, wheel
+
+
+def tracked() -> list[str]:
+    return run('git', '-C', ROOT, 'ls-files').stdout.split()
+
+
+@pytest.mark.slow
+def test_the_archives_are_complete_and_described(archives: tuple[Path, Path]) -> None:
+    checked = run(sys.executable, '-m', 'twine', 'check', '--strict', *archives)
+    assert checked.returncode == 0, checked.stdout
+    with tarfile.open(archives[0]) as archive:
+        held = {name.partition('/')[2] for name in archive.getnames()}
+    left_out = {path for path in tracked() if path not in held}
+    assert {path.split('/')[0] for path in left_out} <= {'.ci', '.gitignore', '.github'}
+
+
+@pytest.mark.slow
+def test_the_wheel_of_the_archive_starts_in_an_empty_environment(
+    archives: tuple[Path, Path], tmp_path: Path
+) -> None:
+    assert run(sys.executable, '-m', 'venv', tmp_path).returncode == 0
+    pip = (tmp_path / 'bin/python', '-m', 'pip', '--disable-pip-version-check')
+    installed = run(*pip, 'install', '-q', '--no-deps', archives[1], PYTHONPATH='')
+    assert installed.returncode == 0, installed.stderr
+    told = run(tmp_path / 'bin/lip_id', '--version', PYTHONPATH='')
+    assert re.fullmatch(r'lip_id [0-9.]+\n', told.stdout), told.stderr
 
 
 @pytest.mark.slow
