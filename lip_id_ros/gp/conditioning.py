@@ -30,9 +30,15 @@ LARGEST_STEP = np.log(30.0)
 
 def conditioned(
     kernel: TorqueKernel, hyperparameters: Hyperparameters, dataset: Dataset
-) -> TorquePosterior:
+) -> tuple[TorquePosterior, Array]:
     """
     Condition on all samples, in the order of time, with the likeliest noise variances.
+
+    Returns
+    -------
+    posterior : TorquePosterior
+    left_out : array, shape (n,)
+        Mean squared residuals of blocks of time that are left out [(N m)^2 or N^2].
 
     Raises
     ------
@@ -54,7 +60,25 @@ def conditioned(
         variance = hyperparameters.noise_variance * np.exp(step)
         hyperparameters = replace(hyperparameters, noise_variance=variance)
     inflation = left_out_inflation(alpha, blocks, prior.hyperparameters.noise_variance)
-    return TorquePosterior(prior, states, dataset.tau, alpha, inflation)
+    left_out = np.mean(left_out_residuals(alpha, blocks) ** 2, axis=0)
+    return TorquePosterior(prior, states, dataset.tau, alpha, inflation), left_out
+
+
+def left_out_residuals(alpha: Array, blocks: list[Array]) -> Array:
+    """
+    Return the residuals of blocks of samples, each predicted by all others, (N, n).
+
+    Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 5.12, by blocks.
+
+    Parameters
+    ----------
+    alpha, blocks : as for `left_out_inflation`
+
+    """
+    ends = np.cumsum([len(block) for block in blocks])[:-1]
+    parts = zip(np.split(alpha.ravel(), ends), blocks, strict=True)
+    found = [CholeskyFactor.of(block).solve(part) for part, block in parts]
+    return np.concatenate(found).reshape(alpha.shape)
 
 
 def _noise_step(alpha: Array, blocks: list[Array]) -> Array:
@@ -82,11 +106,8 @@ def left_out_inflation(alpha: Array, blocks: list[Array], noise_variance: Array)
     noise_variance : array, shape (n,)
 
     """
-    shift = freedom = 0.0
-    ends = np.cumsum([len(block) for block in blocks])[:-1]
-    for part, block in zip(np.split(alpha.ravel(), ends), blocks, strict=True):
-        noise = np.resize(noise_variance, part.size)
-        # how far the block moves its own prediction, in the units of alpha
-        shift += float(part @ (CholeskyFactor.of(block).solve(part) - noise * part))
-        freedom += part.size - float(noise @ block.diagonal())
-    return max(1.0, shift / freedom)
+    noise = np.resize(noise_variance, alpha.size)
+    # how far each block moves its own prediction, in the units of alpha
+    moved = left_out_residuals(alpha, blocks).ravel() - noise * alpha.ravel()
+    diagonal = np.concatenate([block.diagonal() for block in blocks])
+    return max(1.0, float(alpha.ravel() @ moved) / (alpha.size - float(noise @ diagonal)))

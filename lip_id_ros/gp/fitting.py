@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import time
 from typing import Any
 
+import numpy as np
+
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.gp.conditioning import conditioned
 from lip_id_ros.gp.initialisation import (
@@ -63,10 +65,13 @@ def fit_process(
     seconds = round(time.monotonic() - started, 3)
     progress(CONDITIONING, 0, 1)
     some = dataset.select(dataset.covering(settings.max_samples))
-    posterior = conditioned(torques, optimum.hyperparameters, some)
+    posterior, left_out = conditioned(torques, optimum.hyperparameters, some)
     progress(CONDITIONING, 1, 1)
     place = {'device': backend.device, 'device_note': backend.note}
+    variance = some.tau.var(axis=0)
+    shares = left_out / np.where(variance > 0.0, variance, 1.0)
     report = {**_report(optimum, posterior), 'seconds_optimising': seconds, **place}
+    report['unexplained_left_out'] = shares.tolist()
     return FittedProcess(posterior, report)
 
 

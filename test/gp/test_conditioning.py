@@ -14,7 +14,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.gp.conditioning import conditioned, left_out_inflation
+from lip_id_ros.gp.conditioning import conditioned, left_out_inflation, left_out_residuals
 from lip_id_ros.identification import fit
 from lip_id_ros.kernels import TorquePrior
 from lip_id_ros.linear_algebra import CholeskyFactor
@@ -85,8 +85,9 @@ def test_noise_of_a_descent_that_collapsed_is_estimated_again() -> None:
     noise = noise_of(tau, 0.02)
     true = noise.std(axis=0)
     collapsed = replace(at, noise_variance=true**2 * np.array([1e-4, 1e3]))
-    found = conditioned(prior.kernel, collapsed, dataset_of(ARM, motion, tau + noise))
+    found, left_out = conditioned(prior.kernel, collapsed, dataset_of(ARM, motion, tau + noise))
     np.testing.assert_allclose(found.noise_std, true, rtol=0.25)
+    assert (left_out > 0.8 * true**2).all()
     residual = found.prior.hyperparameters.noise_variance * found.alpha
     np.testing.assert_allclose(residual.std(axis=0), true, rtol=0.25)
 
@@ -99,7 +100,7 @@ def test_left_out_blocks_by_their_definition() -> None:
     states = kernel.states(*random_states(12, 3, rng))
     tau = 20.0 * rng.normal(size=36)
     gram, noise = prior.gram(states), np.tile(prior.hyperparameters.noise_variance, 12)
-    noisy, shift, freedom = gram + np.diag(noise), 0.0, 0.0
+    noisy, shift, residuals = gram + np.diag(noise), 0.0, []
     alpha = np.linalg.solve(noisy, tau)
     cuts = np.array([0, 9, 21, 36])
     for begin, end in pairwise(cuts):
@@ -107,8 +108,11 @@ def test_left_out_blocks_by_their_definition() -> None:
         rest = np.setdiff1d(np.arange(36), block)
         weights = np.linalg.solve(noisy[np.ix_(rest, rest)], gram[np.ix_(rest, block)])
         shift += alpha[block] @ ((gram @ alpha)[block] - weights.T @ tau[rest])
+        residuals.append(tau[block] - weights.T @ tau[rest])
     freedom = np.trace(gram @ np.linalg.inv(noisy))
     blocks = CholeskyFactor.of(noisy).inverse_blocks(cuts)
+    left_out = left_out_residuals(alpha.reshape(12, 3), blocks)
+    np.testing.assert_allclose(left_out.ravel(), np.concatenate(residuals))
     variance = prior.hyperparameters.noise_variance
     found = left_out_inflation(alpha.reshape(12, 3), blocks, variance)
     assert found > 1.0

@@ -51,13 +51,15 @@ def foxglove_paths() -> list[str]:
 
 
 def documented() -> dict[str, set[str]]:
-    """Names in the table of `serve`, by the kind of its rows."""
+    """Names that the table of `serve` has without special settings, by the kind of its rows."""
     page = (ROOT / 'docs' / 'interfaces.md').read_text(encoding='utf-8')
     _, _, text = page.partition('### `ros2 run lip_id_ros serve`\n')
     text, _, _ = text.partition('\n### ')
     names: dict[str, set[str]] = {}
-    rows = re.findall(r'^\| (subscription|publisher|service) \| (.*?) \|', text, re.MULTILINE)
-    for kind, cell in rows:
+    rows = re.findall(r'^\| (subscription|publisher|service) \| (.*?) \|(.*)$', text, re.MULTILINE)
+    for kind, cell, rest in rows:
+        if 'only with `torque_limits: robot_description`' in rest:
+            continue
         topics = {name.replace('~', '/serve') for name in re.findall('`(.*?)`', cell)}
         names.setdefault(kind, set()).update(f'/{topic.lstrip("/")}' for topic in topics)
     return names
