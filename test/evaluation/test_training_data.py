@@ -94,7 +94,7 @@ def test_two_recordings_that_begin_at_rest_are_not_one() -> None:
             np.vstack([rest, x - first])
             for x, first in ((moving.q, moving.q[0]), (moving.dq, 0.0))
         )
-        tau = np.vstack([rest, moving.tau]) + rng.normal(0.0, 0.01, q.shape)
+        tau = np.vstack([rest, moving.tau]) + rng.normal(0.0, 0.05, q.shape)
         t = np.arange(len(q)) / 100.0
         return JointSamples(t, q, dq, np.round(tau / 0.02) * 0.02, moving.joint_names)
 
