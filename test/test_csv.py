@@ -380,9 +380,12 @@ def test_a_log_of_positions_alone_is_read(tmp_path: Path) -> None:
     assert not read_log(log(tmp_path / 'a.csv', 't,q_a\n0,1\n1,1\n2,3\n')).has_effort
 
 
-@pytest.mark.parametrize('start', [0, 5])
-def test_a_first_column_without_a_name_numbers_the_rows(tmp_path: Path, start: int) -> None:
-    rows = '\n'.join(f'{start + k},{k},1,2' for k in range(4))
+@pytest.mark.parametrize(
+    'index', [[0, 1, 2, 3, 4], [5, 6, 7, 8], [0, 2, 4, 6], [0, 1, 4, 5], [0, 1, 2, 0, 1, 2], [7]]
+)
+def test_a_first_column_without_a_name_numbers_the_rows(tmp_path: Path, index: list[int]) -> None:
+    """Also of a table of which rows were left out, and of tables one after another."""
+    rows = '\n'.join(f'{number},{k},1,2' for k, number in enumerate(index))
     table = read_table(log(tmp_path / 'a.csv', f',t,q_a,tau_a\n{rows}\n'))
     assert list(table.columns) == ['t', 'q_a', 'tau_a']
 

@@ -185,7 +185,7 @@ class _Loading:
         fresh = self._fresh(os.fspath(path), data.joint_names, data.q, data.tau)
         if fresh.any():
             data = data if fresh.all() else data.select(np.flatnonzero(fresh))
-            yield _with_sketch(data)
+            yield _with_sketch(data, os.fspath(path))
 
     def _fresh(self, source: str, joint_names: Sequence[str], *signals: Array) -> BoolArray:
         if self._is_alone:
@@ -204,15 +204,15 @@ def _defaults(data: Dataset) -> Sequence[str]:
     return first.get('defaults', ()) if isinstance(first, Mapping) else ()
 
 
-def _with_sketch(data: Dataset) -> Dataset:
-    """Add some samples of a data set to those of its recordings, to know its copies by."""
+def _with_sketch(data: Dataset, path: str) -> Dataset:
+    """Add some samples of a data set to those of its first source, to know its copies by."""
     sketch = content_sketch(data.joint_names, data.q, data.tau)
-    sources = [
-        {**each, SKETCH: each.get(SKETCH, '') + sketch}
-        for source in data.provenance.get('sources', ())
-        for each in [source if isinstance(source, Mapping) else {'source': source}]
-    ]
-    return replace(data, provenance={**data.provenance, 'sources': sources})
+    first, *others = data.provenance.get('sources') or [path]
+    first = first if isinstance(first, Mapping) else {'source': first}
+    known = first.get(SKETCH, '')
+    if not known.endswith(sketch):  # as where a data set was loaded and saved
+        first = {**first, SKETCH: known + sketch}
+    return replace(data, provenance={**data.provenance, 'sources': [first, *others]})
 
 
 def _with_types(data: Dataset, joint_types: Sequence[str]) -> Dataset:

@@ -30,7 +30,7 @@ from lip_id_ros.preprocessing.sample_times import (
     without_stale,
 )
 from lip_id_ros.preprocessing.segment import per_joint, Segment, segment_of, torque
-from lip_id_ros.preprocessing.smoothing import cut, longest_step
+from lip_id_ros.preprocessing.smoothing import cut, is_filtered, longest_step
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.spill import release, thinned
 from lip_id_ros.recording.timing import GAP_STEPS, median_step, MOST_STEPS, some_steps
@@ -38,6 +38,10 @@ from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 MOST_RATE = 2.0
 """Samples are brought to a rate of at most so many times their mean rate."""
+
+LASTING_S, FASTER, MOST_LASTING_RATE = 5.0, 1.5, 10.0
+"""A part that lasts so long and is so many times as fast as most gives the rate, up to so many
+times the mean."""
 
 LEAST_REPETITION = 4
 ON_GRID = 0.9
@@ -84,7 +88,7 @@ def segments_of(
     parts, n_jumps = uninterrupted(spread, changes, periods, _longest_gap(spread, settings))
     pieces = [spread.rows(rows) for rows in parts]
     stamps = [_retimed(piece, samples.t, is_stale) for piece in pieces]
-    rate = _rate(stamps)
+    rate = _rate(stamps, settings.cutoff)
     delays = per_joint(samples, 'effort_delay_s', recording.effort_delay_s, 0.0)
     is_wanted = samples.has_velocity and settings.velocity == 'recorded'
     wrong = [contradicted(piece) if is_wanted else () for piece in pieces]
@@ -177,12 +181,30 @@ def _retimed(segment: JointSamples, t: Array, is_stale: BoolArray) -> Array:
     return retimed(even, segment.position) if even is segment.t else even
 
 
-def _rate(stamps: Sequence[Array]) -> float:
-    """Return the rate of most steps [Hz]; no more than twice the mean, as messages in bursts."""
+def _rate(stamps: Sequence[Array], cutoff_hz: float) -> float:
+    """
+    Return the rate of most steps [Hz], no more than twice the mean, as messages in bursts.
+
+    Where a low-pass follows, it is that of a faster part that lasts: what is fast there would be
+    taken for slow.
+
+    """
     count = sum(t.size - 1 for t in stamps)
     if not count:
         return 0.0
-    total = sum(float(t[-1] - t[0]) for t in stamps)
+    mean = count / sum(float(t[-1] - t[0]) for t in stamps)
     share = min(1.0, MOST_STEPS / count)
     steps = [some_steps(t, round(share * t.size)) for t in stamps]
-    return min(1.0 / float(np.median(np.concatenate(steps))), MOST_RATE * count / total)
+    usual = min(1.0 / float(np.median(np.concatenate(steps))), MOST_RATE * mean)
+    lasting = min(max(map(_lasting_rate, stamps)), MOST_LASTING_RATE * mean)
+    return lasting if lasting > FASTER * usual and is_filtered(usual, cutoff_hz) else usual
+
+
+def _lasting_rate(t: Array) -> float:
+    """Return the highest mean rate over some seconds, 0 for less time."""
+    begins = thinned(t, MOST_VALUES)
+    begins = begins[begins + LASTING_S <= t[-1]]
+    first = np.searchsorted(t, begins)
+    last = np.searchsorted(t, begins + LASTING_S, side='right') - 1
+    lasts = np.maximum(t[last] - t[first], 0.9 * LASTING_S)
+    return float(((last - first) / lasts).max(initial=0.0))

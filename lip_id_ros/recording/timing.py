@@ -255,7 +255,8 @@ def _is_set_back(stamps: IntArray, at: int, step: float) -> bool:
     Return whether a clock was set back before a message, so that stamps come twice as densely.
 
     Late messages fill a hole that those before them left. Those of a clock that was set back take
-    turns with them, and both are in order.
+    turns with them, and both are in order. Messages that came twice have stamps from before, as
+    only those on a grid have by chance.
 
     """
     back = float(stamps[at - 1] - stamps[at])
@@ -266,6 +267,8 @@ def _is_set_back(stamps: IntArray, at: int, step: float) -> bool:
     if not (_increase(before) and _increase(after)):
         return False
     before, after = before[before >= stamps[at]], after[after <= stamps[at - 1]]
+    if np.any(np.diff(after) % step):
+        after = after[~np.isin(after, before)]
     is_after = np.repeat([False, True], [before.size, after.size])
     order = np.argsort(np.concatenate([before, after]), kind='stable')
     turns = np.count_nonzero(np.diff(is_after[order]))

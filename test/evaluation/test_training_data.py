@@ -17,6 +17,7 @@ from lip_id_ros.evaluation.training_data import training_data_warnings as warnin
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.recording.sketch import SKETCH
 
 RECORDING = {'source': 'a', 'topic': '/joint_states', 'content': '0123', 'samples': 900}
 
@@ -81,6 +82,40 @@ def test_a_copy_of_a_data_set_is_told_apart(tmp_path: Path, every: int, kind: ty
     model = replace(small_model(), provenance=provenance)
     assert len(warnings(model, load_dataset(tmp_path / 'copy.npz'))) == 1
     assert warnings(model, load_dataset(tmp_path / 'other.npz')) == []
+
+
+def test_two_recordings_that_begin_at_rest_are_not_one() -> None:
+    """In one place efforts in coarse steps are often the same, and so are whole samples."""
+
+    def standing(seed: int) -> JointSamples:
+        moving = swing(seed, rate=100.0)
+        rest, rng = np.zeros((4000, moving.n_joints)), np.random.default_rng(seed)
+        q, dq = (
+            np.vstack([rest, x - first])
+            for x, first in ((moving.q, moving.q[0]), (moving.dq, 0.0))
+        )
+        tau = np.vstack([rest, moving.tau]) + rng.normal(0.0, 0.05, q.shape)
+        t = np.arange(len(q)) / 100.0
+        return JointSamples(t, q, dq, np.round(tau / 0.02) * 0.02, moving.joint_names)
+
+    model = replace(small_model(), provenance=preprocess(standing(1)).provenance)
+    assert len(warnings(model, preprocess(standing(1)))) == 1
+    assert warnings(model, preprocess(standing(2))) == []
+
+
+def test_a_data_set_is_known_by_one_sketch_however_many_sources_it_has(tmp_path: Path) -> None:
+    """Also where it has none, and after it was saved and loaded again."""
+    some = [{'source': 'a'}, {'source': 'b'}]
+    for provenance in ({}, {'sources': ['a']}, {'sources': some}):
+        replace(swing(1), provenance=provenance).save(tmp_path / 'a.npz')
+        once = load_dataset(tmp_path / 'a.npz')
+        once.save(tmp_path / 'a.npz')
+        again = load_dataset(tmp_path / 'a.npz')
+        assert [SKETCH in source for source in once.provenance['sources']][:2] in (
+            [True],
+            [True, False],
+        )
+        assert again.provenance == once.provenance
 
 
 def test_provenance_that_says_nothing_is_no_reason_to_warn() -> None:

@@ -15,7 +15,7 @@ from recording.bag_files import State, STEP_NS, write_mcap
 import lip_id_ros
 from lip_id_ros.loading import load_dataset
 
-MOST_MODULES = 15
+MOST_MODULES = 16
 HOLDERS = {'MessageBlock', 'JointSamples', 'Segment', 'Dataset'}
 PACKAGE = Path(lip_id_ros.__file__).parent
 

@@ -254,6 +254,24 @@ def test_real_bags_are_consistent(shared_data: Path) -> None:
             assert np.corrcoef(*pair)[0, 1] > ddq_least, name
 
 
+@pytest.mark.parametrize('gap_s', [0.0, 5.0])
+@pytest.mark.parametrize('is_first', [True, False])
+def test_a_faster_part_is_filtered_at_its_own_rate(gap_s: float, is_first: bool) -> None:
+    """Ten seconds at 500 Hz beside a minute at 100 Hz: a ripple of 101 Hz would become 1 Hz."""
+    fast, slow = uniform(5000, 500.0), uniform(6000, 100.0)
+    first, second = (fast, slow) if is_first else (slow, fast)
+    t = np.concatenate([first, first[-1] + 0.01 + gap_s + second])
+    samples = recording(t)
+    is_fast = (t < 10.0) if is_first else (t > 60.0 + gap_s)
+    ripple = np.where(is_fast, np.sin(2.0 * np.pi * 101.0 * t), 0.0)[:, np.newaxis]
+    rippled = preprocess(replace(samples, effort=samples.effort + ripple))
+    inside = np.abs(rippled.t - t[is_fast].mean()) < 4.0
+    left = np.abs(rippled.tau - preprocess(samples).tau)[inside]
+    assert left.size > 100
+    assert left.max() < 0.02
+    assert rippled.provenance['sources'][0]['rate_hz'] == pytest.approx(500.0)
+
+
 def test_bursts_are_resampled_at_no_more_than_twice_their_mean_rate() -> None:
     """Ten messages at once, a microsecond apart, ten times a second: advised is a longer gap."""
     begins = np.repeat(0.1 * np.arange(30), 10)

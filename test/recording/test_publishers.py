@@ -142,6 +142,26 @@ def test_what_is_fast_in_efforts_is_not_taken_for_slow(tmp_path: Path, ripple_hz
     np.testing.assert_allclose(samples.effort[:, 1], 1.0)
 
 
+def test_what_is_slow_in_efforts_is_not_damped(tmp_path: Path) -> None:
+    """A mean over a step of the states alone would take 1.8 % of 5 Hz."""
+    states = [replace(state, effort=()) for state in moving(200)[::2]]
+    efforts = [
+        of_effort_alone(
+            replace(
+                moving(1)[0],
+                effort=[np.sin(1e-2 * np.pi * k), 1.0],
+                stamp_ns=states[0].stamp_ns + k * STEP_NS // 10,
+            ),
+            topic='/currents',
+        )
+        for k in range(2000)
+    ]
+    path = write_folder(tmp_path / 'bag', [*states, *efforts])
+    samples = read_bag(path, RecordingSettings(topic='/joint_states, /currents'))
+    slow = np.sin(10.0 * np.pi * samples.t)
+    np.testing.assert_allclose(samples.effort[2:-2, 0], slow[2:-2], atol=1e-3)
+
+
 def test_efforts_at_another_rate_are_interpolated(tmp_path: Path) -> None:
     """Named joints are not needed, and the slower topic gives the times."""
     efforts = [of_effort_alone(state, topic='/currents') for state in moving(100)[::5]]

@@ -140,6 +140,15 @@ def test_messages_that_come_late_together_are_no_clock_that_was_set_back(count: 
     np.testing.assert_array_equal(timeline.stamps_ns, CLEAN)
 
 
+@pytest.mark.parametrize('count', [15, 60, 100])
+def test_messages_that_come_twice_together_are_dropped(count: int) -> None:
+    jitter = np.random.default_rng(0).integers(-STEP // 10, STEP // 10, CLEAN.size)
+    stamps = CLEAN + jitter
+    timeline = arrange(np.concatenate([stamps[:200], stamps[200 - count :]]))
+    assert (timeline.restarts, timeline.dropped.total()) == (0, count)
+    np.testing.assert_array_equal(timeline.stamps_ns, stamps)
+
+
 def test_restarts_beyond_the_end_of_time_are_dropped() -> None:
     """Sawtooth stamps never give a time before the first."""
     teeth = np.concatenate([2**61 * np.linspace(0.0, 1.9, 60).astype(np.int64) + 1] * 6)
