@@ -52,7 +52,7 @@ def farthest_points(points: Array, count: int) -> IndexArray:
 
 def contiguous_cuts(segment: IntArray, count: int) -> IndexArray:
     """
-    Return where to cut N samples into 2 to N blocks of about the same size, shape (count + 1,).
+    Return where to cut N samples into 1 to N blocks of about the same size, shape (count + 1,).
 
     A cut moves to the beginning of a segment where one is near.
 

@@ -91,8 +91,8 @@ class Survey(Packable):
     gravity_compensated : bool
     t : array, shape (m,)
         Times of the reservoir, some samples that cover the motion [s].
-    q, dq, ddq, tau : arrays, shape (m, n)
-        The reservoir.
+    q, dq, ddq, tau, low_passed_sign : arrays, shape (m, n)
+        The reservoir; signs only where the data set has them.
     segment : int array, shape (m,)
     n_samples : int
         Of the recording, after preprocessing.
@@ -129,6 +129,7 @@ class Survey(Packable):
     dq: Array
     ddq: Array
     tau: Array
+    low_passed_sign: Array | None
     segment: IntArray
     n_samples: int
     rate_hz: float

@@ -25,7 +25,7 @@ from lip_id_ros.recording.bags import Bag
 from lip_id_ros.recording.joint_samples import content_digest
 from lip_id_ros.settings import Config
 
-RESERVOIR_BYTES = 140_000
+RESERVOIR_BYTES = 170_000
 MOST_RESERVOIR = 600
 """Samples of one recording that are kept, as far as `RESERVOIR_BYTES` allow."""
 
@@ -102,6 +102,7 @@ def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] =
         dq=some.dq,
         ddq=some.ddq,
         tau=some.tau,
+        low_passed_sign=some.low_passed_sign,
         segment=some.segment,
         n_samples=dataset.n_samples,
         rate_hz=float(source.get('rate_hz', 0.0)),
@@ -123,7 +124,7 @@ def reservoir(dataset: Dataset) -> IndexArray:
     The first identify placements best; the others have friction and noise in their usual shares.
 
     """
-    count = min(MOST_RESERVOIR, RESERVOIR_BYTES // (8 * (4 * dataset.n_joints + 2)))
+    count = min(MOST_RESERVOIR, RESERVOIR_BYTES // (8 * (5 * dataset.n_joints + 2)))
     if dataset.n_samples <= count:
         return np.arange(dataset.n_samples)
     half = covering(dataset, count // 2)
@@ -155,6 +156,7 @@ def reservoir_data(
         dq=survey.dq,
         ddq=survey.ddq,
         tau=survey.tau,
+        low_passed_sign=survey.low_passed_sign,
         segment=survey.segment,
         joint_names=survey.joint_names,
         joint_types=survey.joint_types,
@@ -224,7 +226,7 @@ def _shortened(source: dict[str, Any]) -> str:
     text = json.dumps(source)
     if len(text) <= MOST_TEXT:
         return text
-    needed = ('content', 'samples', 'rate_hz', 'start_s', 'recording', 'preprocessing')
+    needed = 'content', 'samples', 'rate_hz', 'start_s', 'recording', 'preprocessing', 'filtered'
     return json.dumps({name: source[name] for name in needed if name in source})
 
 

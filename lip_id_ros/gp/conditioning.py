@@ -48,7 +48,7 @@ def conditioned(
     """
     states = kernel.states(dataset.q, dataset.dq, dataset.ddq)
     n = dataset.n_joints
-    cuts = n * contiguous_cuts(dataset.segment, LEFT_OUT_BLOCKS)
+    cuts = n * contiguous_cuts(dataset.segment, min(LEFT_OUT_BLOCKS, dataset.n_samples))
     for _ in range(NOISE_STEPS):
         prior = TorquePrior(kernel, hyperparameters)
         factor = CholeskyFactor.of(prior.noisy_gram(states))

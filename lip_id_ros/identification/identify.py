@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.noise import sticking_noise, TorqueNoise
+from lip_id_ros.friction.noise import estimate_noise, sticking_noise, TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
@@ -30,6 +30,7 @@ from lip_id_ros.identification.placement_search import Calibration
 from lip_id_ros.identification.recording_effects import recording_deviations, with_recordings
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.sample_selection import (
+    evenly,
     explained,
     measured,
     plausible,
@@ -153,11 +154,29 @@ def prediction_noise(
     A remainder leaves its own residuals, and a joint that sticks has any friction.
 
     """
+    noise = _of_single_states(fitter.dataset, fit, noise)
     if remainder is not None:
         noise = replace(noise, std=np.where(remainder.joints, remainder.left_out_std, noise.std))
     some = fitter.some(MOST_SAMPLES)
     load = links_torque(fit.chain, fit.links, some)
     return sticking_noise(noise, fit.friction, some.q, some.ddq, load)
+
+
+def _of_single_states(dataset: Dataset, fit: ArmFit, noise: TorqueNoise) -> TorqueNoise:
+    """Return the noise where signs are not known, as in predictions; at least the one given."""
+    if dataset.low_passed_sign is None:
+        return noise
+    some = dataset.select(evenly(dataset.n_samples, MOST_SAMPLES))
+    load = links_torque(fit.chain, fit.links, some)
+    residual = some.tau - load - fit.friction.torque(some.q, some.dq, some.ddq, load)
+    single = estimate_noise(residual, some.dq)
+    squares = [np.mean(each.std_at(some.dq) ** 2, axis=0) for each in (single, noise)]
+    wider = squares[0] > squares[1]
+    return TorqueNoise(
+        np.where(wider, single.std, noise.std),
+        np.where(wider, single.ratio, noise.ratio),
+        np.where(wider, single.velocity, noise.velocity),
+    )
 
 
 def _identified(

@@ -84,7 +84,9 @@ def _drifts(some: Dataset, problem: LinearProblem, noise_std: Array) -> Iterator
     duration = float(np.ptp(time))
     _, std = problem.solved()
     n, k = len(std), problem.features.shape[2]
-    trend = time[:, None, None] / max(duration, 1e-9) * np.eye(n)
+    size = np.sqrt(problem.weights.mean(axis=0))
+    scale = np.sqrt(problem.weights) / size
+    trend = (time[:, None] / max(duration, 1e-9) * scale)[..., None] * np.eye(n)
     columns = np.concatenate([problem.features / std[:, None], trend], axis=2)
     matrix, torque = columns.reshape(-1, k + n), (problem.torque / std).ravel()
     inverse = np.linalg.inv(matrix.T @ matrix + np.eye(k + n))
@@ -93,7 +95,7 @@ def _drifts(some: Dataset, problem: LinearProblem, noise_std: Array) -> Iterator
     error = np.sqrt(np.diag(inverse)[k:] * np.mean(residual**2, axis=0) * _inflation(residual))
     sure = np.abs(found[k:] / error) > LEAST_DRIFT
     if sure.any():
-        change = (found[k:] * std * noise_std)[sure]
+        change = (found[k:] * std * noise_std / size)[sure]
         names = np.array(some.joint_names)[sure]
         parts = [f'{name} {value:+.2g}' for name, value in zip(names, change, strict=True)]
         yield (

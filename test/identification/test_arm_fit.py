@@ -244,6 +244,16 @@ def test_low_passed_dry_friction_is_no_bias(noise: float) -> None:
     assert np.mean((np.abs(errors[0]) < 2.0 * std)[clear]) > 0.7
 
 
+def test_measured_torques_have_the_noise_of_predictions_without_their_signs() -> None:
+    arm, rng = random_arm((R, R), seed=10), np.random.default_rng(0)
+    found = identify(low_passed(arm, 0.02, rng)).arm
+    unseen = low_passed(arm, 0.02, rng)
+    state = unseen.q, unseen.dq, unseen.ddq
+    deviations = np.abs(found.torque(*state) - unseen.tau) / found.measurement_std(*state)
+    assert (np.mean(deviations < 2.0, axis=0) > 0.9).all()
+    assert deviations.max() < 6.0
+
+
 @pytest.mark.parametrize('seed', range(2))
 def test_white_noise_that_grows_near_rest_is_not_taken_for_correlated(seed: int) -> None:
     arm = random_arm((R, R), seed=10 + seed)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from gp.arms import noise_of
 from gp.chains import ChainArm
-from identification.test_disturbances import calibrated, recorded
+from identification.test_disturbances import calibrated, NOISE, recorded
 import numpy as np
 import pytest
 
@@ -37,6 +38,21 @@ def test_offsets_that_drift_are_told_with_their_size(friction: float) -> None:
     drift = np.zeros(3)
     drift[1] = -dataset.tau[:, 1].std()
     (text,) = suspected(arm, with_torques(dataset, np.outer(dataset.t / dataset.t[-1], drift)))
+    name, value = text.split(': ')[1].split(' N m')[0].split()
+    assert name == dataset.joint_names[1]
+    assert float(value) == pytest.approx(drift[1], rel=0.1)
+
+
+def test_the_drift_of_a_joint_that_stands_is_told_with_its_size() -> None:
+    """Near rest samples count for less."""
+    arm, dataset = recorded(0)
+    moves = np.array([1.0, 0.0, 1.0])
+    states = [moves * each for each in (dataset.q, dataset.dq, dataset.ddq)]
+    tau = arm.torque(*states)
+    drift = np.array([0.0, -tau[:, 1].std(), 0.0])
+    tau += noise_of(tau, NOISE) + np.outer(dataset.t / dataset.t[-1], drift)
+    q, dq, ddq = states
+    (text,) = suspected(arm, replace(dataset, q=q, dq=dq, ddq=ddq, tau=tau))
     name, value = text.split(': ')[1].split(' N m')[0].split()
     assert name == dataset.joint_names[1]
     assert float(value) == pytest.approx(drift[1], rel=0.1)
