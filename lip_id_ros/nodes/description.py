@@ -78,5 +78,11 @@ class Description:
         return limits
 
     def _take(self, message: String) -> None:
+        if self._text not in ('', message.data):
+            self._node.warn(
+                NAME,
+                f'another URDF came on {self._place}: limits of torques that are in force stay; '
+                'check for two publishers, or begin anew.',
+            )
         self._text = message.data
         self._arrived()
