@@ -81,8 +81,8 @@ class Description:
         if self._text not in ('', message.data):
             self._node.warn(
                 NAME,
-                f'another URDF came on {self._place}: limits of torques that are in force stay; '
-                'check for two publishers, or begin anew.',
+                f'another URDF came on {self._place}: limits of torques stay until they are read '
+                'again, a fit takes the newest; check for two publishers.',
             )
         self._text = message.data
         self._arrived()

@@ -101,7 +101,7 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
     client.set_parameter('serve', 'torque_limits', 'robot_description')
     assert client.transition(Transition.TRANSITION_ACTIVATE)
     assert answer(client, torques) == [7.0, 8.0]
-    assert 'another URDF came on /robot_description: limits of torques' in serve.log
+    assert 'another URDF came on /robot_description: limits of torques stay' in serve.log
 
     assert client.transition(Transition.TRANSITION_DEACTIVATE)
     assert client.transition(Transition.TRANSITION_CLEANUP)
