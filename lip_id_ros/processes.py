@@ -1,12 +1,16 @@
-"""End a process that was started beside a node."""
+"""End a process that was started beside a node, or that stands still."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 import subprocess
+import threading
 
 STOP_SECONDS = 2.0
+
+LONGEST_START_S = 120.0
+"""Without a cache of compiled code, a process compiles first."""
 
 
 def end(
@@ -27,3 +31,15 @@ def kill(process: subprocess.Popen[bytes] | subprocess.Popen[str]) -> None:
     process.kill()
     with suppress(subprocess.TimeoutExpired):
         process.wait(STOP_SECONDS)
+
+
+@contextmanager
+def deadline(process: subprocess.Popen[bytes], seconds: float) -> Iterator[None]:
+    """Kill the process, so that reading from it ends, if the block takes longer."""
+    timer = threading.Timer(seconds, kill, [process])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

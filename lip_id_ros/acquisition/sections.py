@@ -173,7 +173,7 @@ class Sections:
         if reason is None and self._originals is not None:
             try:
                 self._originals.add(message, self._current.last_row, self.joint_names)
-            except OSError:  # the numbers of the arm are kept all the same
+            except (OSError, MemoryError):  # the numbers of the arm are kept all the same
                 self._originals = None
         return reason
 

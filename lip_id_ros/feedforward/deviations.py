@@ -22,7 +22,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.processes import kill
+from lip_id_ros.processes import deadline, kill, LONGEST_START_S
 
 LONGEST_VALID_S = 1.0
 
@@ -63,7 +63,7 @@ class Deviations:
     Raises
     ------
     ModelError
-        If the process ends before.
+        If the process ends before, or stands still.
 
     """
 
@@ -83,11 +83,13 @@ class Deviations:
         )
         self._queries = cast('IO[bytes]', self._process.stdin)
         self._answers = cast('IO[bytes]', self._process.stdout)
-        if self._read() is None:
+        with deadline(self._process, LONGEST_START_S):
+            ready = self._read()
+        if ready is None:
             raise ModelError(
                 'the model must have standard deviations, but the process that computes them '
-                'ended with an error; see the lines above, or leave std_policy and publish_std '
-                'off.'
+                f'ended or was not ready within {LONGEST_START_S:g} s; see the lines above, or '
+                'leave std_policy and publish_std off.'
             )
         threading.Thread(target=self._collect, name='deviations', daemon=True).start()
 

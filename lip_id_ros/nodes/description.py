@@ -78,5 +78,11 @@ class Description:
         return limits
 
     def _take(self, message: String) -> None:
+        if self._text not in ('', message.data):
+            self._node.warn(
+                NAME,
+                f'another URDF came on {self._place}: limits of torques stay until they are read '
+                'again, a fit takes the newest; check for two publishers.',
+            )
         self._text = message.data
         self._arrived()

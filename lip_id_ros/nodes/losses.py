@@ -83,6 +83,7 @@ class Losses:
         if not single:  # begin anew
             self._by_number = self._by_event = lost
             self._last, self._since_ns = None, time.time_ns()
+        self._since_ns = min(self._since_ns, time.time_ns())  # the clock was set back
         self._missing, self._went_back = 0, False
         self._publishers = publishers or self._publishers  # the last one may have ended
         return new

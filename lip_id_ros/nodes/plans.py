@@ -12,8 +12,6 @@ frame comes first, when the process has the model.
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 import json
 import queue
@@ -32,14 +30,11 @@ from lip_id_ros.feedforward.loading import load_model, ModelFile
 from lip_id_ros.feedforward.server import ServedArm
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages
-from lip_id_ros.processes import kill
+from lip_id_ros.processes import deadline, kill, LONGEST_START_S
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.torque_steps import Sent
 
 MOST_WAITING = 8
-LONGEST_START_S = 120.0
-"""Without a cache of compiled code, the process compiles first."""
-
 LONGEST_ANSWER_S = 20.0
 """The longest plans take a second or two."""
 
@@ -151,7 +146,7 @@ class PlanWorker:
     def _answer(self, header: bytes, raw: bytes) -> Planned:
         try:
             process = self._process or self._start()
-            with _deadline(process, LONGEST_ANSWER_S):
+            with deadline(process, LONGEST_ANSWER_S):
                 _write(cast('BinaryIO', process.stdin), header, raw)
                 answer, planned = _read(cast('BinaryIO', process.stdout))
         except FAILURES:
@@ -173,21 +168,9 @@ class PlanWorker:
         self._process = process
         if self._stopped:  # meanwhile
             kill(process)
-        with _deadline(process, LONGEST_START_S):
+        with deadline(process, LONGEST_START_S):
             _read(cast('BinaryIO', process.stdout))
         return process
-
-
-@contextmanager
-def _deadline(process: subprocess.Popen[bytes], seconds: float) -> Iterator[None]:
-    """Kill the process, so that reading from it ends, if the block takes longer."""
-    timer = threading.Timer(seconds, kill, [process])
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
 
 
 def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:

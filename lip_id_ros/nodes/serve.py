@@ -233,6 +233,7 @@ class ServeNode(NodeBase, LifecycleNode):
         if warning := unbounded(settings):
             self.get_logger().warning(warning)
         self._server.use(self._loaded, settings)
+        self._inputs.adjust(settings)
         result = super().on_activate(state)
         self._enable(settings.enabled)
         return result
@@ -266,6 +267,7 @@ class ServeNode(NodeBase, LifecycleNode):
     def _release(self) -> None:
         self._inputs.publish_zero()
         self._server.release()
+        self._limits = ()
 
     def _forget(self) -> None:
         self._starting = False

@@ -17,6 +17,7 @@ from lip_id_ros.recording.joint_samples import (
     JointSamples,
     LARGEST,
     length_reason,
+    MOST_JOINTS,
     name_reason,
     Reason,
 )
@@ -200,7 +201,7 @@ class SampleBuffer:
 
     def _remember_order(self, names: tuple[str, ...]) -> IndexArray | Reason:
         order = self._order(names)
-        if len(self._orders) < _KNOWN_ORDERS:
+        if len(self._orders) < _KNOWN_ORDERS and len(names) <= MOST_JOINTS:
             self._orders[names] = order
         return order
 

@@ -122,14 +122,18 @@ def full(store: RowStore, rows: Any) -> None:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-@pytest.mark.parametrize('is_full', [True, False])
+def no_memory(store: RowStore, rows: Any) -> None:
+    raise MemoryError
+
+
+@pytest.mark.parametrize('extend', [full, no_memory, None])
 def test_without_room_for_others_the_arm_is_kept_and_it_is_told(
-    is_full: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    extend: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder, _ = recorded([driver(row, 'base') for row in range(50)])
     assert recorder.endangered(str(tmp_path / 'kept.mcap')) == ''
-    if is_full:
-        monkeypatch.setattr(RowStore, 'extend', full)
+    if extend:
+        monkeypatch.setattr(RowStore, 'extend', extend)
     else:
         monkeypatch.setattr(originals, 'MOST_BYTES', 1000)
     later = [driver(row, 'base') for row in range(50, 100)]

@@ -135,5 +135,17 @@ def test_deviations_are_those_of_the_model_that_answers(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_process_that_cannot_begin_is_an_error(tmp_path: Path) -> None:
     path = str(tmp_path / 'absent.npz')
-    with pytest.raises(ModelError, match=r'process that computes them ended with an error; see'):
+    with pytest.raises(ModelError, match=r'process that computes them ended or was not ready w'):
         Deviations(path, 2)
+
+
+@pytest.mark.slow
+def test_a_process_that_never_begins_is_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its start takes longer than this; without an end to the wait, the node could not end."""
+    monkeypatch.setattr('lip_id_ros.feedforward.deviations.LONGEST_START_S', 1e-3)
+    path = str(tmp_path / 'model.npz')
+    random_model('recursive').save(path)
+    with pytest.raises(ModelError, match=r'was not ready within 0.001 s'):
+        Deviations(path, random_model('recursive').n_joints)

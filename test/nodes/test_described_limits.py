@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
@@ -100,6 +101,41 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
     client.set_parameter('serve', 'torque_limits', 'robot_description')
     assert client.transition(Transition.TRANSITION_ACTIVATE)
     assert answer(client, torques) == [7.0, 8.0]
+    assert 'another URDF came on /robot_description: limits of torques stay' in serve.log
+
+    assert client.transition(Transition.TRANSITION_DEACTIVATE)
+    assert client.transition(Transition.TRANSITION_CLEANUP)
+    (result,) = client.set_parameters('serve', joints=['a', 'b', 'c'])  # of another arm
+    assert result.successful, result.reason
+
+
+def test_a_long_plan_has_the_limits_of_the_urdf_that_is_in_force(
+    ros: tuple[Graph, Client], panda_path: str
+) -> None:
+    """It is answered in a process of its own, which gets the settings of the activation too."""
+    graph, client = ros
+    limits = {'torque_limits': 'robot_description', 'rate_limits': [1e9]}
+    start_serve(graph, model_path=panda_path, **limits)
+    plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
+    descriptions = client.speak(String, TOPIC, qos.LATCHED)
+    references = client.speak(JointTrajectory, REFERENCE)
+    long = trajectory(JOINTS, *[deepcopy(STRONG.points[0]) for _ in range(1000)])
+    for number, each in enumerate(long.points):
+        each.time_from_start.sec = number
+
+    def planned() -> list[float]:
+        before = len(plans)
+        references.publish(long)
+        client.wait_until(lambda: len(plans) > before, 'a plan')
+        return list(np.abs(plans[-1].points[-1].effort))
+
+    descriptions.publish(described())
+    client.status('serve', lambda status: status['state'] == 'active')
+    assert planned() == LIMITS
+    assert client.transition(Transition.TRANSITION_DEACTIVATE)
+    descriptions.publish(described(_12='7', _87='8'))
+    assert client.transition(Transition.TRANSITION_ACTIVATE)
+    assert planned() == [7.0, 8.0]
 
 
 def test_an_active_node_reads_no_limits(ros: tuple[Graph, Client], panda_path: str) -> None:

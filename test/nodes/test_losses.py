@@ -215,3 +215,16 @@ def test_a_restarted_publisher_loses_nothing() -> None:
     note(losses, 7, 8, age_s=1.0)  # of the first, which waited
     note(losses, 23, 25)
     assert losses.settle({b'second'}) == 1
+
+
+def test_losses_are_counted_after_the_clock_was_set_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Messages that come an hour before the change of publishers are not older than it."""
+    losses = Losses('topic')
+    losses.settle({b'first'})
+    losses.settle({b'first', b'second'})
+    losses.settle({b'first'})
+    an_hour_ago = time.time_ns() - 3600 * 10**9
+    monkeypatch.setattr(time, 'time_ns', lambda: an_hour_ago)
+    losses.settle({b'first'})
+    note(losses, 23, 25)
+    assert losses.settle({b'first'}) == 1

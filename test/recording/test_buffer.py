@@ -196,6 +196,11 @@ def test_endless_variety_of_names_is_not_remembered() -> None:
         buffer.add(1 * SECOND, [f'joint_{number}'], [1], [], [])
     assert buffer.counts == {Reason.FOREIGN_JOINTS: 1000}
     assert len(buffer.samples().seen_joints) <= 64 + len(NAMES)
+    buffer = filled(SampleBuffer(), [0.0])
+    for number in range(3):
+        buffer.add(number, [f'{number}_{joint}' for joint in range(1001)], [], [], [])
+    assert buffer.counts == {Reason.TOO_MANY_NAMES: 3}
+    assert buffer.samples().seen_joints == tuple(NAMES)
 
 
 floats = st.floats() | st.just(math.nan)
