@@ -123,10 +123,15 @@ def _blocks(
     residual = (problem.torque - problem.features @ parameters) / std
     last = problem.features.shape[2] - search.samples(some.select(np.arange(1))).friction_std.size
     body = problem.features[:, :, last - LINK_PARAMETERS : last - LINK_PARAMETERS + 4]
-    payload = _gain(body / std[:, None], residual, problem.block)
+    body = body / std[:, None]
+    # a payload lasts: that of the blocks beside, which the motion of a block cannot mimic
+    normal, right = (_beside(each) for each in _sums(body, residual, problem.block))
+    payload = _gain(body, residual, problem.block, normal, right)
     gravity = _gravity(search, calibration, some, parameters[:last])
     scale = np.sqrt(problem.weights) / (calibration.noise_std * std)
-    base = float(np.mean(_gain(gravity * scale[..., None], residual, problem.block)))
+    gravity *= scale[..., None]
+    normal, right = _sums(gravity, residual, problem.block)
+    base = float(np.mean(_gain(gravity, residual, problem.block, normal, right)))
     is_base = base >= payload.mean()  # with fewer parameters
     if is_base and base > BASE_GAIN:
         yield (
@@ -139,8 +144,8 @@ def _blocks(
         yield (
             f'A last link that changes its mass from one half second to the next explains '
             f'{_share(payload.max())} % of the residuals of {joint}: a payload that was taken up '
-            'and put down, which cannot be told from contact; fit what was recorded with and '
-            'without it apart.'
+            'and put down, which cannot be told from contact, nor from other torques that last; '
+            'fit what was recorded with and without it apart.'
         )
 
 
@@ -163,13 +168,29 @@ def _gravity(
     return np.stack(torques, axis=2)
 
 
-def _gain(columns: Array, residual: Array, block: IndexArray) -> Array:
-    """Return by how much a regression in each block lowers logarithms of mean squares, (n,)."""
+def _sums(columns: Array, residual: Array, block: IndexArray) -> tuple[Array, Array]:
+    """Return the normal equations of each block, (B, k, k) and (B, k)."""
     count, k = int(block[-1]) + 1, columns.shape[2]
     normal, right = np.zeros((count, k, k)), np.zeros((count, k))
     np.add.at(normal, block, np.einsum('sik,sil->skl', columns, columns))
     np.add.at(right, block, np.einsum('sik,si->sk', columns, residual))
-    normal += RIDGE * (1.0 + np.trace(normal, axis1=1, axis2=2)[:, None, None]) * np.eye(k)
-    own = np.linalg.solve(normal, right[..., None])[..., 0]
+    return normal, right
+
+
+def _beside(sums: Array) -> Array:
+    """Return for each block the sum of the one before and the one behind it."""
+    out = np.zeros_like(sums)
+    out[1:] += sums[:-1]
+    out[:-1] += sums[1:]
+    return out
+
+
+def _gain(
+    columns: Array, residual: Array, block: IndexArray, normal: Array, right: Array
+) -> Array:
+    """Return by how much parameters of each block lower logarithms of mean squares, (n,)."""
+    k = columns.shape[2]
+    size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+    own = np.linalg.solve(normal + RIDGE * (1.0 + size) * np.eye(k), right[..., None])[..., 0]
     left = residual - np.einsum('sik,sk->si', columns, own[block])
     return -np.log(np.mean(left**2, axis=0) / np.mean(residual**2, axis=0))

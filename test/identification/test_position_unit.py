@@ -35,7 +35,7 @@ def test_positions_in_rad_are_none_with_noise_that_links_cannot_explain() -> Non
     assert may_be_revolutions(small)
     model = fit(replace(small, tau=tau))
     assert max(model.summary['unexplained_left_out']) > 0.0025
-    assert model.summary['suspicions'] == []
+    assert not any('revolutions' in each for each in model.summary['suspicions'])
 
 
 def test_prismatic_joints_stay_as_they_are() -> None:
