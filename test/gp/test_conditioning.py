@@ -98,7 +98,7 @@ def test_few_samples_are_a_posterior(count: int) -> None:
     kernel = random_kernel('recursive', ARM.joint_types, False, rng)
     motion = random_motion(ARM, count, seed=0)
     data = dataset_of(ARM, motion, ARM.torque(*motion))
-    found = conditioned(kernel, random_hyperparameters(kernel, rng), data)
+    found, _ = conditioned(kernel, random_hyperparameters(kernel, rng), data)
     assert found.alpha.shape == (count, 2)
     assert 1.0 <= found.inflation < np.inf
 
