@@ -8,6 +8,7 @@ from setuptools import find_packages, setup
 PACKAGE = 'lip_id_ros'
 AUTHORS, MAIL = 'the lip_id_ros authors', 'maintainers@lip-id-ros.example'
 HOME_PAGE = 'https://lip-id-ros.example'  # a placeholder until the project has an address
+README = Path(__file__).resolve().parent / 'README.md'  # colcon builds beside a link
 WHEEL = {'bdist_wheel', 'dist_info', 'editable_wheel'}  # the commands that pip runs
 NODES = [
     f'{name} = lip_id_ros.programs:{name}'
@@ -34,7 +35,7 @@ setup(
     name=PACKAGE,
     version='0.1.0',
     description='Inverse dynamics of robot arms, learned from recordings and served as torques',
-    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description=README.read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     author=AUTHORS,
     author_email=MAIL,
