@@ -88,6 +88,7 @@ def test_summary() -> None:
         'rejected_steps',
         'seconds_optimising',
         'seconds_total',
+        'unexplained_left_out',
         'unexplained_percent',
     }
     np.testing.assert_allclose(summary['noise_std'], model.noise_std)
