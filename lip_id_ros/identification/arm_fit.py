@@ -230,10 +230,7 @@ class ArmFitter:
         most, count = min(self.dataset.n_samples, MOST_AT_ONCE), MOST_SAMPLES
         while count < most:
             count = most if 2 * GROWTH * count > most else GROWTH * count
-            rows = evenly(self.dataset.n_samples, count)
-            some = (
-                self.dataset if rows.size == self.dataset.n_samples else self.dataset.select(rows)
-            )
+            some = self.thinned(count).dataset
             problem = self.problem(some, fit)
             fit = self._measured(some, fit, problem, fit.state)
             fit = self.converged(some, fit, LEAST_GAIN)
