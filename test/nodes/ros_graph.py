@@ -181,6 +181,11 @@ class Client:
         self._publishers[topic] = publisher
         return publisher
 
+    def withdraw(self, publisher: Any) -> None:
+        """Destroy a publisher in the thread that spins: another may hold it while it waits."""
+        task = self.node.executor.create_task(self.node.destroy_publisher, publisher)
+        wait_until(task.done, 'the end of a publisher')
+
     def mark(self, node: str) -> None:
         """Count from now on: `status` subtracts what the node has counted so far."""
         diagnostics = self.listen(DiagnosticArray, '/diagnostics', qos.DIAGNOSTICS)

@@ -180,7 +180,7 @@ def test_two_publishers_of_joint_states_are_told_or_refused(ros: tuple[Graph, Cl
         status = client.status('computed_torque', lambda each: sentence in each['summary'])
         assert status['summary'] == f'let go: joint states have several publishers; {sentence}'
         assert status['let_go'] == {'several publishers': 1}
-        client.node.destroy_publisher(second)
+        client.withdraw(second)
         client.status('computed_torque', lambda each: sentence not in each['summary'])
         plans.publish(still())
         client.wait_until(lambda: held(torques) == EFFORT, 'the effort of the plan')

@@ -166,12 +166,12 @@ def test_a_publisher_whose_quality_of_service_does_not_fit_is_warned_of(
     client.wait_until(
         lambda: diagnostics and diagnostics[-1].status[0].level == DiagnosticStatus.WARN, 'WARN'
     )
-    client.node.destroy_publisher(publisher)
+    client.withdraw(publisher)
     client.status('serve', lambda status: status['summary'] == 'answering')
     publisher = client.node.create_publisher(JointState, REFERENCE, qos.REFERENCE)
     sentence = 'as sensor_msgs/msg/JointState, which must be trajectory_msgs/msg/JointTrajectory'
     client.status('serve', lambda status: sentence in status['summary'])
-    client.node.destroy_publisher(publisher)
+    client.withdraw(publisher)
     client.status('serve', lambda status: status['summary'] == 'answering')
 
 

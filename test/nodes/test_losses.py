@@ -117,7 +117,7 @@ def test_references_of_two_publishers_are_not_taken_for_lost(
         first.publish(GOOD)
         second.publish(GOOD)
     client.status('serve', lambda status: status['received']['references'] == 90)
-    client.node.destroy_publisher(second)
+    client.withdraw(second)
     client.status('serve', lambda status: '2 publishers of' not in status['summary'])
     for _ in range(10):
         first.publish(GOOD)

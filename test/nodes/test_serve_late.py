@@ -136,7 +136,7 @@ def test_references_of_several_publishers_are_told_or_refused(
     client.wait_until(lambda: list(torques[-1].effort) == [0.0, 0.0], 'zero torque')
     first.publish(reference(2))
     client.status('serve', lambda status: status['refused'] == {'several publishers': 1})
-    client.node.destroy_publisher(second)
+    client.withdraw(second)
     client.status('serve', lambda status: 'publishers of' not in status['summary'])
     first.publish(reference(3))
     client.wait_until(lambda: 3 in stamps(torques), 'answer')
