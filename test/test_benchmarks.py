@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 import re
+import subprocess
+import sys
 
 from evaluation.models import small_model
 import numpy as np
@@ -19,6 +21,8 @@ from lip_id_ros.recording import read_bag
 pytestmark = pytest.mark.slow
 
 pytest.importorskip('pinocchio', reason='the simulated arm needs pinocchio')
+
+ROOT = Path(__file__).resolve().parents[1]
 
 SMALL = ['--joints', '3', '--models', 'recursive', '--set', 'subset=30', 'iterations=3']
 
@@ -117,7 +121,9 @@ def test_queries_leave_nothing_in_memory(tmp_path: Path) -> None:
     model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
     small_model().save(model)
     arguments = ['--model', str(model), '--calls', '3000', '--json', str(figures)]
-    assert main(['query_million', *arguments]) == 0
+    # in a process of its own: threads that other tests have left take memory as well
+    command = [sys.executable, '-m', 'benchmarks', 'query_million', *arguments]
+    subprocess.run(command, check=True, cwd=ROOT)
     first, *others = json.loads(figures.read_text())
     assert first['calls'] == 3000
     assert first['blocks'] <= ALLOWED_BLOCKS  # one a call would be 3000
