@@ -1,7 +1,7 @@
 """
-Write docs/parameters.md from the tables that declare the nodes' parameters.
+Write docs/reference/parameters.md from the tables that declare the nodes' parameters.
 
-``python -m lip_id_ros.parameter_page > docs/parameters.md`` writes it; a test holds it.
+``python -m lip_id_ros.parameter_page > docs/reference/parameters.md`` writes it; a test holds it.
 
 """
 
@@ -19,7 +19,7 @@ from lip_id_ros.monitoring.monitor import MonitorSettings
 from lip_id_ros.settings import parameters_of, Row
 from lip_id_ros.settings.settings import AT_ONCE
 
-COMMAND = 'python -m lip_id_ros.parameter_page > docs/parameters.md'
+COMMAND = 'python -m lip_id_ros.parameter_page > docs/reference/parameters.md'
 
 INTRODUCTION = f"""\
 # Parameters of the nodes
@@ -28,18 +28,18 @@ The nodes declare and check their parameters by the settings tables in `lip_id_r
 `feedforward`, `monitoring`, `control` and `demo`, and those of a fit.
 `{COMMAND}` writes this page from them.
 
-- [config/train.yaml](../config/train.yaml) and [config/serve.yaml](../config/serve.yaml) are for
-  any arm, [config/panda.yaml](../config/panda.yaml) has both nodes in one file:
+- Start from [train.yaml](../../config/train.yaml) and [serve.yaml](../../config/serve.yaml), which
+  fit any arm. [panda.yaml](../../config/panda.yaml) has both nodes in one file:
   `ros2 run lip_id_ros train --ros-args --params-file panda.yaml`.
-- A value of a wrong type or out of its range is refused with a sentence, when it is set as well as
-  at the start, where the node then ends with exit status 1. So is a parameter that there is not: a
-  misspelt limit would be none.
-- A whole number is taken where a number with a point is expected. An empty list is `[]`, in a file
-  as on the command line.
-- *In use* is when a running node uses a new value. One that is read at the start only cannot
-  be set later.
-- `use_sim_time` works as in every node: messages bring their stamps, and what has none is stamped
-  with the time of `/clock`. The status goes on where that stands still.
+- A node refuses a value of a wrong type or out of its range, and says why. At the start it then
+  ends with exit status 1.
+- A node refuses unknown parameters too, so that a misspelt limit is not ignored.
+- A whole number is accepted where a number with a point is expected.
+- An empty list is `[]`, in a file and on the command line.
+- *In use* says when a running node takes a new value. A value that is read at the start cannot be
+  changed later.
+- `use_sim_time` works as in every node. A message without a stamp gets the time of `/clock`. The
+  status is published even if that clock stands still.
 """
 
 TYPES = {

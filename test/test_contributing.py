@@ -20,7 +20,7 @@ from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'lip_id_ros'
 PAGE = (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
-INTERFACES = (ROOT / 'docs' / 'interfaces.md').read_text(encoding='utf-8')
+INTERFACES = (ROOT / 'docs' / 'reference' / 'interfaces.md').read_text(encoding='utf-8')
 
 
 def test_every_path_exists() -> None:
@@ -40,7 +40,7 @@ def test_the_table_of_rooms_has_them_all() -> None:
 
 def quoted_names() -> Iterator[tuple[str, list[str]]]:
     """Yield pages, and dotted names on them that begin with the package."""
-    for page in [*ROOT.glob('*.md'), *ROOT.glob('docs/*.md'), *PACKAGE.rglob('*.py')]:
+    for page in [*ROOT.glob('*.md'), *ROOT.glob('docs/**/*.md'), *PACKAGE.rglob('*.py')]:
         found = re.findall(r'`lip_id_ros((?:\.\w+)+)`', page.read_text(encoding='utf-8'))
         yield from ((page.name, name.split('.')[1:]) for name in found)
 
@@ -92,4 +92,4 @@ def test_every_key_of_a_status_is_described(
     _, _, section = INTERFACES.partition(f'### `ros2 run lip_id_ros {node}`\n')
     words = set(re.findall(r'\w+', section.partition('\n### ')[0]))
     missing = set(STATUSES[node](tmp_path_factory)) - words
-    assert not missing, f'describe {missing} of ~/status in docs/interfaces.md'
+    assert not missing, f'describe {missing} of ~/status in docs/reference/interfaces.md'

@@ -48,7 +48,7 @@ def test_named_tests_exist(page: Path) -> None:
 
 
 def test_each_event_of_the_safety_page_is_shown_by_a_test() -> None:
-    lines = (ROOT / 'docs' / 'safety.md').read_text(encoding='utf-8').splitlines()
+    lines = (ROOT / 'docs' / 'explanation' / 'safety.md').read_text(encoding='utf-8').splitlines()
     rows = [line.strip('| ').split(' | ') for line in lines if line.startswith('| ')]
     events = [row for row in rows if row[0] != 'Event']
     assert len(events) > 40

@@ -1,4 +1,4 @@
-"""docs/parameters.md says what the tables say."""
+"""docs/reference/parameters.md says what the tables say."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from lip_id_ros import parameter_page
 from lip_id_ros.parameter_page import node_parameters
 
-PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'parameters.md'
+PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'reference' / 'parameters.md'
 
 
 def test_the_page_is_current(capsys: pytest.CaptureFixture[str]) -> None:

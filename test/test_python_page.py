@@ -44,8 +44,8 @@ def test_every_snippet_of_the_page_runs(
     monkeypatch.chdir(tmp_path)
     write_log(tmp_path / 'arm.csv')
     session: dict[str, object] = {}
-    for snippet in snippets(ROOT / 'docs' / 'python.md'):
-        exec(compile(snippet, 'docs/python.md', 'exec'), session)
+    for snippet in snippets(ROOT / 'docs' / 'reference' / 'python.md'):
+        exec(compile(snippet, 'docs/reference/python.md', 'exec'), session)
     nmse = lip.evaluate(session['model'], session['held_out']).nmse_percent  # type: ignore[arg-type]
     assert max(nmse) < 1.0
     joints = 'shoulder, elbow'
@@ -55,7 +55,7 @@ def test_every_snippet_of_the_page_runs(
 
 
 def test_the_first_snippet_stands_in_the_readme() -> None:
-    first, *_ = snippets(ROOT / 'docs' / 'python.md')
+    first, *_ = snippets(ROOT / 'docs' / 'reference' / 'python.md')
     assert first in snippets(ROOT / 'README.md')
 
 

@@ -1,4 +1,4 @@
-"""docs/interfaces.md promises what the command line and its files keep."""
+"""docs/reference/interfaces.md promises what the command line and its files keep."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ from lip_id_ros.files import read_npz
 from lip_id_ros.tracking import Figures, INFORMED, LEARNED, NOMINAL
 from lip_id_ros.tracking.figures import RunFigures
 
-PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'interfaces.md').read_text(encoding='utf-8')
+REFERENCE = Path(__file__).resolve().parents[2] / 'docs' / 'reference'
+PAGE = (REFERENCE / 'interfaces.md').read_text(encoding='utf-8')
 
 
 def section(title: str) -> str:

@@ -13,7 +13,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.terms import FrictionTerm
 from lip_id_ros.identification.friction_candidates import candidates, plain_candidates
 
-MATHS = Path(__file__).resolve().parents[2] / 'docs' / 'maths.md'
+MATHS = Path(__file__).resolve().parents[2] / 'docs' / 'explanation' / 'maths.md'
 PLAIN = ('viscous', 'Coulomb', 'offset')
 
 

@@ -1,4 +1,4 @@
-"""docs/health.md lists what the code finds."""
+"""docs/reference/health.md lists what the code finds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from health.recordings import sound
 
 from lip_id_ros.health import CHECKS, evidence_of, health
 
-PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'health.md').read_text(encoding='utf-8')
+REFERENCE = Path(__file__).resolve().parents[2] / 'docs' / 'reference'
+PAGE = (REFERENCE / 'health.md').read_text(encoding='utf-8')
 
 
 def test_the_table_is_that_of_the_code() -> None:

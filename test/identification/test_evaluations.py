@@ -1,4 +1,4 @@
-"""The work of a fit is bounded, whatever the torques are (docs/maths.md, sections 10 and 13)."""
+"""The work of a fit is bounded for any torques (docs/explanation/maths.md, sections 10 and 13)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The programs say what docs/maths.md says: sums over the entries of the inertia matrix."""
+"""The programs follow docs/explanation/maths.md: sums over the entries of the inertia matrix."""
 
 from __future__ import annotations
 

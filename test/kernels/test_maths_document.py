@@ -1,4 +1,4 @@
-"""docs/maths.md has the sections that the code names."""
+"""docs/explanation/maths.md has the sections that the code names."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 import re
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / 'docs' / 'maths.md'
+PAGE = ROOT / 'docs' / 'explanation' / 'maths.md'
 
 
 def sources(folder: str) -> str:

@@ -1,4 +1,4 @@
-"""What docs/maths.md says of every serial arm, held by arms put together at random."""
+"""What docs/explanation/maths.md says of every serial arm, held by arms put together at random."""
 
 from __future__ import annotations
 

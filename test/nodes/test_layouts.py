@@ -1,4 +1,4 @@
-"""The topics of `serve` in layouts, which load, and in docs/interfaces.md."""
+"""The topics of `serve` in layouts, which load, and in docs/reference/interfaces.md."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def foxglove_paths() -> list[str]:
 
 def documented() -> dict[str, set[str]]:
     """Names that the table of `serve` has without special settings, by the kind of its rows."""
-    page = (ROOT / 'docs' / 'interfaces.md').read_text(encoding='utf-8')
+    page = (ROOT / 'docs' / 'reference' / 'interfaces.md').read_text(encoding='utf-8')
     _, _, text = page.partition('### `ros2 run lip_id_ros serve`\n')
     text, _, _ = text.partition('\n### ')
     names: dict[str, set[str]] = {}

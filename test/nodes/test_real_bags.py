@@ -92,7 +92,7 @@ PANDA_LIMITS = [87.0] * 4 + [12.0] * 3
 def test_a_panda_is_recorded_fitted_and_served(
     ros: tuple[Graph, Client], shared_data: Path, tmp_path: Path
 ) -> None:
-    """The session of docs/session.md, at ten times the speed and with a smaller fit."""
+    """docs/tutorials/record-fit-serve.md, at ten times the speed and with a smaller fit."""
     graph, client = ros
     path = tmp_path / 'panda.yaml'
     path.write_text(
