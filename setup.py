@@ -68,6 +68,7 @@ setup(
         (f'share/{PACKAGE}/launch', files('launch')),
     ],
     install_requires=[
+        'argcomplete>=3.0',
         'backports.zstd>=1.0; python_version < "3.14"',
         'fsspec>=2024.2',
         'lz4>=4.1',

@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = 'lip_id_ros'
 # rosdep keys of what has one; the rest is in requirements.txt
 ROSDEP = {
+    'argcomplete': 'python3-argcomplete',
     'matplotlib': 'python3-matplotlib',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',

@@ -14,6 +14,7 @@ from lip_id_ros.cli import (
     cache,
     compare,
     dataset,
+    demo,
     evaluate,
     export,
     fit,
@@ -25,17 +26,23 @@ from lip_id_ros.cli import (
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.escaping import printable
 
-VERBS = (fit, evaluate, dataset, inspect, predict, export, payload, bench, cache, compare, track)
+VERBS = (
+    *(demo, inspect, fit, evaluate, predict, dataset, export, payload, bench, cache, compare),
+    track,
+)
 FAILED = 1
 INTERRUPTED = 130  # as shells report a program ended by Ctrl-C
-EPILOG = """\
-examples:
+START = """\
+lip_id learns a robot arm's inverse dynamics from recordings of its joints.
+
+  lip_id demo                                  try it without a robot
   lip_id inspect my_bag                        what was recorded, and what is wrong with it
-  lip_id fit my_bag -o arm.npz                 learn a model
+  lip_id fit my_bag -o arm.npz                 learn a model; add --urdf arm.urdf if you have one
   lip_id evaluate arm.npz other_bag --report out
   lip_id predict arm.npz other_bag -o torques.npz
 
-`lip_id VERB --help` describes a verb.
+`lip_id --help` lists all verbs, and `lip_id VERB --help` describes one.
+eval "$(register-python-argcomplete lip_id)" completes verbs and options in bash.
 """
 
 
@@ -44,11 +51,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     Run the command line.
 
     Returns 0, or 1 after one line on stderr with the error, or 130 after Ctrl-C; argparse exits
-    with 2 for wrong usage, 0 for help.
+    with 2 for wrong usage, 0 for help. Without arguments it says how to begin.
 
     """
     _prepare_streams()
-    arguments = _parser().parse_args(argv)
+    parser = _parser()
+    if '_ARGCOMPLETE' in os.environ:  # the shell asks what could come next
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+    if not (sys.argv[1:] if argv is None else argv):
+        print(START, end='')
+        return 0
+    arguments = parser.parse_args(argv)
     try:
         arguments.run(arguments)
         sys.stdout.flush()
@@ -85,8 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='lip_id',
         description="Learn a robot arm's inverse dynamics from recordings, and use it.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog='`lip_id VERB --help` describes a verb.',
     )
     parser.add_argument('--version', action='version', version=f'lip_id {lip_id_ros.__version__}')
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', required=True)

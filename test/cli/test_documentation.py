@@ -45,6 +45,7 @@ def named(text: str) -> set[str]:
 @pytest.mark.parametrize(
     'verb',
     [
+        'demo',
         'fit',
         'evaluate',
         'dataset',

@@ -325,7 +325,6 @@ def test_interruption_is_quiet(
 @pytest.mark.parametrize(
     'arguments',
     [
-        (),
         ('teach',),
         ('fit', 'bag'),
         ('fit', '-o', 'out.npz'),

@@ -26,7 +26,7 @@ from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import read_config
 from lip_id_ros.simulation import write_bag
 
-VERBS = ('fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'compare')
+VERBS = ('demo', 'fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'compare')
 
 
 @pytest.mark.slow
