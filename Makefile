@@ -9,7 +9,7 @@ WORKERS ?= -n $(shell expr $$(env -u OMP_NUM_THREADS nproc) + 1) --maxprocesses 
 # where it is set, each of the many processes would compile all that it imports anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup setup-run demo test test-fast check mutants bench clean distclean
+.PHONY: help setup setup-run demo docs test test-fast check mutants bench clean distclean
 
 help:
 	@echo 'make demo       simulated arm: record, fit, serve, compare with the truth (demo_output/)'
@@ -17,6 +17,7 @@ help:
 	@echo 'make test-fast  the tests that take neither long nor ROS'
 	@echo 'make check      format, lint, types, direction of imports'
 	@echo 'make mutants    deliberate bugs that the tests must catch; takes long'
+	@echo 'make docs       the site: tutorials are run, any warning is an error (docs/_build/html)'
 	@echo 'make bench      how fast and how accurate'
 	@echo 'make setup      install what all of them need under .deps/ (each does so by itself)'
 	@echo 'make setup-run  install what the package and the demo need: without torch and test tools'
@@ -31,6 +32,9 @@ setup-run:
 
 demo: setup-run
 	@scripts/run_demo.sh $(ARGS)
+
+docs: setup-run
+	@scripts/docs.sh
 
 test: setup
 	@$(ENV) python -m pytest $(WORKERS) $(ARGS)
@@ -48,7 +52,7 @@ bench: setup
 	@$(ENV) python -m benchmarks $(ARGS)
 
 clean:
-	rm -rf .deps/build .deps/install .deps/log .deps/build.stamp demo_output *.egg-info
+	rm -rf .deps/build .deps/install .deps/log .deps/build.stamp demo_output docs/_build *.egg-info
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -path ./.deps -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf
 

@@ -145,6 +145,15 @@ install_lowest() {
   finished lowest "$stamp"
 }
 
+# the environment of `make docs`; its packages are for Python 3.12
+install_docs() {
+  [ -n "$tests" ] && [ -n "$ros" ] || return 0
+  current docs "$(cat "$deps/venv.stamp") $(cksum <requirements-docs.txt)" && return
+  say 'Python packages of requirements-docs.txt into .deps/docs (0.2 GB)'
+  attempt 'installing the tools of make docs' 'Check the network and the disk, then try again.' \
+    scripts/docs_env.sh
+}
+
 # whether the environment stands, was made here and from the chosen Python
 same_python() {
   [ -x "$deps/venv/bin/pip" ] && head -n 1 "$deps/venv/bin/pip" | grep -qF "$deps/venv/" &&
@@ -226,4 +235,5 @@ printf '%s\n' "$ros" >"$deps/ros"
 build
 install_test_packages
 install_lowest
+install_docs
 tell

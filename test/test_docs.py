@@ -19,6 +19,11 @@ SHARED = (ROOT / 'lip_id_ros' / 'nodes' / 'launch_arguments.py').read_text(encod
 TESTS = '\n'.join(
     path.read_text(encoding='utf-8') for path in sorted((ROOT / 'test').rglob('test_*.py'))
 )
+NEWCOMERS = [
+    ROOT / 'README.md',
+    *(page for page in PAGES if page.parent.name in ('docs', 'tutorials', 'how-to')),
+]
+MOST_WORDS = 25
 EACH = pytest.mark.parametrize('page', PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
 
@@ -92,3 +97,16 @@ def test_nodes_and_launch_files_exist(page: Path) -> None:
         known = launch.read_text(encoding='utf-8') + SHARED
         for argument in re.findall(r'(\w+):=', rest):
             assert f"'{argument}'" in known, (name, argument)
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / 'README.md').read_text(encoding='utf-8').split()) <= 900
+
+
+@pytest.mark.parametrize('page', NEWCOMERS, ids=lambda page: str(page.relative_to(ROOT)))
+def test_sentences_for_newcomers_are_short(page: Path) -> None:
+    text = re.sub(r'\A---.*?---\n|```.*?```', '\n\n', page.read_text('utf-8'), flags=re.DOTALL)
+    text = re.sub(r'\]\([^)]*\)', ']', text)
+    parts = re.split(r'\n\s*\n|\n(?=[-|*#] |\d\. )|\|', text)
+    sentences = [each for part in parts for each in re.split(r'(?<=[.?!:;])\s+', part)]
+    assert [each for each in sentences if len(each.split()) > MOST_WORDS] == []

@@ -1,5 +1,5 @@
 """
-browser.py PAGE: open a page in Chromium, without a window, and say as JSON what it shows.
+browser.py PAGE [FOLDER]: open a page in Chromium, without a window, and say as JSON what it shows.
 
 A program of its own: Qt wants the main thread, and a browser that falls must not take the tests
 with it.
@@ -55,18 +55,21 @@ Promise.all(Array.from(document.images, async image => {
 
 
 class Refusal(QWebEngineUrlRequestInterceptor):
-    """Lets a page load itself and what it holds, and nothing else."""
+    """Lets a page load itself, what it holds and the files of a folder, and nothing else."""
 
-    def __init__(self, page: QUrl) -> None:
+    def __init__(self, page: QUrl, folder: Path | None) -> None:
         super().__init__()
-        self._page = page
+        self._page, self._folder = page, folder
         self.refused: list[str] = []
 
     def interceptRequest(self, info: QWebEngineUrlRequestInfo) -> None:
         url = info.requestUrl()
-        if url != self._page and url.scheme() != 'data':
+        if url != self._page and url.scheme() != 'data' and not self._is_beside(url):
             self.refused.append(url.toString())
             info.block(True)
+
+    def _is_beside(self, url: QUrl) -> bool:
+        return self._folder is not None and self._folder in Path(url.toLocalFile()).parents
 
 
 class Listening(QWebEnginePage):
@@ -87,11 +90,11 @@ class Listening(QWebEnginePage):
             self.console.append(message)
 
 
-def look(path: Path) -> dict[str, Any] | None:
+def look(path: Path, folder: Path | None = None) -> dict[str, Any] | None:
     """Return what a page shows, asked for and wrote; None where it does not load in time."""
     application = QApplication([])
     url = QUrl.fromLocalFile(str(path.resolve()))
-    refusal = Refusal(url)
+    refusal = Refusal(url, folder)
     profile = QWebEngineProfile()  # keeps nothing on disk
     profile.setUrlRequestInterceptor(refusal)
     page = Listening(profile)
@@ -116,4 +119,4 @@ def look(path: Path) -> dict[str, Any] | None:
 
 
 if __name__ == '__main__':
-    print(json.dumps(look(Path(sys.argv[1]))))  # noqa: T201
+    print(json.dumps(look(*(Path(path).resolve() for path in sys.argv[1:]))))  # noqa: T201

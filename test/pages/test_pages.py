@@ -31,6 +31,7 @@ from lip_id_ros.settings import FitSettings
 
 pytestmark = pytest.mark.slow
 
+ROOT = Path(__file__).resolve().parents[2]
 BROWSER = Path(__file__).with_name('browser.py')
 WITHOUT_A_WINDOW = {'QT_QPA_PLATFORM': 'offscreen', 'QTWEBENGINE_DISABLE_SANDBOX': '1'}
 LABELS = Labels('Title', ['Beware.'], [('recording', 'a' * 200)])
@@ -48,8 +49,8 @@ def browser() -> None:
         pytest.skip(f'needs a browser; make setup brings PySide6_WebEngine: {reason}')
 
 
-def seen(page: Path) -> dict[str, Any] | None:
-    command = [sys.executable, str(BROWSER), str(page)]
+def seen(page: Path, *folder: Path) -> dict[str, Any] | None:
+    command = [sys.executable, str(BROWSER), *map(str, (page, *folder))]
     looked = run_to_end(command, page.parent, env={**os.environ, **WITHOUT_A_WINDOW})
     assert looked.returncode == 0, looked.stderr
     found: dict[str, Any] | None = json.loads(looked.stdout)
@@ -165,3 +166,42 @@ def test_the_browser_tells_what_is_wrong_with_a_page(tmp_path: Path) -> None:
     assert 'nothing is not defined' in found['console'][0]
     assert found['overflow'] > 1000
     assert seen(tmp_path / 'none.html') is None
+
+
+@pytest.fixture(scope='module')
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if not (ROOT / '.deps' / 'docs.stamp').exists():
+        pytest.skip('needs the tools of requirements-docs.txt; make setup brings them')
+    folder = tmp_path_factory.mktemp('site')
+    built = run_to_end([str(ROOT / 'scripts' / 'docs.sh'), str(folder / 'html')], folder)
+    assert built.returncode == 0, built.stderr
+    return folder / 'html'
+
+
+@pytest.mark.parametrize(
+    ('name', 'title', 'least'),
+    [
+        ('index', 'lip_id_ros', 0),
+        ('tutorials/first-model', 'A first model in five minutes', 1),
+        ('how-to/read-a-report', 'Read a report', 1),
+        ('explanation/how-it-works', 'How it works', 1),
+        ('reference/api', 'Python API', 0),
+    ],
+)
+def test_the_site_is_built_without_a_warning_and_shows_its_pictures(
+    site: Path, name: str, title: str, least: int
+) -> None:
+    found = seen(site / f'{name}.html', site)
+    assert found is not None
+    assert title in found['title']
+    assert len(found['images']) >= least
+    assert all(image['shown'] for image in found['images'])
+    assert found['refused'] == []
+    assert found['console'] == []
+    assert found['overflow'] <= 0
+
+
+def test_tutorials_show_what_they_printed(site: Path) -> None:
+    page = (site / 'tutorials' / 'first-model.html').read_text(encoding='utf-8')
+    assert 'within 2 std' in page
+    assert 'Traceback' not in page
