@@ -21,7 +21,7 @@ nb_execution_mode = 'force'  # tutorials show what the code of today prints
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 1800
-nb_merge_streams = True
+nb_output_stderr = 'remove'  # progress
 
 autodoc_typehints = 'description'
 autodoc_member_order = 'bysource'

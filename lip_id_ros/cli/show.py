@@ -26,6 +26,7 @@ from lip_id_ros.evaluation.tables import (
     Table,
 )
 from lip_id_ros.export.arm import remainder_of
+from lip_id_ros.export.friction_table import friction_table, HEADER
 from lip_id_ros.export.kinematics import model_kinematics, UNIDENTIFIED
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model import InverseDynamicsModel
@@ -35,19 +36,17 @@ UNSEEN = (
     'Only data that the model has not seen show how good it is: fit with --holdout, or evaluate '
     'it on another recording.'
 )
-RANGES, HEALTH, KINEMATICS = 'ranges', 'health', 'kinematics'
+RANGES, HEALTH, KINEMATICS, FRICTION = 'ranges', 'health', 'kinematics', 'friction'
 NOTES, RECORDINGS = 'notes', 'recordings'
 NO_RECORDINGS = 'No topic has joint samples: sensor_msgs/JointState, or the state of a controller.'
-AS_TABLES = (
-    'denavit_hartenberg',
-    'friction',
-    'friction_between_recordings',
-    'noise_std',
-    'remainder',
-    'unexplained_left_out',
-    'unexplained_percent',
+IN_OTHER_WORDS = (
+    *('covariance_inflation', 'denavit_hartenberg', 'descents', 'elected_meeting_axes'),
+    *('elected_twists_deg', 'friction', 'friction_between_recordings', 'halves_agree'),
+    *('inertia_min_eigenvalue', 'inertia_not_pd_percent', 'noise_std', 'outliers', 'remainder'),
+    *('searches_agreed', 'unexplained_left_out', 'unexplained_percent'),
 )
-"""What of a fit is shown by tables, or by its effect."""
+"""What of a fit is shown by tables, by its effect, or by a caution; JSON has it as it is."""
+SKETCH = 'sketch'
 UNITS = '[rad or m, s]; effort as recorded, tau in N m or N'
 INDENT = '  '
 MOST_BESIDE = 3
@@ -130,7 +129,11 @@ def described_model(model: Model) -> dict[str, Any]:
         }
     links = {}
     if (kinematics := model_kinematics(model)) is not None:
-        links = {'remainder': _remainder_joints(model), KINEMATICS: kinematics.to_json()}
+        links = {
+            'remainder': _remainder_joints(model),
+            KINEMATICS: kinematics.to_json(),
+            FRICTION: [each._asdict() for each in friction_table(model)],
+        }
     return {
         'kernel': model.kernel,
         'samples': model.n_samples,
@@ -142,9 +145,13 @@ def described_model(model: Model) -> dict[str, Any]:
 
 def inspected_model(model: Model, description: Mapping[str, Any], console: Console) -> None:
     """Show the description of a model, and what its fit found as tables."""
-    fit = {name: value for name, value in description['fit'].items() if name not in AS_TABLES}
-    described({**description, KINEMATICS: None, 'remainder': None, 'fit': fit}, console)
+    fit = {name: value for name, value in description['fit'].items() if name not in IN_OTHER_WORDS}
+    hidden = dict.fromkeys((KINEMATICS, FRICTION, 'remainder'))
+    described({**description, **hidden, 'fit': fit}, console)
     fitted(model, console)
+    if FRICTION in description:
+        rows = [each.cells() for each in friction_table(model)]
+        show(Table('Friction, with standard deviations', HEADER, rows), console)
 
 
 def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:
@@ -202,10 +209,12 @@ def described(description: Mapping[str, Any], console: Console, indent: str = ''
     """
     Show a JSON-able, nested description, as `lip_id_ros.preprocessing.describe` returns it.
 
-    What is empty is left out, and so are settings with their defaults.
+    What is empty is left out, and so are settings with their defaults and fingerprints.
 
     """
     for name, value in description.items():
+        if name == SKETCH:
+            continue
         if name == RANGES:
             show(ranges(value), console)
         elif name == HEALTH:

@@ -1,0 +1,90 @@
+"""The coefficients of an arm's friction, with units and standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from lip_id_ros.friction import terms
+from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.drives import DriveTerm, LoadTorque, SharedFriction
+from lip_id_ros.joint_types import PRISMATIC
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
+
+HEADER = ('', 'term', 'coefficient', 'unit')
+TORQUE, VISCOUS = 'N m', 'N m s/rad'
+BOTH = ('viscous', VISCOUS), ('Coulomb', TORQUE)
+
+COEFFICIENTS: Mapping[type, tuple[tuple[str, str], ...]] = {
+    terms.Viscous: (('', VISCOUS),),
+    terms.Coulomb: (('', TORQUE),),
+    terms.Offset: (('', TORQUE),),
+    terms.Stribeck: (('', TORQUE),),
+    terms.SaturatingViscous: (('', TORQUE),),
+    terms.QuadraticViscous: (('', 'N m s²/rad²'),),
+    terms.LoadCoulomb: (('', '1'),),
+    terms.LoadViscous: (('', 's/rad'),),
+    terms.Presliding: (('', TORQUE),),
+    terms.Asymmetric: tuple(
+        (f'{name} {way}', unit) for way in ('forwards', 'backwards') for name, unit in BOTH
+    ),
+    terms.PositionCoulomb: tuple(
+        (f'largest at {degrees:g} deg', TORQUE) for degrees in np.degrees(terms.PHASES)
+    ),
+    Ripple: (('cosine', TORQUE), ('sine', TORQUE)),
+    Spring: (('', 'N m/rad'),),
+    LoadTorque: (('', '1'),),
+    SharedFriction: BOTH,
+}
+"""What each coefficient of a term is, beside its name, and its unit at a revolute joint."""
+
+
+class Coefficient(NamedTuple):
+    """One coefficient of the friction of a joint, with its standard deviation."""
+
+    joint: str
+    term: str
+    value: float
+    std: float
+    unit: str
+
+    def cells(self) -> tuple[str, ...]:
+        """Return it as text, for `HEADER`."""
+        return self.joint, self.term, f'{self.value:.4g} ± {self.std:.2g}', self.unit
+
+
+def friction_table(model: InverseDynamicsModel) -> tuple[Coefficient, ...]:
+    """Return the coefficients of an arm's friction, in the order of its terms; else nothing."""
+    arm = model.arm
+    if arm is None:
+        return ()
+    basis = arm.friction.basis
+    first = len(arm.links) * (DIRECTIONS + LINK_PARAMETERS)
+    std = np.linalg.norm(arm.covariance_root[first : first + basis.size], axis=1)
+    labels = [label for part in basis.terms for label in _labels(part, model)]
+    return tuple(
+        Coefficient(joint, term, value, deviation, unit)
+        for (joint, term, unit), value, deviation in zip(
+            labels, arm.friction.coefficients.tolist(), std.tolist(), strict=True
+        )
+    )
+
+
+def _labels(part: DriveTerm, model: InverseDynamicsModel) -> list[tuple[str, str, str]]:
+    """Return joint, term and unit of each coefficient of a term."""
+    joint = part.drive.efforts[0][0]
+    others = [model.joint_names[k] for k in part.drive.joints if k != joint]
+    name = part.term.name + f' coupled with {" and ".join(others)}' * bool(others)
+    linear = model.joint_types[joint] == PRISMATIC
+    return [
+        (
+            model.joint_names[joint],
+            f'{name}, {more}' if more else name,
+            unit.replace('N m', 'N').replace('rad', 'm') if linear else unit,
+        )
+        for more, unit in COEFFICIENTS[type(part.term)]
+    ]

@@ -1,0 +1,39 @@
+"""The coefficients of friction: each with its joint, term, unit and deviation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from export.arms import model_of, random_arm
+from friction.test_terms import EVERY
+import numpy as np
+import pytest
+
+from lip_id_ros.export.friction_table import COEFFICIENTS, friction_table
+from lip_id_ros.friction.terms import FrictionTerm
+
+
+@pytest.mark.parametrize('term', EVERY, ids=lambda term: term.name)
+def test_every_term_names_its_coefficients(term: FrictionTerm) -> None:
+    assert len(COEFFICIENTS[type(term)]) == len(term.lower)
+
+
+def test_units_are_those_of_the_joint() -> None:
+    table = friction_table(model_of(random_arm('RPR')))
+    units = {(each.joint, each.term): each.unit for each in table}
+    assert units['joint_1', 'viscous'] == 'N m s/rad'
+    assert units['joint_2', 'viscous'] == 'N s/m'
+    assert units['joint_2', 'Coulomb'] == 'N'
+    assert units['joint_3', 'quadratic viscous'] == 'N m s²/rad²'
+    assert ('joint_2', 'torque coupled with joint_3') in units
+
+
+def test_values_and_deviations_are_those_of_the_posterior() -> None:
+    model = model_of(random_arm('RRR'))
+    assert model.arm is not None
+    friction = model.arm.friction
+    std = np.random.default_rng(0).uniform(0.1, 1.0, friction.basis.size)
+    root = np.diag(np.concatenate([np.zeros(3 * 17), std]))
+    table = friction_table(replace(model, arm=replace(model.arm, covariance_root=root)))
+    np.testing.assert_array_equal([each.value for each in table], friction.coefficients)
+    np.testing.assert_allclose([each.std for each in table], std)
