@@ -121,8 +121,11 @@ def test_requirements_of_the_package_are_what_only_pip_brings() -> None:
     assert names == {'rosbags', 'threadpoolctl', 'fsspec'}
 
 
-def test_lock_files_pin_everything_exactly() -> None:
-    files = ('requirements-lock.txt', 'requirements-test-lock.txt')
+@pytest.mark.parametrize(
+    'files',
+    [('requirements-lock.txt', 'requirements-test-lock.txt'), ('requirements-docs.txt',)],
+)
+def test_lock_files_pin_everything_exactly(files: tuple[str, ...]) -> None:
     lines = [line for name in files for line in (ROOT / name).read_text().splitlines()]
     pins = [line.split(';')[0].strip() for line in lines if line and not line.startswith('#')]
     assert all(pin.count('==') == 1 and '*' not in pin for pin in pins)

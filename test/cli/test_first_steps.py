@@ -7,11 +7,14 @@ import sys
 import webbrowser
 
 from cli.conftest import Capture, lip_id
+import numpy as np
 from programs import run
 import pytest
 
 import lip_id_ros as lip
 from lip_id_ros.cli import main
+from lip_id_ros.export.friction_table import friction_table
+from lip_id_ros.simulation.four_joints import COULOMB, VISCOUS
 
 
 def test_without_arguments_it_says_how_to_begin(capsys: Capture) -> None:
@@ -41,6 +44,10 @@ def test_the_demo_learns_an_arm_and_opens_its_report(
         assert f'$ lip_id {command}' in shown
     assert 'lip_id inspect my_bag' in shown
     model = lip.InverseDynamicsModel.load(folder / 'arm.npz')
+    friction = {(each.joint, each.term): each.value for each in friction_table(model)}
+    for term, truth in (('viscous', VISCOUS), ('Coulomb', COULOMB)):
+        found = [friction[joint, term] for joint in model.joint_names]
+        np.testing.assert_allclose(found, truth, rtol=0.1)
     unseen = lip.load_dataset(str(folder / 'another_bag'))
     assert max(lip.evaluate(model, unseen).nmse_percent) < 5.0
 
