@@ -1,5 +1,5 @@
 """
-browser.py PAGE [FOLDER]: open a page in Chromium, without a window, and say as JSON what it shows.
+browser.py PAGE: open a file or URL in Chromium, without a window, and say as JSON what it shows.
 
 A program of its own: Qt wants the main thread, and a browser that falls must not take the tests
 with it.
@@ -55,21 +55,19 @@ Promise.all(Array.from(document.images, async image => {
 
 
 class Refusal(QWebEngineUrlRequestInterceptor):
-    """Lets a page load itself, what it holds and the files of a folder, and nothing else."""
+    """Lets a page load itself, what it holds and what its own server has, and nothing else."""
 
-    def __init__(self, page: QUrl, folder: Path | None) -> None:
+    def __init__(self, page: QUrl) -> None:
         super().__init__()
-        self._page, self._folder = page, folder
+        self._page = page
         self.refused: list[str] = []
 
     def interceptRequest(self, info: QWebEngineUrlRequestInfo) -> None:
         url = info.requestUrl()
-        if url != self._page and url.scheme() != 'data' and not self._is_beside(url):
+        served = self._page.authority() and url.authority() == self._page.authority()
+        if url != self._page and url.scheme() != 'data' and not served:
             self.refused.append(url.toString())
             info.block(True)
-
-    def _is_beside(self, url: QUrl) -> bool:
-        return self._folder is not None and self._folder in Path(url.toLocalFile()).parents
 
 
 class Listening(QWebEnginePage):
@@ -90,11 +88,11 @@ class Listening(QWebEnginePage):
             self.console.append(message)
 
 
-def look(path: Path, folder: Path | None = None) -> dict[str, Any] | None:
+def look(place: str) -> dict[str, Any] | None:
     """Return what a page shows, asked for and wrote; None where it does not load in time."""
     application = QApplication([])
-    url = QUrl.fromLocalFile(str(path.resolve()))
-    refusal = Refusal(url, folder)
+    url = QUrl(place) if '://' in place else QUrl.fromLocalFile(str(Path(place).resolve()))
+    refusal = Refusal(url)
     profile = QWebEngineProfile()  # keeps nothing on disk
     profile.setUrlRequestInterceptor(refusal)
     page = Listening(profile)
@@ -119,4 +117,4 @@ def look(path: Path, folder: Path | None = None) -> dict[str, Any] | None:
 
 
 if __name__ == '__main__':
-    print(json.dumps(look(*(Path(path).resolve() for path in sys.argv[1:]))))  # noqa: T201
+    print(json.dumps(look(sys.argv[1])))  # noqa: T201

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 import json
 import os
 from pathlib import Path
 import subprocess
 import sys
+from threading import Thread
 from typing import Any
 
 from comparison.methods import Scaled
@@ -49,8 +52,8 @@ def browser() -> None:
         pytest.skip(f'needs a browser; make setup brings PySide6_WebEngine: {reason}')
 
 
-def seen(page: Path, *folder: Path) -> dict[str, Any] | None:
-    command = [sys.executable, str(BROWSER), *map(str, (page, *folder))]
+def seen(page: Path, url: str = '') -> dict[str, Any] | None:
+    command = [sys.executable, str(BROWSER), url or str(page)]
     looked = run_to_end(command, page.parent, env={**os.environ, **WITHOUT_A_WINDOW})
     assert looked.returncode == 0, looked.stderr
     found: dict[str, Any] | None = json.loads(looked.stdout)
@@ -168,6 +171,13 @@ def test_the_browser_tells_what_is_wrong_with_a_page(tmp_path: Path) -> None:
     assert seen(tmp_path / 'none.html') is None
 
 
+class Silent(SimpleHTTPRequestHandler):
+    """Serves files of a folder, and logs nothing."""
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
 @pytest.fixture(scope='module')
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if not (ROOT / '.deps' / 'docs.stamp').exists():
@@ -191,7 +201,12 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_site_is_built_without_a_warning_and_shows_its_pictures(
     site: Path, name: str, title: str, least: int
 ) -> None:
-    found = seen(site / f'{name}.html', site)
+    serving = ThreadingHTTPServer(('127.0.0.1', 0), partial(Silent, directory=str(site)))
+    with serving as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        url = f'http://127.0.0.1:{server.server_port}/{name}.html'
+        found = seen(site / f'{name}.html', url)
+        server.shutdown()
     assert found is not None
     assert title in found['title']
     assert len(found['images']) >= least
