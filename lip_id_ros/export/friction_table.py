@@ -18,13 +18,14 @@ from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 HEADER = ('', 'term', 'coefficient', 'unit')
 TORQUE, VISCOUS = 'N m', 'N m s/rad'
 BOTH = ('viscous', VISCOUS), ('Coulomb', TORQUE)
+WIDTHS = tuple((f'{times:g} widths', TORQUE) for times in terms.WIDENINGS)
 
 COEFFICIENTS: Mapping[type, tuple[tuple[str, str], ...]] = {
     terms.Viscous: (('', VISCOUS),),
     terms.Coulomb: (('', TORQUE),),
     terms.Offset: (('', TORQUE),),
-    terms.Stribeck: (('', TORQUE),),
-    terms.SaturatingViscous: (('', TORQUE),),
+    terms.Stribeck: WIDTHS,
+    terms.SaturatingViscous: WIDTHS,
     terms.QuadraticViscous: (('', 'N m s²/rad²'),),
     terms.LoadCoulomb: (('', '1'),),
     terms.LoadViscous: (('', 's/rad'),),
