@@ -124,7 +124,7 @@ INDUSTRIAL = Drives(
     stiffness=np.array([1e4, 1e4, 1e4, 1e4, 5e3, 5e3, 5e3]),
     gain=np.array([1.03, 0.96, 1.02, 0.97, 1.05, 0.98, 0.95]),
 )
-"""A geared arm whose torques are motor currents; docs/comparison.md has the sources."""
+"""A geared arm whose torques are motor currents; comparison.md has the sources."""
 
 
 class Run(NamedTuple):

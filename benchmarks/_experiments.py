@@ -126,7 +126,7 @@ def by_measured(cases: Iterable[Case]) -> Iterator[Case]:
 
 
 def settings_of_friction() -> tuple[Setting, ...]:
-    """Return the arms of the experiment; docs/comparison.md explains them."""
+    """Return the arms of the experiment; comparison.md explains them."""
     wide, narrow = _within(MOTION, 0.7), _within(half_ranges(7), 0.6)
     return (
         Setting('motor currents, 1.4 times as far', INDUSTRIAL, MOTOR_CURRENTS, wide, 1.4),

@@ -1,7 +1,7 @@
 """
 How often `lip_id inspect` finds defects of three sizes in recordings of simulated arms.
 
-Pandas with other masses, friction and motions, of four joints or seven; `docs/health.md` has the
+Pandas with other masses, friction and motions, of four joints or seven; `health.md` has the
 counts of 20 arms.
 
 """

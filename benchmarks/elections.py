@@ -1,7 +1,7 @@
 """
 How often friction terms are elected, and faults of efforts diagnosed, on simulated arms.
 
-Arms of three joints; `docs/accuracy.md` has the counts of 20 seeds.
+Arms of three joints; `accuracy.md` has the counts of 20 seeds.
 
 """
 

@@ -1,7 +1,7 @@
 """
 The paper's Monte Carlo experiment (section `sec:gen`), for every model on the same data.
 
-`rigid_body`, least squares with true kinematics, is the limit. docs/accuracy.md has 10 seeds.
+`rigid_body`, least squares with true kinematics, is the limit. accuracy.md has 10 seeds.
 
 """
 

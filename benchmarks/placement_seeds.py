@@ -1,7 +1,7 @@
 """
 The search for placements on real arms at many seeds: how often it finds the lowest minimum.
 
-docs/accuracy.md has 40 seeds of each recording.
+accuracy.md has 40 seeds of each recording.
 
 """
 

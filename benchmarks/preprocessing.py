@@ -4,7 +4,7 @@ Usual and elected preprocessing of real recordings: ``python -m benchmarks prepr
 Each is elected and fitted on 70 % of a recording. Both predict the efforts of the other 30 %, at
 the same times and with the same low-pass: far above the motion, and at 2 Hz, below all cut-offs.
 ``--seeds 20`` counts the delays that are recovered in simulated recordings instead.
-docs/accuracy.md has both.
+accuracy.md has both.
 
 """
 

@@ -1,7 +1,7 @@
 """
 The default fit beside its rivals on real arms: errors of unseen parts, and coverage.
 
-Prints the rows of the tables of real recordings in docs/accuracy.md and docs/comparison.md.
+Prints the rows of the tables of real recordings in accuracy.md and comparison.md.
 
 """
 

@@ -1,7 +1,7 @@
 """
 Inverse dynamics of robot arms, learned from recordings.
 
-`import lip_id_ros as lip` gives what a script or notebook needs (docs/python.md). Names are
+`import lip_id_ros as lip` gives what a script or notebook needs (python.md). Names are
 imported when they are first used, so that the import itself is quick.
 
 """

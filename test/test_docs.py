@@ -110,3 +110,13 @@ def test_sentences_for_newcomers_are_short(page: Path) -> None:
     parts = re.split(r'\n\s*\n|\n(?=[-|*#] |\d\. )|\|', text)
     sentences = [each for part in parts for each in re.split(r'(?<=[.?!:;])\s+', part)]
     assert [each for each in sentences if len(each.split()) > MOST_WORDS] == []
+
+
+@pytest.mark.parametrize('folder', ['lip_id_ros', 'benchmarks', 'config', 'scripts'])
+def test_pages_that_sources_name_exist(folder: str) -> None:
+    names = {page.name for page in PAGES}
+    for path in (ROOT / folder).rglob('*.*'):
+        if path.suffix in ('.py', '.yaml', '.sh', '.in'):
+            named = re.findall(r'[\w./-]*\w\.md\b', path.read_text(encoding='utf-8'))
+            missing = [page for page in named if page not in names and not (ROOT / page).exists()]
+            assert not missing, path

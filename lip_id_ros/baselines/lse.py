@@ -172,7 +172,7 @@ class LagrangianModel(Baseline):
 
         V(q) = -L(q, 0), and T is the even part of L + V in dq. A total derivative dF(q)/dt added
         to a Lagrangian changes no torque, so the odd part is arbitrary; the paper keeps it,
-        T = L + V, and finds T useless (docs/comparison.md).
+        T = L + V, and finds T useless (comparison.md).
 
         """
         blocks = [slice(begin, begin + BLOCK) for begin in range(0, len(q), BLOCK)]

@@ -30,7 +30,7 @@ def add_config(parser: argparse.ArgumentParser, default: str) -> None:
         '--config',
         type=source,
         metavar='FILE',
-        help=f'settings in YAML, see docs/interfaces.md ({default})',
+        help=f'settings in YAML, see docs/reference/interfaces.md ({default})',
     )
 
 

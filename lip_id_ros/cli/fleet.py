@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'fleet of recordings',
         'Any of these fits recording by recording, each with friction of its own. SOURCE may '
         "then be a pattern ('bags/**/*.mcap'), a folder of recordings or a URL that fsspec knows "
-        '(s3://bucket/arm7/); docs/fleet.md',
+        '(s3://bucket/arm7/); docs/reference/fleet.md',
     )
     fleet.add_argument(
         '--engine',

@@ -120,7 +120,7 @@ class Cell:
     code: str = UNKNOWN
 
     def to_json(self) -> dict[str, Any]:
-        """Return the keys of docs/interfaces.md; nan becomes None."""
+        """Return the keys of interfaces.md; nan becomes None."""
         content: dict[str, Any] = _without_nan(asdict(self))
         return content
 

@@ -187,7 +187,7 @@ def remarks(results: Results) -> list[str]:
 
 
 def to_json(results: Results) -> dict[str, Any]:
-    """Return all cells and their medians; keys as in docs/interfaces.md."""
+    """Return all cells and their medians; keys as in interfaces.md."""
     return {
         'groups': {
             group: {model: _medians(cells) for model, cells in by_model.items()}

@@ -262,7 +262,7 @@ class Evaluation:
         return mean_of_known(self.nmse_percent)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the keys of docs/interfaces.md; nan becomes None."""
+        """Return the keys of interfaces.md; nan becomes None."""
         covered = self.within_two_std_percent
         return {
             'joint_names': list(self.joint_names),

@@ -39,7 +39,7 @@ UNITS = {
 
 
 Values = Mapping[str, Array]
-"""Predictions by the names of docs/interfaces.md."""
+"""Predictions by the names of interfaces.md."""
 Writer = Callable[[str, Dataset, Values], None]
 
 
@@ -87,7 +87,7 @@ def predicted_values(model: TorqueModel, outcome: Outcome, progress: Progress = 
 
 def write_prediction_npz(path: str | os.PathLike[str], data: Dataset, found: Values) -> None:
     """
-    Write predictions beside the measurement; see docs/interfaces.md.
+    Write predictions beside the measurement; see interfaces.md.
 
     Raises
     ------

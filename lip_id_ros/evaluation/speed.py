@@ -68,7 +68,7 @@ class Speed:
     n_samples: int
 
     def to_json(self) -> dict[str, float]:
-        """Return the keys of docs/interfaces.md."""
+        """Return the keys of interfaces.md."""
         flat: dict[str, float] = {}
         for name, value in vars(self).items():
             if isinstance(value, CallTimes):

@@ -1,4 +1,4 @@
-"""A fit to a fleet of recordings: survey, placements, statistics, solution (docs/maths.md, 14)."""
+"""A fit to a fleet of recordings: survey, placements, statistics, solution (maths.md, 14)."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ Square-root statistics of one recording, from which its own friction is eliminat
 With given placements the rows of joint i are [friction, links, torque]. Their triangular factor
 has the friction of the recording in its first rows alone, so that the rest adds up over
 recordings: block angular least squares (Björck, Numerical Methods for Least Squares Problems,
-1996, 6.3; Golub and Van Loan, Matrix Computations, 4th ed., 5.3; docs/maths.md, section 14).
+1996, 6.3; Golub and Van Loan, Matrix Computations, 4th ed., 5.3; maths.md, section 14).
 
 """
 

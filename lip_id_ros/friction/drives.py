@@ -1,4 +1,4 @@
-"""Terms of the drives of an arm, coupled motors included (docs/maths.md, section 12)."""
+"""Terms of the drives of an arm, coupled motors included (maths.md, section 12)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Friction of an arm: terms of its drives with their coefficients (docs/maths.md, section 12)."""
+"""Friction of an arm: terms of its drives with their coefficients (maths.md, section 12)."""
 
 from __future__ import annotations
 

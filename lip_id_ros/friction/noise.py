@@ -1,5 +1,5 @@
 """
-Noise of torques: constant per joint, and more of it near rest (docs/maths.md, section 12).
+Noise of torques: constant per joint, and more of it near rest (maths.md, section 12).
 
 While a joint sticks, its friction is anything between the two Coulomb torques and depends on how
 the joint came to rest (Dahl 1968; Armstrong-Helouvry 1991, section 2), which no function of the

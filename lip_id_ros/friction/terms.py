@@ -1,5 +1,5 @@
 """
-Terms of joint friction (docs/maths.md, section 12).
+Terms of joint friction (maths.md, section 12).
 
 Every term is linear in its coefficients. A dissipative term has features f with f(v) v >= 0 and
 coefficients that are not negative: whatever is learned, it never drives a joint. All are

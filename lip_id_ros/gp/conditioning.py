@@ -3,7 +3,7 @@ Condition a process on samples, with the noise and the correlation that these sh
 
 Hyperparameters come from few samples that lie far apart: the noise of few may be too small, and
 they cannot show that residuals are correlated in time, as those of low-passed torques are
-(docs/maths.md, section 5).
+(maths.md, section 5).
 
 """
 

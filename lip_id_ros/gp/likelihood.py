@@ -1,4 +1,4 @@
-"""The marginal likelihood of measured torques and its gradient (docs/maths.md, section 5)."""
+"""The marginal likelihood of measured torques and its gradient (maths.md, section 5)."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@ Torque covariances by nested automatic differentiation, with torch.
 
 The definition of the kernels (`lip_id_ros.kernels.program`) is differentiated as it
 stands: no closed form, no compiled loop. The tests compare all compiled code with this module, and
-`fit.device: cuda` evaluates the marginal likelihood with it (docs/maths.md, section 5). It has run
+`fit.device: cuda` evaluates the marginal likelihood with it (maths.md, section 5). It has run
 on the CPU only: no machine of this project had a CUDA device.
 
 """

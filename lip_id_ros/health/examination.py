@@ -29,7 +29,7 @@ CHECKS: tuple[Check, ...] = tuple(
     for each in vars(module).values()
     if isinstance(each, Check)
 )
-"""Every kind of finding, in the order of docs/health.md."""
+"""Every kind of finding, in the order of health.md."""
 
 _ORDER = tuple(severity.value for severity in Severity)
 

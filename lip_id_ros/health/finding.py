@@ -22,7 +22,7 @@ class Finding:
     """
     One thing that is wrong with a recording.
 
-    `code` is the stable name of its kind, see docs/health.md; `joint` is empty where it is about
+    `code` is the stable name of its kind, see health.md; `joint` is empty where it is about
     the whole recording; `text` is one sentence: what was found, and what to do.
 
     """
@@ -52,7 +52,7 @@ class Check:
     Attributes
     ----------
     meaning : str
-        When it is found, for docs/health.md: the docstring of the search.
+        When it is found, for health.md: the docstring of the search.
     remedy : str
         What to do, as the end of a sentence.
     search : callable

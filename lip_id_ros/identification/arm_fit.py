@@ -1,5 +1,5 @@
 """
-From samples to the parameters of an arm (docs/maths.md, section 13).
+From samples to the parameters of an arm (maths.md, section 13).
 
 Placements are found first, then friction terms are elected, then placements, links that can exist
 and friction are fitted together.

@@ -1,5 +1,5 @@
 """
-Placements, links and friction of an arm fitted together (docs/maths.md, section 13).
+Placements, links and friction of an arm fitted together (maths.md, section 13).
 
 Links are log-Cholesky numbers, so that each can exist, and friction coefficients that physics
 wants positive are exponentials. M(q) is then positive definite at every q, by construction.

@@ -3,7 +3,7 @@ The search for the placements of an arm's joints, with springs where these expla
 
 A strong spring, as of a counterbalance, looks like gravity of a link in a wrong place, so that the
 search ends in a wrong minimum. A descent from there with springs lowers the residuals
-(docs/maths.md, section 10).
+(maths.md, section 10).
 
 """
 

@@ -5,7 +5,7 @@ Least squares spreads the torques of a contact over links and friction, so that 
 are predicted worse. Blocks of time that a robust fit does not explain are candidates (Student's t
 by iteratively reweighted least squares: Lange, Little and Taylor, JASA 1989). They are left out
 where the others, predicted without their own part of the time, are predicted far better so
-(docs/maths.md, section 13).
+(maths.md, section 13).
 
 """
 

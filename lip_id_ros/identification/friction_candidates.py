@@ -1,4 +1,4 @@
-"""The friction terms that are on offer for the drives of an arm (docs/maths.md, section 12)."""
+"""The friction terms that are on offer for the drives of an arm (maths.md, section 12)."""
 
 from __future__ import annotations
 

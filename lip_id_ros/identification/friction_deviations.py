@@ -3,7 +3,7 @@ Friction that differs between robots and between recordings of a robot: nested r
 
 Coefficients of recording r of robot g are c + u_g + v_r. The deviations of u and v are those of
 restricted maximum likelihood (Patterson and Thompson, Biometrika 1971), found by Newton steps
-with the average information (Gilmour, Thompson and Cullis, Biometrics 1995; docs/maths.md, 14).
+with the average information (Gilmour, Thompson and Cullis, Biometrics 1995; maths.md, 14).
 
 """
 

@@ -2,7 +2,7 @@
 Which friction terms the drives of an arm have, elected by the prediction of left-out blocks.
 
 Greedy forward selection by cross-validation (Hastie, Tibshirani and Friedman, The Elements of
-Statistical Learning, 3.3.2 and 7.10), on training data alone (docs/maths.md, section 12).
+Statistical Learning, 3.3.2 and 7.10), on training data alone (maths.md, section 12).
 
 """
 

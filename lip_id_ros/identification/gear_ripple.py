@@ -1,4 +1,4 @@
-"""How often in a turn the torque of a gear or motor ripples (docs/maths.md, section 12)."""
+"""How often in a turn the torque of a gear or motor ripples (maths.md, section 12)."""
 
 from __future__ import annotations
 

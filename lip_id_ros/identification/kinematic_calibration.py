@@ -1,5 +1,5 @@
 """
-Kinematic calibration: the placements of the joints of an arm, from torques (docs/maths.md, 10).
+Kinematic calibration: the placements of the joints of an arm, from torques (maths.md, 10).
 
 Torques are linear in the parameters of links and friction once the placements of the joints are
 known. So least squares over the placements is left, by variable projection (Golub and Pereyra

@@ -1,5 +1,5 @@
 """
-The Laplace posterior of an arm's parameters, from all samples (docs/maths.md, section 13).
+The Laplace posterior of an arm's parameters, from all samples (maths.md, section 13).
 
 Around the best parameters torques are linear in all of them. One pass over blocks of samples
 gathers the square-root statistics of the Jacobian and the residuals; a Gauss-Newton step from

@@ -1,4 +1,4 @@
-"""The response of the low-pass that measured torques went through (docs/maths.md, section 12)."""
+"""The response of the low-pass that measured torques went through (maths.md, section 12)."""
 
 from __future__ import annotations
 

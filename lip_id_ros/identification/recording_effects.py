@@ -1,5 +1,5 @@
 """
-Friction that differs between recordings: a linear mixed model (docs/maths.md, section 13).
+Friction that differs between recordings: a linear mixed model (maths.md, section 13).
 
 Drives warm up and offsets drift. Viscous and Coulomb coefficients and offsets of a recording are
 normal around those of the arm, with deviations of restricted maximum likelihood, as in a fleet. A

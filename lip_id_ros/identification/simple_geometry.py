@@ -3,7 +3,7 @@ Simple geometry: neighbouring axes that are parallel, at right angles, or meet.
 
 Axes of real arms are; so twists (Denavit and Hartenberg's alpha) are set to the nearest quarter
 turn and lengths (their a) to zero, where neither the posterior nor left-out samples speak against
-it (docs/maths.md, section 13).
+it (maths.md, section 13).
 
 """
 

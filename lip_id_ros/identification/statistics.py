@@ -1,5 +1,5 @@
 """
-Square-root statistics of torques that are linear in parameters (docs/maths.md, section 11).
+Square-root statistics of torques that are linear in parameters (maths.md, section 11).
 
 The torque of joint i is f_i(x)^T theta plus noise. All that least squares needs of any number of
 samples is, per joint, the triangular factor R_i of their rows [f_i, tau_i]. Factors are updated by

@@ -70,7 +70,7 @@ def contracted_gradient(
     kernel: EnergyKernel, weights: Weights, x: PackedStates, contraction: Array
 ) -> Weights:
     """
-    Differentiate sum(W * gram(weights)) by the weights (docs/maths.md, section 5).
+    Differentiate sum(W * gram(weights)) by the weights (maths.md, section 5).
 
     W is the symmetric contraction, shape (N n, N n). Returns the derivative by each weight, not by
     its logarithm.

@@ -10,7 +10,7 @@ jets to jets in closed form, with no division: the product rule is
 .. math:: D(ay) = a Dy + \dot a\, y, \qquad  G_i(ay) = a\, G_i y + \dot a\, \partial_{\dot q_i} y
           - [i = b]\, \partial_q a\; y.
 
-Derivation and proof: docs/maths.md, section 4. The tests compare with nested automatic
+Derivation and proof: maths.md, section 4. The tests compare with nested automatic
 differentiation (`lip_id_ros.gp.reference`).
 
 """

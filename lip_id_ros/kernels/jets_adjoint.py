@@ -3,7 +3,7 @@ Adjoints of the steps of `lip_id_ros.kernels.jets` (reverse-mode differentiation
 
 Each function here is the transpose of its namesake: it takes the adjoint of a jet after the step
 to the adjoint before it and adds to the adjoint of the step's own numbers (factor, velocity
-weight, scale). The forward jets that it needs were kept on a tape (docs/maths.md, section 5).
+weight, scale). The forward jets that it needs were kept on a tape (maths.md, section 5).
 
 """
 

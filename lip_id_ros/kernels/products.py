@@ -2,7 +2,7 @@
 A running product of joint factors, its derivatives and their adjoints, for `LANES` pairs at once.
 
 The potential energy kernel is such a product. It does not depend on velocities, so that of the
-Euler-Lagrange operators only -d/dq_i remains (docs/maths.md, section 2).
+Euler-Lagrange operators only -d/dq_i remains (maths.md, section 2).
 
 """
 

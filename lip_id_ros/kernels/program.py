@@ -7,7 +7,7 @@ The kinetic energy kernel is a sum over the links of squares of velocity kernels
           y_i = \sum_{j \le i} v_j \prod_{b \in B_{ij}} a_b, \qquad v_j = s_j \dot q_j \dot q'_j,
 
 and the members of the family differ only in the joints B_ij whose factors a_b(q, q') multiply a
-velocity term (docs/maths.md, section 3). A program composes the y_i: its steps act on one running
+velocity term (maths.md, section 3). A program composes the y_i: its steps act on one running
 y, which they multiply by a factor, add a velocity term to, or emit the square of. The potential
 energy kernel is a product of factors. Whoever evaluates a kernel (Gram matrix, gradient,
 prediction, reference) interprets the same steps, and a new member of the family is a new list.

@@ -1,4 +1,4 @@
-"""An arm as a set of parameters with a joint posterior (docs/maths.md, section 13)."""
+"""An arm as a set of parameters with a joint posterior (maths.md, section 13)."""
 
 from __future__ import annotations
 

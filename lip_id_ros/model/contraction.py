@@ -7,7 +7,7 @@ With alpha fixed, the posterior mean of the kinetic energy is
           + D' y_i\; \partial'_\alpha y_i \right)
 
 with y the velocity kernel of the program, and G'_alpha, \partial'_alpha the operators of training
-sample t summed with alpha_t (docs/maths.md, section 6). So a query carries four numbers per
+sample t summed with alpha_t (maths.md, section 6). So a query carries four numbers per
 training sample through the program, and their time derivatives along the query; the torques follow
 from one pass back (reverse differentiation of T by dq and q). The potential energy needs two.
 

@@ -160,7 +160,7 @@ class InverseDynamicsModel:
         Posterior mean of the inertia matrix, shape (N, n, n) [kg m^2, kg m or kg].
 
         Symmetric; positive definite for an arm, by construction, but not guaranteed for Gaussian
-        processes (docs/maths.md, section 9).
+        processes (maths.md, section 9).
 
         Parameters
         ----------

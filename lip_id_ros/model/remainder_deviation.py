@@ -5,7 +5,7 @@ The exact variance of a process needs the correlations of a state with all sampl
 of the prior given the values at some of the samples, with the exact posterior covariance of these
 values (inducing points: Quinonero-Candela and Rasmussen 2005). Pivoted Cholesky factorisation
 takes that sample next whose value is determined least by those before; there are as many as keep
-all deviations close to the exact ones (docs/maths.md, section 13). Friction of a process in place
+all deviations close to the exact ones (maths.md, section 13). Friction of a process in place
 of links is a linear function with coefficients of its own (Rasmussen and Williams 2006, equation
 2.42).
 

@@ -1,7 +1,7 @@
 """
 Kinematic chains: where the joints of an arm are, and how they move its links.
 
-What belongs to a link is expressed in its own frame (docs/maths.md, section 10).
+What belongs to a link is expressed in its own frame (maths.md, section 10).
 
 """
 

@@ -1,5 +1,5 @@
 """
-Derivatives of the energies of links by the placements of the joints (docs/maths.md, section 10).
+Derivatives of the energies of links by the placements of the joints (maths.md, section 10).
 
 A placement displaces a link and all that it carries as one rigid body. The kinetic energy changes
 by their momentum times the change of velocity, the potential energy by their weight.

@@ -1,4 +1,4 @@
-"""Torques and energies of unit link parameters: the regressor (docs/maths.md, section 10)."""
+"""Torques and energies of unit link parameters: the regressor (maths.md, section 10)."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 Torques and energies of links with known parameters, by the recursive Newton-Euler algorithm.
 
 Motions and gravity propagate to the tip; wrenches, and the mass and first moment of all links that
-a joint carries, to the base (docs/maths.md, sections 6 and 10).
+a joint carries, to the base (maths.md, sections 6 and 10).
 
 """
 

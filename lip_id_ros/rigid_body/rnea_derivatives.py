@@ -2,7 +2,7 @@
 Derivatives of the recursive Newton-Euler algorithm by the placements of the joints.
 
 Every direction of a placement is a perturbation that propagates to the tip as a change of motions
-and back to the base as a change of wrenches (docs/maths.md, section 10).
+and back to the base as a change of wrenches (maths.md, section 10).
 
 """
 

@@ -2,7 +2,7 @@
 Spatial algebra: transforms, motions, inertias and wrenches of links.
 
 Everything is expressed in the frame of a link; `propagate_motion` and `transform_wrench` take it
-to the next link towards the tip and towards the base (docs/maths.md, section 10; Featherstone,
+to the next link towards the tip and towards the base (maths.md, section 10; Featherstone,
 Rigid Body Dynamics Algorithms, 2008). Vectors are tuples of three numbers, which compiled loops
 keep in registers.
 

@@ -69,7 +69,7 @@ class Figures:
         return np.asarray(other / learned)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the keys of docs/interfaces.md."""
+        """Return the keys of interfaces.md."""
         return {
             'joint_names': list(self.joint_names),
             'runs': [vars(run) | self._energies(run) for run in self.runs],
