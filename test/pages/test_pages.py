@@ -174,7 +174,7 @@ def test_the_browser_tells_what_is_wrong_with_a_page(tmp_path: Path) -> None:
 class Silent(SimpleHTTPRequestHandler):
     """Serves files of a folder, and logs nothing."""
 
-    def log_message(self, *_: object) -> None:
+    def log_message(self, format: str, *args: object) -> None:
         pass
 
 
