@@ -26,7 +26,7 @@ from lip_id_ros.evaluation.tables import (
     Table,
 )
 from lip_id_ros.export.arm import remainder_of
-from lip_id_ros.export.friction_table import friction_table, HEADER
+from lip_id_ros.export.friction_table import Coefficient, friction_table, HEADER
 from lip_id_ros.export.kinematics import model_kinematics, UNIDENTIFIED
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model import InverseDynamicsModel
@@ -149,8 +149,7 @@ def inspected_model(model: Model, description: Mapping[str, Any], console: Conso
     hidden = dict.fromkeys((KINEMATICS, FRICTION, 'remainder'))
     described({**description, **hidden, 'fit': fit}, console)
     fitted(model, console)
-    if FRICTION in description:
-        rows = [each.cells() for each in friction_table(model)]
+    if rows := [Coefficient(**each).cells() for each in description.get(FRICTION, ())]:
         show(Table('Friction, with standard deviations', HEADER, rows), console)
 
 
