@@ -5,10 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 
-MODELS = (
-    *('articulated', 'recursive', 'lip'),
-    *('se', 'gip', 'lse', 'delan', 'rigid_body', 'rigid_body_friction', 'semiparametric'),
-)
 SOURCE_HELP = 'rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz'
 
 
@@ -92,11 +88,6 @@ def count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) == 0:
         raise argparse.ArgumentTypeError(f'expected a whole number above 0, got {text!r}')
     return int(text)
-
-
-def counts(text: str) -> tuple[int, ...]:
-    """Read whole numbers above zero, separated by commas; return them in rising order."""
-    return tuple(sorted({count(part.strip()) for part in text.split(',')}))
 
 
 def days(text: str) -> float:

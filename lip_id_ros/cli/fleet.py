@@ -88,6 +88,7 @@ def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
     from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output
+    from lip_id_ros.evaluation import fit_cautions
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
     from lip_id_ros.fleet.cache import default_folder, FolderCache
@@ -113,7 +114,7 @@ def run(args: argparse.Namespace) -> None:
     rescue = write_or_rescue(output.destination(args.output), result.model.save)
     console = output.console(args.output, args.report)
     _show(result, console)
-    show_lines(models.cautions(result.model), console)
+    show_lines(fit_cautions(result.model), console)
     if args.report is not None:
         from lip_id_ros.fleet.report import write_fleet_report  # brings matplotlib
 

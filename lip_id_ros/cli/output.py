@@ -35,7 +35,6 @@ DASH = '-'
 STANDARD_OUTPUT = '/dev/stdout'
 PLAIN_WIDTH = 100
 QUIET_SECONDS = 10.0
-COMPARISON_CELLS = 'cells'
 
 
 def destination(path: str) -> str:
@@ -266,7 +265,5 @@ def _check_writable(target: Path, path: str) -> None:
 def _is_report(folder: Path) -> bool:
     from lip_id_ros.evaluation.report.page import INDEX, MAKER
 
-    if (folder / COMPARISON_CELLS).is_dir():  # an interrupted comparison has no page yet
-        return True
     index = folder / INDEX
     return index.is_file() and MAKER.encode() in index.read_bytes()[:1000]

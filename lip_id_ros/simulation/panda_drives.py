@@ -9,7 +9,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.control import Gains
 from lip_id_ros.simulation.arm import panda, SimulatedArm
-from lip_id_ros.simulation.closed_loop import Drives, JointFriction
+from lip_id_ros.simulation.torque_controlled import Drives, JointFriction
 
 # The maker's ready posture: far from the limits that zero is beyond (joint 4) or at (joint 6).
 POSTURE = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
