@@ -1,14 +1,16 @@
-"""A controller follows references on a simulated arm, with a feedforward of its own."""
+"""Computed torque (paper, eq. `CT_control`) on a simulated arm: feedforward plus PD."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.control import ComputedTorque
+from lip_id_ros.control.gains import Gains
+from lip_id_ros.model import DynamicsModel
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.simulation import (
     Drives,
@@ -19,6 +21,60 @@ from lip_id_ros.simulation import (
 )
 from lip_id_ros.simulation.arm import Dynamics
 from lip_id_ros.simulation.trajectories import Trajectory
+
+
+class Feedforward(Protocol):
+    """Inverse dynamics of one state; q, dq and ddq have shape (n,)."""
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torques [N m or N], shape (n,), that the motion needs."""
+
+
+class LearnedFeedforward:
+    """Torques of a learned model."""
+
+    def __init__(self, model: DynamicsModel) -> None:
+        self._model = model
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torques [N m or N], shape (n,), that the motion needs."""
+        return self._model.query(q, dq, ddq).tau
+
+
+@dataclass(frozen=True)
+class Torques:
+    """The two parts of a command, each of shape (n,) [N m or N]."""
+
+    feedforward: Array
+    feedback: Array
+
+    @property
+    def command(self) -> Array:
+        """Their sum."""
+        return self.feedforward + self.feedback
+
+
+class ComputedTorque:
+    """Torques that follow a reference."""
+
+    def __init__(self, feedforward: Feedforward, gains: Gains) -> None:
+        self._feedforward = feedforward
+        self._gains = gains
+
+    def torques(self, reference: tuple[Array, Array, Array], q: Array, dq: Array) -> Torques:
+        """
+        Compute the command of one control period.
+
+        Parameters
+        ----------
+        reference : tuple of ndarray, each of shape (n,)
+            Positions, velocities and accelerations to follow.
+        q, dq : ndarray, shape (n,)
+            Measured.
+
+        """
+        feedback = self._gains.feedback(reference[0] - q, reference[1] - dq)
+        return Torques(self._feedforward.torque(*reference), feedback)
 
 
 class FrictionalArm:
@@ -44,7 +100,7 @@ class FrictionalArm:
 
 
 class NominalFeedforward:
-    """Torques of a rigid-body model, for `lip_id_ros.control.ComputedTorque`."""
+    """Torques of a rigid-body model."""
 
     def __init__(self, arm: Dynamics) -> None:
         self._arm = arm

@@ -13,9 +13,16 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks._closed_loop import no_contact, NominalFeedforward, placed, track, Tracking
+from benchmarks._closed_loop import (
+    ComputedTorque,
+    Feedforward,
+    no_contact,
+    NominalFeedforward,
+    placed,
+    track,
+    Tracking,
+)
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.control import ComputedTorque, Feedforward
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring import external_torques, Thresholds

@@ -84,7 +84,7 @@ PARTS = {
     'control': {'model', 'recording', 'settings', 'signals'},
     'monitoring': {'model', 'recording', 'settings', 'signals'},
     'feedforward': {'model', 'recording', 'settings', 'signals'},
-    'simulation': {'control', 'dataset', 'evaluation', 'recording'},
+    'simulation': {'control', 'dataset', 'recording'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.
 INNER = set(PARTS)
@@ -197,7 +197,7 @@ LIGHT = {
     'lip_id_ros.cli': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
     'lip_id_ros.acquisition.recorder': ('torch', 'numba', 'matplotlib', 'pinocchio'),
     'lip_id_ros.acquisition.settings': ('torch', 'numba', 'matplotlib', 'pinocchio'),
-    'lip_id_ros.control.computed_torque': ('torch', 'numba', 'matplotlib', 'pinocchio'),
+    'lip_id_ros.control.plan_controller': ('torch', 'numba', 'matplotlib', 'pinocchio'),
 }
 
 

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 
-from benchmarks._closed_loop import FrictionalArm, NominalFeedforward, placed, track, Tracking
+from benchmarks._closed_loop import (
+    ComputedTorque,
+    Feedforward,
+    FrictionalArm,
+    LearnedFeedforward,
+    NominalFeedforward,
+    placed,
+    track,
+    Tracking,
+)
 from lip_id_ros.arrays import Array
-from lip_id_ros.control import ComputedTorque, Feedforward, Gains, NoFeedforward
+from lip_id_ros.control.gains import Gains
+from lip_id_ros.model import DynamicsModel, Query
 from lip_id_ros.simulation import Drives, GrowingCosine, JointFriction, panda, SimulatedArm
 
 pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
 
 REFERENCE = GrowingCosine(np.array([0.0, -0.8, 0.0]), 0.5, 2.0)
+TWO = Gains(np.array([100.0, 50.0]), np.array([10.0, 5.0]))
 GAINS = Gains(np.full(3, 400.0), np.full(3, 40.0))
 DRIVES = Drives(
     np.full(3, 0.1),
@@ -43,7 +56,7 @@ def exact(arm: SimulatedArm) -> NominalFeedforward:
 def test_better_feedforward_leaves_less_to_the_feedback(arm: SimulatedArm) -> None:
     runs = [
         follow(arm, feedforward)
-        for feedforward in (exact(arm), NominalFeedforward(arm), NoFeedforward())
+        for feedforward in (exact(arm), NominalFeedforward(arm), Nothing())
     ]
     error = [np.mean(np.square(run.error)) for run in runs]
     feedback = [np.mean(np.square(run.feedback)) for run in runs]
@@ -71,3 +84,29 @@ def test_a_contact_pushes_the_joint_it_acts_on(arm: SimulatedArm) -> None:
     assert np.abs(before).max() < 1e-3
     # the feedback's stiffness holds against the contact
     assert after.mean() == pytest.approx(-5.0 / 400, rel=0.05)
+
+
+class Nothing:
+    """Leaves all the work to the feedback."""
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        return np.zeros_like(q)
+
+
+class Doubling:
+    """A model whose torque is twice the acceleration."""
+
+    def query(self, q: Array, dq: Array, ddq: Array) -> Query:
+        return Query(2 * ddq, 0.0, 0.0, 0.0 * q)
+
+
+def test_command_is_feedforward_plus_feedback() -> None:
+    reference = (np.array([1.0, 2.0]), np.array([0.5, 0.0]), np.array([3.0, -4.0]))
+
+    torques = ComputedTorque(LearnedFeedforward(cast('DynamicsModel', Doubling())), TWO).torques(
+        reference, np.array([0.9, 2.2]), np.array([0.4, 0.2])
+    )
+
+    np.testing.assert_allclose(torques.feedforward, [6.0, -8.0])
+    np.testing.assert_allclose(torques.feedback, [100 * 0.1 + 10 * 0.1, -50 * 0.2 - 5 * 0.2])
+    np.testing.assert_allclose(torques.command, torques.feedforward + torques.feedback)

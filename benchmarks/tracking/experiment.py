@@ -7,11 +7,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks._closed_loop import FrictionalArm, NominalFeedforward, placed, track, Tracking
-from lip_id_ros.control import (
+from benchmarks._closed_loop import (
     ComputedTorque,
     Feedforward,
+    FrictionalArm,
     LearnedFeedforward,
+    NominalFeedforward,
+    placed,
+    track,
+    Tracking,
 )
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification import fit

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.control.computed_torque import Gains
+from lip_id_ros.control.gains import Gains
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import description_setting, executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START, PER_JOINT
@@ -124,11 +124,8 @@ class ControlRules:
     """
     The settings as arrays of shape (n,), in the order of the joints.
 
-    Raises
-    ------
-    ConfigError
-        If there is no joint or one comes twice, a list has another length than there are, or
-        limits are not given.
+    ConfigError if there is no joint or one comes twice, a list has another length than there are,
+    or limits are not given.
 
     """
 
