@@ -32,12 +32,8 @@ def read_checked(path: str | os.PathLike[str], version: int) -> tuple[Arrays, di
     """
     Return arrays and header as they were written.
 
-    Raises
-    ------
-    OSError
-        If the file does not exist or cannot be opened.
-    ModelError
-        If it is damaged, of another kind, or from another version of the format.
+    OSError if the file does not exist or cannot be opened; ModelError if it is damaged, of another
+    kind, or from another version of the format.
 
     """
     try:

@@ -91,15 +91,7 @@ def count(text: str) -> int:
 
 
 def days(text: str) -> float:
-    """
-    Read a number of days, zero or more.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        If it is anything else.
-
-    """
+    """Read a number of days, zero or more; argparse.ArgumentTypeError if it is anything else."""
     try:
         value = float(text)
     except ValueError:

@@ -66,10 +66,7 @@ def is_asked(args: argparse.Namespace) -> bool:
     """
     Whether any argument of a fleet is given.
 
-    Raises
-    ------
-    ConfigError
-        If there is none, but a source that only a fit to a fleet can find.
+    ConfigError if there is none, but a source that only a fit to a fleet can find.
 
     """
     if any(getattr(args, name) is not None for name in OPTIONS):

@@ -23,12 +23,8 @@ def load(path: str) -> InverseDynamicsModel:
     """
     Read a model.
 
-    Raises
-    ------
-    OSError
-        If the file does not exist or cannot be opened.
-    ModelError
-        If it is damaged or no model.
+    OSError if the file does not exist or cannot be opened, ModelError if it is damaged or no
+    model.
 
     """
     model = InverseDynamicsModel.load(path)
@@ -46,12 +42,8 @@ def load_for(
 
     Without a settings file, by the settings of the first recording of the fit.
 
-    Raises
-    ------
-    LipIdError
-        If a source cannot be used, or does not fit the model.
-    OSError
-        If a source cannot be opened.
+    LipIdError if a source cannot be used, or does not fit the model; OSError if a source cannot be
+    opened.
 
     """
     return matched(load_dataset(sources, _config_of(model, path), progress), model)

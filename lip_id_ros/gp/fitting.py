@@ -52,10 +52,7 @@ def fit_process(
     conditioned on all of them, or on the best spread `max_samples`, whose noise is estimated
     again. The kernel is one of `lip_id_ros.kernels.FAMILY`, whatever the settings name.
 
-    Raises
-    ------
-    FitError
-        If the Gram matrix cannot be factorised.
+    FitError if the Gram matrix cannot be factorised.
 
     """
     started = time.monotonic()

@@ -41,10 +41,7 @@ class MarginalLikelihood:
         """
         Evaluate at log-hyperparameters (p,), constant included; the gradient has shape (p,).
 
-        Raises
-        ------
-        FitError
-            If the Gram matrix cannot be factorised.
+        FitError if the Gram matrix cannot be factorised.
 
         """
         at = self.like.with_vector(vector)

@@ -36,18 +36,12 @@ class Drives:
     """
     Rotors, friction and sensors of the joints.
 
-    Attributes
-    ----------
-    rotor_inertia : ndarray, shape (n,)
-        Seen at the joint [kg m^2 or kg].
-    ripple : float
-        Standard deviation of the white noise on the torque that acts [N m or N].
-    position_noise, velocity_noise, torque_noise : float
-        Standard deviations of the sensors [rad or m, rad/s or m/s, N m or N].
-    delay : int
-        Steps between a command and its torque.
-    step : float
-        Between two commands [s].
+    `rotor_inertia`, shape (n,): seen at the joint [kg m^2 or kg].
+    `ripple`: standard deviation of the white noise on the torque that acts [N m or N].
+    `position_noise`, `velocity_noise`, `torque_noise`: standard deviations of the sensors [rad or
+    m, rad/s or m/s, N m or N].
+    `delay`: steps between a command and its torque.
+    `step`: between two commands [s].
 
     """
 
@@ -75,12 +69,8 @@ class TorqueControlledArm:
     """
     Rigid bodies driven by torques; one step is one fourth-order Runge-Kutta step.
 
-    Attributes
-    ----------
-    bodies : SimulatedArm
-        The rigid bodies with their rotors: the truth for energies and torques.
-    t, q, dq
-        The exact state: time [s], positions, velocities.
+    `bodies`: the rigid bodies with their rotors: the truth for energies and torques. `t`, `q`,
+    `dq`: the exact state: time [s], positions, velocities.
 
     """
 
@@ -121,12 +111,8 @@ class TorqueControlledArm:
         """
         Advance by one step.
 
-        Parameters
-        ----------
-        command : ndarray, shape (n,)
-            Torques [N m or N], which act `delay` steps later and are held for a step.
-        external : ndarray, shape (n,), or float
-            Torques of a contact, which act at once and are not measured.
+        `command`, shape (n,): torques [N m or N], which act `delay` steps later and are held for a
+        step. `external`, shape (n,): torques of a contact, which act at once and are not measured.
 
         """
         self._underway.append(np.array(command, dtype=np.float64))
