@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.control.gains import Gains
+from lip_id_ros.control.settings import Gains
 from lip_id_ros.model import DynamicsModel
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.simulation import (

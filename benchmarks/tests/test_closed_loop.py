@@ -18,7 +18,7 @@ from benchmarks._closed_loop import (
     Tracking,
 )
 from lip_id_ros.arrays import Array
-from lip_id_ros.control.gains import Gains
+from lip_id_ros.control.settings import Gains
 from lip_id_ros.model import DynamicsModel, Query
 from lip_id_ros.simulation import Drives, GrowingCosine, JointFriction, panda, SimulatedArm
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.control.gains import Gains
+from lip_id_ros.control.settings import Gains
 from lip_id_ros.simulation.arm import panda, SimulatedArm
 from lip_id_ros.simulation.torque_controlled import Drives, JointFriction
 

@@ -287,7 +287,6 @@ def test_where_the_disk_fails_the_model_is_kept_elsewhere(
         (('dataset', 'run.mcap', '-o', 'letter.csv'), 'letter.csv exists and is not a data set'),
         (('bench', 'm.npz', '--json', 'letter.csv'), 'letter.csv exists and is not a JSON object'),
         (('evaluate', 'm.npz', 'run.mcap', '--report', 'photos'), 'photos is not empty and has'),
-        (('compare', 'run.mcap', '-o', 'photos'), 'photos is not empty and has no report'),
     ],
 )
 def test_an_output_never_replaces_an_input_or_a_foreign_file(

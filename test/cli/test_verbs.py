@@ -26,7 +26,7 @@ from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import read_config
 from lip_id_ros.simulation import write_bag
 
-VERBS = ('fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'compare')
+VERBS = ('fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench')
 
 
 @pytest.mark.slow
@@ -251,7 +251,7 @@ def test_bench_measures_and_writes(workshop: Workshop, here: Path) -> None:
 
 def test_help_is_quick_and_names_every_verb() -> None:
     ran = subprocess.run(
-        [sys.executable, '-X', 'importtime', '-m', 'lip_id_ros.cli', '--help'],
+        [sys.executable, '-X', 'importtime', '-m', 'lip_id_ros', '--help'],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
 
@@ -297,7 +297,7 @@ def test_a_data_set_goes_to_standard_output_and_its_table_elsewhere(
 
 @pytest.mark.slow
 def test_a_model_goes_through_a_pipe_of_the_shell(workshop: Workshop, here: Path) -> None:
-    command = f'{sys.executable} -m lip_id_ros.cli predict {workshop.model} {workshop.bag} -o -'
+    command = f'{sys.executable} -m lip_id_ros predict {workshop.model} {workshop.bag} -o -'
     subprocess.run(f'{command} | cat > out.npz', shell=True, check=True)
     arrays, _ = read_npz(here / 'out.npz')
     assert {'tau', 'tau_std', 'gravity'} <= set(arrays)
@@ -305,12 +305,12 @@ def test_a_model_goes_through_a_pipe_of_the_shell(workshop: Workshop, here: Path
 
 @pytest.mark.parametrize('streams', ['>&-', '2>&- >/dev/null', '>&- 2>&-'])
 def test_closed_streams_end_no_verb(streams: str, here: Path) -> None:
-    command = f'{sys.executable} -m lip_id_ros.cli cache --cache kept {streams}'
+    command = f'{sys.executable} -m lip_id_ros cache --cache kept {streams}'
     assert subprocess.run(command, shell=True, capture_output=True, check=True).stderr == b''
 
 
 def test_a_terminal_of_few_characters_shows_escapes(here: Path) -> None:
-    command = [sys.executable, '-m', 'lip_id_ros.cli', 'cache', '--cache', 'gelenk_\xe4']
+    command = [sys.executable, '-m', 'lip_id_ros', 'cache', '--cache', 'gelenk_\xe4']
     ascii_only = {**os.environ, 'PYTHONIOENCODING': 'ascii'}
     shown = subprocess.run(command, env=ascii_only, capture_output=True, check=True).stdout
     assert b'gelenk_\\xe4' in shown

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 import yaml
 
 from benchmarks.tracking import Experiment, run_experiment
-from lip_id_ros.control.gains import Gains
+from lip_id_ros.control.settings import Gains
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import GrowingCosine
 from lip_id_ros.simulation.panda_drives import panda_setup, POSTURE
