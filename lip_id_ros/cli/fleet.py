@@ -131,12 +131,11 @@ def _is_report(path: Path) -> bool:
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse what belongs to other fits or to the other engine."""
-    for name in ('model', 'holdout'):
-        if getattr(args, name) is not None:
-            raise ConfigError(
-                f'--{name} belongs to a fit without options of a fleet, but --{name} and one of '
-                f'these were given; leave out --{name}, and evaluate other recordings.'
-            )
+    if args.holdout is not None:
+        raise ConfigError(
+            '--holdout belongs to a fit without options of a fleet, but --holdout and one of '
+            'these were given; leave out --holdout, and evaluate other recordings.'
+        )
     if args.address is not None and args.engine != RAY:
         raise ConfigError(
             '--address names a Ray cluster, but the engine is local; give --engine ray.'
