@@ -163,4 +163,4 @@ TERMS: Mapping[str, MakeTerm] = {
     'geometric_polynomial': GeometricPolynomial,
     'friction': Friction,
 }
-"""Terms by the names that model files use."""
+"""Terms by name."""
