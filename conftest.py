@@ -70,12 +70,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     # files that take long come first, so that no worker is alone with one at the end
     long = {_group(item) for item in items if _is_long(item)}
     items.sort(key=lambda item: _group(item) not in long)
-    for marker, missing in (('ros', _no_ros), ('gpu', _no_gpu)):
-        marked = [item for item in items if item.get_closest_marker(marker)]
-        reason = missing() if marked else None
-        if reason:
-            for item in marked:
-                item.add_marker(pytest.mark.skip(reason=reason))
+    marked = [item for item in items if item.get_closest_marker('ros')]
+    if marked and (reason := _no_ros()):
+        for item in marked:
+            item.add_marker(pytest.mark.skip(reason=reason))
 
 
 def _group(item: pytest.Item) -> Any:
@@ -93,11 +91,3 @@ def _no_ros() -> str | None:
     except ImportError as error:
         return f'needs ROS 2: {error}'
     return None
-
-
-def _no_gpu() -> str | None:
-    try:
-        torch = importlib.import_module('torch')
-    except ImportError as error:
-        return f'needs torch: {error}'
-    return None if torch.cuda.is_available() else 'needs a CUDA device'

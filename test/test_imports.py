@@ -107,7 +107,6 @@ FOREIGN = {
         'fleet/sources',
         'fleet/stored_files',
     ),
-    'torch': ('gp/reference',),  # imported where asked for
     'rosbags': ('recording',),
     'lz4': ('recording/storage/contents',),
     # zstd: the standard library has it from 3.14 as compression

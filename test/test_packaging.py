@@ -36,7 +36,6 @@ WITHOUT_KEY = {
     'rosbags': 'rosbags',
     'threadpoolctl': 'threadpoolctl',
 }
-OPTIONAL = {'torch'}
 LAUNCH_FILE = """
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo
@@ -101,7 +100,7 @@ def test_manifest_and_setup_agree_on_authors_and_addresses(manifest: ElementTree
 
 def test_manifest_names_what_is_imported_and_no_more(manifest: ElementTree.Element) -> None:
     named = [element.text for element in manifest.iter('exec_depend')]
-    imported = foreign_imports(PACKAGE, 'launch') - OPTIONAL
+    imported = foreign_imports(PACKAGE, 'launch')
     needed = {ROSDEP.get(name, name) for name in imported - set(WITHOUT_KEY)}
     assert sorted(needed) == named
 

@@ -106,5 +106,5 @@ def _module(name: str) -> Any:
     except ImportError as error:
         raise LipIdError(
             f'the model {name!r} needs a package that is missing ({error}); '
-            "install it with `pip install 'lip_id_ros[torch]'`."
+            'install it with `pip install torch`.'
         ) from error

@@ -38,12 +38,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='robot description: the prior of the default model',
     )
     arguments.add_joints(parser)
-    parser.add_argument(
-        '--device',
-        choices=('cpu', 'cuda'),
-        help='device of the fit: cuda needs torch, and falls back to the CPU without a device '
-        '(default: cpu)',
-    )
     arguments.add_seed(parser)
     parser.add_argument(
         '--holdout',

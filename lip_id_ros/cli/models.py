@@ -55,7 +55,6 @@ def fit_config(args: argparse.Namespace) -> Config:
         'recording.joints': args.joints,
         'fit.kernel': args.kernel,
         'fit.description': args.urdf,
-        'fit.device': args.device,
         'fit.seed': args.seed,
     }
     return chosen_config(args.config, chosen)

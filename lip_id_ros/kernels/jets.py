@@ -11,7 +11,7 @@ jets to jets in closed form, with no division: the product rule is
           - [i = b]\, \partial_q a\; y.
 
 Derivation and proof: docs/maths.md, section 4. The tests compare with nested automatic
-differentiation (`lip_id_ros.gp.reference`).
+differentiation.
 
 """
 

@@ -204,8 +204,7 @@ def kinetic_covariance(
     Prior covariance [J^2] of the kinetic energies at two joint states: defines a kernel.
 
     It takes numbers, numpy arrays and torch tensors alike. numpy gives prior variances; torch
-    differentiates these lines to give torques (`lip_id_ros.gp.reference`), which every compiled
-    loop is tested against.
+    differentiates these lines to give torques, which the tests compare with every compiled loop.
 
     `f`, `fz`: joint features of the two states; further indices are states. `dq`, `dz`: velocities
     [rad/s or m/s].

@@ -329,7 +329,6 @@ def test_interruption_is_quiet(
         ('fit', 'bag'),
         ('fit', '-o', 'out.npz'),
         ('fit', 'bag', '-o', 'out.npz', '--kernel', 'magic'),
-        ('fit', 'bag', '-o', 'out.npz', '--device', 'magic'),
         ('fit', 'bag', '-o', 'out.npz', '--holdout', '1.5'),
         ('fit', 'bag', '-o', 'out.npz', '--holdout', 'half'),
         ('fit', 'bag', '-o', 'out.npz', '--joints', 'a,,b'),

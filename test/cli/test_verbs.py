@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-import importlib
 import json
 import os
 from pathlib import Path
@@ -68,29 +67,6 @@ def test_fit_takes_kernel_and_joints_from_the_command_line(workshop: Workshop, h
     model = InverseDynamicsModel.load('arm.npz')
     assert model.kernel == 'lip'
     assert model.joint_names == ('wrist', 'elbow')
-
-
-@pytest.mark.slow
-def test_fit_without_a_device_says_so_and_goes_on(
-    workshop: Workshop, here: Path, capsys: Capture
-) -> None:
-    if cuda_is_available():
-        pytest.skip('needs a machine without a CUDA device')
-    fit = ('fit', workshop.bag, '-o', 'arm.npz', '--config', workshop.settings, '--device', 'cuda')
-    for kernel, reason in (('articulated', 'an arm is identified'), ('recursive', 'torch')):
-        lip_id(*fit, '--joints', 'wrist', '--kernel', kernel)
-        lines = capsys.readouterr().out.splitlines()
-        sentence = f'Fitted on the CPU instead of cuda: {reason}'
-        assert sum(line.startswith(sentence) for line in lines) == 1
-    assert InverseDynamicsModel.load('arm.npz').summary['device'] == 'cpu'
-
-
-def cuda_is_available() -> bool:
-    try:
-        torch = importlib.import_module('torch')
-    except ImportError:
-        return False
-    return bool(torch.cuda.is_available())
 
 
 def test_held_out_samples_are_the_last_and_are_not_learned_from(
