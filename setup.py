@@ -85,7 +85,6 @@ setup(
         'export': ['mujoco>=3.2'],
         'ray': ['ray[client]>=2.30'],
         'sim': ['pin>=3.0', 'example-robot-data>=4.1'],
-        'torch': ['torch>=2.1'],
         'test': [
             'flask>=3.0',
             'flask-cors>=4.0',
@@ -96,6 +95,7 @@ setup(
             'psutil>=5.9',
             'pytest>=7.4,<9',
             's3fs>=2024.2',
+            'torch>=2.1',
         ],
     },
     package_data={

@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks._effects import Drives, INDUSTRIAL, MILD
 from benchmarks._panda import half_ranges, run_pair
 from benchmarks._sensors import measured, MOTOR_CURRENTS, Sensors, TORQUE_SENSORS
+from benchmarks.comparison import Case, thinned
 from lip_id_ros.arrays import Array
-from lip_id_ros.comparison import Case, thinned
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import MotionLimits, panda, SimulatedArm, SinusoidTrajectory

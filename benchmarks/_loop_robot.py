@@ -18,6 +18,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from benchmarks._cells import running
+from benchmarks._closed_loop import placed
 from benchmarks._loop_figures import Timeline
 from benchmarks._serve_client import cpu_seconds, LIMITS, serving, spun
 from lip_id_ros.arrays import Array
@@ -25,7 +26,7 @@ from lip_id_ros.control.plan_controller import PlanController
 from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.simulation import Measurement, placed, SinusoidTrajectory, StoppedTrajectory
+from lip_id_ros.simulation import Measurement, SinusoidTrajectory, StoppedTrajectory
 from lip_id_ros.simulation.arm import MOTION
 from lip_id_ros.simulation.panda_drives import DAMPING, panda_setup, STIFFNESS
 

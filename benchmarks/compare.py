@@ -8,11 +8,11 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks._experiments import EXPERIMENTS, Form
-from lip_id_ros.baselines import Method, method
+from benchmarks.baselines import Method, method
+from benchmarks.comparison import Case, compare, Store
+from benchmarks.comparison.report import write_comparison
+from benchmarks.comparison.run import Make, remarks, tables
 from lip_id_ros.cli.output import progress_display
-from lip_id_ros.comparison import Case, compare, Store
-from lip_id_ros.comparison.report import write_comparison
-from lip_id_ros.comparison.run import Make, remarks, tables
 from lip_id_ros.evaluation.tables import show, show_lines
 
 
@@ -43,7 +43,7 @@ def _maker(form: Form) -> Make:
     def make(model: str, case: Case) -> Method:
         if model != 'delan':
             return method(model, case.urdf)
-        from lip_id_ros.baselines.delan import Delan
+        from benchmarks.baselines.delan import Delan
 
         return Delan(form.delan_steps)
 

@@ -13,8 +13,16 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks._closed_loop import (
+    ComputedTorque,
+    Feedforward,
+    no_contact,
+    NominalFeedforward,
+    placed,
+    track,
+    Tracking,
+)
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.control import ComputedTorque, Feedforward
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring import external_torques, Thresholds
@@ -23,14 +31,7 @@ from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.signals.filters import high_pass
-from lip_id_ros.simulation import (
-    no_contact,
-    NominalFeedforward,
-    placed,
-    SinusoidTrajectory,
-    track,
-    Tracking,
-)
+from lip_id_ros.simulation import SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 from lip_id_ros.simulation.panda_drives import panda_setup, Setup
 

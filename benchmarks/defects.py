@@ -16,11 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import butter, lfilter
 
+from benchmarks._closed_loop import FrictionalArm
 from lip_id_ros.arrays import Array
 from lip_id_ros.health import evidence_of, examine
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.simulation.arm import MOTION, panda, SimulatedArm
-from lip_id_ros.simulation.closed_loop import FrictionalArm, JointFriction
+from lip_id_ros.simulation.torque_controlled import JointFriction
 from lip_id_ros.simulation.trajectories import MotionLimits, SinusoidTrajectory
 
 RATE_HZ, SECONDS = 100.0, 60.0

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import psutil
 
+from benchmarks._closed_loop import FrictionalArm
 from benchmarks._panda import half_ranges
 from lip_id_ros.arrays import Array
 from lip_id_ros.fleet.cache import FolderCache
@@ -34,7 +35,7 @@ from lip_id_ros.fleet.sources import find, StoredRecording
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config
 from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory, write_bag
-from lip_id_ros.simulation.closed_loop import FrictionalArm, JointFriction
+from lip_id_ros.simulation.torque_controlled import JointFriction
 
 ROBOTS = 20
 RATE_HZ, SECONDS = 100.0, 15.0

@@ -93,7 +93,7 @@ print(os.waitstatus_to_exitcode(status), usage.ru_maxrss)
 def measured(verb: list[str], folder: str) -> dict[str, Any]:
     """Run `lip_id`; return exit code, seconds and the most memory of any of its processes."""
     started = time.perf_counter()
-    command = [sys.executable, '-m', 'lip_id_ros.cli', *verb]
+    command = [sys.executable, '-m', 'lip_id_ros', *verb]
     ran = subprocess.run(
         [sys.executable, '-c', _LAUNCHER, *command],
         stdout=subprocess.PIPE,

@@ -11,9 +11,9 @@ import tempfile
 import numpy as np
 
 from benchmarks._cells import measured, show
+from benchmarks._closed_loop import NominalFeedforward
 from benchmarks.contact import learned, move
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation import NominalFeedforward
 from lip_id_ros.simulation.panda_drives import panda_setup
 
 MIDDLEWARES = ('rmw_fastrtps_cpp', 'rmw_cyclonedds_cpp')

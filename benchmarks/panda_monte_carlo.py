@@ -21,7 +21,7 @@ import yaml
 
 from benchmarks._panda import run_pair
 from benchmarks._results import Results, Row
-from lip_id_ros.baselines import method
+from benchmarks.baselines import method
 from lip_id_ros.evaluation import evaluate
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import Config, override

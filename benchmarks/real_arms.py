@@ -18,8 +18,8 @@ import numpy as np
 
 from benchmarks._real import ARMS, RealArm, SPLITS
 from benchmarks._results import Results, Row
+from benchmarks.baselines import method
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines import method
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation.metrics import nmse_percent

@@ -21,8 +21,8 @@ from scipy.optimize import minimize_scalar
 
 from benchmarks._real import ARMS, RealArm, SPLITS
 from benchmarks._simulated_recordings import N_JOINTS, simulated
+from benchmarks.baselines import method
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines import method
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.numba_jit import jit

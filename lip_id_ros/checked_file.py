@@ -1,4 +1,4 @@
-"""Model files of every kind: npz with a JSON header, checked against a hash of both; no pickle."""
+"""Model files: npz with a JSON header, checked against a hash of both; no pickle."""
 
 from __future__ import annotations
 
@@ -18,42 +18,22 @@ Arrays = dict[str, NDArray[Any]]
 
 MODEL = 'lip_id_ros/model'
 """What `InverseDynamicsModel` is called in its header."""
-COMPARED = 'lip_id_ros/compared'
-"""What a model of the literature is called."""
 
 
 def write_checked(
-    path: str | os.PathLike[str],
-    schema: str,
-    version: int,
-    arrays: Arrays,
-    rest: Mapping[str, Any],
+    path: str | os.PathLike[str], version: int, arrays: Arrays, rest: Mapping[str, Any]
 ) -> None:
-    """
-    Write arrays and a header that says what they are.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-
-    """
-    header = {**rest, 'schema': schema, 'version': version}
+    """Write arrays and a header that says what they are; OSError if that fails."""
+    header = {**rest, 'schema': MODEL, 'version': version}
     write_npz(path, arrays, {**header, 'sha256': _digest(arrays, header)})
 
 
-def read_checked(
-    path: str | os.PathLike[str], schema: str, version: int
-) -> tuple[Arrays, dict[str, Any]]:
+def read_checked(path: str | os.PathLike[str], version: int) -> tuple[Arrays, dict[str, Any]]:
     """
     Return arrays and header as they were written.
 
-    Raises
-    ------
-    OSError
-        If the file does not exist or cannot be opened.
-    ModelError
-        If it is damaged, of another kind, or from another version of the format.
+    OSError if the file does not exist or cannot be opened; ModelError if it is damaged, of another
+    kind, or from another version of the format.
 
     """
     try:
@@ -63,30 +43,17 @@ def read_checked(
             f'{os.fspath(path)} must be a model that `lip_id fit` wrote, but is none ({error}); '
             'pass the file that it wrote, or fit again.'
         ) from error
-    _check(path, schema, version, arrays, header)
+    _check(path, version, arrays, header)
     _check_contents(path, arrays, header)
     return arrays, header
 
 
-def schema_of(path: str | os.PathLike[str]) -> str | None:
-    """
-    Return what a file says it is; None where it says nothing that can be read.
-
-    Raises
-    ------
-    OSError
-        If the file does not exist or cannot be opened.
-
-    """
-    try:
-        return read_header(path).get('schema')
-    except ValueError:
-        return None
-
-
 def is_model(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is a model of this package or of the literature."""
-    return schema_of(path) in (MODEL, COMPARED)
+    """Whether a file says that it is a model; OSError if it cannot be opened."""
+    try:
+        return read_header(path).get('schema') == MODEL
+    except ValueError:
+        return False
 
 
 def contradiction(path: str | os.PathLike[str], error: Exception) -> ModelError:
@@ -98,23 +65,13 @@ def contradiction(path: str | os.PathLike[str], error: Exception) -> ModelError:
 
 
 def _check(
-    path: str | os.PathLike[str],
-    schema: str,
-    version: int,
-    arrays: Arrays,
-    header: Mapping[str, Any],
+    path: str | os.PathLike[str], version: int, arrays: Arrays, header: Mapping[str, Any]
 ) -> None:
     found = header.get('schema')
-    if found == COMPARED and schema == MODEL:
-        raise ModelError(
-            f'{os.fspath(path)} is a model of the kind {header.get("method")!r}, for lip_id '
-            'inspect, evaluate and predict; bench and serve need one of this package, which '
-            'lip_id fit writes without --model.'
-        )
-    if found != schema:
+    if found != MODEL:
         raise ModelError(
             f'{os.fspath(path)} is not a model of lip_id_ros (its schema is '
-            f'{found!r}, expected {schema!r}); pass the file that a fit wrote.'
+            f'{found!r}, expected {MODEL!r}); pass the file that a fit wrote.'
         )
     if header.get('version') != version:
         raise ModelError(

@@ -63,14 +63,8 @@ def read_header(path: PathLike) -> tuple[str, ...]:
     """
     Read the names of the columns but that of the first, which may number the rows without one.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    SourceError
-        If it is not a regular file.
-    DataError
-        If its first line names no columns, or a name twice.
+    OSError if the file cannot be opened; SourceError if it is not a regular file; DataError if its
+    first line names no columns, or a name twice.
 
     """
     return tuple(name for name in _header(path).names if name)
@@ -135,15 +129,9 @@ def read_table(path: PathLike) -> CsvTable:
 
     A last line that was cut short is left out, and noted.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    SourceError
-        If it is not a regular file.
-    DataError
-        If it has no header, no rows, a first column without a name that does not number the rows,
-        or a cell that is no number; names the line.
+    OSError if the file cannot be opened; SourceError if it is not a regular file; DataError if it
+    has no header, no rows, a first column without a name that does not number the rows, or a cell
+    that is no number; names the line.
 
     """
     header = _header(path)

@@ -62,10 +62,7 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
     link is followed, the mode of an existing file is kept. A pipe or a device, such as
     /dev/stdout, is written to and not replaced. Temporary files of killed writes are removed.
 
-    Raises
-    ------
-    OSError
-        If the folder does not exist or cannot be written.
+    OSError if the folder does not exist or cannot be written.
 
     """
     if is_stream(path_text(path)):
@@ -244,12 +241,8 @@ def read_npz(path: PathLike) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 
     The header is empty where the file has none (an npz file from elsewhere).
 
-    Raises
-    ------
-    OSError
-        If the file does not exist or cannot be opened.
-    ValueError
-        If it is not an npz file, is damaged, or holds pickled objects.
+    OSError if the file does not exist or cannot be opened; ValueError if it is not an npz file, is
+    damaged, or holds pickled objects.
 
     """
     return _read(path, lambda name: True)
@@ -306,12 +299,7 @@ def require_regular_file(path: PathLike) -> None:
 
     A device, a pipe or a socket may block for ever or never end.
 
-    Raises
-    ------
-    OSError
-        If there is no such file.
-    SourceError
-        If it is anything else than a file.
+    OSError if there is no such file, SourceError if it is anything else than a file.
 
     """
     name = path_text(path)

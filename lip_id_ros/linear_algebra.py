@@ -28,12 +28,8 @@ class CholeskyFactor:
     """
     Factor of a symmetric positive definite matrix.
 
-    Attributes
-    ----------
-    lower : array, shape (m, m), Fortran order
-        L with L L^T = K + jitter I; what lies above the diagonal is undefined.
-    jitter : float
-        What had to be added to the diagonal [units of K].
+    `lower`, shape (m, m): L with L L^T = K + jitter I; what lies above the diagonal is undefined.
+    `jitter`: what had to be added to the diagonal [units of K].
 
     """
 
@@ -45,10 +41,7 @@ class CholeskyFactor:
         """
         Factorise a symmetric matrix (m, m) in C order, with as little jitter as it takes.
 
-        Raises
-        ------
-        FitError
-            If the matrix is not finite or not positive definite even with jitter.
+        FitError if the matrix is not finite or not positive definite even with jitter.
 
         """
         # LAPACK may take a matrix with NaN in it and return NaN.

@@ -80,11 +80,6 @@ PARTS = {
         *('dataset', 'evaluation', 'friction', 'identification', 'linear_algebra', 'model'),
         *('loading', 'preprocessing', 'recording', 'rigid_body', 'settings'),
     },
-    'baselines': {
-        *('dataset', 'description', 'friction', 'gp', 'identification', 'kernels'),
-        *('linear_algebra', 'model', 'rigid_body', 'settings'),
-    },
-    'comparison': {'baselines', 'settings', 'dataset', 'evaluation', 'model'},
     'signals': {'model', 'recording'},
     'control': {'model', 'recording', 'settings', 'signals'},
     'monitoring': {'model', 'recording', 'settings', 'signals'},
@@ -97,9 +92,8 @@ PARTS |= {
     '__init__': INNER,  # the Python face
     'acquisition': INNER - {'control', 'feedforward', 'monitoring', 'simulation'},
     'nodes': INNER - {'simulation'} | {'acquisition'},
-    'tracking': INNER,  # the paper's tracking experiment
-    'cli': INNER | {'tracking'},
-    'demo': INNER | {'cli', 'nodes', 'tracking'},
+    'cli': INNER,
+    'demo': INNER | {'cli', 'nodes'},
     'parameter_page': {'acquisition', 'control', 'demo', 'feedforward', 'monitoring', 'settings'},
 }
 
@@ -113,7 +107,6 @@ FOREIGN = {
         'fleet/sources',
         'fleet/stored_files',
     ),
-    'torch': ('gp/reference', 'baselines'),  # imported where asked for
     'rosbags': ('recording',),
     'lz4': ('recording/storage/contents',),
     # zstd: the standard library has it from 3.14 as compression
@@ -123,7 +116,7 @@ FOREIGN = {
     'pinocchio': ('simulation', 'export/check'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),
-    'matplotlib': ('evaluation/report', 'comparison/report', 'tracking/report'),
+    'matplotlib': ('evaluation/report',),
     'rich': ('evaluation/tables', 'cli'),
     'argcomplete': ('cli/main',),  # imported where the shell asks
     'rclpy': ROS,
@@ -204,8 +197,7 @@ LIGHT = {
     'lip_id_ros.cli': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
     'lip_id_ros.acquisition.recorder': ('torch', 'numba', 'matplotlib', 'pinocchio'),
     'lip_id_ros.acquisition.settings': ('torch', 'numba', 'matplotlib', 'pinocchio'),
-    'lip_id_ros.control.computed_torque': ('torch', 'numba', 'matplotlib', 'pinocchio'),
-    'lip_id_ros.baselines': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
+    'lip_id_ros.control.plan_controller': ('torch', 'numba', 'matplotlib', 'pinocchio'),
 }
 
 

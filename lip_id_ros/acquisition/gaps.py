@@ -16,11 +16,7 @@ class Gaps:
     """
     Count steps between stamps that are many times as long as the usual ones before.
 
-    Attributes
-    ----------
-    count : int
-    longest_s : float
-        The longest of them [s].
+    `longest_s`: the longest of them [s].
 
     """
 

@@ -26,27 +26,16 @@ class Task:
     """
     The request of a job.
 
-    Attributes
-    ----------
-    kind : str
-        'fit', 'dataset' or 'payload'.
-    settings : mapping
-        Settings of a fit by ``section.name``.
-    path : str
-        Where the result is saved.
-    bags : sequence of str
-        Recordings and data sets that are used as well.
-    holdout : float
-        Share of the samples that is kept out of a fit, to judge it by.
-    niceness : int
-        How much it gives way to other processes.
-    model : str
-        File of the arm whose payload is sought.
-    payload_model : str
-        Where the model with the payload is saved; empty for nowhere.
-    flange : tuple of two floats
-        The frame in which a payload is given: shift along and turn about the z axis of the last
-        link's frame [m, degrees].
+    `kind`: 'fit', 'dataset' or 'payload'.
+    `settings`: settings of a fit by ``section.name``.
+    `path`: where the result is saved.
+    `bags`: recordings and data sets that are used as well.
+    `holdout`: share of the samples that is kept out of a fit, to judge it by.
+    `niceness`: how much it gives way to other processes.
+    `model`: file of the arm whose payload is sought.
+    `payload_model`: where the model with the payload is saved; empty for nowhere.
+    `flange`: the frame in which a payload is given: shift along and turn about the z axis of the
+    last link's frame [m, degrees].
 
     """
 
@@ -66,18 +55,11 @@ class JobState:
     """
     Where a job stands.
 
-    Attributes
-    ----------
-    task : str
-        'fit', 'dataset' or 'payload'; 'none' before the first.
-    state : str
-        'idle', 'running', 'done', 'failed' or 'cancelled'.
-    stage, done, total
-        The last progress; `total` is 0 while it is not known.
-    result : mapping
-        Result that the process reported.
-    error : str
-        One sentence when it failed.
+    `task`: 'fit', 'dataset' or 'payload'; 'none' before the first.
+    `state`: 'idle', 'running', 'done', 'failed' or 'cancelled'.
+    `stage`, `done`, `total`: the last progress; `total` is 0 while it is not known.
+    `result`: result that the process reported.
+    `error`: one sentence when it failed.
 
     """
 
@@ -130,10 +112,7 @@ class Jobs:
     A process, not a thread: the interpreter stays free for messages, and a crash stays there. It
     gets a session of its own, so that Ctrl-C in a terminal reaches it only through the node.
 
-    Attributes
-    ----------
-    state : JobState
-        Of the last job.
+    `state`: of the last job.
 
     """
 
@@ -148,21 +127,8 @@ class Jobs:
         """
         Start a job; returns at once.
 
-        Parameters
-        ----------
-        task : Task
-        sections : sequence of JointSamples
-            The recorded samples; may be none where the task names bags.
-
-        Returns
-        -------
-        Future
-            Of the job's result.
-
-        Raises
-        ------
-        LipIdError
-            If another job is running.
+        `sections`: the recorded samples; may be none where the task names bags. Returns the
+        job's future result. LipIdError if another job is running.
 
         """
         if self.state.state == 'running':
@@ -176,15 +142,8 @@ class Jobs:
         """
         End the job that is running, unless it saves its result already.
 
-        Returns
-        -------
-        str
-            'fit', 'dataset' or 'payload'; nothing of it is saved.
-
-        Raises
-        ------
-        LipIdError
-            If none is running, or it saves its result or has ended by itself.
+        Returns 'fit', 'dataset' or 'payload'; nothing of it is saved. LipIdError if none is
+        running, or it saves its result or has ended by itself.
 
         """
         if self._work is None or self.state.state != 'running':

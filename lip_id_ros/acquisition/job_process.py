@@ -51,17 +51,9 @@ def main(requests: TextIO, output: TextIO) -> int:
     """
     Do what the request asks.
 
-    Parameters
-    ----------
-    requests : text stream
-        The request of `lip_id_ros.acquisition.job.Jobs` as one JSON text.
-    output : text stream
-        Gets one JSON object per line: `progress` (stage, done, total), then `result` or `error`.
-
-    Returns
-    -------
-    int
-        Exit status.
+    `requests`: the request of `lip_id_ros.acquisition.job.Jobs` as one JSON text. `output`: gets
+    one JSON object per line: `progress` (stage, done, total), then `result` or `error`. Returns
+    the exit status.
 
     """
     request = json.load(requests)
@@ -193,13 +185,8 @@ class TrainingSet:
     """
     A data set, and the part of the live recording that is not in it.
 
-    Attributes
-    ----------
-    dataset : Dataset
-    left_out : sequence of str
-        Why sections could not be used, one sentence for all of the same.
-    n_thinned : int
-        Samples that the bound `max_samples` left out.
+    `left_out`: why sections could not be used, one sentence for all of the same. `n_thinned`:
+    samples that the bound `max_samples` left out.
 
     """
 
@@ -219,28 +206,16 @@ def training_set(
     """
     Join a live recording and bags.
 
-    Parameters
-    ----------
-    sections : sequence of JointSamples
-        The live recording; a section that is too short is left out, unless nothing else is there.
-    bags : sequence of str
-        Recordings and data sets; where the settings name no joints, they must have those of the
-        live recording.
-    config : Config
-        Sections `recording` and `preprocessing` are used.
-    progress : callable
-    watch : callable
-        Called with the raw samples of every recording that is used.
-    training_share : float
-        First share that `cutoff_hz: auto` may look at; where there is a live recording, it looks
-        at that alone.
-
-    Raises
-    ------
-    LipIdError
-        If a bag cannot be used, or nothing is left.
-    OSError
-        If a bag does not exist or cannot be opened.
+    `sections`: the live recording; a section that is too short is left out, unless nothing else is
+    there.
+    `bags`: recordings and data sets; where the settings name no joints, they must have those of
+    the live recording.
+    `config`: sections `recording` and `preprocessing` are used.
+    `watch`: called with the raw samples of every recording that is used.
+    `training_share`: first share that `cutoff_hz: auto` may look at; where there is a live
+    recording, it looks at that alone.
+    LipIdError if a bag cannot be used, or nothing is left; OSError if a bag does not exist or
+    cannot be opened.
 
     """
     report: dict[str, Any] = {}

@@ -56,10 +56,7 @@ class Originals:
     """
     Frames, order of names, and numbers of other joints, on disk once they are many.
 
-    Attributes
-    ----------
-    n_bytes : int
-        About what they add to a bag.
+    `n_bytes`: about what they add to a bag.
 
     """
 
@@ -73,19 +70,9 @@ class Originals:
         """
         Take a message after those before.
 
-        Parameters
-        ----------
-        message : JointMessage
-        kept : ndarray, shape (3, n)
-            Position, velocity and effort of the joints to keep; NaN where it has none, or none
-            that is finite.
-        joint_names : sequence of str
-            The joints to keep, always the same.
-
-        Raises
-        ------
-        OSError
-            If there is no room; nothing may be added any more.
+        `kept`, shape (3, n): position, velocity and effort of the joints to keep; NaN where it has
+        none, or none that is finite. `joint_names`: the joints to keep, always the same. OSError
+        if there is no room; nothing may be added any more.
 
         """
         came = message.position, message.velocity, message.effort

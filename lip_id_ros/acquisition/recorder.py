@@ -24,19 +24,10 @@ class Recorder(Sections):
     """
     A bounded recording that can be switched on and off.
 
-    Parameters
-    ----------
-    joint_names : sequence of str
-        Joints to keep; empty for those of the first message that can be taken.
-    max_rows : int
-        Most messages kept.
-
-    Attributes
-    ----------
-    recording : bool
-        Whether messages are taken.
-    gaps : Gaps
-        In the stamps kept; where recording was switched off there is none.
+    `joint_names`: joints to keep; empty for those of the first message that can be taken.
+    `max_rows`: most messages kept.
+    `recording`: whether messages are taken.
+    `gaps`: in the stamps kept; where recording was switched off there is none.
 
     """
 
@@ -88,15 +79,8 @@ class Recorder(Sections):
         """
         Write every message to bags, one for each section, unless all are saved already.
 
-        Returns
-        -------
-        list of Path
-            The bags, none where there was nothing to keep.
-
-        Raises
-        ------
-        LipIdError
-            If a bag can be written nowhere; the others are kept all the same.
+        Returns the bags, none where there was nothing to keep. LipIdError if a bag can be written
+        nowhere; the others are kept all the same.
 
         """
         if len(self) <= self._saved_rows:

@@ -28,11 +28,7 @@ def pass_on(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) ->
     """
     Write samples for `receive`, as fast as the disk allows and with the interpreter free.
 
-    Parameters
-    ----------
-    folder : path
-        An empty one.
-    sections : sequence of JointSamples
+    `folder`: an empty one.
 
     """
     for number, samples in enumerate(sections):
@@ -68,24 +64,10 @@ def keep(path: str | os.PathLike[str], track: JointStateTrack) -> Path:
     """
     Write messages as an MCAP bag, beside those that were kept before.
 
-    Parameters
-    ----------
-    path : path
-        Where the file goes; a number is added to its name if there is one already. Where nothing
-        can be written, it goes into a new folder in one of the other `folders`, or gets another
-        name.
-    track : JointStateTrack
-        At least one message.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    OSError
-        If it can be written nowhere.
+    `path`: where the file goes; a number is added to its name if there is one already. Where
+    nothing can be written, it goes into a new folder in one of the other `folders`, or gets
+    another name. `track`: at least one message. Returns the file. OSError if it can be written
+    nowhere.
 
     """
     asked, *others = folders(path)

@@ -28,12 +28,8 @@ class Sections:
 
     So the messages kept and those rejected make all that came, at any time.
 
-    Parameters
-    ----------
-    joint_names : sequence of str
-        Joints to keep; empty for those of the first message that can be taken.
-    max_rows : int
-        Most messages kept in all sections together.
+    `joint_names`: joints to keep; empty for those of the first message that can be taken.
+    `max_rows`: most messages kept in all sections together.
 
     """
 
@@ -82,10 +78,8 @@ class Sections:
         """
         Take one message, or reject and count it.
 
-        Returns
-        -------
-        Reason or None
-            Why the message is rejected, for now where its stamp jumped; None where it was taken.
+        Returns why the message is rejected, for now where its stamp jumped; None where it was
+        taken.
 
         """
         stamp = message.stamp_ns

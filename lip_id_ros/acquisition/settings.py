@@ -145,16 +145,8 @@ def check_together(values: Mapping[str, Any]) -> None:
     """
     Check parameters that depend on each other.
 
-    Parameters
-    ----------
-    values : mapping
-        Every parameter of `train` by name.
-
-    Raises
-    ------
-    ConfigError
-        If a joint is named twice, a list has not one value for each joint, a bag is absent, or
-        an output is another one or a bag.
+    `values`: every parameter of `train` by name. ConfigError if a joint is named twice, a list has
+    not one value for each joint, a bag is absent, or an output is another one or a bag.
 
     """
     joints = values['recording.joints']
@@ -188,16 +180,7 @@ def require_writable(name: str, path: str) -> None:
     """
     Refuse a path at which no file can be written, or another one lies, before the work.
 
-    Parameters
-    ----------
-    name : str
-        Of the parameter, for the sentence.
-    path : str
-
-    Raises
-    ------
-    ConfigError
-        With the reason.
+    `name`: of the parameter, for the sentence. ConfigError says why.
 
     """
     if not path:

@@ -5,10 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 
-MODELS = (
-    *('articulated', 'recursive', 'lip'),
-    *('se', 'gip', 'lse', 'delan', 'rigid_body', 'rigid_body_friction', 'semiparametric'),
-)
 SOURCE_HELP = 'rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz'
 
 
@@ -94,21 +90,8 @@ def count(text: str) -> int:
     return int(text)
 
 
-def counts(text: str) -> tuple[int, ...]:
-    """Read whole numbers above zero, separated by commas; return them in rising order."""
-    return tuple(sorted({count(part.strip()) for part in text.split(',')}))
-
-
 def days(text: str) -> float:
-    """
-    Read a number of days, zero or more.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        If it is anything else.
-
-    """
+    """Read a number of days, zero or more; argparse.ArgumentTypeError if it is anything else."""
     try:
         value = float(text)
     except ValueError:

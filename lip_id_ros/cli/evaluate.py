@@ -9,9 +9,9 @@ from lip_id_ros.cli import arguments
 from lip_id_ros.errors import ConfigError, ModelError
 
 if TYPE_CHECKING:
-    from lip_id_ros.cli.models import Model
     from lip_id_ros.dataset import Dataset
     from lip_id_ros.evaluation.rollout import Rollouts
+    from lip_id_ros.model import InverseDynamicsModel
 
 HELP = 'compare a model with recordings: errors, energies, plots'
 EPILOG = """\
@@ -87,7 +87,12 @@ def run(args: argparse.Namespace) -> None:
             rollouts = _rollouts(model, dataset, args.urdf)
             warnings += _not_simulated(model) + rollout_cautions(rollouts, model.joint_names)
         if args.report:
-            facts = (('model', args.model), ('recordings', sources), *models.facts(model))
+            facts = (
+                ('model', args.model),
+                ('recordings', sources),
+                ('kernel', model.kernel),
+                ('samples in the model', str(model.n_samples)),
+            )
             labels = Labels('Inverse dynamics: model against measurement', warnings, facts)
             uncertainty = band(model, outcome, progress)
             page = write_report(
@@ -106,14 +111,13 @@ def run(args: argparse.Namespace) -> None:
     output.write_json(args.json, figures)
 
 
-def _rollouts(model: Model, dataset: Dataset, urdf: str | None) -> Rollouts:
+def _rollouts(model: InverseDynamicsModel, dataset: Dataset, urdf: str | None) -> Rollouts:
     """Simulate windows of the motion with the model, and with the arm of a URDF."""
-    from lip_id_ros.baselines import Baseline
     from lip_id_ros.description.urdf import load_description
     from lip_id_ros.evaluation.forward_dynamics import ForwardDynamics
     from lip_id_ros.evaluation.rollout import roll_out, Rollouts
 
-    if isinstance(model, Baseline) or model.arm is None:
+    if model.arm is None:
         raise ModelError(
             '--rollout simulates rigid links, which this model does not have; fit with the '
             'default kernel.'
@@ -126,10 +130,9 @@ def _rollouts(model: Model, dataset: Dataset, urdf: str | None) -> Rollouts:
     return Rollouts(fitted, roll_out(nominal, dataset))
 
 
-def _not_simulated(model: Model) -> list[str]:
+def _not_simulated(model: InverseDynamicsModel) -> list[str]:
     """Return what of a model a rollout leaves out."""
-    from lip_id_ros.baselines import Baseline
     from lip_id_ros.export.arm import remainder_of
 
-    remainder = None if isinstance(model, Baseline) else remainder_of(model)
+    remainder = remainder_of(model)
     return [] if remainder is None else [f'The rollout leaves out {remainder}.']

@@ -64,7 +64,8 @@ def _is_exported(path: Path) -> bool:
 
 def run(args: argparse.Namespace) -> None:
     """Write the files, and compare them where that is asked for."""
-    from lip_id_ros.cli import models, output
+    from lip_id_ros.cli import output
+    from lip_id_ros.evaluation import fit_cautions
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.export.arm import describe
     from lip_id_ros.export.c_header import identifier
@@ -83,7 +84,7 @@ def run(args: argparse.Namespace) -> None:
     model = InverseDynamicsModel.load(args.model)
     with contradictions(args.model):
         model_kinematics(model)
-        lines = models.cautions(model)
+        lines = fit_cautions(model)
     name = identifier(Path(args.model).stem if args.name is None else args.name)
     exported = describe(model, name)
     console = output.console(*targets.values())

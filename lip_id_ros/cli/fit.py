@@ -26,33 +26,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_sources(parser)
     arguments.add_output(parser, 'MODEL.npz', 'file to write; - for standard output')
     arguments.add_config(parser, 'default settings')
-    kind = parser.add_mutually_exclusive_group()
-    kind.add_argument(
+    parser.add_argument(
         '--kernel',
         choices=('articulated', 'recursive', 'lip'),
         help='the model of the torques (default: articulated)',
-    )
-    kind.add_argument(
-        '--model',
-        choices=arguments.MODELS,
-        metavar='NAME',
-        help=f'a model of the literature instead: {", ".join(arguments.MODELS)}; '
-        'for evaluate and predict, not for serve',
     )
     parser.add_argument(
         '--urdf',
         type=arguments.source,
         metavar='FILE',
-        help='robot description: the prior of the default model, the kinematics of models of the '
-        'literature',
+        help='robot description: the prior of the default model',
     )
     arguments.add_joints(parser)
-    parser.add_argument(
-        '--device',
-        choices=('cpu', 'cuda'),
-        help='device of the fit: cuda needs torch, and falls back to the CPU without a device '
-        '(default: cpu)',
-    )
     arguments.add_seed(parser)
     parser.add_argument(
         '--holdout',
@@ -72,11 +57,12 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.errors import LipIdError
-    from lip_id_ros.evaluation import evaluate
+    from lip_id_ros.evaluation import evaluate, fit_cautions
     from lip_id_ros.evaluation.cautions import copy_cautions
     from lip_id_ros.evaluation.recording_health import RecordingHealth
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
+    from lip_id_ros.identification import fit
     from lip_id_ros.loading import election_lines, load_dataset
     from lip_id_ros.preprocessing import for_training
 
@@ -91,12 +77,10 @@ def run(args: argparse.Namespace) -> None:
         if args.holdout is not None:
             training, held_out = training.split(share)
         training = for_training(training, config.preprocessing, config.fit.kernel)
-        model = models.learned(args, training, config.fit, progress)
+        model = fit(training, config.fit, progress)
         if args.holdout is not None:
             evaluation = evaluate(model, held_out, progress)
-        rescue = write_or_rescue(
-            output.destination(args.output), lambda path: models.save(path, model)
-        )
+        rescue = write_or_rescue(output.destination(args.output), model.save)
     console = output.console(args.output)
     show.fitted(model, console)
     if evaluation is not None:
@@ -106,7 +90,7 @@ def run(args: argparse.Namespace) -> None:
         show_lines([f'Plots: {where} --last {args.holdout:g} --report DIR'], console)
     copies = copy_cautions(training.provenance)
     elected = election_lines(training.provenance)
-    show_lines([*health.lines, *copies, *elected, *models.cautions(model)], console)
+    show_lines([*health.lines, *copies, *elected, *fit_cautions(model)], console)
     if evaluation is None:
         show_lines([show.UNSEEN], console)
     if rescue is not None:

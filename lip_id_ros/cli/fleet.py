@@ -66,10 +66,7 @@ def is_asked(args: argparse.Namespace) -> bool:
     """
     Whether any argument of a fleet is given.
 
-    Raises
-    ------
-    ConfigError
-        If there is none, but a source that only a fit to a fleet can find.
+    ConfigError if there is none, but a source that only a fit to a fleet can find.
 
     """
     if any(getattr(args, name) is not None for name in OPTIONS):
@@ -88,6 +85,7 @@ def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
     from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output
+    from lip_id_ros.evaluation import fit_cautions
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
     from lip_id_ros.fleet.cache import default_folder, FolderCache
@@ -113,7 +111,7 @@ def run(args: argparse.Namespace) -> None:
     rescue = write_or_rescue(output.destination(args.output), result.model.save)
     console = output.console(args.output, args.report)
     _show(result, console)
-    show_lines(models.cautions(result.model), console)
+    show_lines(fit_cautions(result.model), console)
     if args.report is not None:
         from lip_id_ros.fleet.report import write_fleet_report  # brings matplotlib
 
@@ -133,12 +131,11 @@ def _is_report(path: Path) -> bool:
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse what belongs to other fits or to the other engine."""
-    for name in ('model', 'holdout'):
-        if getattr(args, name) is not None:
-            raise ConfigError(
-                f'--{name} belongs to a fit without options of a fleet, but --{name} and one of '
-                f'these were given; leave out --{name}, and evaluate other recordings.'
-            )
+    if args.holdout is not None:
+        raise ConfigError(
+            '--holdout belongs to a fit without options of a fleet, but --holdout and one of '
+            'these were given; leave out --holdout, and evaluate other recordings.'
+        )
     if args.address is not None and args.engine != RAY:
         raise ConfigError(
             '--address names a Ray cluster, but the engine is local; give --engine ray.'

@@ -62,16 +62,17 @@ def run(args: argparse.Namespace) -> None:
 def _is_model(file: str) -> bool:
     from pathlib import Path
 
-    from lip_id_ros.checked_file import COMPARED, MODEL, schema_of
+    from lip_id_ros.checked_file import is_model
     from lip_id_ros.dataset import DATASET_SUFFIX
 
-    return Path(file).suffix == DATASET_SUFFIX and schema_of(file) in (MODEL, COMPARED)
+    return Path(file).suffix == DATASET_SUFFIX and is_model(file)
 
 
 def _model(args: argparse.Namespace, console: Console) -> dict[str, Any]:
     """Show a model and return its description."""
     from lip_id_ros.cli import models, show
     from lip_id_ros.errors import ConfigError
+    from lip_id_ros.evaluation import fit_cautions
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.loading import election_lines
     from lip_id_ros.model.serialization import contradictions
@@ -85,7 +86,7 @@ def _model(args: argparse.Namespace, console: Console) -> dict[str, Any]:
     model = models.load(args.file)
     with contradictions(args.file):
         description = {'file': args.file, 'kind': 'model', **show.described_model(model)}
-        cautions = [*models.cautions(model), *election_lines(model.provenance)]
+        cautions = [*fit_cautions(model), *election_lines(model.provenance)]
         show.inspected_model(model, description, console)
     show_lines(cautions, console)
     return description

@@ -12,7 +12,6 @@ import lip_id_ros
 from lip_id_ros.cli import (
     bench,
     cache,
-    compare,
     dataset,
     demo,
     evaluate,
@@ -21,15 +20,11 @@ from lip_id_ros.cli import (
     inspect,
     payload,
     predict,
-    track,
 )
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.escaping import printable
 
-VERBS = (
-    *(demo, inspect, fit, evaluate, predict, dataset, export, payload, bench, cache, compare),
-    track,
-)
+VERBS = (demo, inspect, fit, evaluate, predict, dataset, export, payload, bench, cache)
 FAILED = 1
 INTERRUPTED = 130  # as shells report a program ended by Ctrl-C
 START = """\

@@ -1,94 +1,49 @@
-"""Models of this package and of the literature, and the settings with which data are read."""
+"""A model from its file, and the settings with which data are read for it."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
 from dataclasses import replace
-import os
 from typing import Any
 
-from lip_id_ros.baselines import Baseline, learn, OURS
-from lip_id_ros.baselines.registry import load as load_baseline
-from lip_id_ros.baselines.registry import save as save_baseline
-from lip_id_ros.checked_file import COMPARED, schema_of
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError, missing_joints
 from lip_id_ros.evaluation import fit_cautions, matched
-from lip_id_ros.identification import fit
 from lip_id_ros.loading import load_dataset, with_elected
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.serialization import contradictions
 from lip_id_ros.progress import Progress
-from lip_id_ros.settings import Config, FitSettings, override, read_config, RecordingSettings
-
-Model = InverseDynamicsModel | Baseline
+from lip_id_ros.settings import Config, override, read_config, RecordingSettings
 
 SECTIONS = ('recording', 'preprocessing')
 
 
-def learned(
-    args: argparse.Namespace, training: Dataset, settings: FitSettings, progress: Progress
-) -> Model:
-    """Fit the model that `args.model` names, by default the one of this package."""
-    if args.model is None or args.model in OURS:
-        return fit(training, settings, progress)
-    return learn(args.model, training, settings, args.urdf, progress)
-
-
-def load(path: str) -> Model:
+def load(path: str) -> InverseDynamicsModel:
     """
-    Read a model of either kind.
+    Read a model.
 
-    Raises
-    ------
-    OSError
-        If the file does not exist or cannot be opened.
-    ModelError
-        If it is damaged or no model.
+    OSError if the file does not exist or cannot be opened, ModelError if it is damaged or no
+    model.
 
     """
-    if schema_of(path) == COMPARED:
-        return load_baseline(path)
     model = InverseDynamicsModel.load(path)
     with contradictions(path):  # a hash can be computed anew for any summary and provenance
         _config_of(model, None)
-        cautions(model)
+        fit_cautions(model)
     return model
 
 
-def save(path: str | os.PathLike[str], model: Model) -> None:
-    """Write a model of either kind; OSError if the file cannot be written."""
-    if isinstance(model, Baseline):
-        save_baseline(path, model)
-    else:
-        model.save(path)
-
-
-def facts(model: Model) -> tuple[tuple[str, str], ...]:
-    """Return names and values for a report."""
-    if isinstance(model, Baseline):
-        return ('kind', model.record.method), ('training samples', str(model.record.n_samples))
-    return ('kernel', model.kernel), ('samples in the model', str(model.n_samples))
-
-
-def cautions(model: Model) -> list[str]:
-    """Return what was unusual about the fit of a model of this package."""
-    return [] if isinstance(model, Baseline) else fit_cautions(model)
-
-
-def load_for(model: Model, sources: list[str], path: str | None, progress: Progress) -> Dataset:
+def load_for(
+    model: InverseDynamicsModel, sources: list[str], path: str | None, progress: Progress
+) -> Dataset:
     """
     Read recordings for a model, with its joints in its order.
 
     Without a settings file, by the settings of the first recording of the fit.
 
-    Raises
-    ------
-    LipIdError
-        If a source cannot be used, or does not fit the model.
-    OSError
-        If a source cannot be opened.
+    LipIdError if a source cannot be used, or does not fit the model; OSError if a source cannot be
+    opened.
 
     """
     return matched(load_dataset(sources, _config_of(model, path), progress), model)
@@ -98,9 +53,8 @@ def fit_config(args: argparse.Namespace) -> Config:
     """Return the settings of `lip_id fit`: those of the file, then those of the command line."""
     chosen = {
         'recording.joints': args.joints,
-        'fit.kernel': args.model if args.model in OURS else args.kernel,
-        'fit.description': args.urdf if args.model is None or args.model in OURS else None,
-        'fit.device': args.device,
+        'fit.kernel': args.kernel,
+        'fit.description': args.urdf,
         'fit.seed': args.seed,
     }
     return chosen_config(args.config, chosen)
@@ -113,13 +67,13 @@ def chosen_config(path: str | None, chosen: Mapping[str, Any]) -> Config:
     return override(config, given, 'the command line')
 
 
-def _config_of(model: Model, path: str | None) -> Config:
+def _config_of(model: InverseDynamicsModel, path: str | None) -> Config:
     config = _of_fit(model) if path is None else read_config(path)
     config = with_elected(config, model.provenance)
     return replace(config, recording=_recording_of(model, config.recording))
 
 
-def _recording_of(model: Model, recording: RecordingSettings) -> RecordingSettings:
+def _recording_of(model: InverseDynamicsModel, recording: RecordingSettings) -> RecordingSettings:
     """Return the settings for the joints of a model, with values per joint in their order."""
     named = recording.joints or model.joint_names
     if missing := [name for name in model.joint_names if name not in named]:
@@ -133,7 +87,7 @@ def _recording_of(model: Model, recording: RecordingSettings) -> RecordingSettin
     return replace(recording, joints=model.joint_names, joint_types=model.joint_types, **ordered)
 
 
-def _of_fit(model: Model) -> Config:
+def _of_fit(model: InverseDynamicsModel) -> Config:
     sources = model.provenance.get('sources', [])
     recordings = [source for source in sources if all(name in source for name in SECTIONS)]
     values = {

@@ -35,7 +35,6 @@ DASH = '-'
 STANDARD_OUTPUT = '/dev/stdout'
 PLAIN_WIDTH = 100
 QUIET_SECONDS = 10.0
-COMPARISON_CELLS = 'cells'
 
 
 def destination(path: str) -> str:
@@ -58,25 +57,13 @@ def check_file(
     """
     Refuse an output file that cannot be written, or would replace something else.
 
-    Parameters
-    ----------
-    path : str or None
-        None for no output.
-    inputs : sequence of str
-        Files that the work reads.
-    is_own : callable
-        Whether an existing file is of the kind that will be written.
-    kind : str
-        That kind, for the message.
-    force : bool
-        Allow to replace any file.
-
-    Raises
-    ------
-    OSError
-        If its folder does not exist or is not writable, or the path is a folder.
-    ConfigError
-        If it has no name, or, without `force`, is an input or an existing file of another kind.
+    `path`: None for no output.
+    `inputs`: files that the work reads.
+    `is_own`: whether an existing file is of the kind that will be written.
+    `kind`: that kind, for the message.
+    `force`: allow to replace any file.
+    OSError if its folder does not exist or is not writable, or the path is a folder; ConfigError
+    if it has no name, or, without `force`, is an input or an existing file of another kind.
 
     """
     if path is None:
@@ -119,12 +106,8 @@ def check_folder(folder: str | None, force: bool) -> None:
     """
     Refuse a folder for a report that cannot be created, or that holds something else.
 
-    Raises
-    ------
-    OSError
-        If a file is in its place.
-    ConfigError
-        If it has files but no page of this package, and `force` is not given.
+    OSError if a file is in its place; ConfigError if it has files but no page of this package, and
+    `force` is not given.
 
     """
     if folder is None:
@@ -266,7 +249,5 @@ def _check_writable(target: Path, path: str) -> None:
 def _is_report(folder: Path) -> bool:
     from lip_id_ros.evaluation.report.page import INDEX, MAKER
 
-    if (folder / COMPARISON_CELLS).is_dir():  # an interrupted comparison has no page yet
-        return True
     index = folder / INDEX
     return index.is_file() and MAKER.encode() in index.read_bytes()[:1000]

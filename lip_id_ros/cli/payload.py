@@ -50,10 +50,7 @@ def flange(text: str) -> tuple[float, float]:
     """
     Read a shift [m] and a turn [degrees].
 
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        If it is something else.
+    argparse.ArgumentTypeError if it is something else.
 
     """
     try:

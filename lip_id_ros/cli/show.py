@@ -10,8 +10,6 @@ from rich.console import Console
 from rich.text import Text
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.baselines import Baseline
-from lip_id_ros.cli.models import Model
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import printable
 from lip_id_ros.evaluation import Evaluation, no_better_than_mean
@@ -53,16 +51,8 @@ MOST_BESIDE = 3
 DEFAULTS = {'recording': RecordingSettings(), 'preprocessing': PreprocessingSettings()}
 
 
-def fitted(model: Model, console: Console, origin: str = '') -> None:
+def fitted(model: InverseDynamicsModel, console: Console, origin: str = '') -> None:
     """Show what a fit found; `origin` comes before the number of samples."""
-    if isinstance(model, Baseline):
-        record = model.record
-        text = (
-            f'{record.method}: {model.n_joints} joints, {record.n_samples} samples, fitted in '
-            f'{record.seconds:.3g} s; the model keeps {model.size} numbers.'
-        )
-        show_lines([text], console)
-        return
     show(_joint_table(model, origin), console)
     if model.arm is not None:
         _show_links(model, console)
@@ -110,23 +100,8 @@ def _remainder_joints(model: InverseDynamicsModel) -> list[str]:
     return [name for name, has in pairs if has]
 
 
-def described_model(model: Model) -> dict[str, Any]:
+def described_model(model: InverseDynamicsModel) -> dict[str, Any]:
     """Return the description of a model, as JSON."""
-    common = {
-        'joints': list(model.joint_names),
-        'joint_types': list(model.joint_types),
-        'has_potential_energy': model.has_potential,
-        'provenance': dict(model.provenance),
-    }
-    if isinstance(model, Baseline):
-        record = model.record
-        return {
-            'model': record.method,
-            'samples': record.n_samples,
-            **common,
-            'numbers_kept': model.size,
-            'fit': {'seconds_total': record.seconds},
-        }
     links = {}
     if (kinematics := model_kinematics(model)) is not None:
         links = {
@@ -137,13 +112,18 @@ def described_model(model: Model) -> dict[str, Any]:
     return {
         'kernel': model.kernel,
         'samples': model.n_samples,
-        **common,
+        'joints': list(model.joint_names),
+        'joint_types': list(model.joint_types),
+        'has_potential_energy': model.has_potential,
+        'provenance': dict(model.provenance),
         **links,
         'fit': dict(model.summary),
     }
 
 
-def inspected_model(model: Model, description: Mapping[str, Any], console: Console) -> None:
+def inspected_model(
+    model: InverseDynamicsModel, description: Mapping[str, Any], console: Console
+) -> None:
     """Show the description of a model, and what its fit found as tables."""
     fit = {name: value for name, value in description['fit'].items() if name not in IN_OTHER_WORDS}
     hidden = dict.fromkeys((KINEMATICS, FRICTION, 'remainder'))

@@ -63,11 +63,8 @@ class Plan:
     """
     Cubic positions and linear efforts between points; the last point is held.
 
-    Raises
-    ------
-    RefusedError
-        If there are no two points, times do not increase, a value is not finite or too large, the
-        positions contradict the velocities, or the plan ends in motion.
+    RefusedError if there are no two points, times do not increase, a value is not finite or too
+    large, the positions contradict the velocities, or the plan ends in motion.
 
     """
 

@@ -46,18 +46,9 @@ class PlanController:
     plan is let go, torques go to zero within the rates, then there are none. Times `now` are in
     seconds on any steady clock.
 
-    Raises
-    ------
-    ConfigError
-        If there is no joint or one comes twice, a list has another length than there are, or
-        limits are not given.
-
-    Attributes
-    ----------
-    releasing : bool
-        Whether torques are on the way to zero.
-    failure : str
-        Why the last plan was let go, until the next begins; empty where it was not.
+    `releasing`: whether torques are on the way to zero. `failure`: why the last plan was let go,
+    until the next begins; empty where it was not. ConfigError if there is no joint or one comes
+    twice, a list has another length than there are, or limits are not given.
 
     """
 
@@ -89,19 +80,8 @@ class PlanController:
         """
         Follow a plan from the next measurement on.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Its joints.
-        points : sequence of EffortPoint
-            Efforts at all of them, or at none.
-        now : float
-            [s].
-
-        Raises
-        ------
-        RefusedError
-            If it cannot be followed; the plan before goes on.
+        `names`: its joints. `points`: efforts at all of them, or at none. `now` [s]. RefusedError
+        if it cannot be followed; the plan before goes on.
 
         """
         with self._taking(now):
@@ -129,23 +109,11 @@ class PlanController:
         """
         Answer a measurement.
 
-        Parameters
-        ----------
-        message : JointMessage
-            With positions and velocities of all joints; its stamp is the clock of the plan.
-        now : float
-            [s].
-
-        Returns
-        -------
-        ndarray, shape (n,), or None
-            Effort of the plan plus feedback, within limits and rates [N m or N], in the order of
-            `joint_names`; on the way to zero after a plan was let go; None without a plan.
-
-        Raises
-        ------
-        RefusedError
-            If its stamp is doubted, a joint is missing, or a number is missing or not finite.
+        `message`: with positions and velocities of all joints; its stamp is the clock of the plan.
+        `now` [s]. The result has shape (n,): effort of the plan plus feedback, within limits and
+        rates [N m or N], in the order of `joint_names`; on the way to zero after a plan was let
+        go; None without a plan. RefusedError if its stamp is doubted, a joint is missing, or a
+        number is missing or not finite.
 
         """
         with self._tally.receiving():

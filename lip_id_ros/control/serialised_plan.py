@@ -21,18 +21,8 @@ def read_serialised(raw: bytes, order: JointOrder, most_points: int) -> PlanArra
     """
     Return the points of a plan in an order of joints.
 
-    Parameters
-    ----------
-    raw : bytes
-        The message, in CDR of either byte order.
-    order : JointOrder
-    most_points : int
-        Of a plan that is read.
-
-    Raises
-    ------
-    RefusedError
-        If it ends before, has no or too many points, or joints or lengths do not fit.
+    `raw`: the message, in CDR of either byte order. `most_points`: of a plan that is read.
+    RefusedError if it ends before, has no or too many points, or joints or lengths do not fit.
 
     """
     header = read_header(raw)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.control.computed_torque import Gains
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import description_setting, executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START, PER_JOINT
@@ -20,6 +19,24 @@ from lip_id_ros.signals.torque_steps import (
     require_limits,
     UNLIMITED,
 )
+
+
+@dataclass(frozen=True)
+class Gains:
+    """
+    Diagonals of the feedback's matrices.
+
+    `stiffness`, shape (n,): K_p: torque per position error [N m/rad or N/m]. `damping`, shape
+    (n,): K_d: torque per velocity error [N m s/rad or N s/m].
+
+    """
+
+    stiffness: Array
+    damping: Array
+
+    def feedback(self, q_error: Array, dq_error: Array) -> Array:
+        """Torques [N m or N], shape (n,), against errors of position and velocity."""
+        return self.stiffness * q_error + self.damping * dq_error
 
 
 @dataclass(frozen=True)
@@ -124,11 +141,8 @@ class ControlRules:
     """
     The settings as arrays of shape (n,), in the order of the joints.
 
-    Raises
-    ------
-    ConfigError
-        If there is no joint or one comes twice, a list has another length than there are, or
-        limits are not given.
+    ConfigError if there is no joint or one comes twice, a list has another length than there are,
+    or limits are not given.
 
     """
 

@@ -3,12 +3,10 @@
 from lip_id_ros.dataset.dataset import concatenate, Dataset
 from lip_id_ros.dataset.formats import check_suffix, DATASET_SUFFIX
 from lip_id_ros.dataset.provenance import cutoffs_hz
-from lip_id_ros.dataset.subsets import LeftOutBlock
 
 __all__ = [
     'DATASET_SUFFIX',
     'Dataset',
-    'LeftOutBlock',
     'check_suffix',
     'concatenate',
     'cutoffs_hz',

@@ -18,7 +18,7 @@ from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import formats
 from lip_id_ros.dataset.checks import checked, floats, INDICES, PER_JOINT, PER_SAMPLE
 from lip_id_ros.dataset.provenance import cutoffs_hz
-from lip_id_ros.dataset.subsets import farthest_points, GUARD, left_out_blocks, LeftOutBlock
+from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.errors import DataError, missing_joints
 from lip_id_ros.files import path_text
 from lip_id_ros.joint_types import is_prismatic
@@ -214,22 +214,6 @@ class Dataset:
             )
         return self.select(rows[:cut]), self.select(rows[cut:])
 
-    def blocks(self, count: int, guard: int = GUARD) -> tuple[LeftOutBlock, ...]:
-        """
-        Cut into `count` contiguous blocks for cross-validation, each left out once.
-
-        Samples close in time are correlated, so that `guard` samples on both sides of a block are
-        neither held out nor trained on, unless a segment ends there. Where the end of a segment
-        is near, a block ends with it.
-
-        Raises
-        ------
-        DataError
-            If a block or its training data would be empty.
-
-        """
-        return left_out_blocks(self.segment, count, guard)
-
     def with_joints(self, joint_names: Sequence[str]) -> Dataset:
         """Return the data set with its joints in this order; DataError if one is missing."""
         missing = [name for name in joint_names if name not in self.joint_names]
@@ -299,10 +283,7 @@ def concatenate(datasets: Sequence[Dataset]) -> Dataset:
     Joints are matched by name, in the order of the first data set. True torques and energies are
     kept only where every data set has them.
 
-    Raises
-    ------
-    DataError
-        If there is none, or joints, joint types or gravity compensation differ.
+    DataError if there is none, or joints, joint types or gravity compensation differ.
 
     """
     if not datasets:

@@ -1,14 +1,10 @@
-"""Row numbers of subsets of a data set: samples that cover the motion, and left-out blocks."""
+"""Row numbers of subsets of a data set: samples that cover the motion, and blocks of them."""
 
 from __future__ import annotations
-
-from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray, IntArray
-from lip_id_ros.errors import DataError
 
 GUARD = 8
 """
@@ -18,13 +14,6 @@ Two periods of the low-pass where every sample that preprocessing keeps is a qua
 """
 _NEAR = 0.1
 """A cut moves to the end of a segment that is within this share of a block."""
-
-
-class LeftOutBlock(NamedTuple):
-    """One part of a cross-validation: increasing row numbers; `GUARD` samples are in neither."""
-
-    training: IndexArray
-    held_out: IndexArray
 
 
 def farthest_points(points: Array, count: int) -> IndexArray:
@@ -63,33 +52,3 @@ def contiguous_cuts(segment: IntArray, count: int) -> IndexArray:
     nearest = begins[np.argmin(np.abs(begins[:, np.newaxis] - even), axis=0)]
     cuts: IndexArray = np.where(np.abs(nearest - even) <= _NEAR * size / count, nearest, even)
     return cuts
-
-
-def away_from(segment: IntArray, start: int, stop: int, guard: int) -> IndexArray:
-    """Return the rows outside a block, and not within `guard` samples of it in its segments."""
-    before = np.arange(max(0, start - guard), start)
-    after = np.arange(stop, min(segment.size, stop + guard))
-    keep = np.ones(segment.size, bool)
-    keep[start:stop] = False
-    keep[before[segment[before] == segment[start]]] = False
-    keep[after[segment[after] == segment[stop - 1]]] = False
-    return np.flatnonzero(keep)
-
-
-def left_out_blocks(segment: IntArray, count: int, guard: int) -> tuple[LeftOutBlock, ...]:
-    """Cut samples into contiguous blocks, each left out once; see `Dataset.blocks`."""
-    if not 2 <= count <= segment.size:
-        raise DataError(
-            f'{segment.size} samples cannot be cut into {count} blocks; choose 2 or more, '
-            'and no more than there are samples.'
-        )
-    blocks = tuple(
-        LeftOutBlock(away_from(segment, start, stop, guard), np.arange(start, stop))
-        for start, stop in pairwise(contiguous_cuts(segment, count).tolist())
-    )
-    if any(not block.training.size or not block.held_out.size for block in blocks):
-        raise DataError(
-            f'{segment.size} samples are too few for {count} blocks that lie {guard} '
-            'samples apart; choose fewer blocks or use more samples.'
-        )
-    return blocks

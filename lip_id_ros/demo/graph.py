@@ -65,10 +65,7 @@ class Graph:
         """
         Wait for a condition; `what` names it, `progress` returns another value after progress.
 
-        Raises
-        ------
-        LipIdError
-            If nothing progresses for so many seconds, or a node ends before.
+        LipIdError if nothing progresses for so many seconds, or a node ends before.
 
         """
         reached, since = progress(), time.monotonic()

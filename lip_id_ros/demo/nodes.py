@@ -128,10 +128,7 @@ class ArmNode(NodeBase):
     is published again, since messages may be lost. Where a joint would move faster than `FASTEST`,
     the arm stops where it is, as by its brakes.
 
-    Raises
-    ------
-    ConfigError
-        If `contact` has another length than there are joints.
+    ConfigError if `contact` has another length than there are joints.
 
     """
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from lip_id_ros.cli.output import progress_display
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.demo.judge import REPORT, report, run_demo, TORQUE_NOISE
+from lip_id_ros.demo.reporting import REPORT, report, run_demo
 from lip_id_ros.evaluation import Evaluation, run
 from lip_id_ros.identification import fit
 from lip_id_ros.loading import load_dataset
@@ -39,6 +39,7 @@ from lip_id_ros.simulation.arm import MOTION, N_JOINTS
 RATE_HZ = 100.0
 POSITION_NOISE = 2e-5  # rad
 VELOCITY_NOISE = 1e-3  # rad/s
+TORQUE_NOISE = 0.05  # N m
 TRAINING_SEED, TEST_SEED = 1, 2
 TRAINING_BAG, TEST_BAG = 'training_bag', 'test_bag'
 MODEL = 'panda.npz'

@@ -2,7 +2,7 @@
 The demonstration on a real ROS graph: a simulated Panda, `train` and `serve` in their processes.
 
 The arm moves and `train` records and fits; then the arm makes a motion that the model has not
-seen, `serve` answers its reference, and what went over the graph is kept in a bag and judged.
+seen, `serve` answers its reference, and the bag of the graph is compared with the truth.
 
 """
 
@@ -15,8 +15,8 @@ import sys
 
 from lip_id_ros.cli.output import progress_display
 from lip_id_ros.demo.graph import Graph, launched, spinning
-from lip_id_ros.demo.judge import REPORT, report, run_demo
 from lip_id_ros.demo.offline import TEST_SEED
+from lip_id_ros.demo.reporting import REPORT, report, run_demo
 from lip_id_ros.demo.served import (
     BagRecorder,
     KINETIC,

@@ -98,10 +98,7 @@ def read_served(bag_path: str | os.PathLike[str], joint_names: tuple[str, ...]) 
     """
     Read the stream from a bag of the demo, with its joints in this order.
 
-    Raises
-    ------
-    DataError
-        If a reference was not answered, or an answer has no reference, torque or energy.
+    DataError if a reference was not answered, or an answer has no reference, torque or energy.
 
     """
     with Bag(bag_path) as bag:

@@ -17,11 +17,8 @@ def effort_limits(text: str, place: str, joint_names: Sequence[str]) -> tuple[fl
 
     `place` is where the text comes from, for messages.
 
-    Raises
-    ------
-    DataError
-        If it is no URDF, lacks a joint or its limit, or has one that is no torque of an arm: zero
-        is what converters write where they know none.
+    DataError if it is no URDF, lacks a joint or its limit, or has one that is no torque of an arm:
+    zero is what converters write where they know none.
 
     """
     joints = parsed(text, place).findall('joint')

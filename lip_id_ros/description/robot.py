@@ -20,14 +20,9 @@ class Body:
     """
     A link of the file.
 
-    Attributes
-    ----------
-    name : str
-    placement : array, shape (4, 4)
-        Of its frame in the frame of the chain's link that carries it.
-    parameters : array, shape (10,)
-        Mass, first moments and inertias about the origin of its own frame; zero without an
-        `<inertial>`.
+    `placement`, shape (4, 4): of its frame in the frame of the chain's link that carries it.
+    `parameters`, shape (10,): mass, first moments and inertias about the origin of its own frame;
+    zero without an `<inertial>`.
 
     """
 
@@ -41,24 +36,14 @@ class RobotDescription:
     """
     Joints, links and friction of an arm as a URDF has them.
 
-    Attributes
-    ----------
-    place : str
-        File or topic, for messages.
-    text : str
-    joint_names, joint_types : tuples of str
-        From base to tip.
-    chain : Chain
-        Frames of the links, turned so that z is the joint's axis.
-    bodies : tuple of tuple of Body
-        What moves with each joint; the joint's own link first.
-    damping, friction : arrays, shape (n,)
-        Of `<dynamics>`: viscous and Coulomb coefficients.
-    to_axis : array, shape (n, 3, 3)
-        Rotation from the chain's frame of each link to the file's.
-    before : array, shape (n, 4, 4)
-        Placement, in the chain's frame of the link before, of the frame in which the file gives
-        each joint's origin.
+    `place`: file or topic, for messages.
+    `joint_names`, `joint_types`: from base to tip.
+    `chain`: frames of the links, turned so that z is the joint's axis.
+    `bodies`: what moves with each joint; the joint's own link first.
+    `damping`, `friction`, shape (n,): of `<dynamics>`: viscous and Coulomb coefficients.
+    `to_axis`, shape (n, 3, 3): rotation from the chain's frame of each link to the file's.
+    `before`, shape (n, 4, 4): placement, in the chain's frame of the link before, of the frame in
+    which the file gives each joint's origin.
 
     """
 

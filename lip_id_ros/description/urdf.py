@@ -44,21 +44,9 @@ def load_description(
     """
     Read a URDF from a file, or from its text as a `robot_description` topic has it.
 
-    Parameters
-    ----------
-    source : path or str
-        A text that begins with `<` is the URDF itself.
-    joint_names, joint_types : sequences of str
-        Of the arm, from base to tip.
-
-    Raises
-    ------
-    OSError
-        If it cannot be opened.
-    SourceError
-        If it is not a regular file.
-    DataError
-        If it is no URDF, or not of this arm.
+    `source`: a text that begins with `<` is the URDF itself. `joint_names`, `joint_types`: of the
+    arm, from base to tip. OSError if it cannot be opened; SourceError if it is not a regular file;
+    DataError if it is no URDF, or not of this arm.
 
     """
     text = os.fspath(source)
@@ -80,17 +68,7 @@ def parse_description(
     """
     Read the text of a URDF.
 
-    Parameters
-    ----------
-    text : str
-    place : str
-        Where it comes from, for messages.
-    joint_names, joint_types : sequences of str
-
-    Raises
-    ------
-    DataError
-        If it is no URDF, or not of this arm.
+    `place`: where it comes from, for messages. DataError if it is no URDF, or not of this arm.
 
     """
     reader = _Reader(parsed(text, place), place)
@@ -119,10 +97,7 @@ def parsed(text: str, place: str) -> ET.Element:
     """
     Return the `<robot>` element of a URDF.
 
-    Raises
-    ------
-    DataError
-        If there is none, or the text is the source of a xacro.
+    DataError if there is none, or the text is the source of a xacro.
 
     """
     if '<!DOCTYPE' in text or '<!ENTITY' in text:

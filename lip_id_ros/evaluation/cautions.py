@@ -27,8 +27,7 @@ def fit_cautions(model: InverseDynamicsModel) -> list[str]:
 
 def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:
     """Return what the summary of a fit says that was unusual about it, see `fit_cautions`."""
-    texts = [note] if (note := summary.get('device_note')) else []
-    texts += summary.get('description', {}).get('sentences', ())
+    texts = list(summary.get('description', {}).get('sentences', ()))
     shares = summary.get('unexplained_percent', ())
     texts += no_better_than_mean(joint_names, shares, 'On left-out training data the model')
     texts += summary.get('suspicions', ())

@@ -41,14 +41,9 @@ class JointRanges:
     """
     What the joints did in the recordings.
 
-    Attributes
-    ----------
-    q_min, q_max : arrays, shape (n,)
-        [rad or m].
-    dq_max, ddq_max : arrays, shape (n,)
-        Largest absolute velocity and acceleration [per s, per s^2].
-    tau_max : array, shape (n,)
-        Largest absolute torque [N m or N].
+    `q_min`, `q_max`, shape (n,) [rad or m]. `dq_max`, `ddq_max`, shape (n,): largest absolute
+    velocity and acceleration [per s, per s^2]. `tau_max`, shape (n,): largest absolute torque [N m
+    or N].
 
     """
 
@@ -71,22 +66,11 @@ class ArmDescription:
     """
     An identified arm: links, joints, friction.
 
-    Attributes
-    ----------
-    name : str
-    joint_names : tuple of str
-        From base to tip.
-    chain : Chain
-    links : array, shape (n, 11)
-        Parameters of the links, as in `Chain`'s frames.
-    friction : FrictionModel
-    ranges : JointRanges
-    potential_reference : array, shape (n,)
-        Positions at which the potential energy is zero [rad or m].
-    remarks : tuple of str
-        Sentences on what the data do not determine and what is left out.
-    summary : mapping
-        Of the fit, with the standard deviations of the placements.
+    `joint_names`: from base to tip.
+    `links`, shape (n, 11): parameters of the links, as in `Chain`'s frames.
+    `potential_reference`, shape (n,): positions at which the potential energy is zero [rad or m].
+    `remarks`: sentences on what the data do not determine and what is left out.
+    `summary`: of the fit, with the standard deviations of the placements.
 
     """
 
@@ -137,14 +121,9 @@ class Exported:
     """
     An arm to export.
 
-    Attributes
-    ----------
-    arm : ArmDescription
-        In frames by the convention of Denavit and Hartenberg.
-    in_model_frames : ArmDescription
-        The same arm in the frames of the model: those of the URDF that it was fitted with, if any.
-    remainder : str or None
-        What the model has beside links and friction, which is not exported.
+    `arm`: in frames by the convention of Denavit and Hartenberg. `in_model_frames`: the same arm
+    in the frames of the model: those of the URDF that it was fitted with, if any. `remainder`, or
+    None: what the model has beside links and friction, which is not exported.
 
     """
 
@@ -157,16 +136,7 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
     """
     Take links, joints and friction from a model.
 
-    Parameters
-    ----------
-    model : InverseDynamicsModel
-    name : str
-        Of the arm.
-
-    Raises
-    ------
-    ModelError
-        If the model has no rigid links.
+    `name`: of the arm. ModelError if the model has no rigid links.
 
     """
     if model.arm is None:

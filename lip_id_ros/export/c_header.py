@@ -46,10 +46,8 @@ def to_c_header(arm: ArmDescription) -> str:
     """
     Return an arm as a C header.
 
-    Parameters
-    ----------
-    arm : ArmDescription
-        With a name of letters, digits and underscores, which all names in the header begin with.
+    `arm`: with a name of letters, digits and underscores, which all names in the header begin
+    with.
 
     """
     template = Template((resources.files(__package__) / TEMPLATE).read_text(encoding='utf-8'))

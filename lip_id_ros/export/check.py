@@ -41,18 +41,11 @@ class Agreement:
     """
     How well a format gives the torques of a model.
 
-    Attributes
-    ----------
-    reader : str
-        The program that evaluated the format.
-    arm : ArmDescription
-    difference : array, shape (n,)
-        Largest difference of each joint's torque over that joint's largest torque.
-    left_out : tuple of DriveTerm
-        Terms of friction that the format cannot express, left out on both sides.
-    lacking : array, shape (n,)
-        Largest torque of these terms over each joint's largest torque.
-    n_states : int
+    `reader`: the program that evaluated the format.
+    `difference`, shape (n,): largest difference of each joint's torque over that joint's largest
+    torque.
+    `left_out`: terms of friction that the format cannot express, left out on both sides.
+    `lacking`, shape (n,): largest torque of these terms over each joint's largest torque.
 
     """
 
@@ -82,15 +75,7 @@ class Agreement:
         )
 
     def require(self, tolerance: float, remedy: str = 'report this fault of lip_id_ros') -> None:
-        """
-        Fail where the difference is larger than a tolerance; `remedy` says what to do then.
-
-        Raises
-        ------
-        ModelError
-            If it is.
-
-        """
+        """ModelError where the difference is larger; `remedy` says what to do then."""
         if not self.difference.max() <= tolerance:
             raise ModelError(
                 f'{self.reader} was to give the same torques to {tolerance:g}, but they differ by '
@@ -102,21 +87,11 @@ def check_urdf(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agr
     """
     Compare pinocchio's recursive Newton-Euler algorithm on a URDF, plus friction.
 
-    Parameters
-    ----------
-    text : str
-        As `to_urdf` returned it.
-    arm : ArmDescription
-        The exported arm.
-    tau : array, shape (N, n)
-        What the arm is to give.
-    states : array, shape (3, N, n)
-        q, dq, ddq.
-
-    Raises
-    ------
-    LipIdError
-        If pinocchio is not installed.
+    `text`: as `to_urdf` returned it.
+    `arm`: the exported arm.
+    `tau`, shape (N, n): what the arm is to give.
+    `states`, shape (3, N, n): q, dq, ddq.
+    LipIdError if pinocchio is not installed.
 
     """
     root = ET.fromstring(text)
@@ -182,10 +157,7 @@ def check_c_header(text: str, arm: ArmDescription, tau: Array, states: Array) ->
     """
     Compare the compiled C header; parameters as of `check_urdf`.
 
-    Raises
-    ------
-    LipIdError
-        If there is no C compiler, or it warns.
+    LipIdError if there is no C compiler, or it warns.
 
     """
     with tempfile.TemporaryDirectory() as folder:
@@ -201,10 +173,7 @@ def compile_c(text: str, arm: ArmDescription, folder: Path) -> Path:
     """
     Compile a header into a shared library with a function `torques` for many states.
 
-    Raises
-    ------
-    LipIdError
-        If there is no C compiler, or it warns.
+    LipIdError if there is no C compiler, or it warns.
 
     """
     compiler = next(filter(None, map(shutil.which, COMPILERS)), None)

@@ -35,14 +35,8 @@ class Format(NamedTuple):
     """
     A format of other programs.
 
-    Attributes
-    ----------
-    text : callable
-        Writes an arm.
-    check : callable
-        Evaluates what was written.
-    friction : collection of str or None
-        Names of the terms of friction that it can express; None for all.
+    `text`: writes an arm. `check`: evaluates what was written. `friction`, or None: names of the
+    terms of friction that it can express; None for all.
 
     """
 
@@ -64,13 +58,7 @@ class Formatted:
     """
     An arm as the text of a file.
 
-    Attributes
-    ----------
-    name : str
-        Of the format.
-    form : Format
-    exported : Exported
-    text : str
+    `name`: of the format.
 
     """
 
@@ -111,12 +99,8 @@ class Template:
     """
     A URDF of the user, of which the fitted numbers are replaced.
 
-    Attributes
-    ----------
-    description : RobotDescription
-        With which the model was fitted.
-    origins : bool
-        Whether the origins of the joints are replaced too.
+    `description`: with which the model was fitted. `origins`: whether the origins of the joints
+    are replaced too.
 
     """
 
@@ -137,12 +121,8 @@ def formatted(name: str, exported: Exported, template: Template | None = None) -
     """
     Return an arm in one of `FORMATS`, or in a template.
 
-    Raises
-    ------
-    LipIdError
-        If a program that the format needs is missing.
-    ModelError
-        If the format cannot have the arm.
+    LipIdError if a program that the format needs is missing, ModelError if the format cannot have
+    the arm.
 
     """
     form = FORMATS[name]

@@ -37,17 +37,11 @@ class Kinematics:
     """
     Denavit-Hartenberg parameters of the joints of an arm.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        From base to tip.
-    values : array, shape (n, 4)
-        Twist, length, angle, offset [deg, m, deg, m].
-    std : array, shape (n, 4)
-        Their standard deviations; not a number where they are unknown, infinite where torques do
-        not determine a parameter at all.
-    tilt : array, shape (n,)
-        About the y axis, where neighbouring axes are nearly parallel [deg].
+    `joint_names`: from base to tip.
+    `values`, shape (n, 4): twist, length, angle, offset [deg, m, deg, m].
+    `std`, shape (n, 4): their standard deviations; not a number where they are unknown, infinite
+    where torques do not determine a parameter at all.
+    `tilt`, shape (n,): about the y axis, where neighbouring axes are nearly parallel [deg].
 
     """
 
@@ -141,18 +135,8 @@ def kinematics_of(
     Without gravity torques determine distances up to a common factor, so that none is identified
     unless a robot description gave it.
 
-    Parameters
-    ----------
-    joint_names : sequence of str
-    chain : Chain
-        In frames by the convention of Denavit and Hartenberg.
-    summary : mapping
-        Of the model; empty where deviations are unknown.
-
-    Raises
-    ------
-    ValueError
-        If the deviations are not those of this arm.
+    `chain`: in frames by the convention of Denavit and Hartenberg. `summary`: of the model; empty
+    where deviations are unknown. ValueError if the deviations are not those of this arm.
 
     """
     found, shape = table(chain), (len(joint_names), len(PARAMETERS))

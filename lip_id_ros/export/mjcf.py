@@ -66,17 +66,8 @@ def to_mjcf(arm: ArmDescription) -> str:
     """
     Return an arm as MJCF, read and compiled by MuJoCo.
 
-    Parameters
-    ----------
-    arm : ArmDescription
-        In standard frames.
-
-    Raises
-    ------
-    LipIdError
-        If MuJoCo is not installed.
-    ModelError
-        If MuJoCo refuses the arm.
+    `arm`: in standard frames. LipIdError if MuJoCo is not installed, ModelError if MuJoCo refuses
+    the arm.
 
     """
     friction = split_friction(arm, FRICTION)
@@ -106,12 +97,7 @@ def compiled(text: str) -> Any:
     """
     Return MuJoCo's model of an MJCF.
 
-    Raises
-    ------
-    LipIdError
-        If MuJoCo is not installed.
-    ModelError
-        If MuJoCo refuses it.
+    LipIdError if MuJoCo is not installed, ModelError if MuJoCo refuses it.
 
     """
     mujoco = import_mujoco()
@@ -125,15 +111,7 @@ def compiled(text: str) -> Any:
 
 
 def import_mujoco() -> Any:
-    """
-    Return the module of MuJoCo.
-
-    Raises
-    ------
-    LipIdError
-        If it is not installed.
-
-    """
+    """Return the module of MuJoCo; LipIdError if it is not installed."""
     try:
         import mujoco  # optional: only this format needs it
     except ImportError as error:

@@ -31,16 +31,7 @@ def require_links(model: InverseDynamicsModel, place: str) -> None:
     """
     Check that a payload can be added to a model.
 
-    Parameters
-    ----------
-    model : InverseDynamicsModel
-    place : str
-        Its file, for the message.
-
-    Raises
-    ------
-    ModelError
-        If it has no rigid links.
+    `place`: its file, for the message. ModelError if it has no rigid links.
 
     """
     if model.arm is None:
@@ -90,12 +81,8 @@ def payload_in_flange(loaded: LoadedArm, shift: float, turn: float) -> Payload:
 
     Its covariance includes that of where the frame is in the arm.
 
-    Parameters
-    ----------
-    loaded : LoadedArm
-    shift, turn : float
-        Of the frame along [m] and about [degrees] the z axis of the last link's frame by the
-        convention of Denavit and Hartenberg, as `lip_id export` writes it.
+    `shift`, `turn`: of the frame along [m] and about [degrees] the z axis of the last link's frame
+    by the convention of Denavit and Hartenberg, as `lip_id export` writes it.
 
     """
     rotation = Rotation.from_euler('z', turn, degrees=True).as_matrix()[None]
@@ -123,11 +110,7 @@ def attached(model: InverseDynamicsModel, loaded: LoadedArm) -> InverseDynamicsM
     """
     Return a model of the arm with a payload, in which every joint has links.
 
-    Parameters
-    ----------
-    model : InverseDynamicsModel
-        Of the arm without it.
-    loaded : LoadedArm
+    `model`: of the arm without it.
 
     """
     n, arm = model.n_joints, with_body(loaded.arm, loaded.body)

@@ -25,12 +25,8 @@ class FrictionSplit(NamedTuple):
     """
     Friction that a format can express, and the rest.
 
-    Attributes
-    ----------
-    values : tuple of dict
-        Coefficient by name of term, one mapping per joint.
-    left_out : FrictionModel
-        Terms that the format cannot express.
+    `values`: coefficient by name of term, one mapping per joint. `left_out`: terms that the format
+    cannot express.
 
     """
 
@@ -54,12 +50,8 @@ def split_friction(arm: ArmDescription, terms: Collection[str]) -> FrictionSplit
     """
     Divide friction into the terms that a format can express and the others.
 
-    Parameters
-    ----------
-    arm : ArmDescription
-    terms : collection of str
-        Names of the terms with one coefficient that the format can express. No format expresses
-        terms of coupled joints, nor springs that push away from the middle.
+    `terms`: names of the terms with one coefficient that the format can express. No format
+    expresses terms of coupled joints, nor springs that push away from the middle.
 
     """
     values: tuple[dict[str, float], ...] = tuple({} for _ in arm.joint_names)

@@ -51,10 +51,7 @@ def to_urdf(arm: ArmDescription) -> str:
     """
     Return an arm as URDF.
 
-    Parameters
-    ----------
-    arm : ArmDescription
-        In standard frames.
+    `arm`: in standard frames.
 
     """
     friction = split_friction(arm, FRICTION)

@@ -54,10 +54,7 @@ def require_same_frames(model: InverseDynamicsModel, description: RobotDescripti
     """
     Check that a model was fitted with a description.
 
-    Raises
-    ------
-    ModelError
-        If it was fitted without one, or with one whose joints are elsewhere.
+    ModelError if it was fitted without one, or with one whose joints are elsewhere.
 
     """
     known = model.summary.get('description', {}).get('fingerprint')
@@ -81,13 +78,8 @@ def fill_template(arm: ArmDescription, description: RobotDescription, origins: b
     """
     Return the text of a description with what was fitted.
 
-    Parameters
-    ----------
-    arm : ArmDescription
-        In the frames of the description.
-    description : RobotDescription
-    origins : bool
-        Whether the origins of the joints are replaced too.
+    `arm`: in the frames of the description. `origins`: whether the origins of the joints are
+    replaced too.
 
     """
     document = _Document(description.text)

@@ -32,14 +32,8 @@ class Deviated:
     """
     Standard deviations of one reference.
 
-    Attributes
-    ----------
-    std : ndarray, shape (n,)
-        Of the torques [N m or N].
-    tag : Any
-        Given with the reference.
-    asked_at : float
-        When [s].
+    `std`, shape (n,): of the torques [N m or N]. `tag`: given with the reference. `asked_at`: when
+    [s].
 
     """
 
@@ -52,18 +46,8 @@ class Deviations:
     """
     The parent's end of the process; construction waits until the model is ready.
 
-    Parameters
-    ----------
-    path : str
-        The model's file.
-    n_joints : int
-    inherited : sequence of int
-        Descriptors that the process needs: of the file that is open where `path` is /dev/fd/3.
-
-    Raises
-    ------
-    ModelError
-        If the process ends before, or stands still.
+    `path`: the model's file. `inherited`: descriptors that the process needs: of the file that is
+    open where `path` is /dev/fd/3. ModelError if the process ends before, or stands still.
 
     """
 
@@ -107,16 +91,10 @@ class Deviations:
         """
         Ask for a reference's; it is left out while another is in work, and before it is time.
 
-        Parameters
-        ----------
-        state : ndarray, shape (3, n)
-            Positions, velocities, accelerations.
-        tag : Any
-            Comes back with the result.
-        now : float
-            [s].
-        period_s : float
-            Shortest time between two [s].
+        `state`, shape (3, n): positions, velocities, accelerations.
+        `tag`: comes back with the result.
+        `now` [s].
+        `period_s`: shortest time between two [s].
 
         """
         if self._asked is not None or now - self._asked_at < period_s or not self.alive:
@@ -165,17 +143,8 @@ def main(path: str, queries: BinaryIO, answers: BinaryIO) -> int:
     """
     Answer queries until their stream ends.
 
-    Parameters
-    ----------
-    path : str
-        The model's file.
-    queries, answers : binary streams
-        Of doubles: q, dq, ddq; standard deviations of tau [N m or N].
-
-    Returns
-    -------
-    int
-        Exit status.
+    `path`: the model's file. `queries`, `answers`: of doubles: q, dq, ddq; standard deviations of
+    tau [N m or N]. Returns the exit status.
 
     """
     model = InverseDynamicsModel.load(path)

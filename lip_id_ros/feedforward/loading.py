@@ -26,21 +26,9 @@ class ModelFile:
     They load it at different times, and a fit may replace the file at any time: without a copy,
     torques could be of one model and their standard deviations or plans of another.
 
-    Raises
-    ------
-    OSError
-        If it cannot be opened.
-    SourceError
-        If it is not a regular file.
-    ModelError
-        If it is larger than any model.
-
-    Attributes
-    ----------
-    descriptor : int
-        Inherited by the processes that load it.
-    place : str
-        Path of the copy, in every process that has the descriptor.
+    `descriptor`: inherited by the processes that load it. `place`: path of the copy, in every
+    process that has the descriptor. OSError if it cannot be opened, SourceError if it is not a
+    regular file, ModelError if it is larger than any model.
 
     """
 
@@ -65,10 +53,7 @@ class ModelFile:
         """
         Return the model.
 
-        Raises
-        ------
-        ModelError
-            If it is none; the sentence names the file that was copied.
+        ModelError if it is none; the sentence names the file that was copied.
 
         """
         try:
@@ -97,15 +82,8 @@ class LoadedModel:
     """
     A model, ready to be served.
 
-    Attributes
-    ----------
-    model : DynamicsModel
-    calibration : EffortCalibration
-        Of the effort that it was fitted to.
-    file : ModelFile, or None
-        Where it was loaded from.
-    deviations : Deviations, or None
-        Where standard deviations are asked for.
+    `calibration`: of the effort that it was fitted to. `file`, or None: where it was loaded from.
+    `deviations`, or None: where standard deviations are asked for.
 
     """
 
@@ -131,19 +109,9 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
     """
     Load a model and let it answer, so that what is compiled on first use is compiled now.
 
-    Parameters
-    ----------
-    settings : ServeSettings
-        The file, and whether standard deviations are needed.
-    joints : sequence of str
-        Joints that it must have, in any order; empty for any.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    LipIdError
-        If it is not a model, or its joints are not those expected.
+    `settings`: the file, and whether standard deviations are needed. `joints`: joints that it must
+    have, in any order; empty for any. OSError if the file cannot be opened; LipIdError if it is
+    not a model, or its joints are not those expected.
 
     """
     file = ModelFile(settings.model_path)
@@ -169,12 +137,8 @@ def load_successor(settings: ServeSettings, before: LoadedModel) -> LoadedModel:
     Its joints must stand in the same order, so that lists of parameters and torques without names
     keep their meaning.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    LipIdError
-        If it is not a model, or its joints are not those of the other.
+    OSError if the file cannot be opened; LipIdError if it is not a model, or its joints are not
+    those of the other.
 
     """
     expected = before.joint_names
@@ -193,18 +157,8 @@ def load_models(settings: ServeSettings, before: LoadedModel | None) -> dict[str
     """
     Load the model of `model_path`, under an empty name, and those with payloads, by their paths.
 
-    Parameters
-    ----------
-    settings : ServeSettings
-    before : LoadedModel or None
-        The model whose place they take.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be opened.
-    LipIdError
-        If one is not a model, or has other joints, or no payload has the name that is set.
+    `before`, or None: the model whose place they take. OSError if a file cannot be opened;
+    LipIdError if one is not a model, or has other joints, or no payload has the name that is set.
 
     """
     require_consistent(settings)
@@ -229,15 +183,7 @@ def stop(models: Mapping[str, LoadedModel]) -> None:
 
 
 def require_payload(settings: ServeSettings, known: Collection[str]) -> None:
-    """
-    Refuse a payload that is not loaded.
-
-    Raises
-    ------
-    ConfigError
-        With the names that are.
-
-    """
+    """Refuse a payload that is not loaded; ConfigError with the names that are."""
     if settings.payload and settings.payload not in known:
         listed = ', '.join(filter(None, known)) or 'none'
         raise ConfigError(
@@ -250,10 +196,7 @@ def require_rules(settings: ServeSettings, loaded: LoadedModel | None) -> None:
     """
     Refuse settings that do not fit the arm or its model, or where there is none, its named joints.
 
-    Raises
-    ------
-    ConfigError
-        With the sentence.
+    ConfigError says which.
 
     """
     joints = loaded.joint_names if loaded else settings.joints

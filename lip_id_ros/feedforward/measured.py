@@ -25,11 +25,7 @@ class MeasuredArm:
     """
     Read joint states, and compare them with a model.
 
-    Parameters
-    ----------
-    loaded : LoadedModel
-    cutoff_hz : float
-        Of the low-pass before the residual [Hz].
+    `cutoff_hz`: of the low-pass before the residual [Hz].
 
     """
 
@@ -48,16 +44,8 @@ class MeasuredArm:
         """
         Read a joint state.
 
-        Parameters
-        ----------
-        message : JointMessage
-        now : float
-            When it came [s], on any steady clock.
-
-        Raises
-        ------
-        RefusedError
-            If a joint or a number is missing or wrong, or the stamp is not that of a next one.
+        `now`: when it came [s], on any steady clock. RefusedError if a joint or a number is
+        missing or wrong, or the stamp is not that of a next one.
 
         """
         measured = self._reader.read(message)
@@ -77,16 +65,9 @@ class MeasuredArm:
         Positions, velocities and torques go through one low-pass; the acceleration is the
         derivative of the filtered velocity. So all have the same delay.
 
-        Parameters
-        ----------
-        measured : MeasuredState
-            The next one; stamps must rise.
-
-        Returns
-        -------
-        ndarray, shape (n,), or None
-            [N m or N]; None without measured torques, and until the filter has settled after a
-            gap or a stamp that does not rise.
+        `measured`: the next one; stamps must rise. The result has shape (n,) [N m or N]; None
+        without measured torques, and until the filter has settled after a gap or a stamp that does
+        not rise.
 
         """
         if measured.tau is None:

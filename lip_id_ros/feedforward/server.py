@@ -45,14 +45,9 @@ class ServedTorque:
     """
     Answer to one sample of a stream.
 
-    Attributes
-    ----------
-    tau : ndarray, shape (n,)
-        The torque that may leave [N m or N], in the model's order.
-    query : Query
-        Torque and energies as the model has them.
-    state : ndarray, shape (3, n)
-        Positions, velocities, accelerations in the model's order.
+    `tau`, shape (n,): the torque that may leave [N m or N], in the model's order. `query`: torque
+    and energies as the model has them. `state`, shape (3, n): positions, velocities, accelerations
+    in the model's order.
 
     """
 
@@ -65,14 +60,7 @@ class ServedArm:
     """
     A model with the rules for its torques; ConfigError where the settings do not fit its joints.
 
-    Parameters
-    ----------
-    loaded : LoadedModel
-    settings : ServeSettings
-    counts : Counter
-        Gets the counts of `shaping`.
-    sent : Sent
-        What the robot holds.
+    `counts`: gets the counts of `shaping`. `sent`: what the robot holds.
 
     """
 
@@ -247,18 +235,11 @@ class Server:
         """
         Answer a message of one point.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Its joints.
-        points : sequence of Point
-            Its one point.
-        now : float
-            [s].
-        tag : Any
-            Comes back with its standard deviations, if they are computed.
-        age : float
-            How long ago it was sent [s]; refused beyond the longest silence of a stream.
+        `names`: its joints.
+        `points`: its one point.
+        `now` [s].
+        `tag`: comes back with its standard deviations, if they are computed.
+        `age`: how long ago it was sent [s]; refused beyond the longest silence of a stream.
 
         """
         try:

@@ -211,16 +211,8 @@ def require_changeable(before: ServeSettings, after: ServeSettings, state: str) 
     """
     Refuse a change that would have no effect now.
 
-    Parameters
-    ----------
-    before, after : ServeSettings
-    state : str
-        Of the lifecycle.
-
-    Raises
-    ------
-    ConfigError
-        If a parameter is read when the node is configured, and it is.
+    `state`: of the lifecycle. ConfigError if a parameter is read when the node is configured, and
+    it is.
 
     """
     if state == 'unconfigured':
@@ -238,32 +230,18 @@ class Rules:
     """
     The settings that hold for every torque, in the order of a model's joints.
 
-    Attributes
-    ----------
-    limits : ndarray, shape (n,)
-        Largest magnitude [N m or N], infinite where there is none.
-    rates : ndarray, shape (n,)
-        Largest change [N m/s or N/s], infinite where there is none.
-    scale : float
-        Factor on every torque.
-    ramp_s : float
-        Time to blend from the torque sent before to the one asked for [s].
-    safe_ramp_s : float
-        Time to reach the safe torque once references have stopped [s].
-    gravity : bool
-        Whether torques include gravity.
-    stale_timeout_s : float
-        Longest silence of a stream [s], infinite for any.
-    safe_value : SafeValue
-        What follows it.
-    max_plan_points : int
-        Longest plan that is answered.
-    range_policy, std_policy : Policy
-        What is done outside the training range, and beyond `std_limits`.
-    margins : ndarray, shape (n,)
-        How far a joint may leave its training range, as a share of half of it.
-    std_limits : ndarray, shape (n,)
-        Largest standard deviation of a torque [N m or N].
+    `limits`, shape (n,): largest magnitude [N m or N], infinite where there is none.
+    `rates`, shape (n,): largest change [N m/s or N/s], infinite where there is none.
+    `scale`: factor on every torque.
+    `ramp_s`: time to blend from the torque sent before to the one asked for [s].
+    `safe_ramp_s`: time to reach the safe torque once references have stopped [s].
+    `gravity`: whether torques include gravity.
+    `stale_timeout_s`: longest silence of a stream [s], infinite for any.
+    `safe_value`: what follows it.
+    `max_plan_points`: longest plan that is answered.
+    `range_policy`, `std_policy`: what is done outside the training range, and beyond `std_limits`.
+    `margins`, shape (n,): how far a joint may leave its training range, as a share of half of it.
+    `std_limits`, shape (n,): largest standard deviation of a torque [N m or N].
 
     """
 
@@ -297,11 +275,8 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
     """
     Bring the settings into the order of a model's joints.
 
-    Raises
-    ------
-    ConfigError
-        If a joint is named twice, a list has not one value per joint, or the check of standard
-        deviations has no limits.
+    ConfigError if a joint is named twice, a list has not one value per joint, or the check of
+    standard deviations has no limits.
 
     """
     require_consistent(settings)
@@ -336,11 +311,8 @@ def require_consistent(settings: ServeSettings) -> None:
     """
     Refuse settings that contradict each other for any arm.
 
-    Raises
-    ------
-    ConfigError
-        If a joint is named twice, a model has no name, or the check of standard deviations has no
-        limits.
+    ConfigError if a joint is named twice, a model has no name, or the check of standard deviations
+    has no limits.
 
     """
     require_unique('joints', settings.joints)
@@ -360,10 +332,7 @@ def require_bounded(settings: ServeSettings, before: Rules, joint_names: Sequenc
     """
     Refuse settings of a node that is active where they take a limit away.
 
-    Raises
-    ------
-    ConfigError
-        If torque_limits is empty, or a torque or its step is limited no more.
+    ConfigError if torque_limits is empty, or a torque or its step is limited no more.
 
     """
     require_limits(settings.torque_limits)

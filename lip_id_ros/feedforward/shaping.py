@@ -22,10 +22,7 @@ class TrainingRange:
     """
     Smallest box around the training samples.
 
-    Parameters
-    ----------
-    low, high : ndarray, shape (3, n)
-        Positions, velocities, accelerations.
+    `low`, `high`, shape (3, n): positions, velocities, accelerations.
 
     """
 
@@ -38,10 +35,7 @@ class TrainingRange:
         """
         Return the range with something added to each side.
 
-        Parameters
-        ----------
-        margins : ndarray, shape (n,)
-            As a share of half the range.
+        `margins`, shape (n,): as a share of half the range.
 
         """
         more = 0.5 * margins * (self._high - self._low)
@@ -51,15 +45,9 @@ class TrainingRange:
         """
         Compute how far outside samples are.
 
-        Parameters
-        ----------
-        states : ndarray, shape (3, n) or (3, N, n)
-            Positions, velocities, accelerations.
-
-        Returns
-        -------
-        ndarray, shape () or (N,)
-            For the worst joint, its distance from the centre by that of the edge: 1 at the edge.
+        `states`, shape (3, n) or (3, N, n): positions, velocities, accelerations. The result has
+        shape (): for the worst joint, its distance from the centre by that of the edge: 1 at the
+        edge.
 
         """
         shape = (3, *[1] * (states.ndim - 2), -1)
@@ -76,21 +64,10 @@ def factors(policy: Policy, excess: Array, counts: Counter[str], key: str) -> Ar
     """
     Apply a policy.
 
-    Parameters
-    ----------
-    policy : Policy
-    excess : ndarray
-        Above 1 where a sample is doubtful; what is not a number is.
-    counts : Counter
-        Gets the number of doubtful samples.
-    key : str
-        Under this key.
-
-    Returns
-    -------
-    ndarray, shape as excess
-        Factor on the torques of all joints. With `scale` it falls from 1 at the edge to 0 at
-        twice its distance, with `zero` at once.
+    `excess`: above 1 where a sample is doubtful; what is not a number is. `counts`: gets the
+    number of doubtful samples. `key`: under this key. Returns the factor on the torques of all
+    joints. With `scale` it falls from 1 at the edge to 0 at twice its distance, with `zero` at
+    once.
 
     """
     excess = np.where(np.isnan(excess), np.inf, excess)
@@ -106,15 +83,7 @@ class Shaper:
     """
     Bring torques into the form in which they may leave.
 
-    Parameters
-    ----------
-    rules : Rules
-    trained : TrainingRange
-        Of the model.
-    sent : Sent
-        What the robot holds.
-    counts : Counter
-        Gets `COUNTED`.
+    `trained`: of the model. `sent`: what the robot holds. `counts`: gets `COUNTED`.
 
     """
 
@@ -147,26 +116,13 @@ class Shaper:
         """
         Shape one torque of a stream; the first after safe torques begins a ramp.
 
-        Parameters
-        ----------
-        tau : ndarray, shape (n,)
-            [N m or N].
-        now : float
-            [s].
-        state : ndarray, shape (3, n)
-            Positions, velocities, accelerations that it is for.
-        std : ndarray, shape (n,), or None
-            Standard deviations of torques [N m or N], where they are checked.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Finite, within the limits, no further from the one before than the rates allow.
-
-        Raises
-        ------
-        RefusedError
-            If a torque is not finite.
+        `tau`, shape (n,) [N m or N].
+        `now` [s].
+        `state`, shape (3, n): positions, velocities, accelerations that it is for.
+        `std`, shape (n,), or None: standard deviations of torques [N m or N], where they are
+        checked.
+        The result has shape (n,): finite, within the limits, no further from the one before than
+        the rates allow. RefusedError if a torque is not finite.
 
         """
         factor = self._range_factors(state)
@@ -182,19 +138,8 @@ class Shaper:
         """
         Shape the torques of a plan, without a ramp: that is for streams.
 
-        Parameters
-        ----------
-        tau : ndarray, shape (N, n)
-            [N m or N].
-        t : ndarray, shape (N,)
-            Times from start [s].
-        states : ndarray, shape (3, N, n)
-            Positions, velocities, accelerations.
-
-        Raises
-        ------
-        RefusedError
-            If a torque is not finite.
+        `tau`, shape (N, n) [N m or N]. `t`, shape (N,): times from start [s]. `states`, shape (3,
+        N, n): positions, velocities, accelerations. RefusedError if a torque is not finite.
 
         """
         safe, limited = self._scaled(self._range_factors(states)[:, np.newaxis] * tau)

@@ -16,18 +16,8 @@ class ServeCounts:
     """
     Counts of messages and torques since the start of the node.
 
-    Parameters
-    ----------
-    counted : sequence of str
-        Keys of `torques`.
-
-    Attributes
-    ----------
-    references : Tally
-        Samples of streams and plans.
-    joint_states : Tally
-    torques : Counter
-        Torques that were cut, doubtful references, and silences.
+    `counted`: keys of `torques`. `references`: samples of streams and plans. `torques`: torques
+    that were cut, doubtful references, and silences.
 
     """
 

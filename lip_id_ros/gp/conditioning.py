@@ -34,16 +34,8 @@ def conditioned(
     """
     Condition on all samples, in the order of time, with the likeliest noise variances.
 
-    Returns
-    -------
-    posterior : TorquePosterior
-    left_out : array, shape (n,)
-        Mean squared residuals of blocks of time that are left out [(N m)^2 or N^2].
-
-    Raises
-    ------
-    FitError
-        If the Gram matrix cannot be factorised.
+    The result has shape (n,): mean squared residuals of blocks of time that are left out [(N m)^2
+    or N^2]. FitError if the Gram matrix cannot be factorised.
 
     """
     states = kernel.states(dataset.q, dataset.dq, dataset.ddq)
@@ -70,10 +62,6 @@ def left_out_residuals(alpha: Array, blocks: list[Array]) -> Array:
 
     Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 5.12, by blocks.
 
-    Parameters
-    ----------
-    alpha, blocks : as for `left_out_inflation`
-
     """
     ends = np.cumsum([len(block) for block in blocks])[:-1]
     parts = zip(np.split(alpha.ravel(), ends), blocks, strict=True)
@@ -97,13 +85,8 @@ def left_out_inflation(alpha: Array, blocks: list[Array], noise_variance: Array)
     """
     Return the factor of the variances with which left-out blocks are explained, at least 1.
 
-    Parameters
-    ----------
-    alpha : array, shape (N, n)
-        (K + noise)^-1 tau.
-    blocks : list of arrays
-        Of (K + noise)^-1 on its diagonal, one for each contiguous block of samples.
-    noise_variance : array, shape (n,)
+    `alpha`, shape (N, n): (K + noise)^-1 tau. `blocks`: of (K + noise)^-1 on its diagonal, one for
+    each contiguous block of samples. `noise_variance`, shape (n,).
 
     """
     noise = np.resize(noise_variance, alpha.size)

@@ -16,7 +16,7 @@ from lip_id_ros.gp.initialisation import (
     make_friction,
     with_likely_sign_widths,
 )
-from lip_id_ros.gp.likelihood import Backend, choose
+from lip_id_ros.gp.likelihood import MarginalLikelihood
 from lip_id_ros.gp.training import maximise, Objective, Optimum
 from lip_id_ros.kernels import (
     FAMILY,
@@ -52,25 +52,20 @@ def fit_process(
     conditioned on all of them, or on the best spread `max_samples`, whose noise is estimated
     again. The kernel is one of `lip_id_ros.kernels.FAMILY`, whatever the settings name.
 
-    Raises
-    ------
-    FitError
-        If the Gram matrix cannot be factorised.
+    FitError if the Gram matrix cannot be factorised.
 
     """
     started = time.monotonic()
-    backend = choose(settings.device)
     torques = make_kernel(dataset, settings, kernel)
-    torques, optimum = _optimise(torques, dataset, settings, backend, progress)
+    torques, optimum = _optimise(torques, dataset, settings, progress)
     seconds = round(time.monotonic() - started, 3)
     progress(CONDITIONING, 0, 1)
     some = dataset.select(dataset.covering(settings.max_samples))
     posterior, left_out = conditioned(torques, optimum.hyperparameters, some)
     progress(CONDITIONING, 1, 1)
-    place = {'device': backend.device, 'device_note': backend.note}
     variance = some.tau.var(axis=0)
     shares = left_out / np.where(variance > 0.0, variance, 1.0)
-    report = {**_report(optimum, posterior), 'seconds_optimising': seconds, **place}
+    report = {**_report(optimum, posterior), 'seconds_optimising': seconds}
     report['unexplained_left_out'] = shares.tolist()
     return FittedProcess(posterior, report)
 
@@ -88,12 +83,11 @@ def _optimise(
     kernel: TorqueKernel,
     dataset: Dataset,
     settings: FitSettings,
-    backend: Backend,
     progress: Progress,
 ) -> tuple[TorqueKernel, Optimum]:
     def objective(centre: Hyperparameters, some: Dataset) -> Objective:
         states = kernel.states(some.q, some.dq, some.ddq)
-        likelihood = backend.likelihood(kernel, states, some.tau, centre)
+        likelihood = MarginalLikelihood(kernel, states, some.tau, centre)
         return Objective(likelihood, centre, settings.prior_precision)
 
     few = dataset.select(dataset.covering(max(LEAST_SAMPLES, settings.subset // 3)))

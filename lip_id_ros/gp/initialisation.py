@@ -52,10 +52,7 @@ def initial_guesses(kernel: TorqueKernel, dataset: Dataset) -> list[InitialGuess
     first steps can collapse the noise of one joint, and the rest then interpolates; which guess is
     right shows after a few iterations.
 
-    Raises
-    ------
-    FitError
-        If the data are not finite.
+    FitError if the data are not finite.
 
     """
     with np.errstate(over='ignore', divide='ignore'):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Protocol
 
 import numpy as np
@@ -41,10 +39,7 @@ class MarginalLikelihood:
         """
         Evaluate at log-hyperparameters (p,), constant included; the gradient has shape (p,).
 
-        Raises
-        ------
-        FitError
-            If the Gram matrix cannot be factorised.
+        FitError if the Gram matrix cannot be factorised.
 
         """
         at = self.like.with_vector(vector)
@@ -68,41 +63,3 @@ class MarginalLikelihood:
         features = self.states.friction
         friction = None if features is None else friction_gradient(features, blocks)
         return Hyperparameters(weights, friction, np.einsum('itt->i', blocks))
-
-
-MakeLikelihood = Callable[[TorqueKernel, JointStates, Array, Hyperparameters], Likelihood]
-"""
-From kernel, N samples, torques (N, n), and hyperparameters that give the shapes.
-"""
-
-
-@dataclass(frozen=True)
-class Backend:
-    """
-    What evaluates the likelihood on a device, 'cpu' or 'cuda'.
-
-    `note` says why this is not the device that was asked for; empty where it is.
-
-    """
-
-    device: str
-    likelihood: MakeLikelihood
-    note: str = ''
-
-
-def choose(device: str) -> Backend:
-    """Return what evaluates the likelihood on 'cpu' or 'cuda', the CPU where that is missing."""
-    if device == 'cpu':
-        return Backend('cpu', MarginalLikelihood)
-    try:
-        reference = import_module('lip_id_ros.gp.reference')
-    except ImportError as error:
-        return _instead(device, f'torch cannot be imported ({error})')
-    if not reference.is_available():
-        return _instead(device, 'torch finds no CUDA device')
-    return Backend(device, reference.likelihood_on(device))
-
-
-def _instead(device: str, reason: str) -> Backend:
-    note = f'Fitted on the CPU instead of {device}: {reason}.'
-    return Backend('cpu', MarginalLikelihood, note)

@@ -36,13 +36,9 @@ class Objective:
     """
     Negative log posterior of the log-hyperparameters, up to a constant.
 
-    Attributes
-    ----------
-    centre : Hyperparameters
-        Of the Gaussian prior on their logarithms.
-    prior_precision : float
-        Of each logarithm; 0 for plain maximum likelihood. The noise has no prior. Where a joint's
-        zero is does not matter to a robot: a prior also takes cosine and sine for alike (`ALIKE`).
+    `centre`: of the Gaussian prior on their logarithms. `prior_precision`: of each logarithm; 0
+    for plain maximum likelihood. The noise has no prior. Where a joint's zero is does not matter
+    to a robot: a prior also takes cosine and sine for alike (`ALIKE`).
 
     """
 
@@ -95,20 +91,12 @@ class Optimum:
     """
     Result of an optimisation.
 
-    Attributes
-    ----------
-    value : float
-        Of the objective.
-    negative_log_likelihood : float
-        On the samples that were optimised on.
-    converged : bool
-        False where the iterations ran out first.
-    message : str
-        The optimiser's own words.
-    at_bounds : tuple of str
-        Hyperparameters that ran to a bound.
-    rejected : int
-        Steps that led where the Gram matrix cannot be factorised, and were shortened.
+    `value`: of the objective.
+    `negative_log_likelihood`: on the samples that were optimised on.
+    `converged`: False where the iterations ran out first.
+    `message`: the optimiser's own words.
+    `at_bounds`: hyperparameters that ran to a bound.
+    `rejected`: steps that led where the Gram matrix cannot be factorised, and were shortened.
 
     """
 
@@ -132,10 +120,7 @@ def maximise(
     """
     Maximise the posterior of the log-hyperparameters by L-BFGS; 0 iterations keep the start.
 
-    Raises
-    ------
-    FitError
-        If the Gram matrix cannot be factorised at the start.
+    FitError if the Gram matrix cannot be factorised at the start.
 
     """
     first, centre = start.vector(), objective.centre.vector()
@@ -177,19 +162,9 @@ def minimise(
     """
     Minimise a function of log-hyperparameters (p,) by L-BFGS, within `RANGE` of a centre.
 
-    Parameters
-    ----------
-    function : callable
-        Value and gradient at a vector (p,); FitError where it has none.
-    iterations : int
-        At most; 0 keeps the start.
-    report : callable
-        Gets the iterations that are done, and their largest number.
-
-    Raises
-    ------
-    FitError
-        If the function has no value at the start.
+    `function`: value and gradient at a vector (p,); FitError where it has none. `iterations`: at
+    most; 0 keeps the start. `report`: gets the iterations that are done, and their largest number.
+    FitError if the function has no value at the start.
 
     """
     guarded, counter = _Guarded(function), count(1)

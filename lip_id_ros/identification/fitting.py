@@ -32,11 +32,6 @@ LARGEST = 1e9
 ROUNDING = 1e-9
 """Share of the largest torque below which a change is none."""
 
-CPU_ALONE = (
-    'Fitted on the CPU instead of cuda: an arm is identified on the CPU; choose another kernel '
-    'for a device.'
-)
-
 OF_PROCESSES = ('friction', 'subset', 'max_samples', 'iterations', 'prior_precision')
 OF_ARMS = ('seed',)
 """Settings that only fits of Gaussian processes, and only fits of arms, use."""
@@ -142,8 +137,6 @@ def fit_report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'friction': [list(names) for names in found.arm.friction.names()],
         'friction_between_recordings': found.recording_deviations.tolist(),
         'noise_std': found.arm.noise.std.tolist(),
-        'device': 'cpu',
-        'device_note': '' if settings.device == 'cpu' else CPU_ALONE,
     }
 
 

@@ -11,7 +11,7 @@ jets to jets in closed form, with no division: the product rule is
           - [i = b]\, \partial_q a\; y.
 
 Derivation and proof: maths.md, section 4. The tests compare with nested automatic
-differentiation (`lip_id_ros.gp.reference`).
+differentiation.
 
 """
 
@@ -30,18 +30,12 @@ class Jet(NamedTuple):
     """
     Operators applied to y; the last index of every array is the pair.
 
-    Attributes
-    ----------
-    s : array, shape (4, LANES)
-        y, Dy, D'y, DD'y.
-    r : array, shape (4, n, LANES)
-        Rows: p_i y, D' p_i y, G_i y, D' G_i y with the momentum operator p_i = d/d dq_i.
-    c : array, shape (4, n, LANES)
-        Columns: p'_j y, D p'_j y, G'_j y, D G'_j y.
-    pp : array, shape (n, LANES)
-        p_i p'_i y (zero off the diagonal).
-    pg, gp, gg : arrays, shape (n, n, LANES)
-        p_i G'_j y, G_i p'_j y, G_i G'_j y.
+    `s`, shape (4, LANES): y, Dy, D'y, DD'y.
+    `r`, shape (4, n, LANES): rows: p_i y, D' p_i y, G_i y, D' G_i y with the momentum operator p_i
+    = d/d dq_i.
+    `c`, shape (4, n, LANES): columns: p'_j y, D p'_j y, G'_j y, D G'_j y.
+    `pp`, shape (n, LANES): p_i p'_i y (zero off the diagonal).
+    `pg`, `gp`, `gg`, shape (n, n, LANES): p_i G'_j y, G_i p'_j y, G_i G'_j y.
 
     """
 
@@ -58,12 +52,8 @@ class Factor(NamedTuple):
     """
     A joint factor a(q_b, q'_b) for `LANES` pairs.
 
-    Attributes
-    ----------
-    a : array, shape (4, LANES)
-        a, da/dq, da/dq', d2a/dq dq'.
-    rate : array, shape (5, LANES)
-        Da, D'a, DD'a, D(da/dq'), D'(da/dq).
+    `a`, shape (4, LANES): a, da/dq, da/dq', d2a/dq dq'. `rate`, shape (5, LANES): da, D'a, DD'a,
+    D(da/dq'), D'(da/dq).
 
     """
 

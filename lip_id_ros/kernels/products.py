@@ -21,13 +21,8 @@ class Product(NamedTuple):
     """
     A product of joint factors; the last index of every array is the pair.
 
-    Attributes
-    ----------
-    p : array, shape (1, LANES)
-    r, c : arrays, shape (n, LANES)
-        dp/dq_i and dp/dq'_j.
-    h : array, shape (n, n, LANES)
-        d2p/dq_i dq'_j.
+    `p`, shape (1, LANES). `r`, `c`, shape (n, LANES): dp/dq_i and dp/dq'_j. `h`, shape (n, n,
+    LANES): d2p/dq_i dq'_j.
 
     """
 

@@ -39,15 +39,9 @@ class Step(NamedTuple):
     """
     One step of a program; a row of `EnergyKernel.steps`.
 
-    Attributes
-    ----------
-    operation : Operation
-    joint : int
-    factor_set : int
-    link : int
-    coupled, high : int
-        Before the step, y depends on joints 0..high-1 (at a reset, those that it will depend on),
-        and derivatives by two different joints vanish unless one of them is below `coupled`.
+    `coupled`, `high`: before the step, y depends on joints 0..high-1 (at a reset, those that it
+    will depend on), and derivatives by two different joints vanish unless one of them is below
+    `coupled`.
 
     """
 
@@ -64,16 +58,11 @@ class EnergyKernel:
     """
     Which joints the entries of the inertia matrix and the potential energy may depend on.
 
-    Attributes
-    ----------
-    name : str
-        As in `lip_id fit --kernel`.
-    steps : int array, shape (n_steps, 6)
-        The program of the kinetic energy: rows as in `Step`.
-    n_factor_sets : int
-        1 where all links share joint factors and velocity weights, n where each has its own.
-    potential_links : int array
-        The links after whose factor the running product is emitted.
+    `name`: as in `lip_id fit --kernel`.
+    `steps`, shape (n_steps, 6): the program of the kinetic energy: rows as in `Step`.
+    `n_factor_sets`: 1 where all links share joint factors and velocity weights, n where each has
+    its own.
+    `potential_links`: the links after whose factor the running product is emitted.
 
     """
 
@@ -88,18 +77,11 @@ class Weights(NamedTuple):
     """
     Positive hyperparameters of an energy kernel.
 
-    Attributes
-    ----------
-    factors : array, shape (n_factor_sets, n, 3)
-        w_0, w_1, w_2 of the kinetic energy's joint factors.
-    velocities : array, shape (n_factor_sets, n)
-        Weights s of the velocities.
-    kinetic_scales : array, shape (n,)
-        lambda of every link's kinetic energy [J^2 up to the units of s].
-    potential_factors : array, shape (n, 3)
-        w_0, w_1, w_2 of the potential energy's joint factors.
-    potential_scales : array, shape (n_potential_links,)
-        [J^2].
+    `factors`, shape (n_factor_sets, n, 3): w_0, w_1, w_2 of the kinetic energy's joint factors.
+    `velocities`, shape (n_factor_sets, n): weights s of the velocities.
+    `kinetic_scales`, shape (n,): lambda of every link's kinetic energy [J^2 up to the units of s].
+    `potential_factors`, shape (n, 3): w_0, w_1, w_2 of the potential energy's joint factors.
+    `potential_scales`, shape (n_potential_links,) [J^2].
 
     """
 
@@ -114,16 +96,11 @@ class KernelArrays(NamedTuple):
     """
     An energy kernel with its weights, laid out for compiled loops.
 
-    Attributes
-    ----------
-    steps : int array, shape (n_steps, 6)
-        As in `EnergyKernel`.
-    bounds : int array
-        Where each run that begins with a reset begins, and the end.
-    factors, velocities, kinetic_scales, potential_factors : arrays
-        As in `Weights`.
-    potential_scales : array, shape (n,)
-        Weight with which the product up to each joint is emitted; 0 where it is not.
+    `steps`, shape (n_steps, 6): as in `EnergyKernel`.
+    `bounds`: where each run that begins with a reset begins, and the end.
+    `factors`, `velocities`, `kinetic_scales`, `potential_factors`: as in `Weights`.
+    `potential_scales`, shape (n,): weight with which the product up to each joint is emitted; 0
+    where it is not.
 
     """
 
@@ -227,15 +204,10 @@ def kinetic_covariance(
     Prior covariance [J^2] of the kinetic energies at two joint states: defines a kernel.
 
     It takes numbers, numpy arrays and torch tensors alike. numpy gives prior variances; torch
-    differentiates these lines to give torques (`lip_id_ros.gp.reference`), which every compiled
-    loop is tested against.
+    differentiates these lines to give torques, which the tests compare with every compiled loop.
 
-    Parameters
-    ----------
-    f, fz : array-likes, first indices (2, n)
-        Joint features of the two states; further indices are states.
-    dq, dz : array-likes, first index n
-        Velocities [rad/s or m/s].
+    `f`, `fz`: joint features of the two states; further indices are states. `dq`, `dz`: velocities
+    [rad/s or m/s].
 
     """
     y: Any = 0.0

@@ -250,14 +250,8 @@ class TorquePosterior:
         """
         Posterior variances (paper, eqs. `GP-posterior` and section `sec:energy_est`).
 
-        At `reference`, shape (n,), the potential energy is zero and certain.
-
-        Returns
-        -------
-        tau : array, shape (N, n)
-            Of noiseless torques [(N m)^2 or N^2].
-        kinetic, potential : arrays, shape (N,)
-            [J^2].
+        Of noiseless torques, (N, n) [(N m)^2 or N^2], and of both energies, (N,) [J^2]. At
+        `reference`, shape (n,), the potential energy is zero and certain.
 
         """
         tau, kinetic, potential = np.empty_like(q), np.empty(len(q)), np.empty(len(q))

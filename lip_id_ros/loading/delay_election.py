@@ -94,17 +94,9 @@ class DelayElection:
         """
         Go to the least errors of left-out blocks along some directions.
 
-        Parameters
-        ----------
-        delays : array, shape (n,)
-            Where to start [s].
-        along : array, shape (d, n)
-            Directions, none of which shares a joint with another.
-
-        Returns
-        -------
-        found, error : arrays, shapes (d,)
-            Delays, and their standard errors; where nothing is found, the start and infinity [s].
+        `delays`, shape (n,): where to start [s]. `along`, shape (d, n): directions, none of which
+        shares a joint with another. Returns delays and their standard errors, (d,) [s]: the start
+        and infinity where nothing is found.
 
         """
         start = along @ delays / along.sum(axis=1)
@@ -157,14 +149,8 @@ def fewest(common: float, common_error: float, delays: Array, errors: Array, mos
     """
     Return delays of single joints beside none or a common one, whichever needs fewer.
 
-    Parameters
-    ----------
-    common, common_error : float
-        Delay of all joints, and its standard error [s].
-    delays, errors : arrays, shape (n,)
-        Those of the joints, likewise.
-    most : float
-        Standard errors that chance may make.
+    `common`, `common_error`: delay of all joints, and its standard error [s]. `delays`, `errors`,
+    shape (n,): those of the joints, likewise. `most`: standard errors that chance may make.
 
     """
 

@@ -65,10 +65,8 @@ def elect_preprocessing(
     """
     Elect cut-off, derivative and delays for recordings of one arm, training data alone.
 
-    Raises
-    ------
-    SourceError, ConfigError, DataError
-        As `preprocess` raises them, and ConfigError where a derivative or delays are given.
+    SourceError, ConfigError and DataError as from `preprocess`; ConfigError where a derivative or
+    delays are given.
 
     """
     _refuse_mixed(settings, recording)

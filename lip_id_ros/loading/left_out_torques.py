@@ -91,18 +91,11 @@ class LeftOutTorques:
     """
     Errors of left-out efforts, for settings of preprocessing and delays of efforts.
 
-    Parameters
-    ----------
-    segments : sequence of (Segment, int)
-        Of `uniform_segments`.
-    highest_hz : float
-        The highest cut-off that is compared.
-    chain : Chain
-        Where the joints are.
-    link_std : array, shape (n, 11)
-        Prior standard deviations of link parameters.
-    usual : PreprocessingSettings
-        With which widths of signs, sizes of friction and the noise are found.
+    `segments`: of `uniform_segments`.
+    `highest_hz`: the highest cut-off that is compared.
+    `chain`: where the joints are.
+    `link_std`, shape (n, 11): prior standard deviations of link parameters.
+    `usual`: with which widths of signs, sizes of friction and the noise are found.
 
     """
 
@@ -190,16 +183,9 @@ class LeftOutTorques:
         """
         Eliminate the friction of every joint from normal equations.
 
-        Parameters
-        ----------
-        gram : array, shape (n, 11 n + 13, 11 n + 13)
-
-        Returns
-        -------
-        reduced : array, shape (n, 11 n + 1, 11 n + 1)
-            In units of the noise: of links and efforts to learn from.
-        taken : array, shape (n, 11, 11 n + 1)
-            Friction for unit links and efforts.
+        `gram` has shape (n, 11 n + 13, 11 n + 13). Returns the equations of links and efforts to
+        learn from, (n, 11 n + 1, 11 n + 1), in units of the noise, and friction for unit links and
+        efforts, (n, 11, 11 n + 1).
 
         """
         p = self._link_std.size

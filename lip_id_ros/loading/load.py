@@ -231,10 +231,7 @@ def elected_config(
 
     Returns settings with numbers in the place of `auto`, and figures for the provenance.
 
-    Raises
-    ------
-    LipIdError
-        See `lip_id_ros.loading.election.elect_preprocessing`.
+    LipIdError: see `lip_id_ros.loading.election.elect_preprocessing`.
 
     """
     longest = config.preprocessing.max_gap_s
@@ -256,10 +253,7 @@ def with_elected(config: Config, provenance: Mapping[str, Any]) -> Config:
     """
     Put the settings elected for training data, or a model, in the place of `cutoff_hz: auto`.
 
-    Raises
-    ------
-    ConfigError
-        If none of its sources was preprocessed.
+    ConfigError if none of its sources was preprocessed.
 
     """
     if config.preprocessing.cutoff_hz != AUTO:

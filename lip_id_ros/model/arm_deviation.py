@@ -25,10 +25,6 @@ class ArmDeviation:
 
     Construction lays the posterior out; nothing is checked after that.
 
-    Parameters
-    ----------
-    arm : ArmPosterior
-
     """
 
     def __init__(self, arm: ArmPosterior) -> None:
@@ -81,19 +77,12 @@ def used_jacobian(
     """
     Differentiate the torques by some coordinates of `ArmPosterior`.
 
-    Parameters
-    ----------
-    out : array, shape (N, n, p)
-        Set to the derivatives.
-    q, dq, ddq : arrays, shape (N, n)
-    floats, integers : arrays
-        By `pack`, with the features of friction.
-    loaded : int array
-        The features that depend on a load.
-    coefficients : array, shape (K,)
-        Of friction.
-    used : int array, shape (p,)
-        The coordinates.
+    `out`, shape (N, n, p): set to the derivatives.
+    `q`, `dq`, `ddq`, shape (N, n).
+    `floats`, `integers`: by `pack`, with the features of friction.
+    `loaded`: the features that depend on a load.
+    `coefficients`, shape (K,): of friction.
+    `used`, shape (p,): the coordinates.
 
     """
     n = integers[0]

@@ -36,10 +36,7 @@ class ArmMean:
     Construction packs the parameters; `one` is then hot: no checks, and nothing allocated but the
     result. Not for several threads at once.
 
-    Parameters
-    ----------
-    arm : ArmPosterior
-    remainder : Remainder or None
+    `remainder`, or None.
 
     """
 
@@ -146,13 +143,9 @@ def evaluate_in_memory(memory: Array, integers: IntArray) -> None:
     """
     Evaluate an arm at one joint state.
 
-    Parameters
-    ----------
-    memory : array
-        One after the other: q, dq, ddq; the result, which is set: torques; torques of the
-        kinetic energy, of gravity and of friction; T and V; working memory; `pack`'s numbers.
-    integers : array
-        By `pack`.
+    `memory`: one after the other: q, dq, ddq; the result, which is set: torques; torques of the
+    kinetic energy, of gravity and of friction; T and V; working memory; `pack`'s numbers.
+    `integers`: by `pack`.
 
     """
     n = integers[0]
@@ -193,13 +186,8 @@ def evaluate_arm_many(
     """
     Evaluate an arm at N joint states.
 
-    Parameters
-    ----------
-    out : array, shape (N, 5 n + 2)
-        Set to torques, inertial, Coriolis, gravity and friction torques; T and V.
-    q, dq, ddq : arrays, shape (N, n)
-    floats, integers : arrays
-        By `pack`.
+    `out`, shape (N, 5 n + 2): set to torques, inertial, Coriolis, gravity and friction torques; T
+    and V. `q`, `dq`, `ddq`, shape (N, n). `floats`, `integers`: by `pack`.
 
     """
     n = integers[0]

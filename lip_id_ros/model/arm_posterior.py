@@ -42,16 +42,9 @@ class ArmPosterior:
     links (11 n); the coefficients of friction (K); the widths of the signs of Coulomb friction
     (W, see `SignWidth`), where they are not taken as known.
 
-    Attributes
-    ----------
-    chain : Chain
-    links : array, shape (n, 11)
-        Parameters of bodies that can exist.
-    friction : FrictionModel
-    noise : TorqueNoise
-        Of measured torques about the model.
-    covariance_root : array, shape (17 n + K, r) or (17 n + K + W, r)
-        S with covariance S S^T.
+    `links`, shape (n, 11): parameters of bodies that can exist. `noise`: of measured torques about
+    the model. `covariance_root`, shape (17 n + K, r) or (17 n + K + W, r): S with covariance S
+    S^T.
 
     """
 
@@ -65,14 +58,7 @@ class ArmPosterior:
         """
         Return the torques of links and friction.
 
-        Parameters
-        ----------
-        q, dq, ddq : arrays, shape (N, n)
-
-        Returns
-        -------
-        array, shape (N, n)
-            [N m or N].
+        `q`, `dq`, `ddq`, shape (N, n). The result has shape (N, n) [N m or N].
 
         """
         links = torque_regressor(self.chain, *_contiguous(q, dq, ddq)) @ self.links.ravel()
@@ -112,16 +98,8 @@ class ArmPosterior:
         """
         Return standard deviations of both energies.
 
-        Parameters
-        ----------
-        q, dq : arrays, shape (N, n)
-        reference : array, shape (n,)
-            Positions at which the potential energy is zero and certain.
-
-        Returns
-        -------
-        kinetic, potential : arrays, shape (N,)
-            [J].
+        `q`, `dq`, shape (N, n). `reference`, shape (n,): positions at which the potential energy
+        is zero and certain. The result has shape (N,) [J].
 
         """
         kinetic, potential = self._energy_jacobians(*_contiguous(q, dq))
@@ -157,11 +135,7 @@ def compacted(arm: ArmPosterior, ranges: tuple[Array, Array]) -> ArmPosterior:
     are zero. What remains is triangular, and is rounded to so many bits that no standard deviation
     of a torque at random states changes by more than `MOST_CHANGE`.
 
-    Parameters
-    ----------
-    arm : ArmPosterior
-    ranges : two arrays, shape (3, n)
-        Lowest and highest q, dq, ddq of the training samples.
+    `ranges`, shape (3, n): lowest and highest q, dq, ddq of the training samples.
 
     """
     rng = np.random.default_rng(SEED)

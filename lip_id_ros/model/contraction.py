@@ -28,11 +28,8 @@ class TrainingSide(NamedTuple):
     """
     What the training samples contribute, sample last, padded with zeros to a multiple of `LANES`.
 
-    Attributes
-    ----------
-    f, rate, turn : arrays, shape (2, n, P)
-        Joint features, their time derivatives, and their derivatives along alpha.
-    dq, ddq, alpha : arrays, shape (n, P)
+    `f`, `rate`, `turn`, shape (2, n, P): joint features, their time derivatives, and their
+    derivatives along alpha. `dq`, `ddq`, `alpha`, shape (n, P).
 
     """
 
@@ -48,16 +45,11 @@ class Scratch(NamedTuple):
     """
     Working memory of one query.
 
-    Attributes
-    ----------
-    x, dx : arrays, shape (4, LANES)
-        The numbers at hand and their time derivatives along the query.
-    adj, dadj : arrays, shape (4, LANES)
-        Adjoints of x and their time derivatives.
-    tape, dtape : arrays, shape (n_steps, 4, LANES)
-        x and dx before every step.
-    a : array, shape (n_steps, 6, LANES)
-        Of every factor: a, D'a, d'_alpha a, and their derivatives by the query's q_b.
+    `x`, `dx`, shape (4, LANES): the numbers at hand and their time derivatives along the query.
+    `adj`, `dadj`, shape (4, LANES): adjoints of x and their time derivatives.
+    `tape`, `dtape`, shape (n_steps, 4, LANES): x and dx before every step.
+    `a`, shape (n_steps, 6, LANES): of every factor: a, D'a, d'_alpha a, and their derivatives by
+    the query's q_b.
 
     """
 

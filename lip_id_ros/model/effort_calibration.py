@@ -16,12 +16,7 @@ class EffortCalibration:
     """
     Torque = scale * effort + offset, per joint of the model.
 
-    Attributes
-    ----------
-    scale : ndarray, shape (n,)
-        [N m or N per unit of effort].
-    offset : ndarray, shape (n,)
-        [N m or N].
+    `scale`, shape (n,) [N m or N per unit of effort]. `offset`, shape (n,) [N m or N].
 
     """
 
@@ -44,17 +39,9 @@ def effort_calibrations(
     """
     Read the calibration of each recording that a data set comes from.
 
-    Parameters
-    ----------
-    provenance : mapping
-        Of the data set; one that was made elsewhere names no calibration: effort is torque.
-    joint_names : sequence of str
-        The joints of the model.
-
-    Returns
-    -------
-    tuple of EffortCalibration
-        One for each recording; one that changes nothing where no recording is named.
+    `provenance`: of the data set; one that was made elsewhere names no calibration: effort is
+    torque. `joint_names`: the joints of the model. Returns one for each recording; one that
+    changes nothing where no recording is named.
 
     """
     sources = provenance.get('sources', [])

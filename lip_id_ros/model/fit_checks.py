@@ -23,11 +23,7 @@ def with_checks(model: InverseDynamicsModel, q: Array, tau: Array) -> InverseDyn
     `unexplained_percent` the noise variance of each joint, or its error on left-out blocks where
     that is larger, in percent of the variance of its torque (None where that is constant).
 
-    Parameters
-    ----------
-    model : InverseDynamicsModel
-    q, tau : arrays, shape (N, n)
-        Positions and torques of the samples of its fit [rad or m, N m or N].
+    `q`, `tau`, shape (N, n): positions and torques of the samples of its fit [rad or m, N m or N].
 
     """
     inertia = model.inertia_matrix(q[:: 1 + len(q) // MOST_CHECKED])

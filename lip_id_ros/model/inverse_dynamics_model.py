@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.checked_file import Arrays, MODEL, read_checked, write_checked
+from lip_id_ros.checked_file import Arrays, read_checked, write_checked
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.kernels import TorquePosterior
 from lip_id_ros.model import serialization
@@ -259,7 +259,7 @@ class InverseDynamicsModel:
 
         """
         arrays, header = self._contents()
-        write_checked(path, MODEL, VERSION, arrays, header)
+        write_checked(path, VERSION, arrays, header)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> InverseDynamicsModel:
@@ -274,7 +274,7 @@ class InverseDynamicsModel:
             If it is damaged, is no model, or comes from another version of the format.
 
         """
-        arrays, header = read_checked(path, MODEL, VERSION)
+        arrays, header = read_checked(path, VERSION)
         with serialization.contradictions(path):
             names = tuple(str(name) for name in header['joint_names'])
             types = serialization.joint_types(header['joint_types'], names)

@@ -27,10 +27,7 @@ class Arm(NamedTuple):
     """
     What the joint features of a query need.
 
-    Attributes
-    ----------
-    prismatic : bool array, shape (n,)
-    centre, half_range : arrays, shape (n,)
+    `prismatic`, shape (n,). `centre`, `half_range`, shape (n,).
 
     """
 
@@ -43,11 +40,8 @@ class FrictionMean(NamedTuple):
     """
     Posterior mean of friction.
 
-    Attributes
-    ----------
-    coefficients : array, shape (n, 3)
-        Viscous, Coulomb, offset; zero without a friction kernel.
-    sign_width : array, shape (n,)
+    `coefficients`, shape (n, 3): viscous, Coulomb, offset; zero without a friction kernel.
+    `sign_width`, shape (n,).
 
     """
 
@@ -70,10 +64,6 @@ class ProcessMean:
 
     Construction lays it out; `one` is then hot: no checks, and nothing allocated but the result.
     Not for several threads at once.
-
-    Parameters
-    ----------
-    posterior : TorquePosterior
 
     """
 
@@ -186,18 +176,11 @@ def evaluate_one(
     """
     Evaluate one query.
 
-    Parameters
-    ----------
-    parts : array, shape (3, n)
-        Set to the torques of the kinetic energy, of gravity and of friction.
-    energies : array, shape (2,)
-        Set to kinetic and potential energy.
-    arm, k, side, friction
-        The model, as `Contracted`.
-    work : Scratch
-    features : array, shape (4, n)
-        Working memory.
-    q, dq, ddq : arrays, shape (n,)
+    `parts`, shape (3, n): set to the torques of the kinetic energy, of gravity and of friction.
+    `energies`, shape (2,): set to kinetic and potential energy.
+    `arm`, `k`, `side`, `friction`: the model, as `Contracted`.
+    `features`, shape (4, n): working memory.
+    `q`, `dq`, `ddq`, shape (n,).
 
     """
     f, g = features[:2], features[2:]

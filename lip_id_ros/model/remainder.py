@@ -37,13 +37,8 @@ class Inputs:
     """
     Joint states as inputs of a covariance.
 
-    Attributes
-    ----------
-    revolute : bool array, shape (n,)
-    centre, scale : arrays, shape (d,)
-        Mean and standard deviation of the training samples.
-    sign_width : array, shape (n,)
-        Of the smooth signs of friction [rad/s or m/s].
+    `revolute`, shape (n,). `centre`, `scale`, shape (d,): mean and standard deviation of the
+    training samples. `sign_width`, shape (n,): of the smooth signs of friction [rad/s or m/s].
 
     """
 
@@ -90,23 +85,16 @@ class Remainder:
     """
     Gaussian processes of the torques of some joints.
 
-    Attributes
-    ----------
-    inputs : Inputs
-    x : array, shape (M, d)
-        Of the training samples, by `stored_inputs`.
-    lengths : array, shape (n, d)
-        Length scales of the inputs; 0 for joints without a process.
-    noise, variance : arrays, shape (n,)
-        Variances of the noise in those of the process, and these [(N m)^2 or N^2].
-    left_out_std : array, shape (n,)
-        Root mean square errors of left-out blocks of time: the noise of measurements [N m or N].
-    replaces : bool array, shape (n,)
-        Joints whose process takes the place of links and friction.
-    alpha : array, shape (M, n)
-        Weights of the posterior mean, by `stored_weights`; zero for most samples [N m or N].
-    friction : array, shape (n, 3)
-        Coefficients of `Inputs.friction` [N m or N]; zero beside links.
+    `x`, shape (M, d): of the training samples, by `stored_inputs`.
+    `lengths`, shape (n, d): length scales of the inputs; 0 for joints without a process.
+    `noise`, `variance`, shape (n,): variances of the noise in those of the process, and these [(N
+    m)^2 or N^2].
+    `left_out_std`, shape (n,): root mean square errors of left-out blocks of time: the noise of
+    measurements [N m or N].
+    `replaces`, shape (n,): joints whose process takes the place of links and friction.
+    `alpha`, shape (M, n): weights of the posterior mean, by `stored_weights`; zero for most
+    samples [N m or N].
+    `friction`, shape (n, 3): coefficients of `Inputs.friction` [N m or N]; zero beside links.
 
     """
 
@@ -150,17 +138,8 @@ def kinds_of(parameters: Array, joints: BoolArray) -> tuple[Array, IndexArray]:
     """
     Return the different parameters of processes, and which of them each joint has.
 
-    Parameters
-    ----------
-    parameters : array, shape (n, p)
-    joints : bool array, shape (n,)
-        Those that have a process.
-
-    Returns
-    -------
-    different : array, shape (K, p)
-    kinds : int array, shape (n,)
-        -1 for joints without a process.
+    `parameters` has shape (n, p); `joints`, shape (n,), are those that have a process. The results
+    have shapes (K, p) and (n,); the latter is -1 for joints without a process.
 
     """
     different, kinds = np.unique(parameters[joints], axis=0, return_inverse=True)

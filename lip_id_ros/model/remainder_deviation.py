@@ -51,10 +51,6 @@ class RemainderDeviation:
     Construction finds the samples that are needed, once for all joints whose processes have the
     same length scales and noise; nothing is checked after that.
 
-    Parameters
-    ----------
-    remainder : Remainder
-
     """
 
     def __init__(self, remainder: Remainder) -> None:
@@ -78,11 +74,8 @@ class RemainderDeviation:
         """
         Add variances to those of links and friction; they replace them as the processes do.
 
-        Parameters
-        ----------
-        std : array, shape (N, n)
-            Deviations of the torques of links and friction; changed to those of all [N m or N].
-        q, dq, ddq : arrays, shape (N, n)
+        `std`, shape (N, n): deviations of the torques of links and friction; changed to those of
+        all [N m or N]. `q`, `dq`, `ddq`, shape (N, n).
 
         """
         q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
@@ -99,25 +92,14 @@ def compacted(
     """
     Return what the deviations of a process need.
 
-    Parameters
-    ----------
-    x : array, shape (M, d)
-        Inputs of the samples.
-    lengths : array, shape (d,)
-    noise : float
-        Variance of the noise in those of the process.
-    friction : array, shape (M, J, 3)
-        Features of friction of the J joints whose links the process replaces.
-
-    Returns
-    -------
-    x : array, shape (m, d)
-        Some of the inputs.
-    root : array, shape (m, m)
-        Upper triangular T: the variance at an input is 1 - |T k|^2 in those of the process, where
-        k are its correlations with x.
-    rows : array, shape (J, 3, 3 + m)
-        E: friction adds the variance |E [f, k]|^2, where f are its features.
+    `x`, shape (M, d): inputs of the samples.
+    `lengths`, shape (d,).
+    `noise`: variance of the noise in those of the process.
+    `friction`, shape (M, J, 3): features of friction of the J joints whose links the process
+    replaces.
+    Returns some of the inputs, (m, d); an upper triangular T, (m, m): the variance at an input is
+    1 - |T k|^2 in those of the process, where k are its correlations with these inputs; and E,
+    (J, 3, 3 + m): friction adds the variance |E [f, k]|^2, where f are its features.
 
     """
     gram = correlation(x, x, lengths)
@@ -172,19 +154,13 @@ def add_deviations(
     """
     Add the variances of processes to those of links and friction at N joint states.
 
-    Parameters
-    ----------
-    out, q, dq, ddq : arrays, shape (N, n)
-        As for `RemainderDeviation.add_to`.
-    floats : array
-        One after the other: centre and inverse scale of the inputs; prior standard deviations of
-        the joints; inverse widths of their smooth signs; of each process, inverse length scales,
-        its inputs of samples in length scales, transposed, the rows of the upper triangle of its
-        root, and E of the joints whose links it replaces.
-    integers : array
-        One after the other: of each joint, whether it is revolute, whether its process replaces
-        its links, and the number of its process, -1 for none; of each process, the number m of
-        its samples.
+    `out`, `q`, `dq`, `ddq`, shape (N, n): as for `RemainderDeviation.add_to`. `floats`: one after
+    the other: centre and inverse scale of the inputs; prior standard deviations of the joints;
+    inverse widths of their smooth signs; of each process, inverse length scales, its inputs of
+    samples in length scales, transposed, the rows of the upper triangle of its root, and E of the
+    joints whose links it replaces. `integers`: one after the other: of each joint, whether it is
+    revolute, whether its process replaces its links, and the number of its process, -1 for none;
+    of each process, the number m of its samples.
 
     """
     n = out.shape[1]

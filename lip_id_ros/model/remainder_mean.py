@@ -23,14 +23,7 @@ class RemainderMean:
     Processes with the same length scales share the correlations with their samples. Samples
     without weights are left out.
 
-    Parameters
-    ----------
-    remainder : Remainder
-
-    Attributes
-    ----------
-    floats, integers : arrays
-        For `add_means`.
+    `floats`, `integers`: for `add_means`.
 
     """
 
@@ -58,11 +51,7 @@ class RemainderMean:
         """
         Add to torques of links and friction, or replace them as the processes do.
 
-        Parameters
-        ----------
-        tau : array, shape (N, n)
-            Changed [N m or N].
-        q, dq, ddq : arrays, shape (N, n)
+        `tau`, shape (N, n): changed [N m or N]. `q`, `dq`, `ddq`, shape (N, n).
 
         """
         q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
@@ -80,18 +69,13 @@ def add_means(
     """
     Add the means of processes to the torques of links and friction at N joint states.
 
-    Parameters
-    ----------
-    tau, q, dq, ddq : arrays, shape (N, n)
-        As for `RemainderMean.add_to`.
-    floats : array
-        One after the other: centre and inverse scale of the inputs; of the joints, inverse widths
-        of smooth signs, and rows of three coefficients of friction; of each kind of process,
-        inverse length scales, its inputs of samples in length scales, transposed, and the weights
-        of its joints, one joint after the other.
-    integers : array
-        One after the other: of each joint, whether it is revolute, whether its process replaces
-        its links, and the kind of its process, -1 for none; of each kind, the number of samples.
+    `tau`, `q`, `dq`, `ddq`, shape (N, n): as for `RemainderMean.add_to`. `floats`: one after the
+    other: centre and inverse scale of the inputs; of the joints, inverse widths of smooth signs,
+    and rows of three coefficients of friction; of each kind of process, inverse length scales, its
+    inputs of samples in length scales, transposed, and the weights of its joints, one joint after
+    the other. `integers`: one after the other: of each joint, whether it is revolute, whether its
+    process replaces its links, and the kind of its process, -1 for none; of each kind, the number
+    of samples.
 
     """
     n = tau.shape[1]

@@ -140,10 +140,7 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
     """
     Return an arm.
 
-    Raises
-    ------
-    KeyError, TypeError, ValueError, LipIdError
-        If its parts contradict each other.
+    KeyError, TypeError, ValueError, LipIdError if its parts contradict each other.
 
     """
     n, coordinates = len(types), arrays['arm_coordinates']
@@ -207,10 +204,7 @@ def remainder_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str
     """
     Return a remainder.
 
-    Raises
-    ------
-    KeyError, TypeError, ValueError, LipIdError
-        If its parts contradict each other.
+    KeyError, TypeError, ValueError, LipIdError if its parts contradict each other.
 
     """
     n, revolute = len(types), ~is_prismatic(types)
@@ -267,10 +261,7 @@ def process_from(
     """
     Return a Gaussian process posterior.
 
-    Raises
-    ------
-    KeyError, TypeError, ValueError, LipIdError
-        If its parts contradict each other.
+    KeyError, TypeError, ValueError, LipIdError if its parts contradict each other.
 
     """
     energy = _energy_kernel(entry, len(types))
@@ -331,10 +322,7 @@ def parts_from(arrays: Arrays, header: Mapping[str, Any], types: Sequence[str]) 
     """
     Return what a model is made of, by its names in `InverseDynamicsModel`.
 
-    Raises
-    ------
-    KeyError, TypeError, ValueError, LipIdError
-        If the parts contradict each other.
+    KeyError, TypeError, ValueError, LipIdError if the parts contradict each other.
 
     """
     readers = {'arm': arm_from, 'remainder': remainder_from, 'process': process_from}

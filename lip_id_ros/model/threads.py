@@ -18,12 +18,8 @@ def in_threads(work: Callable[[slice], None], count: int, few: int = FEW) -> Non
     """
     Call a function with slices that cover so many states, in all threads.
 
-    Parameters
-    ----------
-    work : callable
-        Compiled, so that it releases the interpreter's lock.
-    count, few : int
-        Number of states, and how many of them do not pay for a second thread.
+    `work`: compiled, so that it releases the interpreter's lock. `count`, `few`: number of states,
+    and how many of them do not pay for a second thread.
 
     """
     n_threads = os.cpu_count() or 1

@@ -38,12 +38,8 @@ class TorquePrediction:
     """
     Torques at N joint states, and energies where the model has them.
 
-    Attributes
-    ----------
-    tau : array, shape (N, n)
-        [N m or N].
-    kinetic, potential : array, shape (N,), or None
-        [J], the potential energy up to a constant; None where the model has none.
+    `tau`, shape (N, n) [N m or N]. `kinetic`, `potential`, shape (N,), or None [J], the potential
+    energy up to a constant; None where the model has none.
 
     """
 
@@ -83,12 +79,9 @@ class Parts(NamedTuple):
     """
     Parts of the torques at N joint states, and energies.
 
-    Attributes
-    ----------
-    tau, inertial, coriolis, gravity, friction : arrays, shape (N, n)
-        The first is the sum of the others [N m or N].
-    kinetic, potential : arrays, shape (N,)
-        [J], the potential energy up to a constant.
+    `tau`, `inertial`, `coriolis`, `gravity`, `friction`, shape (N, n): the first is the sum of the
+    others [N m or N]. `kinetic`, `potential`, shape (N,) [J], the potential energy up to a
+    constant.
 
     """
 
@@ -105,16 +98,11 @@ class Query(NamedTuple):
     """
     Posterior mean at one joint state: a tuple, since a control loop waits for it.
 
-    Attributes
-    ----------
-    tau : array, shape (n,)
-        [N m or N].
-    kinetic : float
-        [J].
-    potential : float
-        Relative to the reference positions [J]; nan where the model has no potential energy.
-    gravity : array, shape (n,)
-        The gravity torques, a part of tau [N m or N].
+    `tau`, shape (n,) [N m or N].
+    `kinetic` [J].
+    `potential`: relative to the reference positions [J]; nan where the model has no potential
+    energy.
+    `gravity`, shape (n,): the gravity torques, a part of tau [N m or N].
 
     """
 

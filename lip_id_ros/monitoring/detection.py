@@ -43,12 +43,7 @@ def step_response_peak(gain: float = GAIN, cutoff_hz: float = CUTOFF_HZ) -> floa
     """
     Return the peak of the high-pass for a contact of 1 N m that sets in at once.
 
-    Parameters
-    ----------
-    gain : float
-        Of the observer [1/s].
-    cutoff_hz : float
-        [Hz].
+    `gain`: of the observer [1/s]. `cutoff_hz` [Hz].
 
     """
     ratio = 2.0 * np.pi * cutoff_hz / gain
@@ -61,10 +56,7 @@ class Thresholds:
     """
     Bounds beyond which an external torque is a contact, and no error of the model.
 
-    Attributes
-    ----------
-    torque : ndarray, shape (n,)
-        Largest high-pass of the external torque that is no contact [N m or N].
+    `torque`, shape (n,): largest high-pass of the external torque that is no contact [N m or N].
 
     """
 
@@ -82,22 +74,12 @@ class Thresholds:
         """
         Put thresholds between a motion without contact and the smallest contact of interest.
 
-        Parameters
-        ----------
-        joint_names : sequence of str
-            For the sentence where one is refused.
-        free : ndarray, shape (N, n)
-            High-pass of the external torques of a motion that the model was not fitted on: on
-            the one that it was, they are too small.
-        contact : float, or ndarray of shape (n,)
-            The smallest contact that is to be detected [N m or N].
-        gain, cutoff_hz : float
-            As the high-pass was computed.
-
-        Raises
-        ------
-        DataError
-            If a joint shows as much in free motion as with such a contact.
+        `joint_names`: for the sentence where one is refused.
+        `free`, shape (N, n): high-pass of the external torques of a motion that the model was not
+        fitted on: on the one that it was, they are too small.
+        `contact`, shape (n,): the smallest contact that is to be detected [N m or N].
+        `gain`, `cutoff_hz`: as the high-pass was computed.
+        DataError if a joint shows as much in free motion as with such a contact.
 
         """
         largest = np.abs(free).max(axis=0)
@@ -122,12 +104,8 @@ class ContactEstimate:
     """
     External torques at one sample, each of shape (n,).
 
-    Attributes
-    ----------
-    torque : ndarray
-        External torques as estimated, errors of the model among them [N m or N].
-    high_pass : ndarray
-        The same after a high-pass.
+    `torque`: external torques as estimated, errors of the model among them [N m or N].
+    `high_pass`: the same after a high-pass.
 
     """
 
@@ -142,13 +120,7 @@ class ContactMonitor:
     The high-pass is zero until the observer has settled: it rises to a lasting error of the model
     as fast as to a contact.
 
-    Parameters
-    ----------
-    model : DynamicsModel
-    gain : float
-        Of the observer [1/s].
-    cutoff_hz : float
-        Of the high-pass [Hz].
+    `gain`: of the observer [1/s]. `cutoff_hz`: of the high-pass [Hz].
 
     """
 
@@ -175,16 +147,8 @@ class FreeMotion:
     """
     The largest external torques of a motion without contact.
 
-    Parameters
-    ----------
-    seconds : float
-        How much is watched [s].
-    n_joints : int
-
-    Attributes
-    ----------
-    largest : ndarray, shape (n,)
-        Largest high-pass of the external torques so far [N m or N].
+    `seconds`: how much is watched [s]. `largest`, shape (n,): largest high-pass of the external
+    torques so far [N m or N].
 
     """
 
@@ -204,16 +168,8 @@ class FreeMotion:
         """
         Refuse a motion that does not show the errors of the model.
 
-        Parameters
-        ----------
-        joint_names : tuple of str
-        trained : ndarray, shape (n,)
-            Range of the velocities of the training data [rad/s or m/s].
-
-        Raises
-        ------
-        DataError
-            If a joint moved by less than `LEAST_MOTION` of that.
+        `trained`, shape (n,): range of the velocities of the training data [rad/s or m/s].
+        DataError if a joint moved by less than `LEAST_MOTION` of that.
 
         """
         spanned, needed = self._high - self._low, LEAST_MOTION * trained

@@ -94,12 +94,8 @@ class Watched:
     """
     The estimates of one joint state.
 
-    Attributes
-    ----------
-    external : ContactEstimate
-    energy : EnergyBalance
-    contact : bool, or None
-        Whether there is a contact, or was in the last `hold_s`; None without thresholds.
+    `contact`, or None: whether there is a contact, or was in the last `hold_s`; None without
+    thresholds.
 
     """
 
@@ -112,14 +108,8 @@ class Monitor:
     """
     Watch an arm with a model.
 
-    Raises
-    ------
-    OSError
-        If the model cannot be opened.
-    ModelError
-        If it is not a model, or its joints are not those expected.
-    ConfigError
-        If a joint is named twice, or a list has not one value per joint.
+    OSError if the model cannot be opened; ModelError if it is not a model, or its joints are not
+    those expected; ConfigError if a joint is named twice, or a list has not one value per joint.
 
     """
 
@@ -163,20 +153,8 @@ class Monitor:
         """
         Watch a joint state; it is counted, whatever becomes of it.
 
-        Parameters
-        ----------
-        message : JointMessage
-            With positions, velocities and efforts of all joints.
-
-        Returns
-        -------
-        Watched, or None
-            None where it comes too soon after the one before, and after a gap.
-
-        Raises
-        ------
-        RefusedError
-            If it cannot be used.
+        `message`: with positions, velocities and efforts of all joints. Returns None where it
+        comes too soon after the one before, and after a gap. RefusedError if it cannot be used.
 
         """
         with self._tally.receiving():
@@ -194,16 +172,7 @@ class Monitor:
         """
         Judge what came since the last call.
 
-        Parameters
-        ----------
-        now : float
-            [s], on any steady clock.
-
-        Returns
-        -------
-        level : Level
-        summary : str
-            One sentence.
+        `now` [s], on any steady clock. Returns one sentence.
 
         """
         counts = self._counts()

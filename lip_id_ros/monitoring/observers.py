@@ -43,10 +43,7 @@ class DisturbanceObserver:
     differentiated. The integral is taken by the trapezoidal rule in m and implicitly in r: stable
     for steps of any length.
 
-    Parameters
-    ----------
-    gain : float
-        K [1/s].
+    `gain`: K [1/s].
 
     """
 
@@ -60,19 +57,8 @@ class DisturbanceObserver:
         """
         Take one sample.
 
-        Parameters
-        ----------
-        t : float
-            [s]; after the sample before.
-        quantity : ndarray
-            p; the observer starts from the first one.
-        rate : ndarray, of the same shape
-            m: its change per second as far as it is known.
-
-        Returns
-        -------
-        ndarray
-            r.
+        `t` [s]; after the sample before. `quantity`: p; the observer starts from the first one.
+        `rate`: m: its change per second as far as it is known. Returns r.
 
         """
         if np.isnan(self._t):
@@ -90,16 +76,8 @@ def momentum_and_rate(
     """
     Compute generalised momenta, and their rates without contact.
 
-    Parameters
-    ----------
-    model : DynamicsModel
-    q, dq, tau : ndarray, shape (N, n)
-        Measured positions, velocities, torques.
-
-    Returns
-    -------
-    momentum, rate : ndarray, shape (N, n)
-        [N m s or N s] and [N m or N].
+    `q`, `dq`, `tau`, shape (N, n): measured positions, velocities, torques. The result has shape
+    (N, n) [N m s or N s] and [N m or N].
 
     """
     still, shift = np.zeros_like(q), AHEAD * dq
@@ -118,11 +96,7 @@ class ContactObserver:
     """
     Estimate external torques while the arm moves.
 
-    Parameters
-    ----------
-    model : DynamicsModel
-    gain : float
-        [1/s]; its inverse is the time constant of the estimate.
+    `gain` [1/s]; its inverse is the time constant of the estimate.
 
     """
 
@@ -134,16 +108,8 @@ class ContactObserver:
         """
         Take one measured sample.
 
-        Parameters
-        ----------
-        t : float
-            [s].
-        q, dq, tau : ndarray, shape (n,)
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            External torques [N m or N].
+        `t` [s]. `q`, `dq`, `tau`, shape (n,). The result has shape (n,): external torques [N m or
+        N].
 
         """
         momentum, rate = momentum_and_rate(self._model, q[None], dq[None], tau[None])
@@ -156,19 +122,8 @@ def external_torques(
     """
     Estimate external torques of a whole recording, as `ContactObserver` does sample by sample.
 
-    Parameters
-    ----------
-    model : DynamicsModel
-    t : ndarray, shape (N,)
-        [s], increasing.
-    q, dq, tau : ndarray, shape (N, n)
-    gain : float
-        [1/s].
-
-    Returns
-    -------
-    ndarray, shape (N, n)
-        [N m or N].
+    `t`, shape (N,) [s], increasing. `q`, `dq`, `tau`, shape (N, n). `gain` [1/s]. The result has
+    shape (N, n) [N m or N].
 
     """
     observer = DisturbanceObserver(gain)
@@ -181,14 +136,9 @@ class EnergyBalance:
     """
     Energy at one time.
 
-    Attributes
-    ----------
-    total : float
-        Kinetic and potential energy [J]. Kinetic only, where the torques leave gravity out.
-    supplied : float
-        Power of the measured torques, less the learned friction's [W].
-    unexplained : float
-        Power [W] that enters beside it: of a contact, or of the model's errors.
+    `total`: kinetic and potential energy [J]. Kinetic only, where the torques leave gravity out.
+    `supplied`: power of the measured torques, less the learned friction's [W]. `unexplained`:
+    power [W] that enters beside it: of a contact, or of the model's errors.
 
     """
 
@@ -201,11 +151,7 @@ class EnergyMonitor:
     """
     Compare the change of the learned energy with the power supplied.
 
-    Parameters
-    ----------
-    model : DynamicsModel
-    gain : float
-        [1/s]; its inverse is the time constant of the unexplained power.
+    `gain` [1/s]; its inverse is the time constant of the unexplained power.
 
     """
 
@@ -217,11 +163,7 @@ class EnergyMonitor:
         """
         Take one measured sample.
 
-        Parameters
-        ----------
-        t : float
-            [s].
-        q, dq, tau : ndarray, shape (n,)
+        `t` [s]. `q`, `dq`, `tau`, shape (n,).
 
         """
         predicted = self._model.predict(q[None], dq[None], np.zeros((1, len(q))))

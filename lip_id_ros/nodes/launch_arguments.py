@@ -30,13 +30,8 @@ def common_arguments(config: str | None, nodes: str) -> list[Action]:
     """
     Declare `params_file`, `namespace` and `use_sim_time`; refuse arguments that nobody declares.
 
-    Parameters
-    ----------
-    config : str, optional
-        File of the package's folder config with the default parameters; without it `params_file`
-        is required.
-    nodes : str
-        Names of the nodes that read it.
+    `config`: file of the package's folder config with the default parameters; without it
+    `params_file` is required. `nodes`: names of the nodes that read it.
 
     """
     default = config and str(get_package_share_path(PACKAGE) / 'config' / config)
@@ -93,20 +88,13 @@ def node(
     """
     Return a node of the package in the namespace, with the clock and parameters of the arguments.
 
-    Parameters
-    ----------
-    name : str
-        Of the program and of the node.
-    parameters : mapping, optional
-        Beside those of the parameter file, which they override.
-    topics : sequence of (str, substitution)
-        Name in the node, name in the graph.
-    given : mapping, optional
-        Parameters with their types that launch arguments of the same names override, unless empty.
-    defaults : mapping, optional
-        Parameters where neither the arguments nor the parameter file have one.
-    **options
-        Further arguments of `launch_ros.actions.Node`.
+    `name`: of the program and of the node.
+    `parameters`: beside those of the parameter file, which they override.
+    `topics`: name in the node, name in the graph.
+    `given`: parameters with their types that launch arguments of the same names override, unless
+    empty.
+    `defaults`: parameters where neither the arguments nor the parameter file have one.
+    `**options`: further arguments of `launch_ros.actions.Node`.
 
     """
 

@@ -67,10 +67,7 @@ class Losses:
         """
         Return how many messages were lost since the last call.
 
-        Parameters
-        ----------
-        publishers : set of bytes
-            The topic's publishers now, by their identifiers.
+        `publishers`: the topic's publishers now, by their identifiers.
 
         """
         several = len(self._publishers | publishers) > 1

@@ -61,14 +61,8 @@ def plan_message(
     """
     Return a motion as a trajectory.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Joints.
-    t : ndarray, shape (N,)
-        Times from the start [s].
-    q, dq, ddq : ndarray, shape (N, n)
-        Positions, velocities, accelerations.
+    `names`: joints. `t`, shape (N,): times from the start [s]. `q`, `dq`, `ddq`, shape (N, n):
+    positions, velocities, accelerations.
 
     """
     message = JointTrajectory(joint_names=list(names))
@@ -84,12 +78,9 @@ def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
     """
     Fill in the efforts of a plan.
 
-    Parameters
-    ----------
-    plan : JointTrajectory
-        Is changed and returned: positions, velocities, accelerations and times stay.
-    tau : ndarray, shape (number of points, number of its joints)
-        Torques [N m or N] in the order of its joint_names.
+    `plan`: is changed and returned: positions, velocities, accelerations and times stay. `tau`,
+    shape (number of points, number of its joints): torques [N m or N] in the order of its
+    joint_names.
 
     """
     for point, effort in zip(plan.points, tau, strict=True):

@@ -109,10 +109,7 @@ class NodeBase(Node):
         """
         Check new values of parameters, each of which is allowed alone.
 
-        Raises
-        ------
-        LipIdError
-            If they are refused.
+        LipIdError if they are refused.
 
         """
 

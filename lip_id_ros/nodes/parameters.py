@@ -36,20 +36,10 @@ def declare(node: Node, table: Mapping[str, Row]) -> None:
     """
     Declare every row of a table; from here on a wrong value is refused with a sentence.
 
-    Parameters
-    ----------
-    node : Node
-        Gets the parameters.
-    table : mapping
-        Rows by parameter name.
-
-    Raises
-    ------
-    InvalidParameterValueException
-        If a value from a file or the command line is not allowed.
-    ConfigError
-        If a file or the command line gives a parameter that there is not: what a typing error
-        leaves at its default, such as a limit, would not be noticed.
+    `node`: gets the parameters. `table`: rows by parameter name. InvalidParameterValueException if
+    a value from a file or the command line is not allowed; ConfigError if a file or the command
+    line gives a parameter that there is not: what a typing error leaves at its default, such as a
+    limit, would not be noticed.
 
     """
     node.add_on_set_parameters_callback(lambda changed: _check(table, changed))

@@ -99,10 +99,7 @@ class PlanWorker:
         """
         Ask for the efforts of a plan; plans that wait are interrupted.
 
-        Raises
-        ------
-        RefusedError
-            If too many plans wait.
+        RefusedError if too many plans wait.
 
         """
         self.interrupt()
@@ -177,18 +174,8 @@ def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
     """
     Answer plans until their stream ends.
 
-    Parameters
-    ----------
-    path : str
-        The model's file.
-    requests, answers : binary streams
-        Of frames: settings and a plan; first an empty one, then refusal, counts and the plan with
-        efforts.
-
-    Returns
-    -------
-    int
-        Exit status.
+    `path`: the model's file. `requests`, `answers`: of frames: settings and a plan; first an empty
+    one, then refusal, counts and the plan with efforts. Returns the exit status.
 
     """
     loaded = load_model(ServeSettings(model_path=path), ())

@@ -47,10 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     Publish a bag.
 
-    Returns
-    -------
-    int
-        0, or 1 with one line in the log.
+    Returns 0, or 1 with one line in the log.
 
     """
     argv = sys.argv[1:] if argv is None else list(argv)
@@ -80,26 +77,9 @@ def replay(path: Path, node: Node, speed: float) -> int:
     """
     Publish the messages of a bag at the pace of their reception.
 
-    Parameters
-    ----------
-    path : Path
-        The bag.
-    node : Node
-        Publishes, each topic under its recorded name, which a remap may change.
-    speed : float
-        Times the recorded speed.
-
-    Returns
-    -------
-    int
-        How many messages were published.
-
-    Raises
-    ------
-    SourceError
-        If it is no bag, or there is nothing to publish.
-    OSError
-        If it cannot be opened.
+    `path`: the bag. `node`: publishes, each topic under its recorded name, which a remap may
+    change. `speed`: times the recorded speed. Returns how many messages were published.
+    SourceError if it is no bag, or there is nothing to publish; OSError if it cannot be opened.
 
     """
     topics = [topic for topic in _topics(path) if _is_ros_name(node, topic.name)]

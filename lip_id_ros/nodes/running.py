@@ -43,18 +43,9 @@ def run(make_node: Callable[[], NodeBase], arguments: Sequence[str] | None = Non
     The signals are taken by the main thread, and the node spins in another: so the context is
     still alive when the node stops, and its last messages go out.
 
-    Parameters
-    ----------
-    make_node : callable
-        Makes the node, which has a parameter `executor`.
-    arguments : sequence of str, optional
-        Of the command line, without the program's name.
-
-    Returns
-    -------
-    int
-        Exit status: 1 if the node could not be made or stopped in good order, with one line in
-        the log.
+    `make_node`: makes the node, which has a parameter `executor`. `arguments`: of the command
+    line, without the program's name. Returns the exit status: 1 if the node could not be made or
+    stopped in good order, with one line in the log.
 
     """
     stopped = _stop_event()
@@ -183,11 +174,8 @@ def make_executor(name: str) -> Executor:
     """
     Make an executor by name.
 
-    Parameters
-    ----------
-    name : str
-        events or single_threaded. events takes less CPU at high rates; the default executor is
-        used where this ROS has no events executor.
+    `name`: events or single_threaded. events takes less CPU at high rates; the default executor is
+    used where this ROS has no events executor.
 
     """
     if name == 'events':
@@ -206,17 +194,8 @@ async def outcome(node: Node, work: ThreadFuture[Result]) -> Result:
     The awaiting callback must be in a callback group of its own, since a group waits for its
     callbacks.
 
-    Parameters
-    ----------
-    node : Node
-        Whose executor runs the awaiting callback.
-    work : concurrent.futures.Future
-        As a thread pool returns it.
-
-    Returns
-    -------
-    Result
-        What the work returned; what it raised is raised here.
+    `node`: whose executor runs the awaiting callback. `work`: as a thread pool returns it. Returns
+    what the work returned; what it raised is raised here.
 
     """
     done = Future(executor=node.executor)

@@ -70,10 +70,7 @@ class Inputs:
         """
         Subscribe to what is asked for.
 
-        Raises
-        ------
-        ConfigError
-            If the type of a message is not installed.
+        ConfigError if the type of a message is not installed.
 
         """
         if settings.follow_controller:

@@ -62,10 +62,7 @@ class TrainNode(NodeBase):
         """
         Record what has arrived, keep what was recorded, then end the job that is running.
 
-        Raises
-        ------
-        LipIdError
-            If a part of the recording can be written nowhere.
+        LipIdError if a part of the recording can be written nowhere.
 
         """
         self.take_waiting(self._subscription)

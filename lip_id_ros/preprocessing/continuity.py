@@ -118,13 +118,8 @@ def jumps(samples: JointSamples, new: BoolArray, period: int) -> IndexArray:
     """
     Return the rows before which a position jumps as no arm moves.
 
-    Parameters
-    ----------
-    samples : JointSamples
-    new : ndarray of bool, shape (N,)
-        Where positions differ from those before.
-    period : int
-        Samples that the positions take for new values.
+    `new`, shape (N,): where positions differ from those before. `period`: samples that the
+    positions take for new values.
 
     """
     least_s = max(median_step(samples.t), longest_silence(samples.t))
@@ -210,11 +205,8 @@ def velocity_scales(samples: JointSamples) -> tuple[Array, Array]:
     """
     Compare the integrals of recorded velocities with the changes of positions.
 
-    Returns
-    -------
-    scale, cosine : ndarrays, shape (n,)
-        Integral over change of position, and the cosine between the two; nan for joints that
-        hardly move.
+    The result has shape (n,): integral over change of position, and the cosine between the two;
+    nan for joints that hardly move.
 
     """
     least_s = max(median_step(samples.t), longest_silence(samples.t))

@@ -34,30 +34,13 @@ def describe(
     """
     Describe a bag, a log or a data set.
 
-    Parameters
-    ----------
-    path : path
-        A rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz.
-    progress : callable
-        Called with the number of messages read.
-    assess : callable
-        Gets the samples of each recording, returns more keys for its description.
-
-    Returns
-    -------
-    dict
-        JSON-able: `file`, `kind`, for a bag `topics` and `recordings` (one for each topic with
-        joint samples: joints, timing, dropped messages, notes, ranges) and `notes` on what is in
-        none of them, for a data set `joints`, `timing`, `ranges` and its provenance.
-
-    Raises
-    ------
-    SourceError
-        If it is no bag, or a damaged one.
-    DataError
-        If it is no data set, or contradicts itself.
-    OSError
-        If it does not exist or cannot be opened.
+    `path`: a rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz. `progress`: called
+    with the number of messages read. `assess`: gets the samples of each recording, returns more
+    keys for its description. Returns JSON-able: `file`, `kind`, for a bag `topics` and
+    `recordings` (one for each topic with joint samples: joints, timing, dropped messages, notes,
+    ranges) and `notes` on what is in none of them, for a data set `joints`, `timing`, `ranges` and
+    its provenance. SourceError if it is no bag, or a damaged one; DataError if it is no data set,
+    or contradicts itself; OSError if it does not exist or cannot be opened.
 
     """
     if Path(path).suffix == DATASET_SUFFIX:

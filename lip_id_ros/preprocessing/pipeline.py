@@ -60,14 +60,9 @@ def preprocess(
     Its provenance lists, for each source, the settings and how many samples were dropped for which
     reason.
 
-    Raises
-    ------
-    SourceError
-        If no effort was recorded.
-    ConfigError
-        If a setting per joint has another length than there are joints.
-    DataError
-        If too little is left, or the recordings have different joints.
+    SourceError if no effort was recorded; ConfigError if a setting per joint has another length
+    than there are joints; DataError if too little is left, or the recordings have different
+    joints.
 
     """
     settings = settings or PreprocessingSettings()
@@ -160,9 +155,7 @@ def smooth(segment: Segment, settings: PreprocessingSettings) -> tuple[Array, Ar
     loses content against the others; the acceleration is the derivative of the smooth velocity,
     and that of the smooth position where there is none.
 
-    Returns
-    -------
-    q, dq, ddq, tau : ndarrays, shape (N, n)
+    The result has shape (N, n).
 
     """
     rate, derivative = segment.rate_hz, DERIVATIVES[settings.derivative]

@@ -146,12 +146,8 @@ def supports(new: BoolArray, period: int) -> BoolArray:
     """
     Mark the rows of a segment that a signal is to be interpolated between, shape (N,).
 
-    Parameters
-    ----------
-    new : ndarray of bool, shape (N,)
-        Where the signal changes.
-    period : int
-        Samples that the source of the signal takes for a new value.
+    `new`, shape (N,): where the signal changes. `period`: samples that the source of the signal
+    takes for a new value.
 
     """
     keep = np.ones(new.size, bool)
@@ -209,12 +205,9 @@ def evenly_timed(t: Array, longest_shift_s: float) -> Array:
     repeated samples were removed the stamps have holes that the motion does not have. If stamps
     at even steps (least squares) lie so close to the given ones, they are the truer ones.
 
-    Parameters
-    ----------
-    t : ndarray, shape (N,)
-        Times of the samples [s], without those of repeated samples.
-    longest_shift_s : float
-        The publishing step [s]; where a stamp would have to move further, all stay as they are.
+    `t`, shape (N,): times of the samples [s], without those of repeated samples.
+    `longest_shift_s`: the publishing step [s]; where a stamp would have to move further, all stay
+    as they are.
 
     """
     even = _fitted(t, np.arange(t.size))
@@ -227,11 +220,7 @@ def retimed(t: Array, position: Array) -> Array:
 
     The steps are counted with and without lost messages; what is smoothest is taken.
 
-    Parameters
-    ----------
-    t : ndarray, shape (N,)
-        [s].
-    position : ndarray, shape (N, n)
+    `t`, shape (N,) [s]. `position`, shape (N, n).
 
     """
     if t.size < RUN or not _is_uneven(t):

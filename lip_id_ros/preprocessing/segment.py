@@ -24,23 +24,14 @@ class Segment:
     """
     An uninterrupted piece of a recording: N samples of n joints.
 
-    Attributes
-    ----------
-    t : ndarray, shape (N,)
-        [s].
-    position, effort : ndarrays, shape (N, n)
-        Efforts are torques [N m or N].
-    velocity : ndarray, shape (N, n), or None
-        None where velocities were not recorded or are not used.
-    rate_hz : float
-        Of the uniform times that the samples are brought to.
-    delays_s : tuple of n floats
-        How much later than positions the efforts of each joint were measured.
-    supports : mapping
-        Samples between which a signal is interpolated, (N,) each (`sample_times.supports`); all
-        of a signal that it does not name.
-    longest_hold : int
-        Samples over which a signal may be held.
+    `t`, shape (N,) [s].
+    `position`, `effort`, shape (N, n): efforts are torques [N m or N].
+    `velocity`, shape (N, n), or None: None where velocities were not recorded or are not used.
+    `rate_hz`: of the uniform times that the samples are brought to.
+    `delays_s`: how much later than positions the efforts of each joint were measured.
+    `supports`: samples between which a signal is interpolated, (N,) each
+    (`sample_times.supports`); all of a signal that it does not name.
+    `longest_hold`: samples over which a signal may be held.
 
     """
 
@@ -118,15 +109,9 @@ def segment_of(
     """
     Take a segment out of a recording without stale samples.
 
-    Parameters
-    ----------
-    fresh : JointSamples
-    rows : slice
-        Samples without a gap.
-    changes, periods : mappings
-        Of `fresh` (`sample_times.without_stale`, `sample_times.source_periods`).
-    rate_hz : float
-        Of the uniform times that the samples are brought to.
+    `rows`: samples without a gap. `changes`, `periods`: of `fresh` (`sample_times.without_stale`,
+    `sample_times.source_periods`). `rate_hz`: of the uniform times that the samples are brought
+    to.
 
     """
     return Segment(
@@ -145,12 +130,8 @@ def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
     """
     Return recorded efforts as torques or forces [N m or N], scaled and offset per joint.
 
-    Raises
-    ------
-    SourceError
-        If no effort was recorded.
-    ConfigError
-        If scale or offset are not given for each joint, or a scale is 0.
+    SourceError if no effort was recorded; ConfigError if scale or offset are not given for each
+    joint, or a scale is 0.
 
     """
     if not samples.has_effort:
@@ -178,10 +159,7 @@ def per_joint(
     """
     Return one value for each joint: those given, or the default for all.
 
-    Raises
-    ------
-    ConfigError
-        If there are more or fewer than joints.
+    ConfigError if there are more or fewer than joints.
 
     """
     if not values:

@@ -56,21 +56,9 @@ def segments_of(
 
     Recorded velocities are not used in segments where they contradict the positions of a joint.
 
-    Returns
-    -------
-    segments : list of Segment
-        At least one.
-    report : dict
-        What was found, for the provenance.
-
-    Raises
-    ------
-    SourceError
-        If no effort was recorded.
-    ConfigError
-        If a setting per joint has another length than there are joints.
-    DataError
-        If there are fewer than two different samples, or times or positions in another unit.
+    Returns at least one, and what was found, for the provenance. SourceError if no effort was
+    recorded; ConfigError if a setting per joint has another length than there are joints;
+    DataError if there are fewer than two different samples, or times or positions in another unit.
 
     """
     fresh, changes, is_stale = without_stale(samples)

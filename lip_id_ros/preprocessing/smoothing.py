@@ -137,16 +137,10 @@ class Window(NamedTuple):
     """
     A part of a segment that is smoothed at once, with enough beside it that no edge is seen.
 
-    Attributes
-    ----------
-    rows : slice
-        Samples of the segment that it needs.
-    times : ndarray, shape (K,)
-        Uniform times to bring them to [s].
-    first : int
-        Number of the first of these times on the grid of the segment.
-    start, stop : int
-        On that grid, what is to be taken from this window.
+    `rows`: samples of the segment that it needs.
+    `times`, shape (K,): uniform times to bring them to [s].
+    `first`: number of the first of these times on the grid of the segment.
+    `start`, `stop`: on that grid, what is to be taken from this window.
 
     """
 

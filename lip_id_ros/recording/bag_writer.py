@@ -79,10 +79,7 @@ def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> N
     """
     Write a rosbag2 folder: metadata.yaml and one MCAP file; nothing is left after a failure.
 
-    Raises
-    ------
-    OSError
-        If the folder exists or cannot be made.
+    OSError if the folder exists or cannot be made.
 
     """
     target = Path(path)
@@ -169,10 +166,7 @@ class RawBag:
 
     `topics` gives message types (as package/msg/Name).
 
-    Raises
-    ------
-    OSError
-        If the folder exists or cannot be made.
+    OSError if the folder exists or cannot be made.
 
     """
 

@@ -61,12 +61,8 @@ class Bag:
     Files may be compressed, damaged, cut short, without an index or never closed: they are read as
     far as they can be, and `notes` lists what is wrong. To be used in a `with` statement.
 
-    Raises
-    ------
-    SourceError
-        If it is no bag, or nothing of it can be read.
-    OSError
-        If it does not exist or cannot be opened.
+    SourceError if it is no bag, or nothing of it can be read; OSError if it does not exist or
+    cannot be opened.
 
     """
 
@@ -108,19 +104,9 @@ class Bag:
         """
         Yield the messages of a topic, and of one type if given, in the order of the files.
 
-        Yields
-        ------
-        channel : Channel
-            Its type, encoding and definition.
-        receive_ns : int
-            When the message was recorded [ns].
-        data : bytes or None
-            Serialized; None where it was compressed and is damaged.
-
-        Raises
-        ------
-        SourceError
-            If the topic has very many message definitions.
+        Yields type, encoding and definition, the time of recording [ns], and the serialized
+        message; None where it was compressed and is damaged. SourceError if the topic has very
+        many message definitions.
 
         """
         forms: set[tuple[str, ...]] = set()
@@ -158,10 +144,7 @@ class Bag:
         """
         Return the function that decodes a channel's messages, to None where they are broken.
 
-        Raises
-        ------
-        SourceError
-            If the bag defines the message type in a way that cannot be read.
+        SourceError if the bag defines the message type in a way that cannot be read.
 
         """
         try:
@@ -248,12 +231,7 @@ def open_storage(path: Path, stack: ExitStack) -> Storage:
 
     The stack closes the file and removes what is temporary.
 
-    Raises
-    ------
-    DamageError
-        If it cannot be read in the format of its name.
-    OSError
-        If it cannot be opened.
+    DamageError if it cannot be read in the format of its name, OSError if it cannot be opened.
 
     """
     with open(path, 'rb') as source:  # so that errors of the file system keep their name
@@ -282,12 +260,8 @@ def files_of(folder: Path) -> tuple[list[Path], list[str]]:
     of the same format that it does not name (a killed recorder never wrote them down). Where it
     is absent, unreadable or names none of them, all are taken. Order is that of their numbers.
 
-    Raises
-    ------
-    SourceError
-        If there is no storage file in the folder.
-    OSError
-        If the folder or its metadata cannot be opened.
+    SourceError if there is no storage file in the folder, OSError if the folder or its metadata
+    cannot be opened.
 
     """
     files = (file for file in folder.iterdir() if is_storage(file) and file.is_file())

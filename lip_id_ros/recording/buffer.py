@@ -36,14 +36,9 @@ class SampleBuffer:
     efforts are taken, for recordings that have none at all; where only some messages lack them,
     these messages are left out of `samples`.
 
-    Parameters
-    ----------
-    joint_names : sequence of str
-        Joints to keep, in this order; empty for those of the first message that can be taken.
-    max_rows : int, optional
-        Most messages kept; later ones are dropped and counted.
-    expected_rows : int
-        Room made at the beginning; more is made when needed.
+    `joint_names`: joints to keep, in this order; empty for those of the first message that can be
+    taken. `max_rows`: most messages kept; later ones are dropped and counted. `expected_rows`:
+    room made at the beginning; more is made when needed.
 
     """
 

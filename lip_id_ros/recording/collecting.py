@@ -39,16 +39,10 @@ class SampleCollector:
     """
     Collects the usable messages of a topic by the joints that come together; counts the others.
 
-    Attributes
-    ----------
-    joints : tuple of str
-        Joints to keep; those of the first positions that can be used, where none are given.
-    counts : Counter
-        Messages dropped, by reason.
-    seen : dict
-        Joints of all messages, in the order of their first appearance.
-    notes : dict
-        What else is to be known, a phrase each; the values mean nothing.
+    `joints`: joints to keep; those of the first positions that can be used, where none are given.
+    `counts`: messages dropped, by reason.
+    `seen`: joints of all messages, in the order of their first appearance.
+    `notes`: what else is to be known, a phrase each; the values mean nothing.
 
     """
 

@@ -125,17 +125,11 @@ class MessageBlock(NamedTuple):
     """
     Messages of the same joints, N messages of n joints.
 
-    Attributes
-    ----------
-    joints : tuple of str, n of them
-    publishers : tuple
-        Joints and frame of each number; one where there are too many to be publishers.
-    numbers : ndarray of int, shape (N, 3)
-        Stamp of the header and time of reception [ns], and number of the publisher: messages with
-        other joints beside these, or another frame, are of another publisher.
-    values : ndarray, shape (N, 3, n)
-        Position, velocity and effort; NaN where a message has none, infinity where it has no
-        finite number. All messages have positions, or none has.
+    `publishers`: joints and frame of each number; one where there are too many to be publishers.
+    `numbers`, shape (N, 3): stamp of the header and time of reception [ns], and number of the
+    publisher: messages with other joints beside these, or another frame, are of another publisher.
+    `values`, shape (N, 3, n): position, velocity and effort; NaN where a message has none,
+    infinity where it has no finite number. All messages have positions, or none has.
 
     """
 

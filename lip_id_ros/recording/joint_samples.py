@@ -66,27 +66,16 @@ class JointSamples:
 
     Large arrays lie in temporary files (`lip_id_ros.recording.spill`).
 
-    Attributes
-    ----------
-    t : ndarray, shape (N,)
-        Time since the first sample [s], strictly increasing.
-    position, velocity, effort : ndarray, shape (N, n)
-        As recorded [rad or m, rad/s or m/s, any unit]; velocity or effort is NaN throughout where
-        the recording has none.
-    joint_names : tuple of str
-        Names of the n columns.
-    start_ns : int
-        Stamp of the first sample [ns]: a stamp in seconds of today has steps of 238 ns.
-    counts : mapping
-        Messages that were dropped, by reason.
-    source, topic : str
-        Where the samples come from.
-    seen_joints : tuple of str
-        Joints of all messages, also of those dropped.
-    clock : str
-        Whether the times are those of the message headers or of reception.
-    notes : tuple of str
-        What else is to be known, a phrase each: damage of the files, what was put in order.
+    `t`, shape (N,): time since the first sample [s], strictly increasing.
+    `position`, `velocity`, `effort`, shape (N, n): as recorded [rad or m, rad/s or m/s, any unit];
+    velocity or effort is NaN throughout where the recording has none.
+    `joint_names`: names of the n columns.
+    `start_ns`: stamp of the first sample [ns]: a stamp in seconds of today has steps of 238 ns.
+    `counts`: messages that were dropped, by reason.
+    `source`, `topic`: where the samples come from.
+    `seen_joints`: joints of all messages, also of those dropped.
+    `clock`: whether the times are those of the message headers or of reception.
+    `notes`: what else is to be known, a phrase each: damage of the files, what was put in order.
 
     """
 
@@ -262,16 +251,8 @@ class RepeatedSamples:
         """
         Return which samples belong to a window of an earlier recording.
 
-        Parameters
-        ----------
-        joint_names : sequence of str, n of them
-            Their order is of no importance.
-        signals : ndarrays, shape (N, n)
-            Such as positions and efforts, compared bit by bit.
-
-        Returns
-        -------
-        ndarray of bool, shape (N,)
+        `joint_names`: their order is of no importance. `signals`, shape (N, n): such as positions
+        and efforts, compared bit by bit. The result has shape (N,).
 
         """
         rows = mapped(lambda *some: row_hashes(joint_names, some), *signals)

@@ -81,17 +81,9 @@ def read_bag(
     Memory does not grow with the number of messages, as long as their stamps are in order: arrays
     lie in temporary files once they are large (see `spill`).
 
-    Returns
-    -------
-    JointSamples
-        At least one; velocity or effort may be absent. Scales and types are not applied.
-
-    Raises
-    ------
-    SourceError
-        If the bag cannot be read, has no such topic, or none of its messages can be used.
-    OSError
-        If it does not exist or cannot be opened.
+    Returns at least one; velocity or effort may be absent. Scales and types are not applied.
+    SourceError if the bag cannot be read, has no such topic, or none of its messages can be used;
+    OSError if it does not exist or cannot be opened.
 
     """
     settings = settings or RecordingSettings()
@@ -112,14 +104,8 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
     are put in the order of time, and single times far from those around them are dropped (see
     `timing.arrange`).
 
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    DataError
-        If it is no table of numbers, or lacks a column.
-    SourceError
-        If no row can be used, or there are too many joints.
+    OSError if the file cannot be opened; DataError if it is no table of numbers, or lacks a
+    column; SourceError if no row can be used, or there are too many joints.
 
     """
     table = read_table(path)
@@ -177,10 +163,7 @@ def _csv_signals(
     """
     Return positions, velocities and efforts of a CSV log as `stacked` does, and notes.
 
-    Raises
-    ------
-    DataError
-        If some joints have efforts and others have none.
+    DataError if some joints have efforts and others have none.
 
     """
     signals, notes = [], []
@@ -211,10 +194,7 @@ def choose_topics(bag: Bag, wanted: str) -> list[Topic]:
     Those named (separated by commas); else the only one with messages, else /joint_states, else
     the only one of JointState.
 
-    Raises
-    ------
-    SourceError
-        If there is none, or several and no way to choose.
+    SourceError if there is none, or several and no way to choose.
 
     """
     candidates = joint_topics(bag)

@@ -48,18 +48,11 @@ class Timeline(NamedTuple):
     """
     Stamps put in order.
 
-    Attributes
-    ----------
-    rows : ndarray of int
-        Which messages are kept, in the order of time.
-    stamps_ns : ndarray of int
-        Time of each, strictly increasing [ns].
-    dropped : Counter
-        Messages left out, by reason.
-    late : int
-        How many of those kept came after a later one.
-    restarts : int
-        How often the clock went back for good.
+    `rows`: which messages are kept, in the order of time.
+    `stamps_ns`: time of each, strictly increasing [ns].
+    `dropped`: messages left out, by reason.
+    `late`: how many of those kept came after a later one.
+    `restarts`: how often the clock went back for good.
 
     """
 
@@ -135,14 +128,9 @@ def clock_of(
     """
     Return the clock to take: 'header' or 'receive', as wanted, else whichever is of one clock.
 
-    Parameters
-    ----------
-    headers, received : sequences of ndarrays of int
-        Stamps of several publishers in the order of recording [ns].
-    wanted : str
-        'auto' for headers if those of all publishers are times of one clock.
-    notes : dict
-        Gets a note where headers are those of several clocks.
+    `headers`, `received`: stamps of several publishers in the order of recording [ns]. `wanted`:
+    'auto' for headers if those of all publishers are times of one clock. `notes`: gets a note
+    where headers are those of several clocks.
 
     """
     if wanted in ('header', 'receive'):

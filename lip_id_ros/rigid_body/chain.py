@@ -39,15 +39,12 @@ class Chain(NamedTuple):
     """
     Placements of the joints of an arm. The z axis of a link's frame is the axis of its joint.
 
-    Attributes
-    ----------
-    rotations : array, shape (n, 3, 3)
-        From each link's frame, at position zero, to that of its parent.
-    translations : array, shape (n, 3)
-        Origin of each link's frame, at position zero, in that of its parent [m].
-    prismatic : bool array, shape (n,)
-    gravity : array, shape (3,)
-        In the frame of the base [m/s^2]; zero where the torques leave gravity out.
+    `rotations`, shape (n, 3, 3): from each link's frame, at position zero, to that of its parent.
+    `translations`, shape (n, 3): origin of each link's frame, at position zero, in that of its
+    parent [m].
+    `prismatic`, shape (n,).
+    `gravity`, shape (3,): in the frame of the base [m/s^2]; zero where the torques leave gravity
+    out.
 
     """
 

@@ -39,19 +39,13 @@ class DenavitHartenberg(NamedTuple):
     """
     Rot_x(twist) Trans_x(length) Rot_y(tilt) Rot_z(angle) Trans_z(offset), for each joint.
 
-    Attributes
-    ----------
-    twist : array, shape (n,)
-        Angle from the axis of the joint before to this one, about their common normal [rad].
-    length : array, shape (n,)
-        Distance of the two axes along the common normal [m].
-    angle : array, shape (n,)
-        About the joint's axis at position zero [rad].
-    offset : array, shape (n,)
-        Shift along the joint's axis at position zero [m].
-    tilt : array, shape (n,)
-        Angle about the y axis [rad]: zero but where neighbouring axes are parallel within ten
-        degrees, and the common normal is replaced (Hayati 1983).
+    `twist`, shape (n,): angle from the axis of the joint before to this one, about their common
+    normal [rad].
+    `length`, shape (n,): distance of the two axes along the common normal [m].
+    `angle`, shape (n,): about the joint's axis at position zero [rad].
+    `offset`, shape (n,): shift along the joint's axis at position zero [m].
+    `tilt`, shape (n,): angle about the y axis [rad]: zero but where neighbouring axes are parallel
+    within ten degrees, and the common normal is replaced (Hayati 1983).
 
     """
 

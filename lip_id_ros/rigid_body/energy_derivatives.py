@@ -51,11 +51,8 @@ def energy_derivatives(
     """
     Differentiate both energies by the placements of the joints, at contiguous q and dq (N, n).
 
-    Returns
-    -------
-    kinetic, potential : arrays, shape (N, n, 6)
-        By each joint's rotations (its rotation matrix times a small rotation about the axes of its
-        own frame) and translations.
+    The result has shape (N, n, 6): by each joint's rotations (its rotation matrix times a small
+    rotation about the axes of its own frame) and translations.
 
     """
     count, n = q.shape

@@ -54,22 +54,16 @@ class Workspace(NamedTuple):
     The last index of a perturbation is its direction, so that the compiler turns loops over
     directions into vector instructions.
 
-    Attributes
-    ----------
-    transforms : array, shape (n, 4, 3)
-    parent_motions, motions : arrays, shape (n + 1, 3, 3)
-        Motion without and with the link's own joint; row 0 is the base, row i + 1 link i.
-    wrenches : array, shape (n, 2, 3)
-        Total wrench of a link and all links that it carries.
-    frame_change : array, shape (6, 6)
-        Change of a link's frame: its rotation, expressed in the link, and the translation of its
-        origin, expressed in the parent.
-    motion_change : array, shape (9, 6)
-        Change of a link's motion.
-    wrench_changes : array, shape (n, 6, 6)
-        Change of the wrench of each link alone.
-    total_change : array, shape (6, 6)
-        Change of the total wrench of a link and all links that it carries.
+    `transforms`, shape (n, 4, 3).
+    `parent_motions`, `motions`, shape (n + 1, 3, 3): motion without and with the link's own joint;
+    row 0 is the base, row i + 1 link i.
+    `wrenches`, shape (n, 2, 3): total wrench of a link and all links that it carries.
+    `frame_change`, shape (6, 6): change of a link's frame: its rotation, expressed in the link,
+    and the translation of its origin, expressed in the parent.
+    `motion_change`, shape (9, 6): change of a link's motion.
+    `wrench_changes`, shape (n, 6, 6): change of the wrench of each link alone.
+    `total_change`, shape (6, 6): change of the total wrench of a link and all links that it
+    carries.
 
     """
 
@@ -90,11 +84,8 @@ def placement_derivatives(
     """
     Differentiate the torques by the placements of the joints, at contiguous joint states (N, n).
 
-    Returns
-    -------
-    array, shape (N, n, n, 6)
-        Of torque i by joint j's rotations (its rotation matrix times a small rotation about the
-        axes of its own frame) and translations.
+    The result has shape (N, n, n, 6), of torque i by joint j's rotations (its rotation matrix
+    times a small rotation about the axes of its own frame) and translations.
 
     """
     count, n = q.shape

@@ -161,12 +161,6 @@ class FitSettings(Settings):
     prior_precision: float = setting(
         0.05, 'Precision of the prior on log hyperparameters; 0 for none.', minimum=0.0
     )
-    device: str = setting(
-        'cpu',
-        'Device that fits hyperparameters; cuda needs torch, and falls back to the CPU without a '
-        'device.',
-        choices=('cpu', 'cuda'),
-    )
     seed: int = setting(0, 'Seed of every random choice.', minimum=0)
     description: str = setting(
         '',

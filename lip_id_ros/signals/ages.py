@@ -30,12 +30,8 @@ class AgeWatch:
         """
         Return the age of the next message [s], 0 of one without a time of sending.
 
-        Parameters
-        ----------
-        sent_ns : int
-            By the clock of the sender [ns]; 0 where it is unknown.
-        received_ns, now_ns : int
-            By the clock of this computer [ns].
+        `sent_ns`: by the clock of the sender [ns]; 0 where it is unknown. `received_ns`, `now_ns`:
+        by the clock of this computer [ns].
 
         """
         if sent_ns <= 0:

@@ -18,10 +18,7 @@ class LowPass:
     Its output is smooth enough for the difference of two samples to be its derivative: nothing
     that is not filtered is differentiated.
 
-    Parameters
-    ----------
-    cutoff_hz : float
-        Of each of the two [Hz].
+    `cutoff_hz`: of each of the two [Hz].
 
     """
 
@@ -36,17 +33,9 @@ class LowPass:
         """
         Take one sample.
 
-        Parameters
-        ----------
-        t : float
-            Its time [s]; a step that is not forward, or is too long, begins anew.
-        signals : ndarray
-            Of any shape, always the same.
-
-        Returns
-        -------
-        tuple of ndarrays, or None
-            Filtered signals and their derivatives; None until the beginning is forgotten.
+        `t`: its time [s]; a step that is not forward, or is too long, begins anew. `signals`: of
+        any shape, always the same. Returns the filtered signals and their derivatives; None until
+        the beginning is forgotten.
 
         """
         dt = t - self._t
@@ -68,10 +57,7 @@ class HighPass:
     """
     Causal high-pass of first order.
 
-    Parameters
-    ----------
-    cutoff_hz : float
-        [Hz].
+    `cutoff_hz` [Hz].
 
     """
 
@@ -84,17 +70,8 @@ class HighPass:
         """
         Take one sample.
 
-        Parameters
-        ----------
-        t : float
-            [s]; after the sample before.
-        values : ndarray
-            The output starts from zero.
-
-        Returns
-        -------
-        ndarray
-            Without what changes more slowly than the cut-off.
+        `t` [s]; after the sample before. `values`: the output starts from zero. Returns
+        them without what changes more slowly than the cut-off.
 
         """
         if np.isnan(self._t):

@@ -29,14 +29,8 @@ class MeasuredState:
     """
     One measured joint state in the order of the model.
 
-    Attributes
-    ----------
-    t : float
-        Its stamp [s].
-    q, dq : ndarray, shape (n,)
-        Positions [rad or m], velocities.
-    tau : ndarray, shape (n,), or None
-        Measured torques [N m or N]; None where none are measured.
+    `t`: its stamp [s]. `q`, `dq`, shape (n,): positions [rad or m], velocities. `tau`, shape (n,),
+    or None: measured torques [N m or N]; None where none are measured.
 
     """
 
@@ -50,12 +44,8 @@ class JointStateReader:
     """
     Read joint states.
 
-    Parameters
-    ----------
-    joint_names : sequence of str
-        The model's joints.
-    calibration : EffortCalibration, optional
-        Of the effort; without it efforts are not read.
+    `joint_names`: the model's joints. `calibration`: of the effort; without it efforts are not
+    read.
 
     """
 
@@ -71,10 +61,7 @@ class JointStateReader:
 
         To be called before the stamp is judged: that of another robot is of another clock.
 
-        Raises
-        ------
-        RefusedError
-            If a joint of the model is missing or named twice.
+        RefusedError if a joint of the model is missing or named twice.
 
         """
         try:
@@ -88,10 +75,8 @@ class JointStateReader:
         """
         Read a message.
 
-        Raises
-        ------
-        RefusedError
-            If a joint of the model is missing or named twice, or a value missing or not finite.
+        RefusedError if a joint of the model is missing or named twice, or a value missing or not
+        finite.
 
         """
         columns = self.columns(message)
@@ -122,16 +107,9 @@ class StampWatch:
     publisher with another clock is followed. When `CONFIRMED_BY` messages in a row follow a
     doubted one, the clock has jumped: a restarted driver or simulation, or a pause.
 
-    Parameters
-    ----------
-    longest_step_s : float
-        A stamp further ahead is doubted [s]; of messages that come with the time of their
-        receipt, one further ahead than it was long in coming.
-
-    Attributes
-    ----------
-    jumps : int
-        How often the clock jumped.
+    `longest_step_s`: a stamp further ahead is doubted [s]; of messages that come with the time of
+    their receipt, one further ahead than it was long in coming. `jumps`: how often the clock
+    jumped.
 
     """
 
@@ -145,11 +123,7 @@ class StampWatch:
         """
         Return why a stamp [ns] is not that of the next message, None where it is.
 
-        Parameters
-        ----------
-        stamp_ns : int
-        received_ns : int
-            When the message came, on any steady clock [ns]; 0 where that says nothing.
+        `received_ns`: when the message came, on any steady clock [ns]; 0 where that says nothing.
 
         """
         message = stamp_ns, received_ns

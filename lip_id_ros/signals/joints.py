@@ -130,10 +130,7 @@ class RefusedError(LipIdError):
     """
     A message that is not used.
 
-    Attributes
-    ----------
-    reason : Refusal
-        The message is its sentence.
+    `reason`: the message is its sentence.
 
     """
 
@@ -196,10 +193,7 @@ class JointOrder:
         """
         Return columns (n,) such that ``names[columns[i]]`` is the model's joint i.
 
-        Raises
-        ------
-        RefusedError
-            If a joint is missing or named twice.
+        RefusedError if a joint is missing or named twice.
 
         """
         key = tuple(names)
@@ -212,11 +206,8 @@ class JointOrder:
         """
         Return positions, velocities and accelerations of points of named joints, (3, points, n).
 
-        Raises
-        ------
-        RefusedError
-            If a joint is missing or named twice, there is no point, or an array is absent, short,
-            long or not finite, be it of a joint that the model does not know.
+        RefusedError if a joint is missing or named twice, there is no point, or an array is
+        absent, short, long or not finite, be it of a joint that the model does not know.
 
         """
         columns = self.columns(names)
@@ -246,10 +237,7 @@ def require_unique(setting: str, names: Sequence[str]) -> None:
     """
     Refuse a setting that names a joint twice: of values per joint the last would silently hold.
 
-    Raises
-    ------
-    ConfigError
-        If a joint comes twice.
+    ConfigError if a joint comes twice.
 
     """
     for name in names:
@@ -267,22 +255,11 @@ def by_joint(
     """
     Return the values of a setting in the order of the model's joints, shape (n,).
 
-    Parameters
-    ----------
-    name : str
-        Of the setting.
-    values : sequence of float
-        One per joint, one for all joints, or none: the default.
-    named : sequence of str
-        The joints that they are given for; empty: the model's.
-    joint_names : sequence of str
-        The model's joints.
-    default : float
-
-    Raises
-    ------
-    ConfigError
-        If their number is not that of the joints.
+    `name`: of the setting.
+    `values`: one per joint, one for all joints, or none: the default.
+    `named`: the joints that they are given for; empty: the model's.
+    `joint_names`: the model's joints.
+    ConfigError if their number is not that of the joints.
 
     """
     if len(values) <= 1:
@@ -303,10 +280,7 @@ def require_joints(
     """
     Refuse a model file of another robot: of other joints than expected, in any order, if any are.
 
-    Raises
-    ------
-    ModelError
-        If the joints differ.
+    ModelError if the joints differ.
 
     """
     if expected and set(found) != set(expected):
@@ -320,10 +294,7 @@ def increasing_times(points: Sequence[PlannedPoint]) -> Array:
     """
     Return when each point of a plan is reached [s].
 
-    Raises
-    ------
-    RefusedError
-        If they do not increase from 0 or later.
+    RefusedError if they do not increase from 0 or later.
 
     """
     after = [point.time_from_start for point in points]

@@ -27,13 +27,7 @@ class Status:
     """
     The state of a node.
 
-    Attributes
-    ----------
-    level : Level
-    summary : str
-        One sentence.
-    values : mapping
-        Counts and other values, JSON-able.
+    `summary`: one sentence. `values`: counts and other values, JSON-able.
 
     """
 
@@ -46,18 +40,8 @@ class Tally:
     """
     Counts of messages: every message received is used, or refused for a reason.
 
-    Parameters
-    ----------
-    *uses : str
-        What messages are used for: the keys of `used`.
-
-    Attributes
-    ----------
-    received : int
-    used : Counter
-        By use.
-    refused : Counter
-        By reason, a value of `Refusal`.
+    `*uses`: what messages are used for: the keys of `used`. `used`: by use. `refused`: by reason,
+    a value of `Refusal`.
 
     """
 

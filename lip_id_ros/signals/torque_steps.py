@@ -50,12 +50,7 @@ class Sent:
     """
     The torque that the robot holds.
 
-    Attributes
-    ----------
-    tau : ndarray, shape (n,)
-        [N m or N].
-    at : float
-        When it was sent [s], on any steady clock.
+    `tau`, shape (n,) [N m or N]. `at`: when it was sent [s], on any steady clock.
 
     """
 

@@ -19,17 +19,10 @@ class TrajectoryHeader(NamedTuple):
     """
     What is before the points.
 
-    Attributes
-    ----------
-    stamp_ns : int
-        [ns].
-    names : tuple of str
-        Joints.
-    n_points : int
-    at : int
-        Where the points begin, from the end of the encapsulation.
-    order : str
-        Byte order, as `struct` has it.
+    `stamp_ns` [ns].
+    `names`: joints.
+    `at`: where the points begin, from the end of the encapsulation.
+    `order`: byte order, as `struct` has it.
 
     """
 
@@ -44,15 +37,8 @@ def read_header(raw: bytes) -> TrajectoryHeader:
     """
     Read the names and the number of points, without the points.
 
-    Parameters
-    ----------
-    raw : bytes
-        CDR of either byte order: a stamp, a frame, names, then the points.
-
-    Raises
-    ------
-    RefusedError
-        If it ends before, or names more than `MOST_NAMES` joints.
+    `raw`: CDR of either byte order: a stamp, a frame, names, then the points. RefusedError if it
+    ends before, or names more than `MOST_NAMES` joints.
 
     """
     order = '<' if raw[1:2] == b'\x01' else '>'

@@ -50,24 +50,12 @@ class SimulatedArm:
     """
     Serial arm of rigid bodies without friction.
 
-    Parameters
-    ----------
-    urdf : path
-        Robot description; meshes are not needed.
-    n_joints : int
-        Number of joints kept, from the base; the later ones are locked, their links stay.
-    locked_at : sequence of float, optional
-        Positions [rad or m] of all movable joints of the URDF, of which those of the locked joints
-        are used; pinocchio's neutral configuration by default.
-
-    Raises
-    ------
-    OSError
-        If the URDF cannot be opened.
-    DataError
-        If it has too few joints, or joints that are neither revolute nor prismatic.
-    LipIdError
-        If pinocchio is not installed.
+    `urdf`: robot description; meshes are not needed. `n_joints`: number of joints kept, from the
+    base; the later ones are locked, their links stay. `locked_at`: positions [rad or m] of all
+    movable joints of the URDF, of which those of the locked joints are used; pinocchio's neutral
+    configuration by default. OSError if the URDF cannot be opened; DataError if it has too few
+    joints, or joints that are neither revolute nor prismatic; LipIdError if pinocchio is not
+    installed.
 
     """
 
@@ -206,12 +194,8 @@ def panda(n_joints: int = N_JOINTS) -> SimulatedArm:
 
     Later joints than the first `n_joints`, 1 to 7, are locked in an elbow-up posture.
 
-    Raises
-    ------
-    LipIdError
-        If pinocchio or example-robot-data is not installed.
-    DataError
-        If `n_joints` is out of range.
+    LipIdError if pinocchio or example-robot-data is not installed, DataError if `n_joints` is out
+    of range.
 
     """
     return SimulatedArm(panda_urdf(), n_joints, LOCKED_AT)

@@ -85,10 +85,7 @@ def write_bag(
 
     `start` is the stamp [s] of the data set's time zero.
 
-    Raises
-    ------
-    OSError
-        If the folder exists or cannot be made.
+    OSError if the folder exists or cannot be made.
 
     """
     track = JointStateTrack(

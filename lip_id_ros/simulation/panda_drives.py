@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.control import Gains
+from lip_id_ros.control.settings import Gains
 from lip_id_ros.simulation.arm import panda, SimulatedArm
-from lip_id_ros.simulation.closed_loop import Drives, JointFriction
+from lip_id_ros.simulation.torque_controlled import Drives, JointFriction
 
 # The maker's ready posture: far from the limits that zero is beyond (joint 4) or at (joint 6).
 POSTURE = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
@@ -36,12 +36,8 @@ def panda_setup(n_joints: int = 7) -> Setup:
     """
     Return the first joints of a Panda.
 
-    Raises
-    ------
-    LipIdError
-        If pinocchio or example-robot-data is not installed.
-    DataError
-        If `n_joints` is out of range.
+    LipIdError if pinocchio or example-robot-data is not installed, DataError if `n_joints` is out
+    of range.
 
     """
     stiffness, damping, viscous, coulomb, posture = (

@@ -18,12 +18,7 @@ class MotionLimits:
     """
     Bounds of positions, velocities and accelerations that a trajectory respects, each (n,).
 
-    Raises
-    ------
-    ShapeError
-        If the four bounds differ in length.
-    DataError
-        If a range is empty.
+    ShapeError if the four bounds differ in length, DataError if a range is empty.
 
     """
 
@@ -91,14 +86,9 @@ class SinusoidTrajectory:
     .. math:: q_i(t) = \bar q_i + \sum_l \frac{a_{il}}{\omega l} \sin(\omega l t)
               - \frac{b_{il}}{\omega l} \cos(\omega l t)
 
-    Attributes
-    ----------
-    centre : ndarray, shape (n,)
-        Positions [rad or m] around which the joints move.
-    a, b : ndarray, shape (n, L)
-        Velocity amplitudes [rad/s or m/s] of the L sinusoids.
-    fundamental_hz : float
-        Lowest frequency; the motion repeats after its inverse.
+    `centre`, shape (n,): positions [rad or m] around which the joints move. `a`, `b`, shape (n,
+    L): velocity amplitudes [rad/s or m/s] of the L sinusoids. `fundamental_hz`: lowest frequency;
+    the motion repeats after its inverse.
 
     """
 

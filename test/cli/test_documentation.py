@@ -13,14 +13,10 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.cli import main
-from lip_id_ros.comparison import Cell, Score
-from lip_id_ros.comparison.run import Results, to_json
 from lip_id_ros.evaluation import evaluate, run
 from lip_id_ros.evaluation.prediction_file import predicted_values, write_prediction_npz
 from lip_id_ros.evaluation.speed import CallTimes, Speed
 from lip_id_ros.files import read_npz
-from lip_id_ros.tracking import Figures, INFORMED, LEARNED, NOMINAL
-from lip_id_ros.tracking.figures import RunFigures
 
 REFERENCE = Path(__file__).resolve().parents[2] / 'docs' / 'reference'
 PAGE = (REFERENCE / 'interfaces.md').read_text(encoding='utf-8')
@@ -55,8 +51,6 @@ def named(text: str) -> set[str]:
         'payload',
         'bench',
         'cache',
-        'compare',
-        'track',
     ],
 )
 def test_options_are_those_of_the_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -79,25 +73,6 @@ def test_keys_of_bench() -> None:
     times = CallTimes(1.0, 1.0, 1.0)
     content = Speed(times, times, times, 1.0, 1.0, 1, 1).to_json()
     assert named(section('Figures of `bench --json`')) == set(content)
-
-
-def test_keys_of_track() -> None:
-    run = RunFigures(0, 0.5, LEARNED, (1.0,), (1.0,))
-    others = (replace(run, feedforward=NOMINAL), replace(run, feedforward=INFORMED))
-    energies = {(0, 0.5): 1.0}
-    content = Figures(('joint',), (run, *others), energies, energies).to_json()
-    keys = set(content) | set(content['runs'][0])
-    assert named(section('Figures of `track --json`')) == keys
-
-
-def test_keys_of_compare() -> None:
-    scores = (Score('', (), (), 0.0, 0.0),)
-    cell = Cell('', '', '', 1, (), 0.0, 0.0, 1, scores)
-    content = to_json(Results((cell,), (), ()))
-    medians = content['groups']['']['']
-    assert named(section('Figures of `compare`')) == {
-        *content, *medians, *content['cells'][0], *content['cells'][0]['scores'][0]
-    }  # fmt: skip
 
 
 def test_arrays_of_a_data_set(tmp_path: Path) -> None:

@@ -72,7 +72,6 @@ def test_a_fleet_is_fitted_kept_and_reported(bags: Path, here: Path, capsys: Cap
     ('options', 'message'),
     [
         (['--jobs', '2', '--holdout', '0.3'], '--holdout belongs to a fit without options'),
-        (['--jobs', '2', '--model', 'se'], '--model belongs to a fit without options'),
         (['--address', 'auto'], '--address names a Ray cluster, but the engine is local'),
         (['--engine', 'ray', '--address', 'auto', '--jobs', '2'], '--jobs is for engines on this'),
         (['--group-by', 'robot'], '--group-by must have one group in parentheses'),

@@ -32,14 +32,13 @@ def test_names_are_data_everywhere(
         ('fit', bag, '-o', 'm.npz', '--config', str(workshop.settings)),
         ('inspect', 'm.npz'),
         ('evaluate', 'm.npz', bag, '--report', 'report'),
-        ('compare', bag, '-o', 'out', '--models', 'lip', '--config', str(workshop.settings)),
     ):
         capsys.readouterr()
         assert main(arguments) == 0, arguments
         text = capsys.readouterr().out
         assert all(printable(name) in text for name in NAMES), arguments
         assert '\x1b' not in text
-    for page in (here / 'health', here / 'report', here / 'out'):
+    for page in (here / 'health', here / 'report'):
         html = (page / 'index.html').read_text(encoding='utf-8')
         assert all(for_page(name) in html.replace('<wbr>', '') for name in NAMES)
         assert '<b>wrist' not in html

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-import importlib
 import json
 import os
 from pathlib import Path
@@ -26,7 +25,7 @@ from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import read_config
 from lip_id_ros.simulation import write_bag
 
-VERBS = ('demo', 'fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench', 'compare')
+VERBS = ('demo', 'fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench')
 
 
 @pytest.mark.slow
@@ -68,29 +67,6 @@ def test_fit_takes_kernel_and_joints_from_the_command_line(workshop: Workshop, h
     model = InverseDynamicsModel.load('arm.npz')
     assert model.kernel == 'lip'
     assert model.joint_names == ('wrist', 'elbow')
-
-
-@pytest.mark.slow
-def test_fit_without_a_device_says_so_and_goes_on(
-    workshop: Workshop, here: Path, capsys: Capture
-) -> None:
-    if cuda_is_available():
-        pytest.skip('needs a machine without a CUDA device')
-    fit = ('fit', workshop.bag, '-o', 'arm.npz', '--config', workshop.settings, '--device', 'cuda')
-    for kernel, reason in (('articulated', 'an arm is identified'), ('recursive', 'torch')):
-        lip_id(*fit, '--joints', 'wrist', '--kernel', kernel)
-        lines = capsys.readouterr().out.splitlines()
-        sentence = f'Fitted on the CPU instead of cuda: {reason}'
-        assert sum(line.startswith(sentence) for line in lines) == 1
-    assert InverseDynamicsModel.load('arm.npz').summary['device'] == 'cpu'
-
-
-def cuda_is_available() -> bool:
-    try:
-        torch = importlib.import_module('torch')
-    except ImportError:
-        return False
-    return bool(torch.cuda.is_available())
 
 
 def test_held_out_samples_are_the_last_and_are_not_learned_from(
@@ -251,7 +227,7 @@ def test_bench_measures_and_writes(workshop: Workshop, here: Path) -> None:
 
 def test_help_is_quick_and_names_every_verb() -> None:
     ran = subprocess.run(
-        [sys.executable, '-X', 'importtime', '-m', 'lip_id_ros.cli', '--help'],
+        [sys.executable, '-X', 'importtime', '-m', 'lip_id_ros', '--help'],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
 
@@ -297,7 +273,7 @@ def test_a_data_set_goes_to_standard_output_and_its_table_elsewhere(
 
 @pytest.mark.slow
 def test_a_model_goes_through_a_pipe_of_the_shell(workshop: Workshop, here: Path) -> None:
-    command = f'{sys.executable} -m lip_id_ros.cli predict {workshop.model} {workshop.bag} -o -'
+    command = f'{sys.executable} -m lip_id_ros predict {workshop.model} {workshop.bag} -o -'
     subprocess.run(f'{command} | cat > out.npz', shell=True, check=True)
     arrays, _ = read_npz(here / 'out.npz')
     assert {'tau', 'tau_std', 'gravity'} <= set(arrays)
@@ -305,12 +281,12 @@ def test_a_model_goes_through_a_pipe_of_the_shell(workshop: Workshop, here: Path
 
 @pytest.mark.parametrize('streams', ['>&-', '2>&- >/dev/null', '>&- 2>&-'])
 def test_closed_streams_end_no_verb(streams: str, here: Path) -> None:
-    command = f'{sys.executable} -m lip_id_ros.cli cache --cache kept {streams}'
+    command = f'{sys.executable} -m lip_id_ros cache --cache kept {streams}'
     assert subprocess.run(command, shell=True, capture_output=True, check=True).stderr == b''
 
 
 def test_a_terminal_of_few_characters_shows_escapes(here: Path) -> None:
-    command = [sys.executable, '-m', 'lip_id_ros.cli', 'cache', '--cache', 'gelenk_\xe4']
+    command = [sys.executable, '-m', 'lip_id_ros', 'cache', '--cache', 'gelenk_\xe4']
     ascii_only = {**os.environ, 'PYTHONIOENCODING': 'ascii'}
     shown = subprocess.run(command, env=ascii_only, capture_output=True, check=True).stdout
     assert b'gelenk_\\xe4' in shown

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.dataset.subsets import contiguous_cuts
 from lip_id_ros.errors import DataError, ShapeError
 
 
@@ -265,51 +265,10 @@ def test_a_segment_of_two_recordings_is_refused() -> None:
         dataset(recording=[0, 1])
 
 
-@given(
-    lengths=st.lists(st.integers(1, 60), min_size=1, max_size=8),
-    count=st.integers(2, 5),
-    guard=st.integers(0, 6),
-)
-def test_blocks_cover_all_and_keep_their_distance(
-    lengths: list[int], count: int, guard: int
-) -> None:
-    segment = np.repeat(np.arange(len(lengths)), lengths)
-    zeros = np.zeros((segment.size, 1))
-    data = Dataset(
-        t=np.arange(segment.size, dtype=float),
-        q=zeros,
-        dq=zeros,
-        ddq=zeros,
-        tau=zeros,
-        joint_names=('a',),
-        joint_types=('revolute',),
-        segment=segment,
-    )
-    try:
-        blocks = data.blocks(count, guard)
-    except DataError:
-        assert segment.size < 3 * count * (guard + 1)
-        return
-    np.testing.assert_array_equal(
-        np.concatenate([block.held_out for block in blocks]), np.arange(segment.size)
-    )
-    for block in blocks:
-        first, last = block.held_out[0], block.held_out[-1]
-        assert not np.intersect1d(block.training, block.held_out).size
-        for row in np.setdiff1d(np.arange(segment.size), block.held_out):
-            near = min(abs(row - first), abs(row - last)) <= guard
-            same = segment[row] == (segment[first] if row < first else segment[last])
-            assert (row in block.training) == (not (near and same))
-
-
 def test_a_block_ends_with_a_segment_that_ends_near() -> None:
     segment = np.repeat([0, 1, 2], [95, 110, 95])
-    zeros = np.zeros((300, 1))
-    data = Dataset.from_arrays(zeros, zeros, zeros, zeros)
-    data = dataclasses.replace(data, segment=segment)
-    first, second, _ = data.blocks(3)
-    assert (second.held_out[0], second.held_out[-1]) == (95, 204)
-    assert first.training[0] == 95
+    assert contiguous_cuts(segment, 3).tolist() == [0, 95, 205, 300]
+    assert contiguous_cuts(segment[:90], 3).tolist() == [0, 30, 60, 90]
 
 
 @pytest.mark.parametrize('fraction', ['a', None, 1j, [0.5]])

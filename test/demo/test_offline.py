@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from lip_id_ros.demo import offline
-from lip_id_ros.demo.judge import conclude
+from lip_id_ros.demo.reporting import run_demo
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import Evaluation
 from lip_id_ros.model import InverseDynamicsModel
@@ -63,15 +62,13 @@ def test_it_can_be_run_again(output: Path, evaluation: Evaluation) -> None:
     assert (again.bag / 'metadata.yaml').is_file()
 
 
-def test_success_and_failure_are_exit_statuses(
-    evaluation: Evaluation, output: Path, capsys: Capture
+def test_errors_and_the_place_of_the_report_are_shown(
+    evaluation: Evaluation, tmp_path: Path, capsys: Capture
 ) -> None:
-    bad = replace(evaluation, kinetic_nmse_percent=9.0)
-
-    assert conclude(evaluation, output) == 0
-    assert 'TOO LARGE' not in capsys.readouterr().out
-    assert conclude(bad, output) == 1
-    assert 'TOO LARGE' in capsys.readouterr().out
+    assert run_demo(lambda _: evaluation, ['--output', str(tmp_path)], None) == 0
+    shown = capsys.readouterr().out
+    assert 'panda_joint3' in shown
+    assert 'report/index.html' in shown.replace('\n', '')
 
 
 def test_what_is_missing_is_said_in_one_line(

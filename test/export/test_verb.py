@@ -7,11 +7,11 @@ from pathlib import Path
 import shutil
 import subprocess
 
-from baselines.panda_runs import runs
 from evaluation.models import small_model
 from export.arms import model_of, random_arm, remainder_of
 import numpy as np
 import pytest
+from simulation.panda_runs import runs
 
 from lip_id_ros.cli import main
 from lip_id_ros.identification import fit

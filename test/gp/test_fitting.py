@@ -76,8 +76,6 @@ def test_summary() -> None:
         'at_bounds',
         'converged',
         'covariance_inflation',
-        'device',
-        'device_note',
         'ignored_settings',
         'inertia_min_eigenvalue',
         'inertia_not_pd_percent',

@@ -19,7 +19,7 @@ from lip_id_ros.kernels.program import with_potential_after
 
 torch = pytest.importorskip('torch', reason='the reference differentiates with torch')
 
-from lip_id_ros.gp.reference import EnergyReference, State  # noqa: E402
+from kernels.reference import EnergyReference, State  # noqa: E402
 
 CASES = [(member, arm) for member in MEMBERS for arm in ARMS]
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.checked_file import MODEL, write_checked
+from lip_id_ros.checked_file import write_checked
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import InverseDynamicsModel
@@ -26,7 +26,7 @@ def path(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
 
 def tamper(path: Path, arrays: dict[str, Any], header: dict[str, Any]) -> None:
     rest = {name: each for name, each in header.items() if name != 'sha256'}
-    write_checked(path, MODEL, header['version'], arrays, rest)
+    write_checked(path, header['version'], arrays, rest)
 
 
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])

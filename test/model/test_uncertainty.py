@@ -27,7 +27,7 @@ from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 
 torch = pytest.importorskip('torch', reason='the reference differentiates with torch')
 
-from lip_id_ros.gp.reference import EnergyReference, State  # noqa: E402
+from kernels.reference import EnergyReference, State  # noqa: E402
 
 States = tuple[Array, Array, Array]
 

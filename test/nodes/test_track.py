@@ -17,11 +17,11 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 import yaml
 
-from lip_id_ros.control import Gains
+from benchmarks.tracking import Experiment, run_experiment
+from lip_id_ros.control.settings import Gains
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import GrowingCosine
 from lip_id_ros.simulation.panda_drives import panda_setup, POSTURE
-from lip_id_ros.tracking import Experiment, run_experiment
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph

@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('pinocchio')
 
-from baselines.panda_runs import runs
 import numpy as np
+from simulation.panda_runs import runs
 from std_msgs.msg import String
 import yaml
 

@@ -14,7 +14,6 @@ import sys
 from threading import Thread
 from typing import Any
 
-from comparison.methods import Scaled
 from evaluation.stubs import Knowing
 from fleet.results import made_up
 from health.recordings import sound
@@ -23,8 +22,9 @@ import pytest
 from simulation.pendulums import swing
 from waiting import run_to_end
 
-from lip_id_ros.comparison import Case, compare, Store, thinned
-from lip_id_ros.comparison.report import write_comparison
+from benchmarks.comparison import Case, compare, Store, thinned
+from benchmarks.comparison.report import write_comparison
+from benchmarks.tests.methods import Scaled
 from lip_id_ros.evaluation import run, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.evaluation.report.recording_report import write_recording_report
@@ -87,9 +87,9 @@ def comparison(folder: Path) -> Path:
 
 def tracking(folder: Path) -> Path:
     pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
+    from benchmarks.tracking import Experiment, figures, run_experiment
+    from benchmarks.tracking.report import write_report
     from lip_id_ros.simulation.panda_drives import panda_setup
-    from lip_id_ros.tracking import Experiment, figures, run_experiment
-    from lip_id_ros.tracking.report import write_report
 
     experiment = Experiment(horizon=2.0, fit=FitSettings(subset=20, iterations=3))
     trial = run_experiment(panda_setup(2), experiment, 1)

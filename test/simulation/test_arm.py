@@ -9,15 +9,10 @@ import sys
 import numpy as np
 import pytest
 
+from benchmarks._closed_loop import FrictionalArm
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, LipIdError
-from lip_id_ros.simulation import (
-    FrictionalArm,
-    JointFriction,
-    panda,
-    SimulatedArm,
-    SinusoidTrajectory,
-)
+from lip_id_ros.simulation import JointFriction, panda, SimulatedArm, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 
 needs_pinocchio = pytest.mark.skipif(

@@ -7,15 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from benchmarks._closed_loop import NominalFeedforward
 from lip_id_ros.arrays import Array
-from lip_id_ros.simulation import (
-    Drives,
-    JointFriction,
-    NominalFeedforward,
-    panda,
-    SimulatedArm,
-    TorqueControlledArm,
-)
+from lip_id_ros.simulation import Drives, JointFriction, panda, SimulatedArm, TorqueControlledArm
 
 pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
 

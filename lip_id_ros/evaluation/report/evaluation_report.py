@@ -41,13 +41,7 @@ class Labels:
     """
     Words of a report.
 
-    Attributes
-    ----------
-    title : str
-    warnings : sequence of str
-        Shown above the figures.
-    facts : sequence of (str, str)
-        Name and value: origin of model and data.
+    `warnings`: shown above the figures. `facts`: name and value: origin of model and data.
 
     """
 
@@ -68,30 +62,12 @@ def write_report(
     """
     Write PNG plots and index.html, which embeds them and needs no network.
 
-    Parameters
-    ----------
-    folder : path
-        Created where it does not exist; files of an older report are replaced.
-    outcome : Outcome
-    evaluation : Evaluation
-        Its errors.
-    band : Band, optional
-        Its standard deviations.
-    labels : Labels
-    progress : Progress
-        Called after every picture.
-    rollouts : Rollouts, optional
-        Its forward simulations.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
+    `folder`: created where it does not exist; files of an older report are replaced.
+    `evaluation`: its errors.
+    `band`: its standard deviations.
+    `progress`: called after every picture.
+    `rollouts`: its forward simulations.
+    Returns the page. OSError if the folder cannot be written.
 
     """
     pictures = _pictures(outcome, evaluation, band, progress, rollouts)

@@ -32,14 +32,9 @@ class Band:
     """
     Predicted standard deviations at some of the samples.
 
-    Attributes
-    ----------
-    rows : ndarray of int, shape (B,)
-        Numbers of the samples, increasing.
-    tau : ndarray, shape (B, n)
-        Of measured torques: prediction and noise together [N m or N].
-    kinetic, potential : ndarray, shape (B,), or None
-        Of the energies [J].
+    `rows`, shape (B,): numbers of the samples, increasing. `tau`, shape (B, n): of measured
+    torques: prediction and noise together [N m or N]. `kinetic`, `potential`, shape (B,), or None:
+    of the energies [J].
 
     """
 
@@ -53,12 +48,7 @@ def band(model: TorqueModel, outcome: Outcome, progress: Progress = silent) -> B
     """
     Compute standard deviations at evenly spaced samples; None where the model has none.
 
-    Parameters
-    ----------
-    model : TorqueModel
-        That made the outcome.
-    outcome : Outcome
-    progress : Progress
+    `model`: that made the outcome.
 
     """
     if not isinstance(model, DynamicsModel):

@@ -64,21 +64,12 @@ def page(
     """
     Return the page as HTML.
 
-    Parameters
-    ----------
-    title : str
-    facts : iterable of (str, str)
-        Name and value: origin of model and data, below the title.
-    warnings : iterable of str
-        Shown above the tables.
-    tables : iterable of Table
-        The errors.
-    notes : iterable of str
-        Shown below the tables.
-    pictures : iterable of Picture
-        Embedded in the page.
-    details : iterable of Table
-        Shown below the pictures.
+    `facts`: name and value: origin of model and data, below the title.
+    `warnings`: shown above the tables.
+    `tables`: the errors.
+    `notes`: shown below the tables.
+    `pictures`: embedded in the page.
+    `details`: shown below the pictures.
 
     """
     body = [
@@ -148,23 +139,8 @@ def write_folder(folder: str | os.PathLike[str], text: str, pictures: Iterable[P
     """
     Write NAME.png for each picture, and index.html.
 
-    Parameters
-    ----------
-    folder : path
-        Created where it does not exist; files of an older report are replaced.
-    text : str
-        The page.
-    pictures : iterable of Picture
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
+    `folder`: created where it does not exist; files of an older report are replaced. `text`: the
+    page. Returns the page. OSError if the folder cannot be written.
 
     """
     target = Path(folder)

@@ -45,33 +45,15 @@ def write_recording_report(
     """
     Write PNG plots and index.html, which embeds them and needs no network.
 
-    Parameters
-    ----------
-    folder : path
-        Created where it does not exist; files of an older report are replaced. Where there are
-        several recordings, each gets a folder 1, 2, ... in it.
-    source : str
-        Name of their source.
-    recordings : sequence of (Evidence, mapping)
-        With at least one sample, and their health; at least one.
-    progress : Progress
-        Called after every recording.
-    units : mapping
-        Unit of the positions for each joint type.
-    are_torques : bool
-        Whether efforts are torques or forces; else they have no unit.
-
-    Returns
-    -------
-    Path
-        The page of the first recording.
-
-    Raises
-    ------
-    SourceError
-        If there is no recording.
-    OSError
-        If the folder cannot be written.
+    `folder`: created where it does not exist; files of an older report are replaced. Where there
+    are several recordings, each gets a folder 1, 2, ... in it.
+    `source`: name of their source.
+    `recordings`: with at least one sample, and their health; at least one.
+    `progress`: called after every recording.
+    `units`: unit of the positions for each joint type.
+    `are_torques`: whether efforts are torques or forces; else they have no unit.
+    Returns the page of the first recording. SourceError if there is no recording, OSError if the
+    folder cannot be written.
 
     """
     if not recordings:

@@ -79,20 +79,10 @@ def joint_grid(
     """
     Draw one panel per joint, in two columns, with a common legend.
 
-    Parameters
-    ----------
-    joint_names, joint_types : sequence of str
-        Titles of the panels and units of their vertical axes.
-    symbol : str
-        Quantity of the vertical axes; a torque is a force at prismatic joints.
-    draw : callable
-        Gets the axes and the number of a joint; its labels make the legend.
-    below : str
-        Quantity of the horizontal axes; time is common to all.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `joint_names`, `joint_types`: titles of the panels and units of their vertical axes.
+    `symbol`: quantity of the vertical axes; a torque is a force at prismatic joints.
+    `draw`: gets the axes and the number of a joint; its labels make the legend.
+    `below`: quantity of the horizontal axes; time is common to all.
 
     """
     n_columns = 1 if len(joint_names) == 1 else 2

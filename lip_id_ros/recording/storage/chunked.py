@@ -61,12 +61,7 @@ class ChunkedFile(ABC):
     """
     A storage file of records; see `contents.Storage`.
 
-    Raises
-    ------
-    DamageError
-        If it is no such file.
-    OSError
-        If it cannot be opened.
+    DamageError if it is no such file, OSError if it cannot be opened.
 
     """
 

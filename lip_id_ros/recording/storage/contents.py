@@ -55,12 +55,9 @@ class Storage(Protocol):
     """
     An open storage file.
 
-    Attributes
-    ----------
-    notes : dict
-        What is wrong with the file, a phrase each, as it was found; the values mean nothing.
-    lost : Counter
-        Messages that the file once had and cannot be read, by topic, as far as `messages` went.
+    `notes`: what is wrong with the file, a phrase each, as it was found; the values mean nothing.
+    `lost`: messages that the file once had and cannot be read, by topic, as far as `messages`
+    went.
 
     """
 
@@ -88,10 +85,7 @@ def unpacked_chunk(data: bytes, method: str, size: int, *, is_cut: bool) -> byte
     """
     Decompress a chunk of known size; of one that is cut short, as much as there is.
 
-    Raises
-    ------
-    DamageError
-        If it is damaged, or claims to be larger than `LARGEST_CHUNK`.
+    DamageError if it is damaged, or claims to be larger than `LARGEST_CHUNK`.
 
     """
     if size > LARGEST_CHUNK:

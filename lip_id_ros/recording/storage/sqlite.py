@@ -31,12 +31,8 @@ class SqliteFile:
     Rows are read in the order of their numbers, without any index, and those that cannot be read
     are jumped over. A write-ahead log beside the file is read too; nothing is changed in either.
 
-    Raises
-    ------
-    DamageError
-        If it is no such file, or has not even a list of topics.
-    OSError
-        If it cannot be opened.
+    DamageError if it is no such file, or has not even a list of topics; OSError if it cannot be
+    opened.
 
     """
 

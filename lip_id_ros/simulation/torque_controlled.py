@@ -1,0 +1,139 @@
+"""A simulated arm under torque control, with friction and sensors."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.simulation.arm import SimulatedArm
+
+
+@dataclass(frozen=True)
+class JointFriction:
+    """
+    Viscous [N m s/rad or N s/m] and Coulomb friction [N m or N], none at rest; shapes (n,).
+
+    Over velocities of `sign_width` [rad/s or m/s] the sign changes, as equations of motion need
+    it; 0 for a jump.
+
+    """
+
+    viscous: Array
+    coulomb: Array
+    sign_width: float = 0.0
+
+    def torque(self, dq: Array) -> Array:
+        """Torque [N m or N], shape (N, n) or (n,), that a motion of velocity `dq` needs."""
+        sign = np.tanh(dq / self.sign_width) if self.sign_width > 0.0 else np.sign(dq)
+        return np.asarray(self.viscous * dq + self.coulomb * sign)
+
+
+@dataclass(frozen=True)
+class Drives:
+    """
+    Rotors, friction and sensors of the joints.
+
+    `rotor_inertia`, shape (n,): seen at the joint [kg m^2 or kg].
+    `ripple`: standard deviation of the white noise on the torque that acts [N m or N].
+    `position_noise`, `velocity_noise`, `torque_noise`: standard deviations of the sensors [rad or
+    m, rad/s or m/s, N m or N].
+    `delay`: steps between a command and its torque.
+    `step`: between two commands [s].
+
+    """
+
+    rotor_inertia: Array
+    friction: JointFriction
+    ripple: float = 0.0
+    position_noise: float = 0.0
+    velocity_noise: float = 0.0
+    torque_noise: float = 0.0
+    delay: int = 0
+    step: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Measurements (n,) at a time [s]; the torques are those of the step that has just ended."""
+
+    t: float
+    q: Array
+    dq: Array
+    tau: Array
+
+
+class TorqueControlledArm:
+    """
+    Rigid bodies driven by torques; one step is one fourth-order Runge-Kutta step.
+
+    `bodies`: the rigid bodies with their rotors: the truth for energies and torques. `t`, `q`,
+    `dq`: the exact state: time [s], positions, velocities.
+
+    """
+
+    def __init__(
+        self, arm: SimulatedArm, drives: Drives, q: Array, dq: Array, rng: np.random.Generator
+    ) -> None:
+        self.bodies = arm.with_rotor_inertia(drives.rotor_inertia)
+        self.drives = drives
+        self.t = 0.0
+        self.q = np.array(q, dtype=np.float64)
+        self.dq = np.array(dq, dtype=np.float64)
+        self._n_steps = 0
+        self._rng = rng
+        self._acting = np.zeros_like(self.q)
+        self._underway = deque([np.zeros_like(self.q)] * drives.delay)
+
+    def hold(self, tau: Array) -> None:
+        """Fill the commands under way, as if `tau` had been commanded for long."""
+        self._acting = np.array(tau, dtype=np.float64)
+        self._underway = deque([self._acting] * self.drives.delay)
+
+    def stop(self, q: Array) -> None:
+        """Stand at positions (n,) without torques."""
+        self.q, self.dq = np.array(q, dtype=np.float64), np.zeros_like(self.q)
+        self.hold(np.zeros_like(self.q))
+
+    def measure(self) -> Measurement:
+        """Read the sensors."""
+        drives = self.drives
+        return Measurement(
+            self.t,
+            self._noisy(self.q, drives.position_noise),
+            self._noisy(self.dq, drives.velocity_noise),
+            self._noisy(self._acting, drives.torque_noise),
+        )
+
+    def step(self, command: Array, external: Array | float = 0.0) -> None:
+        """
+        Advance by one step.
+
+        `command`, shape (n,): torques [N m or N], which act `delay` steps later and are held for a
+        step. `external`, shape (n,): torques of a contact, which act at once and are not measured.
+
+        """
+        self._underway.append(np.array(command, dtype=np.float64))
+        self._acting = self._noisy(self._underway.popleft(), self.drives.ripple)
+        self.q, self.dq = self._moved(self._acting + external)
+        self._n_steps += 1
+        self.t = self._n_steps * self.drives.step
+
+    def _moved(self, tau: Array) -> tuple[Array, Array]:
+        h, q, dq = self.drives.step, self.q, self.dq
+        a1 = self._acceleration(q, dq, tau)
+        v2 = dq + 0.5 * h * a1
+        a2 = self._acceleration(q + 0.5 * h * dq, v2, tau)
+        v3 = dq + 0.5 * h * a2
+        a3 = self._acceleration(q + 0.5 * h * v2, v3, tau)
+        v4 = dq + h * a3
+        a4 = self._acceleration(q + h * v3, v4, tau)
+        return q + h / 6 * (dq + 2 * v2 + 2 * v3 + v4), dq + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+    def _acceleration(self, q: Array, dq: Array, tau: Array) -> Array:
+        return self.bodies.forward_dynamics(q, dq, tau - self.drives.friction.torque(dq))
+
+    def _noisy(self, values: Array, std: float) -> Array:
+        return values + std * self._rng.standard_normal(values.shape)
