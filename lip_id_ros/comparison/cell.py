@@ -27,8 +27,9 @@ QUERIES = 50
 QUERY_SECONDS = 1.0
 PACKAGE = Path(__file__).resolve().parents[1]
 PARTS = (
-    *('baselines', 'friction', 'gp', 'identification', 'kernels', 'linear_algebra.py'),
-    *('model', 'rigid_body'),
+    *('arrays.py', 'joint_types.py', 'linear_algebra.py', 'numba_jit.py'),
+    *('baselines', 'dataset', 'description', 'friction', 'gp', 'identification', 'kernels'),
+    *('model', 'rigid_body', 'settings'),
     *('comparison/cell.py', 'evaluation/metrics.py'),
 )
 UNKNOWN = 'unknown'

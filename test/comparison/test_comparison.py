@@ -12,10 +12,12 @@ from comparison.methods import Refusing, Scaled
 import numpy as np
 import pytest
 from simulation.pendulums import swing
+from test_imports import BASE, PARTS
 
 from lip_id_ros.baselines import Method
 from lip_id_ros.comparison import Case, Cell, compare, report, Results, Store, thinned
-from lip_id_ros.comparison.cell import code_version, source_digest
+from lip_id_ros.comparison.cell import code_version, PACKAGE, source_digest
+from lip_id_ros.comparison.cell import PARTS as CODE
 from lip_id_ros.comparison.report import write_comparison
 from lip_id_ros.comparison.run import groups, meanings, remarks, tables
 from lip_id_ros.dataset import Dataset
@@ -175,6 +177,16 @@ def test_a_cell_from_before_codes_were_noted_is_of_unknown_code(tmp_path: Path) 
     content = cell.to_json()
     del content['code']
     assert Cell.from_json(content).code == 'unknown'
+
+
+def test_the_code_is_all_that_methods_are_made_of() -> None:
+    needed = {'baselines', *PARTS['baselines']}
+    assert {*PARTS['baselines']} >= {room for each in PARTS['baselines'] for room in PARTS[each]}
+    # what no figure depends on: texts, files, processes
+    others = {'checked_file', 'csv_table', 'errors', 'escaping', 'files', 'processes', 'progress'}
+    named = {Path(part).stem for part in CODE if '/' not in part}
+    assert named == needed | BASE - others
+    assert all((PACKAGE / part).exists() for part in CODE)
 
 
 def test_the_digest_is_that_of_the_sources(tmp_path: Path) -> None:
