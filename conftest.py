@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import importlib
 import os
 from pathlib import Path
@@ -42,6 +43,20 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f'no folder of real recordings at {folder}; set LIP_ID_ROS_SHARED_DATA')
     return folder
+
+
+@pytest.fixture
+def strange_modules(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
+    """Work in a folder with files named as modules, which no process may run."""
+    folder = tmp_path_factory.mktemp('strange')
+    trace = folder / 'trace'
+    for name in ('json', 'numpy', 'pickle', 'struct', 'yaml'):
+        (folder / f'{name}.py').write_text(f'open({str(trace)!r}, "a").write("{name} ")')
+    monkeypatch.chdir(folder)
+    yield
+    assert not trace.exists(), trace.read_text()
 
 
 @pytest.hookimpl(tryfirst=True)

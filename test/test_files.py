@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 import stat
 import sys
+import tempfile
 from typing import Any, BinaryIO
 import zipfile
 
@@ -372,6 +373,23 @@ def test_a_folder_in_use_is_not_swept(tmp_path: Path, monkeypatch: pytest.Monkey
     os.utime(tmp_path / f'{files.SCRATCH}link', (0, 0), follow_symlinks=False)
     with scratch_folder():
         assert (tmp_path / 'elsewhere').is_dir()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root can become another user')
+def test_folders_of_another_user_are_not_swept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('lip_id_ros.files.SWEEP_AFTER_S', -1.0)
+    with tempfile.TemporaryDirectory(dir='/tmp') as place:
+        os.chmod(place, 0o777)
+        monkeypatch.setattr('tempfile.tempdir', place)
+        left = Path(place) / f'{files.SCRATCH}left'
+        left.mkdir(0o700)
+        os.setresuid(65534, 65534, 0)
+        try:
+            with scratch_folder() as folder:
+                assert Path(folder).is_dir()
+        finally:
+            os.setresuid(0, 0, 0)
+        assert left.is_dir()
 
 
 @pytest.mark.parametrize('path', ['/', '', '/tmp/'])

@@ -189,6 +189,15 @@ def test_modules_import_each_other_in_no_circle() -> None:
     list(TopologicalSorter(imports).static_order())  # raises CycleError
 
 
+@pytest.mark.parametrize('path', MODULES, ids=place)
+def test_processes_import_nothing_from_the_working_folder(path: Path) -> None:
+    """A yaml.py beside the recordings would be run."""
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.List) and node.elts:
+            first, *others = map(ast.unparse, node.elts)
+            assert first != 'sys.executable' or others[0] == "'-P'"
+
+
 # A serving process on a robot's computer starts in a second and stays small; the command line
 # works where there is no ROS.
 LIGHT = {

@@ -10,6 +10,7 @@ import sys
 import zipfile
 
 import pytest
+from waiting import wait_until
 
 SCRIPTS = Path(__file__).resolve().parents[1] / 'scripts'
 SHELLS = [
@@ -162,3 +163,43 @@ def test_unpacking_takes_jazzy_and_the_licences_only(checkout: Path, tmp_path: P
         'licences/isaacsim.ros2.core-LICENSE.md',
         'licences/LICENSE.txt',
     }
+
+
+SLOW_PYTHON = """
+case "$*" in
+  *precompile.py) echo started >>{folder}/starts
+    while [ ! -e {folder}/go ]; do sleep 0.05; done ;;
+  -c*) echo {python} ;;
+esac
+"""
+
+
+@pytest.mark.skipif(not shutil.which('flock'), reason='no flock')
+def test_set_ups_in_a_row_compile_once(checkout: Path, tmp_path: Path) -> None:
+    for name in ('requirements-offline.txt', 'setup.py', 'setup.cfg', 'package.xml'):
+        (checkout / name).touch()
+    (checkout / 'lip_id_ros').mkdir()
+    source = checkout / 'lip_id_ros' / 'arm.py'
+    source.touch()
+    python = os.path.realpath(sys.executable)
+    venv = checkout / '.deps' / 'venv' / 'bin'
+    program(venv / 'python', SLOW_PYTHON.format(folder=tmp_path, python=python))
+    program(venv / 'pip', '').write_text(f'#!{venv}/python\n')
+    command = [str(checkout / 'scripts/setup.sh'), 'run']
+    named = {'PYTHON312': python, 'LIP_ID_ROS_OFFLINE': '1'}
+    starts, stamp = tmp_path / 'starts', checkout / '.deps' / 'precompile.log.stamp'
+
+    first = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, env={'PATH': '/usr/bin:/bin', **named}
+    )
+    assert first.wait() == 0
+    wait_until(starts.exists, 'the first compilation')
+    # each returns once what it started in the background has ended
+    assert [run(command, **named).returncode for _ in range(2)] == [0, 0]
+    (tmp_path / 'go').touch()
+    wait_until(stamp.exists, 'the end of the compilation')
+    run(command, **named)
+    assert starts.read_text() == 'started\n'
+    source.write_text('changed = True')
+    run(command, **named)
+    assert starts.read_text() == 'started\nstarted\n'

@@ -29,9 +29,10 @@ BENCHMARKS = Path(__file__).resolve().parents[1]
 PACKAGE = BENCHMARKS.with_name('lip_id_ros')
 PARTS = (
     *(BENCHMARKS / 'baselines', BENCHMARKS / 'comparison/cell.py'),
-    *(PACKAGE / 'friction', PACKAGE / 'gp', PACKAGE / 'identification', PACKAGE / 'kernels'),
-    *(PACKAGE / 'linear_algebra.py', PACKAGE / 'model', PACKAGE / 'rigid_body'),
-    PACKAGE / 'evaluation/metrics.py',
+    *(PACKAGE / each for each in ('arrays.py', 'joint_types.py', 'linear_algebra.py')),
+    *(PACKAGE / each for each in ('numba_jit.py', 'dataset', 'description', 'friction', 'gp')),
+    *(PACKAGE / each for each in ('identification', 'kernels', 'model', 'rigid_body')),
+    *(PACKAGE / 'settings', PACKAGE / 'evaluation/metrics.py'),
 )
 UNKNOWN = 'unknown'
 

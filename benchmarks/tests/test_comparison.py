@@ -11,10 +11,12 @@ import re
 import numpy as np
 import pytest
 from simulation.pendulums import swing
+from test_imports import BASE, PARTS
 
 from benchmarks.baselines import Method
 from benchmarks.comparison import Case, Cell, compare, report, Results, Store, thinned
-from benchmarks.comparison.cell import code_version, source_digest
+from benchmarks.comparison.cell import code_version, PACKAGE, source_digest
+from benchmarks.comparison.cell import PARTS as CODE
 from benchmarks.comparison.report import write_comparison
 from benchmarks.comparison.run import groups, meanings, remarks, tables
 from benchmarks.tests.methods import Refusing, Scaled
@@ -175,6 +177,15 @@ def test_a_cell_from_before_codes_were_noted_is_of_unknown_code(tmp_path: Path) 
     content = cell.to_json()
     del content['code']
     assert Cell.from_json(content).code == 'unknown'
+
+
+def test_the_code_is_all_that_methods_are_made_of() -> None:
+    rooms = {path.stem for path in CODE if path.parent == PACKAGE}
+    assert rooms >= {room for each in rooms & {*PARTS} for room in PARTS[each]}
+    # but for what no figure depends on: texts, files, processes
+    others = {'checked_file', 'csv_table', 'errors', 'escaping', 'files', 'processes', 'progress'}
+    assert rooms >= BASE - others
+    assert all(path.exists() for path in CODE)
 
 
 def test_the_digest_is_that_of_the_sources(tmp_path: Path) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing import get_context, resource_tracker
@@ -30,6 +30,8 @@ TASKS_PER_CPU = 2
 
 STORE_BYTES = 128 * 2**20
 """Shared memory of a local Ray cluster, which only holds results of a few tasks."""
+
+SAFE_PATH = 'PYTHONSAFEPATH'
 
 DIED = f'its process ended {ATTEMPTS} times before it was done, perhaps for want of memory'
 
@@ -163,13 +165,14 @@ class _Worker:
         context = get_context('spawn')  # a fork would share the locks of threads
         self.connection, theirs = context.Pipe()
         self._process = context.Process(target=_work, args=(theirs,), daemon=True)
-        # inherited: Ctrl-C reaches the processes only through this one, while they start too
-        resource_tracker.ensure_running()  # whose start unblocks the signal
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-        try:
-            self._process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        with _safe_path():
+            # inherited: Ctrl-C reaches the processes only through this one, while they start too
+            resource_tracker.ensure_running()  # whose start unblocks the signal
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+            try:
+                self._process.start()
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
 
     @property
@@ -194,6 +197,19 @@ class _Worker:
         self._process.kill()
         self._process.join()
         self.connection.close()
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Have processes that start meanwhile import no file of the working folder, as -P does."""
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = '1'
+    try:
+        yield
+    finally:
+        del os.environ[SAFE_PATH]
+        if before is not None:
+            os.environ[SAFE_PATH] = before
 
 
 def _work(connection: Connection) -> None:

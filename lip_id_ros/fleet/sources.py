@@ -187,7 +187,11 @@ def _listed(system: Any, path: str, pattern: str) -> tuple[dict[str, Details], s
     named = set(files)
     for folder in matches.keys() - named:
         files |= system.find(folder, detail=True)
-    return files, named
+    linked = {path for path, each in files.items() if each.get('islink') and os.path.isdir(path)}
+    for folder in linked:  # which a listing does not look into
+        del files[folder]
+        files |= system.find(folder, detail=True)
+    return files, named - linked
 
 
 def _recordings(

@@ -10,7 +10,9 @@ import json
 import os
 from pathlib import Path
 import select
+import signal
 import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ from lip_id_ros.acquisition.job import advanced, in_words, Jobs, JobState, SAVIN
 from lip_id_ros.acquisition.recording_file import pass_on
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
+from lip_id_ros.files import SCRATCH
 from lip_id_ros.processes import end
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import Config, flatten
@@ -73,6 +76,7 @@ def test_what_a_library_prints_changes_nothing(line: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures('strange_modules')
 def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
     task = Task('dataset', flatten(Config()), str(tmp_path / 'data.npz'), niceness=1)
     work = jobs.start(task, [samples(500)])
@@ -222,6 +226,32 @@ def test_a_fit_of_torques_that_no_arm_makes_shows_its_progress_and_can_be_cancel
         work.result()
     assert jobs.state.state == 'cancelled'
     assert list(tmp_path.iterdir()) == []
+    jobs.stop()
+
+
+KILLED = """
+import os, signal
+from lip_id_ros.acquisition.job import Jobs, Task
+
+Jobs._follow = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+Jobs().start(Task('fit', {}, 'model.npz'), []).result()
+"""
+
+
+@pytest.mark.slow
+def test_samples_of_a_killed_node_are_removed_by_the_next(
+    jobs: Jobs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / 'temporary'
+    place.mkdir()
+    command, environment = [sys.executable, '-c', KILLED], os.environ | {'TMPDIR': str(place)}
+    assert subprocess.run(command, env=environment, check=False).returncode == -signal.SIGKILL
+    (left,) = place.glob(f'{SCRATCH}*')
+    monkeypatch.setattr('tempfile.tempdir', str(place))
+    monkeypatch.setattr('lip_id_ros.files.SWEEP_AFTER_S', -1.0)
+    task = Task('dataset', flatten(Config()), str(tmp_path / 'data.npz'))
+    assert jobs.start(task, [samples(500)]).result()['path'] == task.path
+    assert not left.exists()
     jobs.stop()
 
 

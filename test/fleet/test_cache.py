@@ -128,21 +128,40 @@ def test_another_version_of_a_package_is_another_version(monkeypatch: pytest.Mon
     assert fresh() != here
 
 
+@contextmanager
+def mounted(folder: Path, *options: str) -> Iterator[None]:
+    mount, unmount = shutil.which('mount'), shutil.which('umount')
+    if mount is None or unmount is None:
+        pytest.skip('there is no mount')
+    command = [mount, *options, str(folder)]
+    if subprocess.run(command, capture_output=True, check=False).returncode:
+        pytest.skip('mounting needs rights that are missing here')
+    try:
+        yield
+    finally:
+        subprocess.run([unmount, str(folder)], check=True)
+
+
 @pytest.fixture
 def read_only(tmp_path: Path) -> Iterator[Path]:
     """Give a cache with an entry on a disk that cannot be written."""
     FolderCache(tmp_path)[KEY] = CONTENT
-    mount, unmount = shutil.which('mount'), shutil.which('umount')
-    if mount is None or unmount is None:
-        pytest.skip('there is no mount')
-    bind = [mount, '--bind', str(tmp_path), str(tmp_path)]
-    if subprocess.run(bind, capture_output=True, check=False).returncode:
-        pytest.skip('mounting needs rights that are missing here')
-    try:
-        subprocess.run([mount, '-o', 'remount,bind,ro', str(tmp_path)], check=True)
+    with mounted(tmp_path, '--bind', str(tmp_path)):
+        subprocess.run(['mount', '-o', 'remount,bind,ro', str(tmp_path)], check=True)
         yield tmp_path
-    finally:
-        subprocess.run([unmount, str(tmp_path)], check=True)
+
+
+def test_a_full_disk_costs_one_warning_and_leaves_no_halves(tmp_path: Path) -> None:
+    with mounted(tmp_path, '-t', 'tmpfs', '-o', 'size=32k', 'tmpfs'):
+        kept = FolderCache(tmp_path)
+        kept[KEY] = CONTENT
+        with logged(cache.__name__) as lines:
+            kept[OTHER] = kept[64 * 'c' + '.survey'] = 20 * CONTENT
+        assert kept.get(KEY) == CONTENT
+        files = [path for path in tmp_path.rglob('*') if path.is_file()]
+        assert [path.name for path in files] == [KEY]
+    (line,) = lines
+    assert 'No space left on device' in line
 
 
 def test_a_cache_that_cannot_be_written_is_read(read_only: Path) -> None:
@@ -158,11 +177,15 @@ def test_a_cache_of_another_user_is_read() -> None:
         kept = FolderCache(folder)
         kept[KEY] = CONTENT
         (entry,) = entries(folder)
-        with as_user(NOBODY):
+        with as_user(NOBODY), logged(cache.__name__) as lines:
             readable = os.access(entry.path, os.R_OK, effective_ids=True)
             writable = os.access(entry.path, os.W_OK, effective_ids=True)
             assert (readable, writable) == (True, False)
             assert kept.get(KEY) == CONTENT
+            kept[OTHER] = CONTENT
+        assert kept.get(OTHER) is None
+        (line,) = lines
+        assert 'Permission denied' in line
 
 
 @contextmanager

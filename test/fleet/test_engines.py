@@ -133,6 +133,15 @@ def test_a_process_that_dies_between_maps_is_replaced() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures('strange_modules')
+def test_processes_run_no_file_of_the_working_folder() -> None:
+    with LocalEngine(2) as engine:
+        outcomes = engine.map(square, range(4), silent, ignore)
+    assert [each.value[0] for each in outcomes] == [0, 1, 4, 9]
+    assert 'PYTHONSAFEPATH' not in os.environ
+
+
+@pytest.mark.slow
 def test_a_process_that_starts_is_not_interrupted() -> None:
     """Ctrl-C while it imports what it needs would print a traceback."""
     with LocalEngine(2) as engine:

@@ -143,6 +143,18 @@ def test_fingerprints_follow_the_content(bags: Path) -> None:
     assert renamed.fingerprint == changed[str(path)]
 
 
+def test_a_bag_that_is_linked_into_a_folder_is_found(bags: Path, tmp_path: Path) -> None:
+    """By the folder, and by patterns; a link back to the folder has no end, and does no harm."""
+    fleet = tmp_path / 'fleet'
+    fleet.mkdir()
+    (fleet / 'linked').symlink_to(bags / 'arm1/run')
+    (fleet / 'again').symlink_to(fleet)
+    for pattern in (f'{fleet}/linked', f'{fleet}/l*', f'{fleet}/**', str(fleet)):
+        found = find([pattern])
+        assert [(each.name, each.is_folder) for each in found] == [(f'{fleet}/linked', True)]
+    assert found[0].fingerprint == find([f'{bags}/arm1/run'])[0].fingerprint
+
+
 def test_a_link_has_the_fingerprint_of_its_file(bags: Path, tmp_path: Path) -> None:
     """DVC and git-annex make their links anew at each checkout."""
     path, link = bags / 'alone.mcap', tmp_path / 'link.mcap'
