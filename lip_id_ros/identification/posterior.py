@@ -1,0 +1,162 @@
+"""
+The posterior of an arm's parameters, from all samples in memory (docs/maths.md, section 13).
+
+Around the best parameters torques are linear in all of them, so that statistics of the samples
+are all that is needed. Where the samples of the descent have left some out, or steps of the
+placements are too large to be linear, they are gathered once more.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import norm, t
+
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
+from lip_id_ros.identification.arm_problem import ArmState
+from lip_id_ros.identification.left_out_parts import LeftOut
+from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.recording_factors import gather
+from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.solution import Known, left_out_at_present, Solution, solve
+from lip_id_ros.identification.total import FOLDS, Total
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
+
+MOST_GATHERINGS = 4
+
+LINEAR = 0.05
+"""Largest error of the linearisation at a solution, in standard deviations of the noise."""
+
+SAME = 0.1
+"""Largest change of the logarithm of a torque's variance by what a solution moves."""
+
+SAMPLES = 500
+"""At which these are measured."""
+
+SMALLEST = 1e-300
+"""Least coefficient of friction that has a logarithm."""
+
+
+def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Solution, Total]:
+    """
+    Take in all samples, and return the posterior.
+
+    Parameters
+    ----------
+    fitter : ArmFitter
+    fit : ArmFit
+        Fitted to some of the samples.
+
+    Returns
+    -------
+    fit : ArmFit
+        To all samples.
+    posterior : ArmPosterior
+    solution : Solution
+    total : Total
+        Statistics that it is the solution of.
+
+    """
+    fit, known = fitter.to_all_samples(fit), known_of(fitter, fit)
+    for _ in range(MOST_GATHERINGS):
+        total = total_of(fitter, fit)
+        solution = solve(total, known)
+        if is_linear(total.around, solution, fitter.some(SAMPLES)):
+            break
+        fit = fit_of(solution, fit.noise, fit.geometry)
+    fit = fit_of(solution, fit.noise, fit.geometry)
+    return fit, posterior_of(solution, fit), solution, total
+
+
+def known_of(fitter: ArmFitter, fit: ArmFit) -> Known:
+    """Return what is known of an arm before its statistics are."""
+    return Known(fitter.torque_std, fitter.prior, fit.geometry)
+
+
+def left_out_of(fitter: ArmFitter, fit: ArmFit) -> LeftOut:
+    """Return what left-out parts show of a fit to all samples."""
+    return left_out_at_present(total_of(fitter, fit), known_of(fitter, fit))
+
+
+def total_of(fitter: ArmFitter, fit: ArmFit) -> Total:
+    """Gather the statistics of all samples, by recordings; of a single one in parts."""
+    dataset, robots = fitter.dataset, fitter.robots
+    around, numbers = around_fit(dataset, fit), np.unique(dataset.recording)
+    if numbers.size == 1:
+        return Total(around, [gather(dataset, around, FOLDS)])
+    parts = (dataset.select(dataset.recording == number) for number in numbers)
+    groups = [robots[number] for number in numbers] if robots else None
+    return Total(around, [gather(part, around) for part in parts], groups)
+
+
+def around_fit(dataset: Dataset, fit: ArmFit) -> Linearisation:
+    """Return what torques are regressed on around a fit."""
+    return Linearisation(dataset.joint_names, fit.chain, fit.links, fit.friction, fit.noise)
+
+
+def fit_of(solution: Solution, noise: TorqueNoise, geometry: Geometry) -> ArmFit:
+    """Return the fit that has the parameters of a solution, and noise of a shape."""
+    coefficients = solution.friction.coefficients
+    logs = np.log(np.maximum(coefficients, SMALLEST))
+    friction = np.where(solution.friction.basis.is_positive, logs, coefficients)
+    return ArmFit(
+        ArmState(solution.chain, solution.numbers, friction),
+        solution.links,
+        solution.friction,
+        replace(noise, std=solution.left_out.unbiased_std),
+        geometry,
+    )
+
+
+def is_linear(around: Linearisation, solution: Solution, some: Dataset) -> bool:
+    """Return whether torques and their deviations at a solution are those of a linearisation."""
+    noise = solution.left_out.unbiased_std
+    state = some.q, some.dq, some.ddq
+    load = links_torque(solution.chain, solution.links, some)
+    residual = some.tau - load
+    residual -= solution.friction.torque(*state, load, some.low_passed_sign)
+    features, target = around.rows(some)
+    for joint, (rows, own) in enumerate(zip(features, around.columns, strict=True)):
+        residual[:, joint] -= target[:, joint] - rows @ solution.parameters[np.concatenate(own)]
+    before, after = (
+        ArmPosterior(each.chain, each.links, each.friction, around.noise, solution.covariance_root)
+        for each in (around, solution)
+    )
+    variance = [np.mean(each.torque_std(*state) ** 2, axis=0) for each in (before, after)]
+    errors = np.sqrt(np.mean(residual**2, axis=0)) / noise
+    return bool(np.all(errors <= LINEAR) and np.all(np.abs(np.log(np.divide(*variance))) < SAME))
+
+
+def posterior_of(solution: Solution, fit: ArmFit) -> ArmPosterior:
+    """
+    Return the posterior of an arm in a recording that is not known.
+
+    Friction differs between recordings, by deviations that few recordings do not show exactly:
+    Student's t.
+
+    """
+    total = solution.deviations.total
+    varying = np.flatnonzero(total)
+    first = (DIRECTIONS + LINK_PARAMETERS) * len(solution.links)
+    columns = np.zeros((len(solution.covariance_root), varying.size))
+    wider = total[varying] * widening(len(solution.recordings.residual_rms))
+    columns[first + varying, np.arange(varying.size)] = wider
+    return ArmPosterior(
+        solution.chain,
+        solution.links,
+        solution.friction,
+        replace(fit.noise, std=solution.noise_std),
+        np.hstack([solution.covariance_root, columns]),
+    )
+
+
+def widening(n_recordings: int) -> float:
+    """Return the factor of a deviation between recordings with which two of them cover."""
+    return float(0.5 * t.ppf(norm.cdf(2.0), n_recordings - 1)) if n_recordings > 1 else 1.0
