@@ -35,6 +35,7 @@ from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.posterior import is_linear, SAMPLES
 from lip_id_ros.identification.recording_factors import RecordingFactors
 from lip_id_ros.identification.sample_selection import evenly
+from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import (
     fitted_alone,
     Known,
@@ -110,6 +111,8 @@ class _Solved:
     Attributes
     ----------
     solution : Solution
+    around : Linearisation
+        Where it was linear.
     kept : list of Survey
         Of the recordings in it.
     numbers : list of int
@@ -122,6 +125,7 @@ class _Solved:
     """
 
     solution: Solution
+    around: Linearisation
     kept: list[Survey]
     numbers: list[int]
     fits: RecordingFits
@@ -144,7 +148,7 @@ class _Fit:
         placed, described = self._placed(list(surveys.values()))
         fitter = ArmFitter(placed.dataset, described)
         solved = self._solved_twice(surveys, placed, placed.known(fitter))
-        model = model_of(placed, solved.solution, solved.kept, fitter, described)
+        model = model_of(placed, solved.solution, solved.around, solved.kept, fitter, described)
         seconds = round(time.monotonic() - started, 3)
         return FleetResult(
             model=replace(model, summary={**model.summary, 'seconds_total': seconds}),
@@ -206,19 +210,22 @@ class _Fit:
         """Solve, and once more where the solution is too far away to be linear."""
         excluded, around = dict(placed.excluded), placed.around
         contradicting = {k: excluded[s.key] for k, s in surveys.items() if s.key in excluded}
-        solved = self._solved(surveys, around, known, contradicting, STATISTICS)
         some = placed.dataset.select(evenly(placed.dataset.n_samples, SAMPLES))
-        if is_linear(around, solved.solution, some):
-            return solved
+        fixed = replace(known.geometry, rigid=True)
+        for moves in (known.geometry, fixed):
+            solved = self._solved(surveys, around, known, moves, contradicting, STATISTICS)
+            if is_linear(around, solved.solution, some):
+                return solved
         found = solved.solution
         around = replace(around, chain=found.chain, links=found.links, friction=found.friction)
-        return self._solved(surveys, around, known, solved.contradicting, ONCE_MORE)
+        return self._solved(surveys, around, known, fixed, solved.contradicting, ONCE_MORE)
 
     def _solved(
         self,
         surveys: dict[int, Survey],
         around: Linearisation,
         known: Known,
+        moves: Geometry,
         contradicting: Mapping[int, str],
         stage: str,
     ) -> _Solved:
@@ -235,7 +242,7 @@ class _Fit:
         kept = np.array([k not in contradicting for k in numbers])
         for left in reversed(range(EXCLUSIONS)):
             solved, others = statistics.select(kept), statistics.select(~kept)
-            for solution in solutions(solved, known):
+            for solution in solutions(solved, known, moves):
                 fits = solution.recordings.among(kept, fitted_alone(others, solution))
                 reasons = contradictions(fits.residual_rms, kept, around.joint_names)
                 now = np.array([k not in reasons for k in range(len(numbers))])
@@ -245,7 +252,9 @@ class _Fit:
                 break
             kept = now
         in_fit = [surveys[numbers[k]] for k in np.flatnonzero(kept)]
-        return _Solved(solution, in_fit, numbers, fits, {numbers[k]: reasons[k] for k in reasons})
+        return _Solved(
+            solution, around, in_fit, numbers, fits, {numbers[k]: reasons[k] for k in reasons}
+        )
 
     def _gathered(
         self, surveys: dict[int, Survey], around: Linearisation, stage: str

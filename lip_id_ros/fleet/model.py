@@ -16,7 +16,8 @@ from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.survey import merged
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.identify import prediction_noise
-from lip_id_ros.identification.posterior import fit_of, posterior_of
+from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.posterior import fit_of, posterior_of, SAMPLES
 from lip_id_ros.identification.remainder_election import conditioned_remainder, elect_processes
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.identification.solution import Solution
@@ -56,6 +57,7 @@ def with_processes(
 def model_of(
     placed: PlacedArm,
     solution: Solution,
+    around: Linearisation,
     surveys: Sequence[Survey],
     fitter: ArmFitter,
     described: Described | None = None,
@@ -67,6 +69,8 @@ def model_of(
     ----------
     placed : PlacedArm
     solution : Solution
+    around : Linearisation
+        Where it was linear.
     surveys : sequence of Survey
         Of the recordings in the fit.
     fitter : ArmFitter
@@ -77,7 +81,7 @@ def model_of(
     """
     fit = _fit(placed, solution)
     remainder = _remainder(placed, solution, surveys, described)
-    arm = posterior_of(solution, fit)
+    arm = posterior_of(around, solution, fitter.some(SAMPLES))
     noise = prediction_noise(fitter.thinned(MOST_SAMPLES), fit, arm.noise, remainder)
     arm = compacted(replace(arm, noise=noise), _ranges(placed, surveys))
     report = _report(placed, solution, surveys) | {
@@ -105,8 +109,8 @@ def _report(placed: PlacedArm, solution: Solution, surveys: Sequence[Survey]) ->
         ],
     }
     if len(surveys) > 1:  # halves of samples in the order of keys mean nothing
-        around = replace(placed.around, chain=solution.chain, links=solution.links)
-        groups = disagreement(chosen(surveys), around)
+        present = replace(placed.around, chain=solution.chain, links=solution.links)
+        groups = disagreement(chosen(surveys), present)
         report |= {'halves_agree': True, 'contradicting_recordings': groups}
     return report
 

@@ -84,6 +84,8 @@ class ArmSystem:
         What of the placements is fixed.
     friction_std : array, shape (K,)
         Deviations of the prior of coefficients around zero, and centre of that of logarithms.
+    inflation : float
+        Of the noise's variance in the system, since residuals are correlated.
 
     """
 
@@ -94,7 +96,10 @@ class ArmSystem:
         prior: ArmPrior,
         geometry: Geometry,
         friction_std: Array,
+        inflation: float = 1.0,
     ) -> None:
+        prior = prior.beside(inflation)
+        self._usual = 1.0 / np.sqrt(inflation)
         self._around, self._system, self._scale = around, system, prior.scale
         self._positive, self._friction_std = around.friction.basis.is_positive, friction_std
         self._widths = around.basis.size - around.n_friction
@@ -111,10 +116,15 @@ class ArmSystem:
         links = log_cholesky(self._around.links, self._scale, EXISTS)
         return self._evaluated(SystemState(numbers, np.zeros(self._allowed.shape[1]), links))
 
+    def at(self, step: Array, state: SystemState) -> SystemState:
+        """Return a state with the parameters of one that has other placements free."""
+        return self._evaluated(replace(state, placements=self._allowed.T @ step))
+
     def solved(self, start: SystemState) -> SystemState:
         """Descend from a state that is near."""
         at = self._evaluated(start)
-        found = minimise(self, at, EVALUATIONS, 0.1 * LEAST_GAIN / max(at.cost, 1.0))
+        tolerance = 0.1 * LEAST_GAIN / max(at.cost, 1.0)
+        found = minimise(self, at, EVALUATIONS, tolerance)
         return found if at.cost - found.cost > LEAST_GAIN else at
 
     def links(self, state: SystemState) -> Array:
@@ -182,14 +192,16 @@ class ArmSystem:
         )
         prior = np.insert(self.prior_rows(state)[:, :-1], [first] * widths, 0.0, axis=1)
         of_widths = np.zeros((widths, prior.shape[1]))
-        of_widths[np.arange(widths), first + np.arange(widths)] = 1.0 / (WIDTH_STD * coulomb)
+        of_widths[np.arange(widths), first + np.arange(widths)] = self._usual / (
+            WIDTH_STD * coulomb
+        )
         factor = triangular(self._system[:, :-1] @ slopes, prior, of_widths)
         root = slopes @ solve_triangular(factor, np.eye(len(factor)))
         return np.asarray(np.roll(root, -(first + widths), axis=0))
 
     @property
     def _of_friction(self) -> Array:
-        return np.where(self._positive, LOG_PRIOR, 1.0 / self._friction_std)
+        return self._usual * np.where(self._positive, LOG_PRIOR, 1.0 / self._friction_std)
 
     def _prior_residual(self, state: SystemState) -> Array:
         centre = np.where(self._positive, np.log(self._friction_std), 0.0)

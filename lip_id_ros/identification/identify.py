@@ -35,7 +35,7 @@ from lip_id_ros.identification.sample_selection import (
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import Solution
 from lip_id_ros.identification.suspicions import suspicions
-from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
+from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.remainder_mean import RemainderMean
 from lip_id_ros.progress import Progress, silent
@@ -196,8 +196,6 @@ def _identified(
     remainder = elect_remainder(fitter, fit)
     arm = replace(arm, noise=prediction_noise(fitter, fit, arm.noise, remainder))
     kinematics_std = table_deviations(total, solution, known_of(fitter, fit))
-    states = np.stack([fitter.dataset.q, fitter.dataset.dq, fitter.dataset.ddq])
-    arm = compacted(arm, (states.min(axis=1), states.max(axis=1)))
     progress(STAGE, STEPS, STEPS)
     return Identified(
         arm=arm,

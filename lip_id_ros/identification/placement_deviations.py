@@ -33,10 +33,11 @@ def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitH
     if not known.geometry.rigid:
         known = replace(known, geometry=Geometry.free(total.around.n_joints))
     noise, deviations = solution.left_out.unbiased_std, solution.deviations
-    problem = system_of(total, known, np.sqrt(solution.inflation) * noise, deviations)
+    problem = system_of(total, known, noise, deviations, solution.inflation)
     state = problem.start()
     parts = parts_about(total, problem, state, noise, deviations)
-    shown = jackknife_root(parts, problem.prior_rows(state), noise)
+    prior = system_of(total, known, noise, deviations).prior_rows(state)
+    shown = jackknife_root(parts, prior, noise)
     first, size = total.around.basis.size, total.around.n_placements
     steps = problem.slopes(state)[first : first + size] @ shown
     roots = problem.covariance_root(state)[:size], steps

@@ -14,9 +14,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import norm, t
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.noise import TorqueNoise
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_AT_ONCE
 from lip_id_ros.identification.arm_problem import ArmState
 from lip_id_ros.identification.left_out_parts import LeftOut
 from lip_id_ros.identification.linearisation import Linearisation
@@ -25,17 +26,15 @@ from lip_id_ros.identification.recording_factors import gather
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import Known, left_out_at_present, Solution, solve
 from lip_id_ros.identification.total import FOLDS, Total
-from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
-
-MOST_GATHERINGS = 4
 
 LINEAR = 0.05
 """Largest error of the linearisation at a solution, in standard deviations of the noise."""
 
-SAME = 0.1
-"""Largest change of the logarithm of a torque's variance by what a solution moves."""
+RANK = 1e-9
+"""Least singular value of a direction of links that changes torques, as a share."""
 
 SAMPLES = 500
 """At which these are measured."""
@@ -65,14 +64,31 @@ def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Sol
 
     """
     fit, known = fitter.to_all_samples(fit), known_of(fitter, fit)
-    for _ in range(MOST_GATHERINGS):
-        total = total_of(fitter, fit)
-        solution = solve(total, known)
-        if is_linear(total.around, solution, fitter.some(SAMPLES)):
+    some, total = fitter.some(SAMPLES), total_of(fitter, fit)
+    fixed = replace(fit.geometry, rigid=True)
+    for moves in (fixed,) if _is_fitted(fitter.dataset) else (fit.geometry, fixed):
+        solution = solve(total, known, moves)
+        if is_linear(total.around, solution, some):
             break
+    else:
         fit = fit_of(solution, fit.noise, fit.geometry)
-    fit = fit_of(solution, fit.noise, fit.geometry)
-    return fit, posterior_of(solution, fit), solution, total
+        total = total_of(fitter, fit)
+        solution = solve(total, known, fixed)
+    arm = compacted(posterior_of(total.around, solution, some), ranges_of(fitter.dataset))
+    return fit_of(solution, fit.noise, fit.geometry), arm, solution, total
+
+
+def _is_fitted(dataset: Dataset) -> bool:
+    """Return whether placements are fitted already: to all samples, and with their friction."""
+    return dataset.n_samples <= MOST_AT_ONCE and bool(
+        np.all(dataset.recording == dataset.recording[0])
+    )
+
+
+def ranges_of(dataset: Dataset) -> tuple[Array, Array]:
+    """Return the lowest and highest q, dq, ddq, shapes (3, n)."""
+    states = np.stack([dataset.q, dataset.dq, dataset.ddq])
+    return states.min(axis=1), states.max(axis=1)
 
 
 def known_of(fitter: ArmFitter, fit: ArmFit) -> Known:
@@ -116,8 +132,7 @@ def fit_of(solution: Solution, noise: TorqueNoise, geometry: Geometry) -> ArmFit
 
 
 def is_linear(around: Linearisation, solution: Solution, some: Dataset) -> bool:
-    """Return whether torques and their deviations at a solution are those of a linearisation."""
-    noise = solution.left_out.unbiased_std
+    """Return whether the torques of samples at a solution are those of a linearisation."""
     state = some.q, some.dq, some.ddq
     load = links_torque(solution.chain, solution.links, some)
     residual = some.tau - load
@@ -125,16 +140,11 @@ def is_linear(around: Linearisation, solution: Solution, some: Dataset) -> bool:
     features, target = around.rows(some)
     for joint, (rows, own) in enumerate(zip(features, around.columns, strict=True)):
         residual[:, joint] -= target[:, joint] - rows @ solution.parameters[np.concatenate(own)]
-    before, after = (
-        ArmPosterior(each.chain, each.links, each.friction, around.noise, solution.covariance_root)
-        for each in (around, solution)
-    )
-    variance = [np.mean(each.torque_std(*state) ** 2, axis=0) for each in (before, after)]
-    errors = np.sqrt(np.mean(residual**2, axis=0)) / noise
-    return bool(np.all(errors <= LINEAR) and np.all(np.abs(np.log(np.divide(*variance))) < SAME))
+    errors = np.sqrt(np.mean(residual**2, axis=0))
+    return bool(np.all(errors <= LINEAR * solution.left_out.unbiased_std))
 
 
-def posterior_of(solution: Solution, fit: ArmFit) -> ArmPosterior:
+def posterior_of(around: Linearisation, solution: Solution, some: Dataset) -> ArmPosterior:
     """
     Return the posterior of an arm in a recording that is not known.
 
@@ -148,13 +158,31 @@ def posterior_of(solution: Solution, fit: ArmFit) -> ArmPosterior:
     columns = np.zeros((len(solution.covariance_root), varying.size))
     wider = total[varying] * widening(len(solution.recordings.residual_rms))
     columns[first + varying, np.arange(varying.size)] = wider
-    return ArmPosterior(
-        solution.chain,
-        solution.links,
-        solution.friction,
-        replace(fit.noise, std=solution.noise_std),
-        np.hstack([solution.covariance_root, columns]),
+    noise = replace(around.noise, std=solution.noise_std)
+    root = np.hstack([_following(around, solution, some), columns])
+    return ArmPosterior(solution.chain, solution.links, solution.friction, noise, root)
+
+
+def _following(around: Linearisation, solution: Solution, some: Dataset) -> Array:
+    """
+    Return the covariance root of a solution, whose links and friction follow its placements.
+
+    Links that differ by what changes no torque at these placements have other torques at others:
+    what made up for a placement beside the present links does not beside those of the solution.
+
+    """
+    root, first = solution.covariance_root, around.n_placements
+    last = first + around.links.size + around.n_friction
+    before, after = (
+        ArmPosterior(each.chain, each.links, each.friction, around.noise, root).jacobian(
+            some.q, some.dq, some.ddq
+        )
+        for each in (around, solution)
     )
+    change = before @ root[:last] - after[..., :first] @ root[:first]
+    rows = after[..., first:].reshape(-1, last - first)
+    found, *_ = np.linalg.lstsq(rows, change.reshape(len(rows), -1), rcond=RANK)
+    return np.concatenate([root[:first], found, root[last:]])
 
 
 def widening(n_recordings: int) -> float:

@@ -71,12 +71,23 @@ def gather(
 
 
 def _statistics(dataset: Dataset, rows: IndexArray, around: Linearisation) -> TorqueStatistics:
-    statistics = TorqueStatistics.empty([np.concatenate(own) for own in around.columns])
+    statistics = empty_statistics(around)
     for chunk in np.array_split(rows, -(-rows.size // CHUNK)) if rows.size else []:
-        some = dataset.select(chunk)
-        features, target = around.rows(some)
-        statistics = statistics.update(features, target, around.noise.weights(some.dq))
+        statistics = updated(statistics, dataset.select(chunk), around)
     return statistics
+
+
+def empty_statistics(around: Linearisation) -> TorqueStatistics:
+    """Return the statistics of no samples."""
+    return TorqueStatistics.empty([np.concatenate(own) for own in around.columns])
+
+
+def updated(
+    statistics: TorqueStatistics, dataset: Dataset, around: Linearisation
+) -> TorqueStatistics:
+    """Return statistics with further samples, whose features are in memory together."""
+    features, target = around.rows(dataset)
+    return statistics.update(features, target, around.noise.weights(dataset.dq))
 
 
 def packed(factors: Sequence[Array]) -> Array:

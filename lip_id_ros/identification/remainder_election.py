@@ -348,7 +348,7 @@ def left_out_fits(
     """Fit links and friction without each fold, by one Gauss-Newton step from the fit to all."""
     some = fitter.dataset.select(rows)
     problem = fitter.problem(some, fit)
-    jacobian, residual = _linearised(problem, some, fit)
+    jacobian, residual = linearised(problem, some, fit)
     # These samples stand for all of them.
     share = np.sqrt(fitter.dataset.n_samples / rows.size)
     scale = share * np.sqrt(fit.noise.weights(some.dq)) / fit.noise.std
@@ -364,7 +364,7 @@ def left_out_fits(
     return folds
 
 
-def _linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Array, Array]:
+def linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Array, Array]:
     """
     Return how the torques of samples change with a step from a fit, and its residuals.
 

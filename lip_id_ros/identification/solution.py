@@ -132,15 +132,26 @@ class Solution:
         return self.left_out.inflation
 
 
-def solve(total: Total, known: Known) -> Solution:
+def solve(total: Total, known: Known, moves: Geometry) -> Solution:
     """Solve for arm, friction and its deviations, and the noise."""
-    *_, last = solutions(total, known)
+    *_, last = solutions(total, known, moves)
     return last
 
 
-def solutions(total: Total, known: Known) -> Iterator[Solution]:
-    """Yield the solution of every round; the last one is that of `solve`."""
-    solver = _Solver(total, known)
+def solutions(total: Total, known: Known, moves: Geometry) -> Iterator[Solution]:
+    """
+    Yield the solution of every round; the last one is that of `solve`.
+
+    Parameters
+    ----------
+    total : Total
+    known : Known
+    moves : Geometry
+        In which placements move: that of the arm, or a rigid one where they are fitted already.
+        The covariance has those that the geometry of the arm leaves free.
+
+    """
+    solver = _Solver(total, known, moves)
     for _ in range(ROUNDS):
         solver.round()
         yield solver.solution()
@@ -173,8 +184,9 @@ def _fits(total: Total, parameters: Array, effects: Effects) -> RecordingFits:
 class _Solver:
     """Rounds of parameters, deviations of friction and noise."""
 
-    def __init__(self, total: Total, known: Known) -> None:
-        self._total, self._known, around = total, known, total.around
+    def __init__(self, total: Total, known: Known, moves: Geometry) -> None:
+        self._total, self._known, self._moves = total, known, moves
+        around = total.around
         self._friction_std = friction_std(total, known)
         self._least_noise = LEAST_NOISE * known.torque_std
         self._noise = np.maximum(around.noise.std, self._least_noise)
@@ -183,34 +195,40 @@ class _Solver:
         if len(total.recordings) > 1:
             self._deviations = replace(self._deviations, recordings=self._start)
         self._inflation = 1.0
-        self._state: SystemState | None = None
+        self._problem = self._moving()
+        self._state = self._problem.start()
+        self._measure()
 
     def round(self) -> None:
         """Solve once with the present deviations and noise, and estimate both anew."""
-        total, noise = self._total, np.sqrt(self._inflation) * self._noise
-        merged = total.merged(noise, self._deviations)
-        prior = self._known.prior, self._known.geometry, self._friction_std
-        problem = ArmSystem(total.around, merged.system(noise), *prior)
-        state = problem.solved(self._state or problem.start())
-        self._problem, self._state = problem, state
-        parameters = problem.parameters(state)
+        self._problem = self._moving()
+        self._state = self._problem.solved(self._state)
+        self._measure()
+
+    def _moving(self) -> ArmSystem:
+        known = replace(self._known, geometry=self._moves)
+        return system_of(self._total, known, self._noise, self._deviations, self._inflation)
+
+    def _measure(self) -> None:
+        """Estimate deviations of friction, noise and inflation with the present parameters."""
+        total, parameters = self._total, self._problem.parameters(self._state)
+        noise = np.sqrt(self._inflation) * self._noise
         effects = total.effects(noise, parameters).estimated(self._start)
         self._deviations = FrictionDeviations(effects.recordings, effects.groups)
         self._fits = _fits(total, parameters, effects)
-        squares = merged.squared_residuals(parameters) / merged.counts
-        self._noise = np.maximum(np.sqrt(squares), self._least_noise)
-        parts = parts_about(total, problem, state, self._noise, self._deviations)
-        self._left_out = measure_left_out(parts, problem.prior_rows(state), self._noise)
+        squares = total.squared_residuals(self._noise, self._deviations, parameters)
+        self._noise = np.maximum(np.sqrt(squares / total.counts), self._least_noise)
+        free, at = self._free(self._noise)
+        parts = parts_about(total, free, at, self._noise, self._deviations)
+        self._left_out = measure_left_out(parts, free.prior_rows(at), self._noise)
         self._inflation = self._left_out.inflation
 
     def solution(self) -> Solution:
         """Return what the last round has found."""
         around, problem, state = self._total.around, self._problem, self._state
-        assert state is not None
-        noise = np.sqrt(self._inflation) * self._left_out.unbiased_std
-        system = system_of(self._total, self._known, noise, self._deviations)
+        free, at = self._free(self._left_out.unbiased_std, self._inflation)
         return Solution(
-            chain=moved(around.chain, problem.step(state), self._known.geometry),
+            chain=moved(around.chain, problem.step(state), self._moves),
             links=problem.links(state),
             numbers=state.numbers,
             friction=FrictionModel(around.friction.basis, problem.friction(state)),
@@ -220,17 +238,28 @@ class _Solver:
             friction_prior=self._friction_std,
             noise_std=np.maximum(self._left_out.noise_std, self._least_noise),
             left_out=self._left_out,
-            covariance_root=system.covariance_root(state),
+            covariance_root=free.covariance_root(at),
         )
+
+    def _free(self, noise: Array, inflation: float = 1.0) -> tuple[ArmSystem, SystemState]:
+        """Return the problem in which all placements move that the geometry leaves free."""
+        problem, state = self._problem, self._state
+        free = system_of(self._total, self._known, noise, self._deviations, inflation)
+        return free, free.at(problem.step(state), state)
 
 
 def system_of(
-    total: Total, known: Known, noise_std: Array, deviations: FrictionDeviations
+    total: Total,
+    known: Known,
+    noise_std: Array,
+    deviations: FrictionDeviations,
+    inflation: float = 1.0,
 ) -> ArmSystem:
     """Return the least-squares problem of all recordings."""
+    noise_std = np.sqrt(inflation) * noise_std
     system = total.merged(noise_std, deviations).system(noise_std)
     prior = known.prior, known.geometry, friction_std(total, known)
-    return ArmSystem(total.around, system, *prior)
+    return ArmSystem(total.around, system, *prior, inflation)
 
 
 def parts_about(
