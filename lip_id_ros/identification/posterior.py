@@ -169,9 +169,12 @@ def _following(around: Linearisation, solution: Solution, some: Dataset) -> Arra
 
     Links that differ by what changes no torque at these placements have other torques at others:
     what made up for a placement beside the present links does not beside those of the solution.
+    So coordinates that others can stand for are left out first.
 
     """
-    root, first = solution.covariance_root, around.n_placements
+    parts = around.chain, around.links, around.friction, around.noise
+    present = ArmPosterior(*parts, solution.covariance_root)
+    root, first = compacted(present, ranges_of(some)).covariance_root, around.n_placements
     last = first + around.links.size + around.n_friction
     before, after = (
         ArmPosterior(each.chain, each.links, each.friction, around.noise, root).jacobian(

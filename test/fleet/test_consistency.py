@@ -44,7 +44,7 @@ def recordings(masses: list[float], seed: int, noise: float = 0.02) -> list[Data
 
 def judged(data: list[Dataset]) -> Groups:
     surveys = [survey_of(each, f'r{k}', '') for k, each in enumerate(data)]
-    return disagreement(surveys, linearisation_of(ARM, data[0]), ARM.parameters)
+    return disagreement(surveys, linearisation_of(ARM, data[0]))
 
 
 @settings(max_examples=8)
