@@ -10,6 +10,7 @@ joints: ``python -m benchmarks fleet_statistics --samples 100e6 --joints 4``.
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 import resource
 import time
 
@@ -19,19 +20,22 @@ from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.fleet.fleet_statistics import FleetStatistics
-from lip_id_ros.fleet.recording_statistics import (
-    CHUNK,
-    empty_statistics,
-    packed,
-    Regression,
-    updated,
-)
-from lip_id_ros.fleet.solution import Sizes, solve
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.recording_factors import (
+    CHUNK,
+    empty_statistics,
+    packed,
+    RecordingFactors,
+    updated,
+)
+from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.solution import Known, system_of
+from lip_id_ros.identification.total import FrictionDeviations, Total
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS, STANDARD_GRAVITY
+from lip_id_ros.rigid_body.regressor import torque_regressor
 
 MILLION = 1_000_000
 NOISE = 0.1
@@ -54,38 +58,37 @@ def main(arguments: list[str]) -> int:
 
 
 def _run(samples: int, parts: int, joints: int) -> None:
-    regression, rng = _arm(joints), np.random.default_rng(1)
-    statistics = updated(empty_statistics(regression), _samples(regression, rng), regression)
+    around, rng = _arm(joints), np.random.default_rng(1)
+    statistics = updated(empty_statistics(around), _samples(around, rng), around)
     print('samples, CPU s per million of this part, peak memory MB')
     times = []
     for part in range(parts):
         seconds, count = 0.0, 0
         while count < samples // parts:
-            data = _samples(regression, rng)
+            data = _samples(around, rng)
             begun = time.process_time()
-            statistics = updated(statistics, data, regression)
+            statistics = updated(statistics, data, around)
             seconds += time.process_time() - begun
             count += data.n_samples
         times.append(seconds / count * MILLION)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         print(f'{(part + 1) * count}, {times[-1]:.2f}, {peak:.0f}', flush=True)
     print(f'slowest part over fastest: {max(times) / min(times):.3f}')
-    data = _samples(regression, rng)
+    data = _samples(around, rng)
     fitter = ArmFitter(data)
-    kept = packed(statistics, regression)
-    sizes = Sizes(fitter.torque_std, fitter.prior, 1.0)
-    found = solve(FleetStatistics(regression, [kept], ['robot']), sizes)
-    columns = zip(regression.rows(data), regression.columns(), strict=True)
-    error = [
-        each[:, own.size :] @ (found.links - regression.links).ravel()[links]
-        for each, (own, links) in columns
-    ]
-    offsets = np.mean(error, axis=1, keepdims=True)
-    share = np.std(np.array(error) - offsets) / data.tau.std()
+    kept = RecordingFactors(packed(statistics.factors)[None], statistics.counts[None])
+    fixed = replace(Geometry.free(joints), rigid=True)
+    none = FrictionDeviations.none(around.n_friction)
+    known = Known(fitter.torque_std, fitter.prior, fixed)
+    problem = system_of(Total(around, [kept]), known, around.noise.std, none)
+    links = problem.links(problem.solved(problem.start()))
+    error = torque_regressor(around.chain, data.q, data.dq, data.ddq)
+    error = error @ (links - around.links).ravel()
+    share = np.std(error - error.mean(axis=0)) / data.tau.std()
     print(f'error of the torques of the links: {100.0 * share:.2g} % of the torques')
 
 
-def _arm(joints: int) -> Regression:
+def _arm(joints: int) -> Linearisation:
     """Return an arm put together at random, with plain friction."""
     rng = np.random.default_rng(0)
     chain = Chain(
@@ -94,7 +97,7 @@ def _arm(joints: int) -> Regression:
         np.zeros(joints, dtype=bool),
         np.array([0.0, 0.0, -STANDARD_GRAVITY]),
     )
-    return Regression(
+    return Linearisation(
         tuple(f'joint_{k}' for k in range(joints)),
         chain,
         np.array([_link(rng) for _ in range(joints)]).reshape(-1, LINK_PARAMETERS),
@@ -113,14 +116,14 @@ def _link(rng: np.random.Generator) -> Array:
     return np.concatenate([[2.0], moments, inertia[np.triu_indices(3)], [0.1]])
 
 
-def _samples(regression: Regression, rng: np.random.Generator) -> Dataset:
+def _samples(around: Linearisation, rng: np.random.Generator) -> Dataset:
     """Return one block of samples at random states."""
-    n = regression.n_joints
+    n = around.n_joints
     q = rng.uniform(-np.pi, np.pi, (CHUNK, n))
     dq, ddq = rng.standard_normal((CHUNK, n)), 4.0 * rng.standard_normal((CHUNK, n))
-    still = Dataset.from_arrays(q, dq, ddq, np.zeros_like(q), regression.joint_names)
-    tau = -regression.residual(still) + NOISE * rng.standard_normal(q.shape)
-    return Dataset.from_arrays(q, dq, ddq, tau, regression.joint_names)
+    still = Dataset.from_arrays(q, dq, ddq, np.zeros_like(q), around.joint_names)
+    tau = -around.residual(still) + NOISE * rng.standard_normal(q.shape)
+    return Dataset.from_arrays(q, dq, ddq, tau, around.joint_names)
 
 
 if __name__ == '__main__':

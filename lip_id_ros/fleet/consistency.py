@@ -15,10 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.fleet.recording_statistics import link_triangles, Regression, statistics_of
+from lip_id_ros.fleet.gathering import gather_kept
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.survey import reservoir_data
 from lip_id_ros.identification.left_out import Gain
+from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.recording_factors import unpacked
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 
@@ -42,7 +44,7 @@ standard errors: as of the halves of one recording.
 
 
 def disagreement(
-    surveys: Sequence[Survey], regression: Regression, links: Array
+    surveys: Sequence[Survey], around: Linearisation
 ) -> tuple[list[str], list[str]] | None:
     """
     Return two groups of recordings that contradict each other, the smaller first; None if none do.
@@ -51,15 +53,13 @@ def disagreement(
     ----------
     surveys : sequence of Survey
         Of one recording there is nothing to compare.
-    regression : Regression
-        Placements and friction; that of every part is eliminated.
-    links : array, shape (n, 11)
-        Of the fit to all.
+    around : Linearisation
+        Of the fit to all; the friction of every part is eliminated.
 
     """
     if len(surveys) < 2:
         return None
-    changes = _Changes.of(surveys, regression, links)
+    changes = _Changes.of(surveys, around)
     for _ in range(NOISE_ROUNDS):
         group = changes.sorted()
         changes = changes.with_noise_of(group)
@@ -102,18 +102,17 @@ class _Changes:
     noise_std: Array
 
     @classmethod
-    def of(cls, surveys: Sequence[Survey], regression: Regression, links: Array) -> _Changes:
+    def of(cls, surveys: Sequence[Survey], around: Linearisation) -> _Changes:
         """Return those of the reservoirs of recordings."""
-        taken = np.array([own.size for own, _ in regression.columns()])
+        taken = np.array([own.size for own, _ in around.columns])
         rows, sizes = [], []
         for survey in surveys:
-            data = reservoir_data(survey, regression.joint_names)
+            data = reservoir_data(survey, around.joint_names)
             part = contiguous_blocks(data.n_samples, PARTS)
             for k in range(PARTS):
-                found = statistics_of(data.select(part == k), regression)
-                triangles = link_triangles(found.link_factors, regression)
-                rows.append([_last(each, links.ravel()) for each in triangles])
-                sizes.append(np.maximum(found.counts - taken, 1.0))
+                found = gather_kept(data.select(part == k), around)
+                rows.append([_last(found.triangles[0], around, i) for i in range(taken.size)])
+                sizes.append(np.maximum(found.counts[0] - taken, 1.0))
         grams = np.array([[each.T @ each for each in joints] for joints in rows])
         squares, counts = grams[..., -1, -1], np.array(sizes)
         noise = np.sqrt(squares.sum(axis=0) / counts.sum(axis=0))
@@ -166,9 +165,12 @@ class _Changes:
         return Gain.between([now / self.counts], [other / self.counts])
 
 
-def _last(triangle: Array, links: Array) -> Array:
-    """Return rows of the last link's parameters and of the residual, from a joint's triangle."""
-    features = triangle[:, :-1]
-    residual = triangle[:, -1] - features @ links[links.size - features.shape[1] :]
-    body = features.shape[1] - LINK_PARAMETERS
-    return np.column_stack([features[:, body : body + BODY], residual])
+def _last(triangles: Array, around: Linearisation, joint: int) -> Array:
+    """Return rows of the last link's parameters and of the residual, without friction."""
+    own, others = around.columns[joint]
+    rest = unpacked(triangles, around, joint)[own.size :, own.size :]
+    known = np.zeros(around.size)
+    known[-around.links.size :] = around.links.ravel()
+    residual = rest[:, -1] - rest[:, :-1] @ known[others]
+    body = rest.shape[1] - 1 - LINK_PARAMETERS
+    return np.column_stack([rest[:, body : body + BODY], residual])

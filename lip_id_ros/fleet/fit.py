@@ -13,26 +13,17 @@ from threadpoolctl import threadpool_limits
 
 from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.fleet.engines import Engine
-from lip_id_ros.fleet.fleet_statistics import FleetStatistics
+from lip_id_ros.fleet.gathering import gathered_from
 from lip_id_ros.fleet.model import model_of, with_processes
 from lip_id_ros.fleet.passes import Cache, digest, Passes, Source
 from lip_id_ros.fleet.placements import chosen, contradictions, place, PlacedArm
-from lip_id_ros.fleet.recording_statistics import Regression, statistics_of_source
 from lip_id_ros.fleet.results import (
     EXCLUDED,
     FAILED,
     FITTED,
     FleetResult,
     RecordingResult,
-    RecordingStatistics,
     Survey,
-)
-from lip_id_ros.fleet.solution import (
-    fitted_alone,
-    RecordingFits,
-    Sizes,
-    Solution,
-    solutions,
 )
 from lip_id_ros.fleet.survey import joint_order, reservoir_data, sorted_of_one_arm, survey
 from lip_id_ros.friction.model import FrictionBasis
@@ -40,15 +31,26 @@ from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
 from lip_id_ros.identification.arm_fit import ArmFitter, Described
 from lip_id_ros.identification.fitting import described_arm
 from lip_id_ros.identification.identify import LEAST_SAMPLES_PER_JOINT
-from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.posterior import is_linear, SAMPLES
+from lip_id_ros.identification.recording_factors import RecordingFactors
 from lip_id_ros.identification.sample_selection import evenly
+from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.solution import (
+    fitted_alone,
+    Known,
+    RecordingFits,
+    Solution,
+    solutions,
+)
+from lip_id_ros.identification.total import FOLDS, Total
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import Config
 
 SURVEY, STATISTICS = 'recordings read', 'statistics of recordings'
-ONCE_MORE = 'statistics, new loads'
+ONCE_MORE = 'statistics, once more'
 """Stages of progress, one per pass."""
 
 SURVEYED = 'n_samples', 'rate_hz', 'seconds', 'start_s', 'temperature', 'health'
@@ -59,12 +61,6 @@ UNITS = {Viscous.name: ' [{0} s/{1}]', Coulomb.name: ' [{0}]', Offset.name: ' [{
 
 EXCLUSIONS = 5
 """Most starts of the solution while recordings are found to contradict the fleet."""
-
-LOAD_CHANGE, LOAD_SAMPLES = 0.01, 1000
-"""
-Change of the loads, as a share of them, from which statistics are gathered once more, and the
-samples that it is measured with.
-"""
 
 
 def fit_fleet(
@@ -115,6 +111,8 @@ class _Solved:
     Attributes
     ----------
     solution : Solution
+    around : Linearisation
+        Where it was linear.
     kept : list of Survey
         Of the recordings in it.
     numbers : list of int
@@ -127,6 +125,7 @@ class _Solved:
     """
 
     solution: Solution
+    around: Linearisation
     kept: list[Survey]
     numbers: list[int]
     fits: RecordingFits
@@ -148,14 +147,14 @@ class _Fit:
         surveys = self._of_one_arm(every)
         placed, described = self._placed(list(surveys.values()))
         fitter = ArmFitter(placed.dataset, described)
-        solved = self._solved_twice(surveys, placed, placed.sizes(fitter))
-        model = model_of(placed, solved.solution, solved.kept, fitter, described)
+        solved = self._solved_twice(surveys, placed, placed.known(fitter))
+        model = model_of(placed, solved.solution, solved.around, solved.kept, fitter, described)
         seconds = round(time.monotonic() - started, 3)
         return FleetResult(
             model=replace(model, summary={**model.summary, 'seconds_total': seconds}),
             recordings=self._recordings(every, solved),
             friction_names=friction_names(
-                placed.regression.friction.basis, placed.joint_names, placed.joint_types
+                placed.around.friction.basis, placed.joint_names, placed.joint_types
             ),
             noise_std=solved.solution.noise_std,
             deviation_of_recordings=solved.solution.deviations.recordings,
@@ -206,29 +205,32 @@ class _Fit:
         return placed, described
 
     def _solved_twice(
-        self, surveys: dict[int, Survey], placed: PlacedArm, sizes: Sizes
+        self, surveys: dict[int, Survey], placed: PlacedArm, known: Known
     ) -> _Solved:
-        """Solve, and once more where friction depends on loads that the solution has changed."""
-        excluded = dict(placed.excluded)
+        """Solve, and once more where the solution is too far away to be linear."""
+        excluded, around = dict(placed.excluded), placed.around
         contradicting = {k: excluded[s.key] for k, s in surveys.items() if s.key in excluded}
-        regression = placed.regression
-        solved = self._solved(surveys, regression, sizes, contradicting, STATISTICS)
-        if not _loads_changed(placed, solved.solution):
-            return solved
-        friction = replace(regression.friction, coefficients=solved.solution.friction)
-        regression = replace(regression, links=solved.solution.links, friction=friction)
-        return self._solved(surveys, regression, sizes, solved.contradicting, ONCE_MORE)
+        some = placed.dataset.select(evenly(placed.dataset.n_samples, SAMPLES))
+        fixed = replace(known.geometry, rigid=True)
+        for moves in (known.geometry, fixed):
+            solved = self._solved(surveys, around, known, moves, contradicting, STATISTICS)
+            if is_linear(around, solved.solution, some):
+                return solved
+        found = solved.solution
+        around = replace(around, chain=found.chain, links=found.links, friction=found.friction)
+        return self._solved(surveys, around, known, fixed, solved.contradicting, ONCE_MORE)
 
     def _solved(
         self,
         surveys: dict[int, Survey],
-        regression: Regression,
-        sizes: Sizes,
+        around: Linearisation,
+        known: Known,
+        moves: Geometry,
         contradicting: Mapping[int, str],
         stage: str,
     ) -> _Solved:
         """Gather statistics, and solve without the recordings that contradict the fleet."""
-        gathered = self._gathered(surveys, regression, stage)
+        gathered = self._gathered(surveys, around, stage)
         if not gathered:
             raise DataError(
                 'at least one recording that can be read twice was expected, but there is none; '
@@ -236,13 +238,13 @@ class _Fit:
             )
         numbers = list(gathered)
         groups = [surveys[k].group for k in numbers]
-        statistics = FleetStatistics(regression, list(gathered.values()), groups)
+        statistics = Total(around, list(gathered.values()), groups)
         kept = np.array([k not in contradicting for k in numbers])
         for left in reversed(range(EXCLUSIONS)):
             solved, others = statistics.select(kept), statistics.select(~kept)
-            for solution in solutions(solved, sizes):
+            for solution in solutions(solved, known, moves):
                 fits = solution.recordings.among(kept, fitted_alone(others, solution))
-                reasons = contradictions(fits.residual_rms, kept, regression.joint_names)
+                reasons = contradictions(fits.residual_rms, kept, around.joint_names)
                 now = np.array([k not in reasons for k in range(len(numbers))])
                 if left and not np.array_equal(now, kept):
                     break  # the later rounds would be of the wrong recordings
@@ -250,18 +252,21 @@ class _Fit:
                 break
             kept = now
         in_fit = [surveys[numbers[k]] for k in np.flatnonzero(kept)]
-        return _Solved(solution, in_fit, numbers, fits, {numbers[k]: reasons[k] for k in reasons})
+        return _Solved(
+            solution, around, in_fit, numbers, fits, {numbers[k]: reasons[k] for k in reasons}
+        )
 
     def _gathered(
-        self, surveys: dict[int, Survey], regression: Regression, stage: str
-    ) -> dict[int, RecordingStatistics]:
+        self, surveys: dict[int, Survey], around: Linearisation, stage: str
+    ) -> dict[int, RecordingFactors]:
         """Return the statistics of recordings in the order of their keys."""
         numbers = list(surveys)
         some = [self._sources[k] for k in numbers]
-        what = 'statistics', self._settings, regression_digest(regression)
+        blocks = FOLDS if len(surveys) == 1 else 1
+        what = 'statistics', self._settings, linearisation_digest(around), blocks
         keys = [digest(*what, each.fingerprint) for each in some]
-        function = partial(_statistics, regression=regression, config=self._config)
-        found, failed = self._passes.run(RecordingStatistics, function, some, keys, stage)
+        function = partial(_factors, around=around, blocks=blocks, config=self._config)
+        found, failed = self._passes.run(RecordingFactors, function, some, keys, stage)
         for number in numbers:  # what failed in the pass before may have gone well in this one
             self._reasons.pop(number, None)
         self._reasons |= {numbers[k]: (FAILED, reason) for k, reason in failed.items()}
@@ -287,19 +292,6 @@ class _Fit:
         return tuple(results)
 
 
-def _loads_changed(placed: PlacedArm, solution: Solution) -> bool:
-    """Return whether links of a solution give other loads than those of the placements."""
-    regression = placed.regression
-    if not regression.friction.basis.is_loaded.any():
-        return False
-    data = placed.dataset.select(evenly(placed.dataset.n_samples, LOAD_SAMPLES))
-    before = links_torque(regression.chain, regression.links, data)
-    after = links_torque(regression.chain, solution.links, data)
-    size = np.sqrt(np.mean(before**2, axis=0))
-    change = np.sqrt(np.mean((after - before) ** 2, axis=0))
-    return bool(np.any(change > LOAD_CHANGE * size))
-
-
 def friction_names(
     basis: FrictionBasis, joint_names: Sequence[str], joint_types: Sequence[str]
 ) -> tuple[str, ...]:
@@ -317,13 +309,13 @@ def friction_names(
     return tuple(names)
 
 
-def regression_digest(regression: Regression) -> str:
+def linearisation_digest(around: Linearisation) -> str:
     """Return a text that changes with what statistics are gathered with."""
-    chain, noise = regression.chain, regression.noise
-    arrays = *chain, regression.links, noise.std, noise.ratio, noise.velocity
+    chain, noise = around.chain, around.noise
+    arrays = *chain, around.links, noise.std, noise.ratio, noise.velocity
     return digest(
-        regression.joint_names,
-        regression.friction.to_json(),
+        around.joint_names,
+        around.friction.to_json(),
         [np.ascontiguousarray(each).tobytes().hex() for each in arrays],
     )
 
@@ -333,6 +325,8 @@ def _survey(source: Source, config: Config) -> Survey:
         return survey(path, source.name, source.group, config)
 
 
-def _statistics(source: Source, regression: Regression, config: Config) -> RecordingStatistics:
+def _factors(
+    source: Source, around: Linearisation, blocks: int, config: Config
+) -> RecordingFactors:
     with source.local() as path:
-        return statistics_of_source(path, regression, config)
+        return gathered_from(path, around, blocks, config)

@@ -13,37 +13,22 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.fleet.consistency import disagreement
 from lip_id_ros.fleet.placements import chosen, PlacedArm
 from lip_id_ros.fleet.results import Survey
-from lip_id_ros.fleet.solution import Solution
 from lip_id_ros.fleet.survey import merged
-from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
-from lip_id_ros.identification.arm_prior import ArmPrior
-from lip_id_ros.identification.arm_problem import ArmState
 from lip_id_ros.identification.identify import prediction_noise
+from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.posterior import fit_of, posterior_of, SAMPLES
 from lip_id_ros.identification.remainder_election import conditioned_remainder, elect_processes
-from lip_id_ros.identification.sample_selection import evenly, plausible
+from lip_id_ros.identification.sample_selection import plausible
+from lip_id_ros.identification.solution import Solution
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.model.fit_checks import with_checks
 from lip_id_ros.model.remainder import Remainder
-from lip_id_ros.rigid_body.pseudo_inertia import log_cholesky
-from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
-
-EXISTS = 1e-12
-"""Least scaled eigenvalue of links that exist already."""
 
 SECTIONS = ('recording', 'preprocessing')
 """Settings in the provenance of a recording."""
-
-RANK = 1e-9
-"""Least singular value of a direction of placements that is known to less than all, as a share."""
-
-STATES = 500
-"""Samples at which links follow placements."""
-
-SMALLEST = 1e-300
-"""Least coefficient of friction that has a logarithm."""
 
 
 def with_processes(
@@ -66,12 +51,13 @@ def with_processes(
     """
     excluded = dict(placed.excluded)
     fitter = _measured(placed, [each for each in surveys if each.key not in excluded], described)
-    return placed.with_remainder(elect_processes(fitter, _fit(placed, solution, fitter.prior)))
+    return placed.with_remainder(elect_processes(fitter, _fit(placed, solution)))
 
 
 def model_of(
     placed: PlacedArm,
     solution: Solution,
+    around: Linearisation,
     surveys: Sequence[Survey],
     fitter: ArmFitter,
     described: Described | None = None,
@@ -83,6 +69,8 @@ def model_of(
     ----------
     placed : PlacedArm
     solution : Solution
+    around : Linearisation
+        Where it was linear.
     surveys : sequence of Survey
         Of the recordings in the fit.
     fitter : ArmFitter
@@ -91,19 +79,13 @@ def model_of(
         That the first pass had.
 
     """
-    fit = _fit(placed, solution, fitter.prior)
+    fit = _fit(placed, solution)
     remainder = _remainder(placed, solution, surveys, described)
-    noise = replace(fit.noise, std=solution.noise_std)
-    arm = ArmPosterior(
-        fit.chain,
-        fit.links,
-        fit.friction,
-        prediction_noise(fitter.thinned(MOST_SAMPLES), fit, noise, remainder),
-        _root(placed, solution),
-    )
-    arm = compacted(arm, _ranges(placed, surveys))
+    arm = posterior_of(around, solution, fitter.some(SAMPLES))
+    noise = prediction_noise(fitter.thinned(MOST_SAMPLES), fit, arm.noise, remainder)
+    arm = compacted(replace(arm, noise=noise), _ranges(placed, surveys))
     report = _report(placed, solution, surveys) | {
-        'unexplained_left_out': (solution.left_out / fitter.torque_std**2).tolist(),
+        'unexplained_left_out': (solution.left_out.mean_squares / fitter.torque_std**2).tolist(),
         'remainder': remainder.joints.tolist() if remainder else [],
         'noise_std': arm.noise.std.tolist(),
     }
@@ -127,7 +109,8 @@ def _report(placed: PlacedArm, solution: Solution, surveys: Sequence[Survey]) ->
         ],
     }
     if len(surveys) > 1:  # halves of samples in the order of keys mean nothing
-        groups = disagreement(chosen(surveys), placed.regression, solution.links)
+        present = replace(placed.around, chain=solution.chain, links=solution.links)
+        groups = disagreement(chosen(surveys), present)
         report |= {'halves_agree': True, 'contradicting_recordings': groups}
     return report
 
@@ -143,7 +126,7 @@ def _remainder(
     if not any(processes):
         return None
     fitter = _measured(placed, surveys, described)
-    return conditioned_remainder(fitter, _fit(placed, solution, fitter.prior), processes)
+    return conditioned_remainder(fitter, _fit(placed, solution), processes)
 
 
 def _measured(
@@ -159,78 +142,9 @@ def _measured(
     return ArmFitter(data.select(np.flatnonzero(plausible(data))), described)
 
 
-def _fit(placed: PlacedArm, solution: Solution, prior: ArmPrior) -> ArmFit:
-    """Return the fit of the first pass with given parameters, in the scales of a prior."""
-    regression = placed.regression
-    basis = regression.friction.basis
-    numbers = log_cholesky(solution.links, prior.scale, EXISTS)
-    logs = np.log(np.maximum(solution.friction, SMALLEST))
-    friction = np.where(basis.is_positive, logs, solution.friction)
-    return ArmFit(
-        ArmState(regression.chain, numbers, friction),
-        solution.links,
-        FrictionModel(basis, solution.friction),
-        replace(regression.noise, std=solution.noise_std),
-        placed.geometry,
-    )
-
-
-def _root(placed: PlacedArm, solution: Solution) -> Array:
-    """
-    Return a square root of the covariance of placements, links and friction.
-
-    The placements have the covariance of the first pass, and links and friction follow them so
-    that torques change as there; with the placements given, they have that of the second.
-
-    """
-    count = DIRECTIONS * len(solution.links)
-    # widths of signs are taken as known
-    first = placed.covariance_root[: count + len(solution.covariance_root)]
-    moved = first @ _row_space(first[:count])
-    moved[count:] = _following(placed, solution, moved)
-    columns = [moved]
-    for root in (solution.covariance_root, _deviations(solution)):
-        column = np.zeros((len(first), root.shape[1]))
-        column[len(first) - len(root) :] = root
-        columns.append(column)
-    return np.hstack(columns)
-
-
-def _following(placed: PlacedArm, solution: Solution, moved: Array) -> Array:
-    """
-    Return how links and friction follow placements, shape (11 n + K, r).
-
-    Links that differ by what changes no torque at these placements have other torques at others:
-    what made up for a placement beside the links of the first pass does not beside these.
-
-    """
-    regression, data = placed.regression, placed.dataset
-    some = data.select(evenly(data.n_samples, STATES))
-    friction = FrictionModel(regression.friction.basis, solution.friction)
-    before, after = (
-        ArmPosterior(regression.chain, *each, regression.noise, moved).jacobian(
-            some.q, some.dq, some.ddq
-        )
-        for each in ((regression.links, regression.friction), (solution.links, friction))
-    )
-    count = DIRECTIONS * len(solution.links)
-    change = before @ moved - after[..., :count] @ moved[:count]
-    rows = after[..., count:].reshape(-1, len(moved) - count)
-    found, *_ = np.linalg.lstsq(rows, change.reshape(len(rows), -1), rcond=RANK)
-    return np.asarray(found)
-
-
-def _row_space(matrix: Array) -> Array:
-    """Return an orthonormal basis of the rows of a matrix (m, r), shape (r, rank)."""
-    _, values, rows = np.linalg.svd(matrix, full_matrices=False)
-    rank = np.count_nonzero(values > RANK * values[0]) if values.size else 0
-    return np.asarray(rows[:rank].T)
-
-
-def _deviations(solution: Solution) -> Array:
-    """Return the columns of friction that differs in a recording that is not known."""
-    total = solution.deviations.total
-    return np.diag(total)[:, total > 0.0]
+def _fit(placed: PlacedArm, solution: Solution) -> ArmFit:
+    """Return the fit with the parameters of a solution."""
+    return fit_of(solution, placed.around.noise, placed.geometry)
 
 
 def _ranges(placed: PlacedArm, surveys: Sequence[Survey]) -> tuple[Array, Array]:

@@ -16,25 +16,24 @@ import json
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.fleet.fleet_statistics import FleetStatistics
-from lip_id_ros.fleet.recording_statistics import Regression, statistics_of
-from lip_id_ros.fleet.results import Packable, Survey
-from lip_id_ros.fleet.solution import Sizes, Solution, solve
-from lip_id_ros.fleet.survey import merged, reservoir_data
+from lip_id_ros.fleet.results import Survey
+from lip_id_ros.fleet.survey import merged
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter, Described
 from lip_id_ros.identification.fitting import description_report, fit_report
-from lip_id_ros.identification.identify import identify
+from lip_id_ros.identification.identify import Identified, identify
+from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.remainder_election import RemainderProcess
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.solution import Known, Solution
+from lip_id_ros.packable import Packable
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.settings import FitSettings
@@ -79,9 +78,6 @@ class PlacedArm(Packable):
         Of the samples of the fit.
     twists, meets, rigid
         Of the geometry that was elected.
-    covariance_root : array, shape (17 n + K, r)
-    inflation : float
-        Factor of the covariance for correlated residuals.
     report : str
         JSON: summary of the identification.
     excluded : tuple of pairs of str
@@ -107,8 +103,6 @@ class PlacedArm(Packable):
     twists: Array
     meets: BoolArray
     rigid: bool
-    covariance_root: Array
-    inflation: float
     report: str
     excluded: tuple[tuple[str, str], ...]
     processes: tuple[tuple[Any, ...], ...]
@@ -129,9 +123,9 @@ class PlacedArm(Packable):
         return Dataset(**{name: getattr(self, name) for name in names})
 
     @cached_property
-    def regression(self) -> Regression:
-        """What statistics are gathered with."""
-        return Regression(
+    def around(self) -> Linearisation:
+        """What torques are regressed on."""
+        return Linearisation(
             self.joint_names,
             Chain(self.rotations, self.translations, self.dataset.prismatic, self.gravity),
             self.links,
@@ -162,9 +156,9 @@ class PlacedArm(Packable):
         )
         return replace(self, processes=fields)
 
-    def sizes(self, fitter: ArmFitter) -> Sizes:
-        """Return what the solution of a fleet begins with."""
-        return Sizes(fitter.torque_std, fitter.prior, self.inflation)
+    def known(self, fitter: ArmFitter) -> Known:
+        """Return what is known of the arm before statistics are."""
+        return Known(fitter.torque_std, fitter.prior, self.geometry)
 
 
 def place(
@@ -204,20 +198,20 @@ def place(
     kept, excluded = chosen(surveys), dict[str, str]()
     data = merged(kept, joint_names)
     for number, stages in enumerate(ROUNDS):
-        placed = _identified(data, settings, _named(progress, stages), described, excluded)
-        placed = _with_keys(placed, [each.key for each in kept])
-        solution = _solution(kept, placed, described)
+        robots = [each.group for each in kept]
+        found = identify(data, settings.seed, _named(progress, stages), described, robots)
         if len(kept) == 1:
             break
-        rms = solution.recordings.residual_rms
-        reasons = contradictions(rms, np.ones(len(kept), dtype=bool), joint_names)
+        rms = found.solution.recordings.residual_rms
+        reasons = contradictions(rms, np.ones(len(rms), dtype=bool), joint_names)
         if number == len(ROUNDS) - 1 or (number > 0 and not reasons):
             break
         excluded |= {kept[k].key: reason for k, reason in reasons.items()}
         rest = [k for k in range(len(kept)) if k not in reasons]
-        data = _centred([kept[k] for k in rest], placed, solution, rest)
+        data = _centred([kept[k] for k in rest], joint_names, found, rest)
         kept = [kept[k] for k in rest]
-    return placed, solution
+    placed = _placed(data, found, settings, described, excluded)
+    return _with_keys(placed, [each.key for each in kept]), found.solution
 
 
 def _named(progress: Progress, ending: str) -> Progress:
@@ -266,14 +260,13 @@ def contradictions(rms: Array, kept: BoolArray, joint_names: Sequence[str]) -> d
     }
 
 
-def _identified(
+def _placed(
     data: Dataset,
+    found: Identified,
     settings: FitSettings,
-    progress: Progress,
     described: Described | None,
     excluded: Mapping[str, str],
 ) -> PlacedArm:
-    found = identify(data, settings.seed, progress, described)
     fit, report = found.fit, fit_report(found, settings)
     if described is not None:
         report['description'] = description_report(found, described[0])
@@ -292,8 +285,6 @@ def _identified(
         twists=fit.geometry.twists,
         meets=fit.geometry.meets,
         rigid=fit.geometry.rigid,
-        covariance_root=found.arm.covariance_root,
-        inflation=found.inflation,
         report=json.dumps(report),
         excluded=tuple(excluded.items()),
         processes=(),
@@ -309,33 +300,21 @@ def _with_keys(placed: PlacedArm, keys: Sequence[str]) -> PlacedArm:
     return replace(placed, report=json.dumps(report | {'disturbances': episodes}))
 
 
-def _solution(
-    surveys: Sequence[Survey], placed: PlacedArm, described: Described | None
-) -> Solution:
-    """Solve for links and the friction of each recording with the reservoirs."""
-    regression = placed.regression
-    with threadpool_limits(1):
-        statistics = [
-            statistics_of(reservoir_data(each, regression.joint_names), regression)
-            for each in surveys
-        ]
-        groups = [each.group for each in surveys]
-        sizes = placed.sizes(ArmFitter(placed.dataset, described))
-        return solve(FleetStatistics(regression, statistics, groups), sizes)
-
-
 def _centred(
-    surveys: Sequence[Survey], placed: PlacedArm, solution: Solution, numbers: Sequence[int]
+    surveys: Sequence[Survey],
+    joint_names: Sequence[str],
+    found: Identified,
+    numbers: Sequence[int],
 ) -> Dataset:
-    """Join reservoirs, with the torques that they have with the friction of the fleet."""
-    regression = placed.regression
-    data = merged(surveys, placed.joint_names)
+    """Join reservoirs, with the torques that they have with the friction of all together."""
+    fit, solution = found.fit, found.solution
+    data = merged(surveys, joint_names)
     parts = []
     for recording, number in zip(np.unique(data.recording), numbers, strict=True):
         part = data.select(data.recording == recording)
-        deviation = solution.recordings.friction[number] - solution.friction
-        load = links_torque(regression.chain, solution.links, part)
+        deviation = solution.recordings.friction[number] - solution.friction.coefficients
+        load = links_torque(fit.chain, fit.links, part)
         state = part.q, part.dq, part.ddq, load, part.low_passed_sign
-        features = friction_features(regression.friction.basis, *state)
+        features = friction_features(fit.friction.basis, *state)
         parts.append(replace(part, tau=part.tau - features @ deviation))
     return concatenate(parts)

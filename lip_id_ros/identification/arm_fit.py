@@ -9,7 +9,6 @@ and friction are fitted together.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,11 +107,18 @@ class ArmFitter:
         In the order of time.
     described : tuple of RobotDescription and DescriptionSettings, optional
         Prior of placements and links.
+    robots : sequence of str, optional
+        Robot of every number of a recording; one robot where not given.
 
     """
 
-    def __init__(self, dataset: Dataset, described: Described | None = None) -> None:
-        self.dataset, self._described = dataset, described
+    def __init__(
+        self,
+        dataset: Dataset,
+        described: Described | None = None,
+        robots: Sequence[str] | None = None,
+    ) -> None:
+        self.dataset, self._described, self.robots = dataset, described, robots
         self.link_std = link_prior_std(dataset)
         usual = scale_of(float(self.link_std[0, 0]), LENGTH)
         if described is None:
@@ -143,20 +149,7 @@ class ArmFitter:
 
     def of(self, dataset: Dataset) -> ArmFitter:
         """Return a fitter of other samples, with the same description."""
-        return ArmFitter(dataset, self._described)
-
-    def tempered(self, inflation: float) -> ArmFitter:
-        """
-        Return a fitter whose prior counts for more.
-
-        Residuals that are correlated in time count for less than their number, so that the
-        samples' squares are too large by this factor. A prior that matters has to keep pace.
-
-        """
-        other = copy(self)
-        precision = np.sqrt(inflation) * self.prior.precision
-        other.prior = replace(self.prior, precision=precision)
-        return other
+        return ArmFitter(dataset, self._described, self.robots)
 
     def elected(self, chain: Chain) -> ElectedFriction:
         """Elect friction terms with the joints in given places."""

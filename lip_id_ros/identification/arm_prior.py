@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -107,6 +107,17 @@ class ArmPrior:
         precision = np.concatenate([np.tile([*[turn] * 3, *[shift] * 3], n), links.ravel()])
         rotors = np.broadcast_to(usual.rotors, n)
         return cls(description.chain, LinkScale(factors, rotors), precision)
+
+    def beside(self, inflation: float) -> ArmPrior:
+        """
+        Return the prior beside samples that count for less than their number by a factor.
+
+        What only knows sizes is to matter no more than beside as many samples that count.
+
+        """
+        if self.chain is not None:
+            return self
+        return replace(self, precision=self.precision / np.sqrt(inflation))
 
     def deviation(self, chain: Chain, numbers: Array) -> Array:
         """

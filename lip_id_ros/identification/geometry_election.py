@@ -17,8 +17,10 @@ from scipy.linalg import cho_factor, cho_solve
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES
-from lip_id_ros.identification.laplace import left_out_of, LeftOut, posterior
+from lip_id_ros.identification.left_out_parts import LeftOut
+from lip_id_ros.identification.posterior import known_of, left_out_of, posterior
 from lip_id_ros.identification.simple_geometry import candidates, Geometry, together
+from lip_id_ros.identification.solution import left_out_at_present
 
 TWIST_DEVIATIONS, LENGTH_DEVIATIONS = 3.0, 2.0
 """
@@ -69,8 +71,11 @@ def elect_geometry(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
 
     """
     thinned = fitter.thinned(ELECTION_SAMPLES)
-    _, arm, left_out = posterior(thinned, fit)
-    offers = tuple(geometry for _, geometry in candidates(arm.chain, arm.covariance_root))
+    _, _, solution, total = posterior(thinned, fit)
+    offers = tuple(
+        geometry for _, geometry in candidates(solution.chain, solution.covariance_root)
+    )
+    left_out = left_out_at_present(total, known_of(thinned, fit))
     election = GeometryElection(thinned, Trial(fit, (), left_out))
     # the left-out errors of a trial are those of its minimum, which its descent has not reached
     return fitter.converged(fitter.some(MOST_SAMPLES), election.elected(offers))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,15 +20,10 @@ from lip_id_ros.identification.disturbances import (
     without_disturbances,
 )
 from lip_id_ros.identification.geometry_election import elect_geometry
-from lip_id_ros.identification.laplace import (
-    LeftOut,
-    posterior,
-    root_with_sign_widths,
-)
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.placement_deviations import table_deviations
 from lip_id_ros.identification.placement_search import Calibration
-from lip_id_ros.identification.recording_effects import recording_deviations, with_recordings
+from lip_id_ros.identification.posterior import known_of, posterior
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.sample_selection import (
     evenly,
@@ -37,8 +33,9 @@ from lip_id_ros.identification.sample_selection import (
     without_long_rests,
 )
 from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.solution import Solution
 from lip_id_ros.identification.suspicions import suspicions
-from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
+from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.remainder_mean import RemainderMean
 from lip_id_ros.progress import Progress, silent
@@ -61,6 +58,8 @@ class Identified:
     arm : ArmPosterior
     fit : ArmFit
         Parameters that the posterior is about, with the noise of the samples of the fit.
+    solution : Solution
+        Of all samples, by recordings.
     remainder : Remainder or None
         What is added to the torques of some joints, or takes their place.
     kinematics_std : DenavitHartenberg
@@ -92,6 +91,7 @@ class Identified:
 
     arm: ArmPosterior
     fit: ArmFit
+    solution: Solution
     remainder: Remainder | None
     kinematics_std: DenavitHartenberg
     geometry: Geometry
@@ -119,6 +119,7 @@ def identify(
     seed: int = 0,
     progress: Progress = silent,
     described: Described | None = None,
+    robots: Sequence[str] | None = None,
 ) -> Identified:
     """
     Identify chain, links and friction of an arm.
@@ -133,6 +134,8 @@ def identify(
     described : tuple of RobotDescription and DescriptionSettings, optional
         Prior of placements and links, which keeps its frames; without one the placements are
         searched for.
+    robots : sequence of str, optional
+        Robot of every number of a recording.
 
     Raises
     ------
@@ -142,7 +145,7 @@ def identify(
     """
     # Products this small gain nothing from more threads of their own.
     with threadpool_limits(1):
-        return _identified(dataset, seed, progress, described)
+        return _identified(ArmFitter(dataset, described, robots), seed, progress, described)
 
 
 def prediction_noise(
@@ -180,51 +183,48 @@ def _of_single_states(dataset: Dataset, fit: ArmFit, noise: TorqueNoise) -> Torq
 
 
 def _identified(
-    dataset: Dataset, seed: int, progress: Progress, described: Described | None
+    fitter: ArmFitter, seed: int, progress: Progress, described: Described | None
 ) -> Identified:
+    dataset = fitter.dataset
     rows = without_long_rests(dataset)
     if rows.size < dataset.n_samples:  # a long recording is not copied for nothing
         dataset = dataset.select(rows)
-    search, calibration, disturbances = _calibrated(dataset, seed, progress, described)
+    search, calibration, disturbances = _calibrated(fitter.of(dataset), seed, progress)
     fitter, agree = search.fitter, halves_agree(search, calibration)
     fit = _fitted(fitter, calibration, progress)
-    final, fit, arm, left_out = _with_posterior(fitter, fit)
-    arm = replace(arm, covariance_root=root_with_sign_widths(final, fit, left_out))
-    deviations = recording_deviations(fitter, fit, left_out.inflation)
-    count = np.unique(fitter.dataset.recording).size
-    arm = with_recordings(arm, deviations, count, fitter.some(MOST_SAMPLES).dq)
+    fit, arm, solution, total = posterior(fitter, fit)
     remainder = elect_remainder(fitter, fit)
     arm = replace(arm, noise=prediction_noise(fitter, fit, arm.noise, remainder))
-    kinematics_std = table_deviations(final, fit, left_out)
-    states = np.stack([fitter.dataset.q, fitter.dataset.dq, fitter.dataset.ddq])
-    arm = compacted(arm, (states.min(axis=1), states.max(axis=1)))
+    kinematics_std = table_deviations(total, solution, known_of(fitter, fit))
     progress(STAGE, STEPS, STEPS)
     return Identified(
         arm=arm,
         fit=fit,
+        solution=solution,
         remainder=remainder,
         geometry=fit.geometry,
         searches_agreed=calibration.agreed,
         descents=calibration.descents,
-        unexplained=left_out.mean_squares / fitter.torque_std**2,
-        inflation=left_out.inflation,
+        unexplained=solution.left_out.mean_squares / fitter.torque_std**2,
+        inflation=solution.inflation,
         outliers=dataset.n_samples - fitter.dataset.n_samples,
         disturbances=disturbances,
         halves_agree=agree,
         suspicions=suspicions(search, calibration, seed, progress),
-        recording_deviations=deviations,
+        recording_deviations=solution.deviations.recordings,
         kinematics_std=kinematics_std,
         doubts=doubts(fitter, fit, described[0]) if described else None,
     )
 
 
 def _calibrated(
-    dataset: Dataset, seed: int, progress: Progress, described: Described | None
+    fitter: ArmFitter, seed: int, progress: Progress
 ) -> tuple[ArmSearch, Calibration, list[Episode]]:
     """Find the placements, and leave out the samples that nothing explains."""
+    dataset = fitter.dataset
     if not (kept := measured(dataset)).all():
         dataset = dataset.select(np.flatnonzero(kept))
-    fitter = ArmFitter(dataset.select(np.flatnonzero(plausible(dataset))), described)
+    fitter = fitter.of(dataset.select(np.flatnonzero(plausible(dataset))))
     found = _without_outliers(*find_placements(fitter, seed, progress))
     search, calibration, disturbances = without_disturbances(*found)
     if disturbances:
@@ -255,14 +255,3 @@ def _fitted(fitter: ArmFitter, calibration: Calibration, progress: Progress) -> 
     fit = fitter.refined(fitter.some(MOST_SAMPLES), fit)
     progress(STAGE, 3, STEPS)
     return fit if fitter.is_described else elect_geometry(fitter, fit)
-
-
-def _with_posterior(
-    fitter: ArmFitter, fit: ArmFit
-) -> tuple[ArmFitter, ArmFit, ArmPosterior, LeftOut]:
-    """Return the fitter and the fit that the posterior is about, and the posterior."""
-    found = posterior(fitter, fit)
-    if not fitter.is_described:
-        return fitter, *found
-    final = fitter.tempered(found[2].inflation)
-    return final, *posterior(final, final.refined(fitter.some(MOST_SAMPLES), found[0]))

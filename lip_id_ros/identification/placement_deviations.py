@@ -2,8 +2,8 @@
 Standard deviations of the parameters of Denavit and Hartenberg.
 
 Placements take up what the links and friction of a real arm do not explain, by more than their
-posterior says. How much shows where blocks of the time are left out: the jackknife over these is
-true whatever the residuals are, as long as they differ between blocks (Efron and Tibshirani 1993).
+posterior says. How much shows where parts are left out: the jackknife over these is true whatever
+the residuals are, as long as they differ between parts (Efron and Tibshirani 1993).
 
 """
 
@@ -15,51 +15,44 @@ from dataclasses import replace
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
-from lip_id_ros.identification.laplace import (
-    block_statistics,
-    covariance_root,
-    LeftOut,
-    prior_rows,
-    solved,
-)
+from lip_id_ros.identification.left_out_parts import solved
 from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.solution import Known, parts_about, Solution, system_of
 from lip_id_ros.identification.statistics import TorqueStatistics
+from lip_id_ros.identification.total import Total
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table_std
-from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 
-def table_deviations(fitter: ArmFitter, fit: ArmFit, left_out: LeftOut) -> DenavitHartenberg:
+def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitHartenberg:
     """
     Return the larger of the deviations by the posterior and by the jackknife, without elections.
 
     A length that was set to zero because no torque speaks against it is not known to be zero.
 
     """
-    free = fit
-    if not fit.geometry.rigid:
-        free = replace(fit, geometry=Geometry.free(len(fit.links)))
-    blocks = block_statistics(fitter, free)
-    problem = fitter.problem(fitter.some(1), free)
-    size = DIRECTIONS * len(fit.links)
-    prior = prior_rows(problem, free.state)
-    shown = jackknife_root(blocks, prior, left_out.unbiased_std)[:size]
-    roots = (
-        covariance_root(fitter, free, blocks, left_out)[:size],
-        problem.geometry.projector(free.state.chain) @ shown,
-    )
-    return DenavitHartenberg(*np.max([table_std(fit.chain, root) for root in roots], axis=0))
+    if not known.geometry.rigid:
+        known = replace(known, geometry=Geometry.free(total.around.n_joints))
+    noise, deviations = solution.left_out.unbiased_std, solution.deviations
+    problem = system_of(total, known, noise, deviations, solution.inflation)
+    state = problem.start()
+    parts = parts_about(total, problem, state, noise, deviations)
+    prior = system_of(total, known, noise, deviations).prior_rows(state)
+    shown = jackknife_root(parts, prior, noise)
+    first, size = total.around.basis.size, total.around.n_placements
+    steps = problem.slopes(state)[first : first + size] @ shown
+    roots = problem.covariance_root(state)[:size], steps
+    return DenavitHartenberg(*np.max([table_std(solution.chain, root) for root in roots], axis=0))
 
 
-def jackknife_root(blocks: Sequence[TorqueStatistics], prior: Array, noise_std: Array) -> Array:
+def jackknife_root(parts: Sequence[TorqueStatistics], prior: Array, noise_std: Array) -> Array:
     """
-    Return a square root of the covariance of parameters by leaving out blocks, shape (m, K).
+    Return a square root of the covariance of parameters by leaving out parts, shape (m, K).
 
-    Parameters are as in `laplace.measure_left_out`.
+    Parameters are as in `left_out_parts.measure_left_out`.
 
     """
-    grams = np.array([[r.T @ r for r in block.factors] for block in blocks])
+    grams = np.array([[r.T @ r for r in part.factors] for part in parts])
     rest = grams.sum(axis=0) - grams
     steps = np.stack([solved(each, prior, noise_std)[0] for each in rest], axis=1)
-    count = len(blocks)
+    count = len(parts)
     return np.asarray(np.sqrt((count - 1) / count) * (steps - steps.mean(axis=1, keepdims=True)))

@@ -20,8 +20,9 @@ from scipy.linalg import cho_factor, cho_solve
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
-from lip_id_ros.identification.laplace import linearised
+from lip_id_ros.identification.arm_problem import ArmProblem
 from lip_id_ros.identification.length_scales import likeliest
+from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.identification.sparse_weights import sparse_weights
 from lip_id_ros.identification.statistics import contiguous_blocks
@@ -361,3 +362,32 @@ def left_out_fits(
         step = cho_solve(cho_factor(normal), rest.T @ target[~out].ravel() - prior)
         folds.append(Fold(out, residual - jacobian @ step, joint))
     return folds
+
+
+def linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Array, Array]:
+    """
+    Return how the torques of samples change with a step from a fit, and its residuals.
+
+    Parameters
+    ----------
+    problem : ArmProblem
+        Of the samples, around the fit.
+    dataset : Dataset
+    fit : ArmFit
+
+    Returns
+    -------
+    jacobian : array, shape (N, n, m)
+        The loads that friction bears change with the links.
+    residual : array, shape (N, n)
+        [N m or N].
+
+    """
+    jacobian = problem.jacobian(fit.state)
+    if fit.friction.basis.is_loaded.any():
+        load = links_torque(fit.chain, fit.links, dataset)
+        loads = jacobian[..., : problem.size - fit.friction.basis.size]
+        sign = dataset.low_passed_sign
+        slopes = fit.friction.load_slopes(dataset.q, dataset.dq, dataset.ddq, load, sign)
+        loads += slopes @ loads
+    return jacobian, dataset.tau - problem.torque(fit.state)

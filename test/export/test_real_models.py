@@ -18,7 +18,7 @@ from lip_id_ros.export.check import COMPILERS
 from lip_id_ros.export.formats import FORMATS, formatted
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_prior import DescriptionSettings
-from lip_id_ros.identification.laplace import posterior
+from lip_id_ros.identification.posterior import posterior
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.effort_calibration import EffortCalibration
 

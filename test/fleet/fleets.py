@@ -15,9 +15,9 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.fleet.engines import attempt, Engine, Outcome
-from lip_id_ros.fleet.recording_statistics import Regression
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.progress import Progress
 
 TYPES = ('revolute', 'revolute')
@@ -115,12 +115,12 @@ def save(data: Dataset, path: Path, group: str) -> FileSource:
     return FileSource(str(path), group)
 
 
-def regression_of(arm: ChainArm, data: Dataset) -> Regression:
+def linearisation_of(arm: ChainArm, data: Dataset) -> Linearisation:
     """Return the true arm with its plain friction, as what statistics are gathered with."""
     n = len(arm.joint_types)
     basis = plain_friction(n, np.full(n, WIDTH))
     coefficients = np.tile([0.3, 0.8, 0.2], n)
-    return Regression(
+    return Linearisation(
         data.joint_names,
         arm.chain,
         arm.parameters,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from fleet.fleets import arm_of, friction_of, PlainEngine, recording, regression_of, save
+from fleet.fleets import arm_of, friction_of, linearisation_of, PlainEngine, recording, save
 from gp.chains import ChainArm
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -44,7 +44,7 @@ def recordings(masses: list[float], seed: int, noise: float = 0.02) -> list[Data
 
 def judged(data: list[Dataset]) -> Groups:
     surveys = [survey_of(each, f'r{k}', '') for k, each in enumerate(data)]
-    return disagreement(surveys, regression_of(ARM, data[0]), ARM.parameters)
+    return disagreement(surveys, linearisation_of(ARM, data[0]))
 
 
 @settings(max_examples=8)

@@ -27,8 +27,6 @@ def placed() -> PlacedArm:
         twists=np.full(2, np.nan),
         meets=np.zeros(2, dtype=bool),
         rigid=False,
-        covariance_root=np.eye(3),
-        inflation=1.0,
         report='{}',
         excluded=(),
         processes=(),

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fleet.fleets import arm_of, friction_of, recording, regression_of
+from fleet.fleets import arm_of, friction_of, linearisation_of, recording
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 from scipy.linalg import block_diag
 
-from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.fleet.fleet_statistics import FleetStatistics, FrictionDeviations, tree_sum
-from lip_id_ros.fleet.link_problem import LinkProblem
-from lip_id_ros.fleet.recording_statistics import Regression, statistics_of
-from lip_id_ros.fleet.solution import fitted_alone, Sizes, solve
 from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.recording_factors import gather
+from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.solution import fitted_alone, Known, solve, system_of
+from lip_id_ros.identification.total import FOLDS, FrictionDeviations, Total
+from lip_id_ros.rigid_body.regressor import torque_regressor
 
 ARM = arm_of()
 N = len(ARM.joint_types)
@@ -32,38 +34,32 @@ def fleet(spread: float = 0.3) -> tuple[list[Dataset], list[Array]]:
 
 
 DATA, FRICTION = fleet()
-REGRESSION = regression_of(ARM, DATA[0])
-STATISTICS = FleetStatistics(
-    REGRESSION, [statistics_of(each, REGRESSION) for each in DATA], GROUPS
-)
-SIZES = Sizes(
-    ArmFitter(concatenate(DATA)).torque_std, ArmFitter(concatenate(DATA)).prior, inflation=1.0
-)
-K, P = REGRESSION.n_friction, REGRESSION.links.size
+AROUND = linearisation_of(ARM, DATA[0])
+TOTAL = Total(AROUND, [gather(each, AROUND) for each in DATA], GROUPS)
+FITTER = ArmFitter(concatenate(DATA))
+FIXED = replace(Geometry.free(N), rigid=True)
+KNOWN = Known(FITTER.torque_std, FITTER.prior, FIXED)
+K, SIZE = AROUND.n_friction, AROUND.size
 
 
-def dense_rows(data: Dataset, regression: Regression) -> tuple[Array, Array, Array]:
-    """Friction, links and torque of all joints of a recording in units of the noise."""
-    features = regression.rows(data)
-    friction, links, torque = [], [], []
-    for joint, (own, column) in enumerate(regression.columns()):
-        block = np.zeros((data.n_samples, K + P))
-        block[:, np.concatenate([own, K + column])] = features[joint] / NOISE[joint]
-        friction.append(block[:, :K])
-        links.append(block[:, K:])
-        torque.append(data.tau[:, joint] / NOISE[joint])
-    return np.vstack(friction), np.vstack(links), np.concatenate(torque)
+def dense_rows(data: Dataset, around: Linearisation) -> tuple[Array, Array]:
+    """All features and the torque of all joints of a recording in units of the noise."""
+    features, target = around.rows(data)
+    every = []
+    for joint, (rows, own) in enumerate(zip(features, around.columns, strict=True)):
+        block = np.zeros((data.n_samples, SIZE))
+        block[:, np.concatenate(own)] = rows / NOISE[joint]
+        every.append(block)
+    return np.vstack(every), (target / NOISE).T.ravel()
 
 
 def test_the_system_is_that_of_generalised_least_squares() -> None:
     within, between = np.full(K, 0.05), np.full(K, 0.2)
-    system = STATISTICS.system(NOISE, FrictionDeviations(within, between))
-    rows = [dense_rows(data, REGRESSION) for data in DATA]
-    design = np.hstack(
-        [np.vstack([each[0] for each in rows]), np.vstack([each[1] for each in rows])]
-    )
-    rows_torque = np.concatenate([each[2] for each in rows])
-    own = block_diag(*(each[0] for each in rows))
+    system = TOTAL.merged(NOISE, FrictionDeviations(within, between)).system(NOISE)
+    rows = [dense_rows(data, AROUND) for data in DATA]
+    design = np.vstack([each[0] for each in rows])
+    rows_torque = np.concatenate([each[1] for each in rows])
+    own = block_diag(*(each[0][:, :K] for each in rows))
     same = np.equal.outer(GROUPS, GROUPS).astype(float)
     effects = np.kron(np.eye(len(DATA)), np.diag(within**2)) + np.kron(same, np.diag(between**2))
     # Woodbury: the covariance of all rows has no inverse that fits in memory
@@ -77,30 +73,34 @@ def test_the_system_is_that_of_generalised_least_squares() -> None:
     assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-8)
 
 
+def parameters(links: Array, friction: Array) -> Array:
+    out = np.zeros(SIZE)
+    out[:K], out[SIZE - links.size :] = friction, links.ravel()
+    return out
+
+
 def test_residuals_are_those_of_all_samples() -> None:
     friction = np.array(FRICTION).reshape(len(DATA), -1)
-    found = STATISTICS.residual_squares(ARM.parameters, friction)
+    found = TOTAL.residual_squares(parameters(ARM.parameters, np.zeros(K)), friction)
     for data, squares in zip(DATA, found, strict=True):
         assert data.tau_noiseless is not None
         expected = np.sum((data.tau - data.tau_noiseless) ** 2, axis=0)
         assert_allclose(squares, expected, rtol=1e-6)
 
 
-def test_order_and_tree_do_not_matter() -> None:
+def test_the_order_of_recordings_does_not_matter() -> None:
     order = np.random.default_rng(0).permutation(len(DATA))
-    one = FleetStatistics(REGRESSION, STATISTICS.recordings, GROUPS).links
-    other = FleetStatistics(
-        REGRESSION, [STATISTICS.recordings[k] for k in order], [GROUPS[k] for k in order]
-    ).links
-    linear = tree_sum([one, one.empty(one.columns)])
-    for a, b, c in zip(one.factors, other.factors, linear.factors, strict=True):
-        scale = np.abs(a).max()
-        assert_allclose(a.T @ a, b.T @ b, atol=1e-12 * scale**2)
-        assert_allclose(a.T @ a, c.T @ c, atol=1e-12 * scale**2)
+    other = Total(AROUND, [TOTAL.recordings[k] for k in order], [GROUPS[k] for k in order])
+    deviations = FrictionDeviations(np.full(K, 0.05), np.full(K, 0.2))
+    factors = [each.merged(NOISE, deviations).factors for each in (TOTAL, other)]
+    for a, b in zip(*factors, strict=True):
+        assert_allclose(a.T @ a, b.T @ b, atol=1e-12 * np.abs(a).max() ** 2)
 
 
-def test_links_friction_and_noise_are_found() -> None:
-    found = solve(STATISTICS, SIZES)
+@pytest.mark.parametrize('free', [False, True])
+def test_links_friction_and_noise_are_found(free: bool) -> None:
+    known = replace(KNOWN, geometry=Geometry.free(N)) if free else KNOWN
+    found = solve(TOTAL, known, known.geometry)
     truth = np.array(FRICTION).reshape(len(DATA), -1)
     deviation = np.abs(found.recordings.friction - truth)
     assert np.mean(deviation < 2.0 * found.recordings.friction_std) > 0.85
@@ -109,41 +109,32 @@ def test_links_friction_and_noise_are_found() -> None:
     assert_allclose(found.recordings.residual_rms, NOISE[None] * np.ones((8, 1)), rtol=0.1)
     test = recording(ARM, np.zeros((N, 3)), seed=99)
     assert test.tau_noiseless is not None
-    regressor = np.stack(
-        [row @ found.links.ravel()[column] for row, column in link_rows(test)], axis=1
-    )
-    error = regressor - test.tau_noiseless
+    regressor = torque_regressor(found.chain, test.q, test.dq, test.ddq)
+    error = regressor @ found.links.ravel() - test.tau_noiseless
     error -= error.mean(axis=0)  # an offset is friction
     assert np.sqrt(np.mean(error**2)) < 0.005 * test.tau_noiseless.std()
 
 
-def link_rows(data: Dataset) -> list[tuple[Array, IndexArray]]:
-    features = REGRESSION.rows(data)
-    return [
-        (rows[:, own.size :], column)
-        for rows, (own, column) in zip(features, REGRESSION.columns(), strict=True)
-    ]
-
-
 def test_a_recording_of_another_load_stands_out() -> None:
-    found = solve(STATISTICS, SIZES)
+    found = solve(TOTAL, KNOWN, FIXED)
     loaded = ARM.parameters.copy()
     loaded[-1, 0] += 0.5
     heavy = recording(type(ARM)(ARM.joint_types, ARM.chain, loaded), FRICTION[0], seed=50)
-    alone = FleetStatistics(REGRESSION, [statistics_of(heavy, REGRESSION)], ['a'])
+    alone = Total(AROUND, [gather(heavy, AROUND)], ['a'])
     assert fitted_alone(alone, found).residual_rms.max() > 5.0 * NOISE[0]
-    same = FleetStatistics(REGRESSION, STATISTICS.recordings[:1], ['a'])
+    same = Total(AROUND, TOTAL.recordings[:1], ['a'])
     assert_allclose(fitted_alone(same, found).residual_rms, NOISE[None], rtol=0.1)
 
 
-def test_the_gradient_by_differences() -> None:
-    system = STATISTICS.system(NOISE, FrictionDeviations(np.full(K, 0.05), np.full(K, 0.2)))
-    positive = REGRESSION.friction.basis.is_positive
-    problem = LinkProblem(system / 100.0, SIZES.prior, positive, np.ones(K))
-    state = problem.start(ARM.parameters, REGRESSION.friction.coefficients)
+@pytest.mark.parametrize('rigid', [False, True])
+def test_the_gradient_by_differences(rigid: bool) -> None:
+    known = replace(KNOWN, geometry=replace(FIXED, rigid=rigid))
+    deviations = FrictionDeviations(np.full(K, 0.05), np.full(K, 0.2))
+    problem = system_of(TOTAL, known, 100.0 * NOISE, deviations)
+    state = problem.start()
     _, gradient = problem.normal_equations(state)
-    for k in np.random.default_rng(0).choice(K + P, 12, replace=False):
-        step = 1e-5 * np.eye(K + P)[k]
+    for k in np.random.default_rng(0).choice(gradient.size, 12, replace=False):
+        step = 1e-5 * np.eye(gradient.size)[k]
         slope = (problem.stepped(state, step).cost - problem.stepped(state, -step).cost) / 2e-5
         assert slope == pytest.approx(gradient[k], rel=1e-4, abs=1e-4 * np.abs(gradient).max())
 
@@ -152,6 +143,6 @@ def test_joints_of_a_single_recording_have_residuals_of_their_own() -> None:
     data = DATA[0]
     assert data.tau_noiseless is not None
     loud = data.tau_noiseless + (data.tau - data.tau_noiseless) * (1.0, 10.0)
-    alone = statistics_of(replace(data, tau=loud), REGRESSION)
-    found = solve(FleetStatistics(REGRESSION, [alone], ['a']), SIZES)
-    assert_allclose(np.sqrt(found.left_out), (NOISE[0], 10.0 * NOISE[1]), rtol=0.15)
+    alone = gather(replace(data, tau=loud), AROUND, FOLDS)
+    found = solve(Total(AROUND, [alone]), KNOWN, FIXED)
+    assert_allclose(np.sqrt(found.left_out.mean_squares), (NOISE[0], 10.0 * NOISE[1]), rtol=0.15)

@@ -19,17 +19,14 @@ from lip_id_ros.friction.terms import Coulomb, LoadCoulomb
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.identify import identify
-from lip_id_ros.identification.laplace import (
-    block_statistics,
-    covariance_root,
-    left_out_of,
-    linearised,
-    posterior,
-    root_with_sign_widths,
-)
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.placement_deviations import table_deviations
+from lip_id_ros.identification.posterior import around_fit, known_of, posterior
+from lip_id_ros.identification.recording_factors import gather
+from lip_id_ros.identification.remainder_election import linearised
 from lip_id_ros.identification.sample_selection import covering
+from lip_id_ros.identification.solution import system_of
+from lip_id_ros.identification.total import FrictionDeviations, Total
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.progress import silent
@@ -78,10 +75,9 @@ def known() -> ArmPosterior:
 def test_deviations_of_the_table_are_no_smaller_than_those_of_the_posterior() -> None:
     """By definition where nothing is elected; the jackknife is the larger somewhere."""
     fitter, fit = fitted()
-    left_out = left_out_of(fitter, fit)
-    root = covariance_root(fitter, fit, block_statistics(fitter, fit), left_out)
-    of_posterior = np.array(table_std(fit.chain, root[: 6 * len(TYPES)]))
-    found = np.array(table_deviations(fitter, fit, left_out))
+    fit, _, solution, total = posterior(fitter, fit)
+    of_posterior = np.array(table_std(fit.chain, solution.covariance_root[: 6 * len(TYPES)]))
+    found = np.array(table_deviations(total, solution, known_of(fitter, fit)))
     assert (found >= of_posterior).all()
     assert (found > 1.1 * of_posterior).any()
 
@@ -156,6 +152,7 @@ def test_loads_follow_the_links_by_differences() -> None:
     problem = fitter.problem(some, fit)
     found, residual = linearised(problem, some, fit)
     np.testing.assert_allclose(residual, some.tau - torque_of(fit, some), atol=1e-9)
+    check_rows(fitter, fit, some, found, residual)
     for k, step in enumerate(1e-6 * np.eye(problem.size)):
         up, down = (
             torque_of(fitter.at(fit, problem, problem.stepped(fit.state, way)), some)
@@ -164,6 +161,25 @@ def test_loads_follow_the_links_by_differences() -> None:
         expected = (up - down) / 2e-6
         scale = max(float(np.abs(expected).max()), 1e-3)
         np.testing.assert_allclose(found[:, :, k], expected, atol=2e-5 * scale)
+
+
+def check_rows(
+    fitter: ArmFitter, fit: ArmFit, some: Dataset, jacobian: Array, residual: Array
+) -> None:
+    """Compare the rows of statistics, and their slopes by a step, with a Jacobian."""
+    around = around_fit(some, fit)
+    total = Total(around, [gather(some, around)])
+    none = FrictionDeviations.none(fit.friction.basis.size)
+    problem = system_of(total, known_of(fitter, fit), fit.noise.std, none)
+    state = problem.start()
+    slopes, parameters = problem.slopes(state), problem.parameters(state)
+    features, target = around.rows(some)
+    for joint, (rows, own) in enumerate(zip(features, around.columns, strict=True)):
+        own_slopes = np.roll(slopes[np.concatenate(own)], -fit.friction.basis.size, axis=1)
+        scale = np.abs(jacobian[:, joint]).max()
+        np.testing.assert_allclose(rows @ own_slopes, jacobian[:, joint], atol=1e-9 * scale)
+        left = target[:, joint] - rows @ parameters[np.concatenate(own)]
+        np.testing.assert_allclose(left, residual[:, joint], atol=1e-9)
 
 
 def torque_of(fit: ArmFit, dataset: Dataset) -> Array:
@@ -182,7 +198,7 @@ def test_two_standard_deviations_cover_the_truth() -> None:
         calibration = ArmSearch(fitter).calibrated(0, silent)
         elected = fitter.elected(calibration.placements.chain)
         fit = fitter.best_start([calibration.placements.chain], elected)
-        _, found, _ = posterior(fitter, fitter.refined(fitter.dataset, fit))
+        found = posterior(fitter, fitter.refined(fitter.dataset, fit))[1]
         unseen = arm.motion(300, seed=5)
         truth = arm.torque(*unseen) + friction(unseen[1])
         error = found.torque(*unseen) - truth
@@ -216,7 +232,7 @@ def test_the_estimate_is_that_of_all_samples_as_the_covariance_is() -> None:
     elected = fitter.elected(calibration.placements.chain)
     start = fitter.best_start([calibration.placements.chain], elected)
     few = fitter.refined(fitter.some(1000), start)
-    fit, found, _ = posterior(fitter, few)
+    fit, found, *_ = posterior(fitter, few)
     gains = []
     for each in (few, fit):
         problem = fitter.problem(fitter.dataset, each)
@@ -264,8 +280,8 @@ def test_white_noise_that_grows_near_rest_is_not_taken_for_correlated(seed: int)
     calibration = ArmSearch(fitter).calibrated(0, silent)
     elected = fitter.elected(calibration.placements.chain)
     start = fitter.best_start([calibration.placements.chain], elected)
-    _, found, left_out = posterior(fitter, fitter.refined(fitter.some(1000), start))
-    assert left_out.inflation < 2.0
+    _, found, solution, _ = posterior(fitter, fitter.refined(fitter.some(1000), start))
+    assert solution.inflation < 2.0
     np.testing.assert_allclose(found.noise.std, 0.1, rtol=0.1)
     unseen = arm.motion(1000, seed=5)
     error = found.torque(*unseen) - arm.torque(*unseen) - friction(unseen[1])
@@ -277,16 +293,16 @@ def test_white_noise_that_grows_near_rest_is_not_taken_for_correlated(seed: int)
 def test_widths_of_signs_are_as_certain_as_samples_near_rest_make_them() -> None:
     fitter, fit = fitted()
     data, coulomb = fitter.dataset, fit.friction.coulomb
-    _, arm, left_out = posterior(fitter, fit)
-    root = root_with_sign_widths(fitter, fit, left_out)
-    assert len(root) == len(arm.covariance_root) + len(TYPES)
+    fit, _, solution, _ = posterior(fitter, fit)
+    root = solution.covariance_root
+    assert len(root) == 17 * len(TYPES) + fit.friction.basis.size + len(TYPES)
     std = np.linalg.norm(root[-len(TYPES) :], axis=1) / coulomb
     basis = fit.friction.with_sign_widths().basis
     features = friction_features(basis, data.q, data.dq, data.ddq, np.zeros_like(data.dq))
     slopes = coulomb * np.diagonal(features[..., -len(TYPES) :], axis1=1, axis2=2)
     alone = fit.noise.std / np.sqrt(np.sum(fit.noise.weights(data.dq) * slopes**2, axis=0))
     assert (std > 0.9 * alone).all()
-    assert (std < 3.0 * np.sqrt(left_out.inflation) * alone).all()
+    assert (std < 3.0 * np.sqrt(solution.inflation) * alone).all()
     terms = (part.term for part in fit.friction.basis.terms)
     widths = np.array([term.width for term in terms if isinstance(term, Coulomb)])
     truth = np.where(np.sqrt(np.mean(data.dq**2, axis=0)) > 1.0, 0.1, 0.015)
@@ -297,11 +313,10 @@ def test_a_step_takes_in_samples_that_the_descent_left_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """From a fit to a quarter of the samples, steps go more than half of the way to all."""
-    for module in ('laplace', 'arm_fit'):
-        monkeypatch.setattr(f'lip_id_ros.identification.{module}.MOST_AT_ONCE', 50)
+    monkeypatch.setattr('lip_id_ros.identification.arm_fit.MOST_AT_ONCE', 50)
     fitter, best = fitted()
     some = fitter.refined(fitter.some(50), best)
-    stepped, _, _ = posterior(fitter, some)
+    stepped = posterior(fitter, some)[0]
 
     def mean_squares(fit: ArmFit) -> float:
         error = fitter.dataset.tau - torque_of(fit, fitter.dataset)

@@ -17,8 +17,8 @@ from lip_id_ros.export.payload import payload_in_flange
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.identification import payload_problem
 from lip_id_ros.identification.arm_fit import ArmFitter
-from lip_id_ros.identification.laplace import posterior
 from lip_id_ros.identification.payload import identify_payload, Payload
+from lip_id_ros.identification.posterior import posterior
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia

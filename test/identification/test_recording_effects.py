@@ -11,7 +11,7 @@ from benchmarks._drives import N_JOINTS, recording
 from lip_id_ros.dataset import concatenate
 from lip_id_ros.identification.friction_deviations import NestedEffects
 from lip_id_ros.identification.identify import identify
-from lip_id_ros.identification.recording_effects import widening
+from lip_id_ros.identification.posterior import widening
 
 COUNT = 8
 
@@ -32,7 +32,8 @@ def test_a_recording_that_is_not_known_is_covered(count: int) -> None:
         found = nested.estimated(np.full(2, 0.05)).recordings
         variances.append(found**2)
         error = truth * rng.standard_normal(2) - mean
-        covered.append(np.abs(error) < 2.0 * widening(count) * found)
+        of_mean = found / np.sqrt(count)
+        covered.append(np.abs(error) < 2.0 * np.hypot(widening(count) * found, of_mean))
     assert np.sqrt(np.mean(variances)) == pytest.approx(truth, rel=0.1)
     assert 0.9 < np.mean(covered) < 0.99
 

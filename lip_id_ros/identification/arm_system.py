@@ -1,0 +1,227 @@
+"""
+An arm from the triangular system of all torques: links that can exist, friction and placements.
+
+Torques are linear in links and friction, and nearly so in small steps of the placements.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag, solve_triangular
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.identification.arm_prior import ArmPrior
+from lip_id_ros.identification.arm_problem import LOG_PRIOR, SMALLEST
+from lip_id_ros.identification.levenberg_marquardt import minimise
+from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.statistics import triangular
+from lip_id_ros.rigid_body.pseudo_inertia import (
+    LEAST_LEFT,
+    link_parameter_jacobian,
+    link_parameters,
+    log_cholesky,
+    moved,
+)
+
+EVALUATIONS, LEAST_GAIN = 1000, 0.1
+"""
+Most evaluations, and the gain of log likelihood that is worth a step: what others move are numbers
+that change no torque and slowly follow the prior.
+"""
+
+EXISTS = 1e-12
+"""Least scaled eigenvalue of links that exist already."""
+
+WIDTH_STD, LEAST_COULOMB = 1.0, 1e-9
+"""
+Deviation of the logarithm of a width a priori, and the least Coulomb friction that has one, in
+prior deviations of coefficients.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class SystemState:
+    """
+    Parameters of an arm.
+
+    Attributes
+    ----------
+    friction : array, shape (K,)
+        Coefficients, those that must be positive as logarithms.
+    placements : array, shape (r,)
+        Steps that keep the geometry.
+    numbers : array, shape (n, 11)
+        Log-Cholesky numbers.
+    cost : float
+    residual : array
+        Of the system and the prior.
+
+    """
+
+    friction: Array
+    placements: Array
+    numbers: Array
+    cost: float = np.inf
+    residual: Array | None = None
+
+
+class ArmSystem:
+    """
+    Least squares for `levenberg_marquardt.minimise`.
+
+    Parameters
+    ----------
+    around : Linearisation
+        In whose parameters the system is.
+    system : array, shape (m, K + W + 17 n + 1)
+        Rows of features and torque in units of the noise.
+    prior : ArmPrior
+    geometry : Geometry
+        What of the placements is fixed.
+    friction_std : array, shape (K,)
+        Deviations of the prior of coefficients around zero, and centre of that of logarithms.
+    inflation : float
+        Of the noise's variance in the system, since residuals are correlated.
+
+    """
+
+    def __init__(
+        self,
+        around: Linearisation,
+        system: Array,
+        prior: ArmPrior,
+        geometry: Geometry,
+        friction_std: Array,
+        inflation: float = 1.0,
+    ) -> None:
+        prior = prior.beside(inflation)
+        self._usual = 1.0 / np.sqrt(inflation)
+        self._around, self._system, self._scale = around, system, prior.scale
+        self._positive, self._friction_std = around.friction.basis.is_positive, friction_std
+        self._widths = around.basis.size - around.n_friction
+        count = around.n_placements
+        self._allowed = _range_of(geometry.projector(around.chain))
+        self._away = prior.deviation(around.chain, np.zeros_like(around.links))[:count]
+        self._of_placements, self._of_links = prior.precision[:count], prior.precision[count:]
+
+    def start(self) -> SystemState:
+        """Return the state of the present parameters."""
+        smallest = SMALLEST * self._friction_std
+        friction = self._around.friction.coefficients
+        numbers = np.where(self._positive, np.log(np.maximum(friction, smallest)), friction)
+        links = log_cholesky(self._around.links, self._scale, EXISTS)
+        return self._evaluated(SystemState(numbers, np.zeros(self._allowed.shape[1]), links))
+
+    def at(self, step: Array, state: SystemState) -> SystemState:
+        """Return a state with the parameters of one that has other placements free."""
+        return self._evaluated(replace(state, placements=self._allowed.T @ step))
+
+    def solved(self, start: SystemState) -> SystemState:
+        """Descend from a state that is near."""
+        at = self._evaluated(start)
+        tolerance = 0.1 * LEAST_GAIN / max(at.cost, 1.0)
+        found = minimise(self, at, EVALUATIONS, tolerance)
+        return found if at.cost - found.cost > LEAST_GAIN else at
+
+    def links(self, state: SystemState) -> Array:
+        """Return the parameters of the links, shape (n, 11)."""
+        return link_parameters(state.numbers, self._scale)
+
+    def friction(self, state: SystemState) -> Array:
+        """Return the coefficients of friction, shape (K,)."""
+        exponents = np.where(self._positive, state.friction, 0.0)
+        return np.where(self._positive, np.exp(exponents), state.friction)
+
+    def step(self, state: SystemState) -> Array:
+        """Return the step of the placements, shape (6 n,)."""
+        return np.asarray(self._allowed @ state.placements)
+
+    def parameters(self, state: SystemState) -> Array:
+        """Return all parameters of the linearisation, shape (K + W + 17 n,)."""
+        widths, links = np.zeros(self._widths), self.links(state).ravel()
+        return np.concatenate([self.friction(state), widths, self.step(state), links])
+
+    def slopes(self, state: SystemState) -> Array:
+        """Differentiate the parameters by a step of the state, (K + W + 17 n, K + r + 11 n)."""
+        friction = np.diag(np.where(self._positive, self.friction(state), 1.0))
+        friction = np.pad(friction, ((0, self._widths), (0, 0)))
+        links = link_parameter_jacobian(state.numbers, self._scale)
+        return np.asarray(block_diag(friction, self._allowed, *links))
+
+    def prior_rows(self, state: SystemState) -> Array:
+        """Return the rows of the prior of a step, (m, K + r + 11 n + 1)."""
+        friction, links = (np.diag(each) for each in (self._of_friction, self._of_links))
+        placements = self._of_placements[:, None] * self._allowed
+        matrix = block_diag(friction, placements, links)
+        return np.column_stack([matrix, -self._prior_residual(state)])
+
+    def stepped(self, state: SystemState, step: Array) -> SystemState:
+        """Return the state that a step leads to; parameters move along straight lines."""
+        first, last = state.friction.size, state.friction.size + state.placements.size
+        own = step[:first]
+        straight = self._positive & (own > LEAST_LEFT - 1.0)
+        friction = np.where(straight, np.log1p(np.where(straight, own, 0.0)), own)
+        numbers = moved(state.numbers, step[last:].reshape(state.numbers.shape))
+        placements = state.placements + step[first:last]
+        return self._evaluated(SystemState(state.friction + friction, placements, numbers))
+
+    def normal_equations(self, state: SystemState) -> tuple[Array, Array]:
+        """Return J^T J and J^T r of steps at a state."""
+        assert state.residual is not None
+        jacobian = np.vstack(
+            [self._system[:, :-1] @ self.slopes(state), self.prior_rows(state)[:, :-1]]
+        )
+        return jacobian.T @ jacobian, jacobian.T @ state.residual
+
+    def covariance_root(self, state: SystemState) -> Array:
+        """
+        Return a square root of the covariance in the coordinates of `ArmPosterior`.
+
+        Those of the widths of signs are in it.
+
+        """
+        first, widths = state.friction.size, self._widths
+        slopes = np.insert(self.slopes(state), [first] * widths, 0.0, axis=1)
+        slopes[first + np.arange(widths), first + np.arange(widths)] = 1.0
+        coulomb = np.maximum(
+            self._around.friction.coulomb, LEAST_COULOMB * self._friction_std.max()
+        )
+        prior = np.insert(self.prior_rows(state)[:, :-1], [first] * widths, 0.0, axis=1)
+        of_widths = np.zeros((widths, prior.shape[1]))
+        of_widths[np.arange(widths), first + np.arange(widths)] = self._usual / (
+            WIDTH_STD * coulomb
+        )
+        factor = triangular(self._system[:, :-1] @ slopes, prior, of_widths)
+        root = slopes @ solve_triangular(factor, np.eye(len(factor)))
+        return np.asarray(np.roll(root, -(first + widths), axis=0))
+
+    @property
+    def _of_friction(self) -> Array:
+        return self._usual * np.where(self._positive, LOG_PRIOR, 1.0 / self._friction_std)
+
+    def _prior_residual(self, state: SystemState) -> Array:
+        centre = np.where(self._positive, np.log(self._friction_std), 0.0)
+        return np.concatenate(
+            [
+                self._of_friction * (state.friction - centre),
+                self._of_placements * (self._away + self.step(state)),
+                self._of_links * state.numbers.ravel(),
+            ]
+        )
+
+    def _evaluated(self, state: SystemState) -> SystemState:
+        with np.errstate(over='ignore', invalid='ignore'):
+            fit = self._system[:, :-1] @ self.parameters(state) - self._system[:, -1]
+            residual = np.concatenate([fit, self._prior_residual(state)])
+            cost = 0.5 * float(residual @ residual)
+        return replace(state, cost=cost if np.isfinite(cost) else np.inf, residual=residual)
+
+
+def _range_of(projector: Array) -> Array:
+    """Return an orthonormal basis of what a projection leaves, shape (m, rank)."""
+    values, vectors = np.linalg.eigh(projector)
+    return np.asarray(vectors[:, values > 0.5])

@@ -1,0 +1,141 @@
+"""
+The torques of an arm, linear in friction, placements and links around present ones.
+
+Parameters are in this order: coefficients of friction (K), widths of its signs (W), small
+rotations and translations of the joints (6 n), parameters of the links (11 n).
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.compiled import CompiledFriction, friction_features
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.model.arm_mean import evaluate_arm_many, pack
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """
+    What the torques of every recording are regressed on.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+    chain : Chain
+        Present placements.
+    links : array, shape (n, 11)
+        Present parameters, which give the loads that friction depends on.
+    friction : FrictionModel
+        Terms with present coefficients.
+    noise : TorqueNoise
+        Gives the weights of samples.
+
+    """
+
+    joint_names: tuple[str, ...]
+    chain: Chain
+    links: Array
+    friction: FrictionModel
+    noise: TorqueNoise
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def n_friction(self) -> int:
+        """Number of coefficients of friction, K."""
+        return self.friction.basis.size
+
+    @cached_property
+    def basis(self) -> FrictionBasis:
+        """Terms of friction and widths of signs, K + W."""
+        return self.friction.basis.with_sign_widths()
+
+    @property
+    def n_placements(self) -> int:
+        """Number of directions of the placements, 6 n."""
+        return DIRECTIONS * self.n_joints
+
+    @property
+    def size(self) -> int:
+        """Number of parameters, K + W + 17 n."""
+        return self.basis.size + self.n_placements + self.links.size
+
+    @cached_property
+    def columns(self) -> tuple[tuple[IndexArray, IndexArray], ...]:
+        """For every joint, its coefficients of friction, and its other parameters."""
+        first, others = self._first_links(), np.arange(self.basis.size, self.size)
+        out = []
+        for joint, own in enumerate(self.basis.columns()):
+            is_width = own >= self.n_friction
+            skipped = self.n_placements + LINK_PARAMETERS * first[joint]
+            kept = np.r_[others[: self.n_placements], others[skipped:]]
+            out.append((own[~is_width], np.concatenate([own[is_width], kept])))
+        return tuple(out)
+
+    def _first_links(self) -> list[int]:
+        """Return, for every joint, the first link that its torque depends on."""
+        first = list(range(self.n_joints))
+        loaded, basis = self.friction.basis.is_loaded, self.friction.basis
+        for part, place in zip(basis.terms, basis.slices, strict=True):
+            if loaded[place].any():
+                for joint, _ in part.drive.efforts:
+                    first[joint] = min(first[joint], *part.drive.joints)
+        return first
+
+    def rows(self, dataset: Dataset) -> tuple[list[Array], Array]:
+        """
+        Return the features of every joint and what they are to explain.
+
+        Loads that friction bears change with placements and links.
+
+        Returns
+        -------
+        features : list of n arrays, shapes (N, k_i + p_i)
+            In the order of `columns`.
+        target : array, shape (N, n)
+            [N m or N].
+
+        """
+        state, sign = _state(dataset), dataset.low_passed_sign
+        regressor = torque_regressor(self.chain, *state)
+        load = regressor @ self.links.ravel()
+        placements = placement_derivatives(self.chain, self.links, *state)
+        arm = np.concatenate([placements.reshape(*load.shape, -1), regressor], axis=2)
+        target = dataset.tau
+        if self.friction.basis.is_loaded.any():
+            slopes = self.friction.load_slopes(*state, load, sign)
+            arm += slopes @ arm
+            target = target + np.einsum('tij,tj->ti', slopes, load)
+        features = np.concatenate([friction_features(self.basis, *state, load, sign), arm], axis=2)
+        return [
+            features[:, joint, np.concatenate(own)] for joint, own in enumerate(self.columns)
+        ], target
+
+    def residual(self, dataset: Dataset) -> Array:
+        """Return the residuals of the present parameters, shape (N, n) [N m or N]."""
+        arm = ArmPosterior(self.chain, self.links, self.friction, self.noise, np.zeros((0, 0)))
+        torques = np.empty((dataset.n_samples, 5 * self.n_joints + 2))
+        evaluate_arm_many(
+            torques, *_state(dataset), *pack(arm, CompiledFriction.of(self.friction))
+        )
+        return np.asarray(dataset.tau - torques[:, : self.n_joints])
+
+
+def _state(dataset: Dataset) -> tuple[Array, Array, Array]:
+    q, dq, ddq = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
+    return q, dq, ddq

@@ -1,0 +1,193 @@
+"""
+The posterior of an arm's parameters, from all samples in memory (maths.md, section 13).
+
+Around the best parameters torques are linear in all of them, so that statistics of the samples
+are all that is needed. Where the samples of the descent have left some out, or steps of the
+placements are too large to be linear, they are gathered once more.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import norm, t
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_AT_ONCE
+from lip_id_ros.identification.arm_problem import ArmState
+from lip_id_ros.identification.left_out_parts import LeftOut
+from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.link_torques import links_torque
+from lip_id_ros.identification.recording_factors import gather
+from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.solution import Known, left_out_at_present, Solution, solve
+from lip_id_ros.identification.total import FOLDS, Total
+from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
+from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
+
+LINEAR = 0.05
+"""Largest error of the linearisation at a solution, in standard deviations of the noise."""
+
+RANK = 1e-9
+"""Least singular value of a direction of links that changes torques, as a share."""
+
+SAMPLES = 500
+"""At which these are measured."""
+
+SMALLEST = 1e-300
+"""Least coefficient of friction that has a logarithm."""
+
+
+def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Solution, Total]:
+    """
+    Take in all samples, and return the posterior.
+
+    Parameters
+    ----------
+    fitter : ArmFitter
+    fit : ArmFit
+        Fitted to some of the samples.
+
+    Returns
+    -------
+    fit : ArmFit
+        To all samples.
+    posterior : ArmPosterior
+    solution : Solution
+    total : Total
+        Statistics that it is the solution of.
+
+    """
+    fit, known = fitter.to_all_samples(fit), known_of(fitter, fit)
+    some, total = fitter.some(SAMPLES), total_of(fitter, fit)
+    fixed = replace(fit.geometry, rigid=True)
+    for moves in (fixed,) if _is_fitted(fitter.dataset) else (fit.geometry, fixed):
+        solution = solve(total, known, moves)
+        if is_linear(total.around, solution, some):
+            break
+    else:
+        fit = fit_of(solution, fit.noise, fit.geometry)
+        total = total_of(fitter, fit)
+        solution = solve(total, known, fixed)
+    arm = compacted(posterior_of(total.around, solution, some), ranges_of(fitter.dataset))
+    return fit_of(solution, fit.noise, fit.geometry), arm, solution, total
+
+
+def _is_fitted(dataset: Dataset) -> bool:
+    """Return whether placements are fitted already: to all samples, and with their friction."""
+    return dataset.n_samples <= MOST_AT_ONCE and bool(
+        np.all(dataset.recording == dataset.recording[0])
+    )
+
+
+def ranges_of(dataset: Dataset) -> tuple[Array, Array]:
+    """Return the lowest and highest q, dq, ddq, shapes (3, n)."""
+    states = np.stack([dataset.q, dataset.dq, dataset.ddq])
+    return states.min(axis=1), states.max(axis=1)
+
+
+def known_of(fitter: ArmFitter, fit: ArmFit) -> Known:
+    """Return what is known of an arm before its statistics are."""
+    return Known(fitter.torque_std, fitter.prior, fit.geometry)
+
+
+def left_out_of(fitter: ArmFitter, fit: ArmFit) -> LeftOut:
+    """Return what left-out parts show of a fit to all samples."""
+    return left_out_at_present(total_of(fitter, fit), known_of(fitter, fit))
+
+
+def total_of(fitter: ArmFitter, fit: ArmFit) -> Total:
+    """Gather the statistics of all samples, by recordings; of a single one in parts."""
+    dataset, robots = fitter.dataset, fitter.robots
+    around, numbers = around_fit(dataset, fit), np.unique(dataset.recording)
+    if numbers.size == 1:
+        return Total(around, [gather(dataset, around, FOLDS)])
+    parts = (dataset.select(dataset.recording == number) for number in numbers)
+    groups = [robots[number] for number in numbers] if robots else None
+    return Total(around, [gather(part, around) for part in parts], groups)
+
+
+def around_fit(dataset: Dataset, fit: ArmFit) -> Linearisation:
+    """Return what torques are regressed on around a fit."""
+    return Linearisation(dataset.joint_names, fit.chain, fit.links, fit.friction, fit.noise)
+
+
+def fit_of(solution: Solution, noise: TorqueNoise, geometry: Geometry) -> ArmFit:
+    """Return the fit that has the parameters of a solution, and noise of a shape."""
+    coefficients = solution.friction.coefficients
+    logs = np.log(np.maximum(coefficients, SMALLEST))
+    friction = np.where(solution.friction.basis.is_positive, logs, coefficients)
+    return ArmFit(
+        ArmState(solution.chain, solution.numbers, friction),
+        solution.links,
+        solution.friction,
+        replace(noise, std=solution.left_out.unbiased_std),
+        geometry,
+    )
+
+
+def is_linear(around: Linearisation, solution: Solution, some: Dataset) -> bool:
+    """Return whether the torques of samples at a solution are those of a linearisation."""
+    state = some.q, some.dq, some.ddq
+    load = links_torque(solution.chain, solution.links, some)
+    residual = some.tau - load
+    residual -= solution.friction.torque(*state, load, some.low_passed_sign)
+    features, target = around.rows(some)
+    for joint, (rows, own) in enumerate(zip(features, around.columns, strict=True)):
+        residual[:, joint] -= target[:, joint] - rows @ solution.parameters[np.concatenate(own)]
+    errors = np.sqrt(np.mean(residual**2, axis=0))
+    return bool(np.all(errors <= LINEAR * solution.left_out.unbiased_std))
+
+
+def posterior_of(around: Linearisation, solution: Solution, some: Dataset) -> ArmPosterior:
+    """
+    Return the posterior of an arm in a recording that is not known.
+
+    Friction differs between recordings, by deviations that few recordings do not show exactly:
+    Student's t.
+
+    """
+    total = solution.deviations.total
+    varying = np.flatnonzero(total)
+    first = (DIRECTIONS + LINK_PARAMETERS) * len(solution.links)
+    columns = np.zeros((len(solution.covariance_root), varying.size))
+    wider = total[varying] * widening(len(solution.recordings.residual_rms))
+    columns[first + varying, np.arange(varying.size)] = wider
+    noise = replace(around.noise, std=solution.noise_std)
+    root = np.hstack([_following(around, solution, some), columns])
+    return ArmPosterior(solution.chain, solution.links, solution.friction, noise, root)
+
+
+def _following(around: Linearisation, solution: Solution, some: Dataset) -> Array:
+    """
+    Return the covariance root of a solution, whose links and friction follow its placements.
+
+    Links that differ by what changes no torque at these placements have other torques at others:
+    what made up for a placement beside the present links does not beside those of the solution.
+    So coordinates that others can stand for are left out first.
+
+    """
+    parts = around.chain, around.links, around.friction, around.noise
+    present = ArmPosterior(*parts, solution.covariance_root)
+    root, first = compacted(present, ranges_of(some)).covariance_root, around.n_placements
+    last = first + around.links.size + around.n_friction
+    before, after = (
+        ArmPosterior(each.chain, each.links, each.friction, around.noise, root).jacobian(
+            some.q, some.dq, some.ddq
+        )
+        for each in (around, solution)
+    )
+    change = before @ root[:last] - after[..., :first] @ root[:first]
+    rows = after[..., first:].reshape(-1, last - first)
+    found, *_ = np.linalg.lstsq(rows, change.reshape(len(rows), -1), rcond=RANK)
+    return np.concatenate([root[:first], found, root[last:]])
+
+
+def widening(n_recordings: int) -> float:
+    """Return the factor of a deviation between recordings with which two of them cover."""
+    return float(0.5 * t.ppf(norm.cdf(2.0), n_recordings - 1)) if n_recordings > 1 else 1.0
