@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 
+import numpy as np
+
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.recording_factors import gather, RecordingFactors
@@ -36,5 +38,6 @@ def gathered_from(
 def gather_kept(dataset: Dataset, around: Linearisation, blocks: int = 1) -> RecordingFactors:
     """Gather the statistics of the samples that are plausible and that the arm explains."""
     dataset = moving(dataset)
-    kept = plausible(dataset) & explained(around.residual(dataset))
+    near_rest = np.sqrt(around.noise.weights(dataset.dq))
+    kept = plausible(dataset) & explained(around.residual(dataset) * near_rest)
     return gather(dataset, around, blocks, kept)
