@@ -41,7 +41,7 @@ IN_OTHER_WORDS = (
     *('covariance_inflation', 'denavit_hartenberg', 'descents', 'elected_meeting_axes'),
     *('elected_twists_deg', 'friction', 'friction_between_recordings', 'halves_agree'),
     *('inertia_min_eigenvalue', 'inertia_not_pd_percent', 'noise_std', 'outliers', 'remainder'),
-    *('searches_agreed', 'unexplained_left_out', 'unexplained_percent'),
+    *('searches_agreed', 'unexplained_left_out', 'unexplained_percent', 'unpredicted_left_out'),
 )
 """What of a fit is shown by tables, by its effect, or by a caution; JSON has it as it is."""
 SKETCH = 'sketch'

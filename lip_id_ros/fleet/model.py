@@ -15,7 +15,7 @@ from lip_id_ros.fleet.placements import chosen, PlacedArm
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.survey import merged
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
-from lip_id_ros.identification.identify import prediction_noise
+from lip_id_ros.identification.identify import prediction_noise, squares_of_signs
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.posterior import fit_of, posterior_of, SAMPLES
 from lip_id_ros.identification.remainder_election import conditioned_remainder, elect_processes
@@ -84,8 +84,11 @@ def model_of(
     arm = posterior_of(around, solution, fitter.some(SAMPLES))
     noise = prediction_noise(fitter.thinned(MOST_SAMPLES), fit, arm.noise, remainder)
     arm = compacted(replace(arm, noise=noise), _ranges(placed, surveys))
+    unexplained = solution.left_out.mean_squares
+    unpredicted = unexplained + squares_of_signs(fitter.dataset, fit)
     report = _report(placed, solution, surveys) | {
-        'unexplained_left_out': (solution.left_out.mean_squares / fitter.torque_std**2).tolist(),
+        'unexplained_left_out': (unexplained / fitter.torque_std**2).tolist(),
+        'unpredicted_left_out': (unpredicted / fitter.torque_std**2).tolist(),
         'remainder': remainder.joints.tolist() if remainder else [],
         'noise_std': arm.noise.std.tolist(),
     }

@@ -125,6 +125,7 @@ def fit_report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'searches_agreed': found.searches_agreed,
         'descents': found.descents,
         'unexplained_left_out': found.unexplained.tolist(),
+        'unpredicted_left_out': found.unpredicted.tolist(),
         'covariance_inflation': found.inflation,
         'outliers': found.outliers,
         'halves_agree': found.halves_agree,

@@ -72,6 +72,8 @@ class Identified:
         Of both searches.
     unexplained : array, shape (n,)
         Share of each torque's variance that left-out blocks show to be unexplained.
+    unpredicted : array, shape (n,)
+        The same of predictions, which do not know the low-passed signs of the fit.
     inflation : float
         Factor of the covariance for residuals that are correlated in time.
     outliers : int
@@ -98,6 +100,7 @@ class Identified:
     searches_agreed: bool
     descents: int
     unexplained: Array
+    unpredicted: Array
     inflation: float
     outliers: int
     disturbances: list[Episode]
@@ -157,12 +160,28 @@ def prediction_noise(
     A remainder leaves its own residuals, and a joint that sticks has any friction.
 
     """
+    signs = squares_of_signs(fitter.dataset, fit)
     noise = _of_single_states(fitter.dataset, fit, noise)
     if remainder is not None:
-        noise = replace(noise, std=np.where(remainder.joints, remainder.left_out_std, noise.std))
+        own = np.sqrt(remainder.left_out_std**2 + np.where(remainder.replaces, 0.0, signs))
+        noise = replace(noise, std=np.where(remainder.joints, own, noise.std))
     some = fitter.some(MOST_SAMPLES)
     load = links_torque(fit.chain, fit.links, some)
     return sticking_noise(noise, fit.friction, some.q, some.ddq, load)
+
+
+def squares_of_signs(dataset: Dataset, fit: ArmFit) -> Array:
+    """Return what predictions leave more than the fit, whose signs they do not know, (n,)."""
+    some = dataset.select(evenly(dataset.n_samples, MOST_SAMPLES))
+    single = replace(some, low_passed_sign=None)
+    squares = [np.mean(_residual(each, fit) ** 2, axis=0) for each in (single, some)]
+    return np.asarray(np.maximum(squares[0] - squares[1], 0.0))
+
+
+def _residual(dataset: Dataset, fit: ArmFit) -> Array:
+    state, load = (dataset.q, dataset.dq, dataset.ddq), links_torque(fit.chain, fit.links, dataset)
+    friction = fit.friction.torque(*state, load, dataset.low_passed_sign)
+    return np.asarray(dataset.tau - load - friction)
 
 
 def _of_single_states(dataset: Dataset, fit: ArmFit, noise: TorqueNoise) -> TorqueNoise:
@@ -170,9 +189,7 @@ def _of_single_states(dataset: Dataset, fit: ArmFit, noise: TorqueNoise) -> Torq
     if dataset.low_passed_sign is None:
         return noise
     some = dataset.select(evenly(dataset.n_samples, MOST_SAMPLES))
-    load = links_torque(fit.chain, fit.links, some)
-    residual = some.tau - load - fit.friction.torque(some.q, some.dq, some.ddq, load)
-    single = estimate_noise(residual, some.dq)
+    single = estimate_noise(_residual(replace(some, low_passed_sign=None), fit), some.dq)
     squares = [np.mean(each.std_at(some.dq) ** 2, axis=0) for each in (single, noise)]
     wider = squares[0] > squares[1]
     return TorqueNoise(
@@ -197,6 +214,7 @@ def _identified(
     arm = replace(arm, noise=prediction_noise(fitter, fit, arm.noise, remainder))
     kinematics_std = table_deviations(total, solution, known_of(fitter, fit))
     progress(STAGE, STEPS, STEPS)
+    unexplained = solution.left_out.mean_squares
     return Identified(
         arm=arm,
         fit=fit,
@@ -205,7 +223,8 @@ def _identified(
         geometry=fit.geometry,
         searches_agreed=calibration.agreed,
         descents=calibration.descents,
-        unexplained=solution.left_out.mean_squares / fitter.torque_std**2,
+        unexplained=unexplained / fitter.torque_std**2,
+        unpredicted=(unexplained + squares_of_signs(fitter.dataset, fit)) / fitter.torque_std**2,
         inflation=solution.inflation,
         outliers=dataset.n_samples - fitter.dataset.n_samples,
         disturbances=disturbances,

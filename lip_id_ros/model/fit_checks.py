@@ -47,8 +47,9 @@ def not_positive_definite_percent(smallest_eigenvalue: Array) -> float:
 
 
 def _left_out_squares(model: InverseDynamicsModel, variance: Array) -> Array:
-    """Return mean squares of the errors of links on left-out blocks; 0 where not known, (n,)."""
-    shares = model.summary.get('unexplained_left_out')
+    """Return mean squares of predictions' errors on left-out blocks; 0 where not known, (n,)."""
+    known = model.summary.get('unexplained_left_out')
+    shares = model.summary.get('unpredicted_left_out', known)
     if shares is None:
         return np.zeros(len(variance))
     # the noise of a joint with a Gaussian process is its error on left-out blocks

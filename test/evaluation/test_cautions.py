@@ -71,11 +71,16 @@ def test_a_constant_torque_has_no_share() -> None:
     assert checked.summary['unexplained_percent'][1] is None
 
 
-def test_errors_on_left_out_blocks_count_where_they_exceed_the_noise() -> None:
+@pytest.mark.parametrize('more', [{}, {'unexplained_left_out': [2.0, 2.0, 2.0]}])
+def test_errors_on_left_out_blocks_count_where_they_exceed_the_noise(
+    more: dict[str, list[float]],
+) -> None:
+    """Those of predictions, where what the fit leaves with its signs is another number."""
     model, data = small_model(), training()
+    name = 'unpredicted_left_out' if more else 'unexplained_left_out'
     found, noise = (
         with_checks(
-            replace(model, summary={**model.summary, 'unexplained_left_out': [share, 0.0, 0.0]}),
+            replace(model, summary={**model.summary, **more, name: [share, 0.0, 0.0]}),
             data.q,
             data.tau,
         ).summary['unexplained_percent']

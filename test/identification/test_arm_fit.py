@@ -262,12 +262,16 @@ def test_low_passed_dry_friction_is_no_bias(noise: float) -> None:
 
 def test_measured_torques_have_the_noise_of_predictions_without_their_signs() -> None:
     arm, rng = random_arm((R, R), seed=10), np.random.default_rng(0)
-    found = identify(low_passed(arm, 0.02, rng)).arm
+    found = identify(low_passed(arm, 0.02, rng))
     unseen = low_passed(arm, 0.02, rng)
     state = unseen.q, unseen.dq, unseen.ddq
-    deviations = np.abs(found.torque(*state) - unseen.tau) / found.measurement_std(*state)
+    error = found.torque(*state) - unseen.tau
+    deviations = np.abs(error) / found.arm.measurement_std(*state)
     assert (np.mean(deviations < 2.0, axis=0) > 0.9).all()
     assert deviations.max() < 6.0
+    share = np.mean(error**2, axis=0) / unseen.tau.var(axis=0)
+    np.testing.assert_allclose(found.unpredicted / share, 1.0, atol=0.5)
+    assert (found.unexplained < 0.2 * share).all()
 
 
 @pytest.mark.parametrize('seed', range(2))
