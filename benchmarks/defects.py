@@ -1,8 +1,8 @@
 """
-How often `lip_id inspect` finds defects of three sizes in recordings of simulated arms.
+How often `lip_id inspect` and `lip_id fit` find defects of three sizes in simulated recordings.
 
-Pandas with other masses, friction and motions, of four joints or seven; `health.md` has the
-counts of 20 arms.
+Pandas with other masses, friction and motions, of four joints or seven; the notebook has the
+counts.
 
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +18,13 @@ from scipy.signal import butter, lfilter
 
 from benchmarks._closed_loop import FrictionalArm
 from lip_id_ros.arrays import Array
+from lip_id_ros.evaluation.cautions import summary_cautions
 from lip_id_ros.health import evidence_of, examine
+from lip_id_ros.identification import fit
+from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
+from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import PreprocessingSettings
 from lip_id_ros.simulation.arm import MOTION, panda, SimulatedArm
 from lip_id_ros.simulation.torque_controlled import JointFriction
 from lip_id_ros.simulation.trajectories import MotionLimits, SinusoidTrajectory
@@ -29,6 +34,7 @@ POSITION_NOISE, VELOCITY_NOISE, EFFORT_NOISE = 1e-5, 2e-3, 0.05
 VISCOUS = np.array([2.0, 2.0, 1.5, 1.5, 0.5, 0.5, 0.5])
 COULOMB = np.array([2.0, 2.0, 1.5, 1.5, 0.8, 0.8, 0.8])
 DEGREES = 180.0 / np.pi
+SWAY_HZ = 0.45
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +155,19 @@ def _payload(recorded: Recorded, mass: float) -> JointSamples:
     return replace(recorded.samples, effort=np.where(is_loaded, loaded, recorded.samples.effort))
 
 
+def _rocking(recorded: Recorded, degrees: float) -> JointSamples:
+    tilt = np.sin(degrees / DEGREES)
+    tilted = recorded.of_arm(recorded.arm.with_gravity(np.array([9.81 * tilt, 0.0, -9.81])))
+    sway = np.sin(2.0 * np.pi * SWAY_HZ * recorded.samples.t)[:, np.newaxis]
+    effort = recorded.samples.effort
+    return replace(recorded.samples, effort=effort + sway * (tilted - effort))
+
+
+def _rated(recorded: Recorded, ratio: float) -> JointSamples:
+    ratings = 0.87 * ratio ** -np.resize([0.0, 1.0], recorded.samples.n_joints)
+    return replace(recorded.samples, effort=recorded.samples.effort / ratings)
+
+
 def _drifting(recorded: Recorded, per_minute: float) -> JointSamples:
     drift = per_minute / 60.0 * recorded.samples.t[:, np.newaxis]
     return replace(recorded.samples, effort=recorded.samples.effort + drift)
@@ -192,6 +211,8 @@ DEFECTS: dict[str, tuple[Spoil, tuple[float, float, float], set[str]]] = {
     'unsigned efforts, joints': (_unsigned, (1, 2, 7), {'effort_unsigned'}),
     'clipped below noise, percent at each end': (_clipped, (2, 5, 10), {'effort_clipped'}),
     'payload every 4 s [kg]': (_payload, (1, 3, 6), set()),
+    'base that rocks [deg]': (_rocking, (1, 2, 5), set()),
+    'percent of ratings, ratio of neighbours': (_rated, (1.5, 3, 6), set()),
     'offsets that drift [N m/min]': (_drifting, (1, 3, 8), set()),
     'efforts late [s]': (_delayed, (0.02, 0.05, 0.08), {'effort_delay'}),
     'effort of joint 2 late [s]': (_delayed_alone, (0.03, 0.05, 0.08), {'effort_delay'}),
@@ -201,29 +222,49 @@ DEFECTS: dict[str, tuple[Spoil, tuple[float, float, float], set[str]]] = {
 """How to spoil a recording, the sizes from small to large, and which findings are right."""
 
 
+CAUTIONS = {
+    'revolutions, motion times': 'in revolutions',
+    'payload every 4 s [kg]': 'a payload that was taken up',
+    'base that rocks [deg]': 'A base that tilts',
+    'percent of ratings, ratio of neighbours': 'efforts seem to be motor currents',
+    'offsets that drift [N m/min]': 'Offsets of efforts drift',
+}
+"""Parts of the sentences by which a fit tells what no finding does."""
+
+
 def main(arguments: list[str]) -> int:
     """Print a line for the false alarms, and one for each defect with its three counts."""
     parser = argparse.ArgumentParser(prog='benchmarks defects', description=__doc__)
     parser.add_argument('--arms', type=int, default=20)
+    parser.add_argument('--fits', type=int, default=0, help='arms whose recordings are fitted too')
     parser.add_argument('--joints', type=int, nargs='+', default=[4, 7], choices=range(4, 8))
-    parser.add_argument('--only', nargs='+', choices=tuple(DEFECTS))
+    parser.add_argument('--only', nargs='+', choices=tuple(DEFECTS), default=tuple(DEFECTS))
     options = parser.parse_args(arguments)
     for n_joints in options.joints:
-        for line in lines(options.arms, n_joints, options.only or DEFECTS):
+        arms = [Recorded.of(seed, n_joints) for seed in range(max(options.arms, options.fits))]
+        right = {name: DEFECTS[name][2] for name in options.only}
+        for line in lines('inspect', found, arms[: options.arms], right):
+            print(line, flush=True)
+        right = {name: {CAUTIONS[name]} for name in options.only if name in CAUTIONS}
+        for line in lines('fit', cautions, arms[: options.fits], right):
             print(line, flush=True)
     return 0
 
 
-def lines(n_arms: int, n_joints: int, names: Iterable[str]) -> Iterator[str]:
-    """Yield the rows of a table in Markdown."""
-    arms = [Recorded.of(seed, n_joints) for seed in range(n_arms)]
-    alarms = Counter(code for arm in arms for code in found(arm.samples))
-    yield f'{n_joints} joints, {n_arms} arms, false alarms: {dict(alarms)}'
-    for name in names:
-        spoil, sizes, right = DEFECTS[name]
+def lines(
+    verb: str,
+    judge: Callable[[JointSamples], set[str]],
+    arms: Sequence[Recorded],
+    right: Mapping[str, set[str]],
+) -> Iterator[str]:
+    """Yield the rows of a table in Markdown: what is said of sound recordings, and of others."""
+    alarms = Counter(each for arm in arms for each in judge(arm.samples))
+    yield f'{verb} of {len(arms)} arms, false alarms: {dict(alarms)}'
+    for name, names in right.items():
+        spoil, sizes, _ = DEFECTS[name]
         cells = []
         for size in sizes:
-            hits = sum(bool(right & found(spoil(arm, size))) for arm in arms)
+            hits = sum(bool(names & judge(spoil(arm, size))) for arm in arms)
             cells.append(f'{size:g}: {hits}')
         yield f'| {name} | {" | ".join(cells)} |'
 
@@ -232,3 +273,11 @@ def found(samples: JointSamples) -> set[str]:
     """Return the codes of errors and warnings."""
     findings = examine(evidence_of(samples))
     return {finding.code for finding in findings if finding.severity != 'note'}
+
+
+def cautions(samples: JointSamples) -> set[str]:
+    """Return what a fit tells: parts of known sentences, and other sentences whole."""
+    data = for_training(preprocess(samples), PreprocessingSettings(), ARTICULATED)
+    model = fit(data)
+    told = summary_cautions(model.joint_names, model.summary)
+    return {next((part for part in CAUTIONS.values() if part in text), text) for text in told}

@@ -137,6 +137,14 @@ class SimulatedArm:
 
         return self._changed(load)
 
+    def with_gravity(self, gravity: Array) -> SimulatedArm:
+        """Copy in another field of gravity (3,) [m/s^2], as on a base that is tilted."""
+
+        def turn(model: Any) -> None:
+            model.gravity.linear = np.array(gravity, dtype=np.float64)
+
+        return self._changed(turn)
+
     def _changed(self, change: Callable[[Any], None]) -> SimulatedArm:
         other = copy.copy(self)
         other._model = self._model.copy()

@@ -29,14 +29,17 @@ RATE, SECONDS, NOISE = 25.0, 40.0, 0.02
 PUSHES = ((6.0, 8.0), (25.0, 27.0))
 
 
-def recorded(seed: int, push: float = 0.0, friction: float = 0.0) -> tuple[ChainArm, Dataset]:
+def recorded(
+    seed: int, push: float = 0.0, friction: float = 0.0, n_joints: int = 3
+) -> tuple[ChainArm, Dataset]:
     """Record an arm in smooth motion that is pushed twice, by a share of the torques."""
     rng = np.random.default_rng(seed)
-    arm = random_arm((R, R, R), seed=2)
+    arm = random_arm((R,) * n_joints, seed=2)
     t = np.arange(0.0, SECONDS, 1.0 / RATE)
-    rate, phase = rng.uniform(0.3, 2.0, (6, 3)), rng.uniform(0.0, 6.28, (6, 3))
+    shape = 6, n_joints
+    rate, phase = rng.uniform(0.3, 2.0, shape), rng.uniform(0.0, 6.28, shape)
     angle = t[:, None, None] * rate + phase
-    size = rng.standard_normal((6, 3)) / np.sqrt(6.0)
+    size = rng.standard_normal(shape) / np.sqrt(6.0)
     q, dq, ddq = contiguous(
         np.sum(size * np.sin(angle), axis=1),
         np.sum(size * rate * np.cos(angle), axis=1),
@@ -44,7 +47,7 @@ def recorded(seed: int, push: float = 0.0, friction: float = 0.0) -> tuple[Chain
     )
     tau = arm.torque(q, dq, ddq)
     tau += noise_of(tau, NOISE) + friction * tau.std(axis=0) * np.tanh(50.0 * dq) ** 3
-    tau[pushed(t)] += push * tau.std(axis=0) * (1.0, -1.0, 1.0)
+    tau[pushed(t)] += push * tau.std(axis=0) * np.resize([1.0, -1.0], n_joints)
     return arm, Dataset.from_arrays(q, dq, ddq, tau, joint_types=arm.joint_types, t=t)
 
 

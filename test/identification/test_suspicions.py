@@ -13,6 +13,8 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.cautions import summary_cautions
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.suspicions import suspicions
 from lip_id_ros.progress import silent
 
@@ -30,6 +32,15 @@ def with_torques(dataset: Dataset, change: Array) -> Dataset:
 def test_nothing_is_suspected_of_a_sound_recording(seed: int, friction: float) -> None:
     """Nor of one with residuals that depend on the motion."""
     assert suspected(*recorded(seed, friction=friction)) == []
+
+
+@pytest.mark.parametrize('n_joints', range(1, 5))
+@pytest.mark.parametrize('seed', range(4))
+def test_errors_of_the_model_that_last_are_not_suspected(seed: int, n_joints: int) -> None:
+    """Any features of half a second explain them, those of few joints most."""
+    arm, dataset = recorded(seed, n_joints=n_joints)
+    ripple = 0.1 * dataset.tau.std(axis=0) * np.sin(5.0 * dataset.q)
+    assert suspected(arm, with_torques(dataset, ripple)) == []
 
 
 @pytest.mark.parametrize('friction', [0.0, 0.3])
@@ -59,10 +70,11 @@ def test_the_drift_of_a_joint_that_stands_is_told_with_its_size() -> None:
 
 
 @pytest.mark.parametrize('share', [0.3, 1.0])
-def test_a_payload_that_comes_and_goes_is_suspected(share: float) -> None:
-    arm, dataset = recorded(0)
+@pytest.mark.parametrize('n_joints', [3, 4, 6])
+def test_a_payload_that_comes_and_goes_is_suspected(n_joints: int, share: float) -> None:
+    arm, dataset = recorded(0, n_joints=n_joints)
     states = dataset.q, dataset.dq, dataset.ddq
-    body = np.outer([0.0, 0.0, share], arm.parameters[2])
+    body = np.outer(share * np.eye(n_joints)[-1], arm.parameters[-1])
     change = replace(arm, parameters=arm.parameters + body).torque(*states) - arm.torque(*states)
     loaded = (dataset.t % 8.0 < 4.0)[:, None]
     (text,) = suspected(arm, with_torques(dataset, loaded * change))
@@ -81,6 +93,15 @@ def test_efforts_in_percent_of_different_ratings_are_suspected() -> None:
     arm, dataset = recorded(0)
     scaled = replace(dataset, tau=100.0 * dataset.tau / np.array([30.0, 90.0, 60.0]))
     (text,) = suspected(arm, scaled)
+    assert 'give recording.effort_scale' in text
+
+
+@pytest.mark.slow
+def test_ratings_that_mislead_the_search_for_placements_are_suspected() -> None:
+    _, dataset = recorded(0, n_joints=4)
+    rated = replace(dataset, tau=dataset.tau * (1.0, 6.0, 1.0, 6.0))
+    search = ArmSearch(ArmFitter(rated))
+    (text,) = suspicions(search, search.calibrated(0, silent), 0, silent)
     assert 'give recording.effort_scale' in text
 
 

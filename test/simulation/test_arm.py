@@ -69,6 +69,14 @@ def test_pendulum_is_the_textbook_one(pendulum: SimulatedArm) -> None:
 
 
 @needs_pinocchio
+def test_gravity_that_turns_is_a_pendulum_that_turns_back(pendulum: SimulatedArm) -> None:
+    q, still = motions(1)[0], np.zeros((7, 1))
+    gravity = GRAVITY * np.array([-np.sin(0.3), 0.0, -np.cos(0.3)])
+    turned = pendulum.with_gravity(gravity).inverse_dynamics(q, still, still)
+    np.testing.assert_allclose(turned, pendulum.inverse_dynamics(q - 0.3, still, still))
+
+
+@needs_pinocchio
 def test_lift_carries_its_weight(tmp_path: Path) -> None:
     urdf = write_urdf(
         tmp_path / 'lift.urdf',
