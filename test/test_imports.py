@@ -25,6 +25,7 @@ BASE = {
     'files',
     'joint_types',
     'numba_jit',
+    'packable',
     'processes',
     'progress',
 }
@@ -37,6 +38,7 @@ PARTS = {
     'files': set(),
     'joint_types': set(),
     'numba_jit': set(),
+    'packable': set(),
     '__main__': {'cli'},
     'programs': set(),
     'processes': set(),

@@ -11,7 +11,8 @@ from typing import Any, Protocol, TypeVar
 
 from lip_id_ros.errors import DataError
 from lip_id_ros.fleet.engines import Engine
-from lip_id_ros.fleet.results import Packable, Refusal
+from lip_id_ros.fleet.results import Refusal
+from lip_id_ros.packable import Packable
 from lip_id_ros.progress import Progress
 
 Kept = TypeVar('Kept', bound=Packable)

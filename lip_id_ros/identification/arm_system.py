@@ -201,7 +201,8 @@ class ArmSystem:
 
     @property
     def _of_friction(self) -> Array:
-        return self._usual * np.where(self._positive, LOG_PRIOR, 1.0 / self._friction_std)
+        precision = np.where(self._positive, LOG_PRIOR, 1.0 / self._friction_std)
+        return np.asarray(self._usual * precision)
 
     def _prior_residual(self, state: SystemState) -> Array:
         centre = np.where(self._positive, np.log(self._friction_std), 0.0)
