@@ -3,6 +3,9 @@
 from pathlib import Path
 import sys
 
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
@@ -25,3 +28,8 @@ nb_output_stderr = 'remove'  # progress
 
 autodoc_typehints = 'description'
 autodoc_member_order = 'bysource'
+
+
+def setup(app: Sphinx) -> None:
+    """Show diagrams, which GitHub draws, as their text."""
+    app.add_lexer('mermaid', TextLexer)
