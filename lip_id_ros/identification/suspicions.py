@@ -2,7 +2,7 @@
 Causes of large residuals: drifts, a payload that comes and goes, a base that moves, other scales.
 
 Changes within a recording are compared with what the same features of other times explain, since
-any features explain residuals that last. docs/health.md has how often all are told.
+any features explain residuals that last. health.md has how often all are told.
 
 """
 
