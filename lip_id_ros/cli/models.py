@@ -25,6 +25,7 @@ from lip_id_ros.settings import Config, FitSettings, override, read_config, Reco
 Model = InverseDynamicsModel | Baseline
 
 SECTIONS = ('recording', 'preprocessing')
+EVERY_SAMPLE = {'preprocessing.decimate': 1, 'preprocessing.max_samples': 0}
 
 
 def learned(
@@ -92,6 +93,14 @@ def load_for(model: Model, sources: list[str], path: str | None, progress: Progr
 
     """
     return matched(load_dataset(sources, _config_of(model, path), progress), model)
+
+
+def load_every_sample(
+    model: Model, sources: list[str], path: str | None, progress: Progress
+) -> Dataset:
+    """Read recordings as `load_for` does, without leaving out samples between others."""
+    config = override(_config_of(model, path), EVERY_SAMPLE, 'every sample')
+    return matched(load_dataset(sources, config, progress), model)
 
 
 def fit_config(args: argparse.Namespace) -> Config:
