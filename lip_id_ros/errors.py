@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 import difflib
 
+MOST_SHOWN = 100  # characters of a value in a message
+
 
 class LipIdError(Exception):
     """Base of every error that this package raises on purpose."""
@@ -45,6 +47,15 @@ class FitError(LipIdError):
     """Fitting failed for numerical reasons."""
 
 
+def shortened(value: object) -> str:
+    """Return a value as one line for a message; of a long or deeply nested one the beginning."""
+    try:
+        text = ' '.join(repr(value).split())
+    except (RecursionError, ValueError):  # an integer of thousands of digits has no text
+        return f'such a {type(value).__name__}'
+    return text if len(text) <= MOST_SHOWN else f'{text[:MOST_SHOWN]}...'
+
+
 def closest(names: Iterable[str], known: Iterable[str]) -> list[str]:
     """Return the known name that is most like each of some unknown ones, where any is."""
     known = list(known)
@@ -63,6 +74,6 @@ def missing_joints(missing: Iterable[str], where: str, known: Iterable[str]) -> 
     )
     subject = 'joint' if len(missing) == 1 else 'joints'
     return (
-        f'{subject} {", ".join(missing)} expected in {where}, which has '
+        f'{subject} {" ".join(", ".join(missing).split())} expected in {where}, which has '
         f'{", ".join(known) or "none"}; {remedy}'
     )

@@ -23,7 +23,7 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.errors import SourceError
+from lip_id_ros.errors import shortened, SourceError
 
 PathLike = str | os.PathLike[str]
 
@@ -287,7 +287,7 @@ def path_text(path: Any) -> str:
     """Return a path as text; SourceError where it is none."""
     name = os.fspath(path) if isinstance(path, (str, os.PathLike)) else None
     if not isinstance(name, str):
-        raise SourceError(f'a path must be a text or a pathlib.Path, not {path!r}; name a file.')
+        raise SourceError(f'a path must be a text or a Path, not {shortened(path)}; name a file.')
     if '\0' in name:
         raise SourceError(f'a path must not contain NUL, but {name!r} does; correct the name.')
     return name

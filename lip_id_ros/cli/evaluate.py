@@ -84,7 +84,8 @@ def run(args: argparse.Namespace) -> None:
         outcome = predict(model, dataset, progress)
         evaluation = score(outcome)
         if args.rollout:
-            rollouts = _rollouts(model, dataset, args.urdf)
+            every = models.load_every_sample(model, args.sources, args.config, progress)
+            rollouts = _rollouts(model, _from_first(every, dataset), args.urdf)
             warnings += _not_simulated(model) + rollout_cautions(rollouts, model.joint_names)
         if args.report:
             facts = (
@@ -111,23 +112,32 @@ def run(args: argparse.Namespace) -> None:
     output.write_json(args.json, figures)
 
 
+def _from_first(every: Dataset, some: Dataset) -> Dataset:
+    """Return the samples from the first of some of them on."""
+    import numpy as np
+
+    begun = (every.segment == some.segment[0]) & (every.t >= some.t[0])
+    return every.select(np.arange(np.argmax(begun), every.n_samples))
+
+
 def _rollouts(model: InverseDynamicsModel, dataset: Dataset, urdf: str | None) -> Rollouts:
     """Simulate windows of the motion with the model, and with the arm of a URDF."""
     from lip_id_ros.description.urdf import load_description
     from lip_id_ros.evaluation.forward_dynamics import ForwardDynamics
-    from lip_id_ros.evaluation.rollout import roll_out, Rollouts
+    from lip_id_ros.evaluation.rollout import floor, roll_out, Rollouts
 
     if model.arm is None:
         raise ModelError(
             '--rollout simulates rigid links, which this model does not have; fit with the '
             'default kernel.'
         )
-    fitted = roll_out(ForwardDynamics.fitted(model.arm), dataset)
+    arm = ForwardDynamics.fitted(model.arm)
+    errors = Rollouts(roll_out(arm, dataset), floor(arm, dataset))
     if urdf is None:
-        return Rollouts(fitted)
+        return errors
     description = load_description(urdf, dataset.joint_names, dataset.joint_types)
     nominal = ForwardDynamics.nominal(description, dataset.gravity_compensated)
-    return Rollouts(fitted, roll_out(nominal, dataset))
+    return errors._replace(urdf=roll_out(nominal, dataset))
 
 
 def _not_simulated(model: InverseDynamicsModel) -> list[str]:

@@ -17,6 +17,7 @@ from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config, override, read_config, RecordingSettings
 
 SECTIONS = ('recording', 'preprocessing')
+EVERY_SAMPLE = {'preprocessing.decimate': 1, 'preprocessing.max_samples': 0}
 
 
 def load(path: str) -> InverseDynamicsModel:
@@ -47,6 +48,14 @@ def load_for(
 
     """
     return matched(load_dataset(sources, _config_of(model, path), progress), model)
+
+
+def load_every_sample(
+    model: InverseDynamicsModel, sources: list[str], path: str | None, progress: Progress
+) -> Dataset:
+    """Read recordings as `load_for` does, without leaving out samples between others."""
+    config = override(_config_of(model, path), EVERY_SAMPLE, 'every sample')
+    return matched(load_dataset(sources, config, progress), model)
 
 
 def fit_config(args: argparse.Namespace) -> Config:

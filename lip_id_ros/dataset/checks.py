@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.errors import DataError, ShapeError
+from lip_id_ros.errors import DataError, ShapeError, shortened
 from lip_id_ros.joint_types import JOINT_TYPES
 
 PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless', 'low_passed_sign')
@@ -35,9 +35,15 @@ def checked(fields: Mapping[str, Any]) -> dict[str, Any]:
     recording = fields['recording']
     if np.size(recording) == 0:
         recording = np.zeros(arrays['q'].shape[:1], np.int64)
+    if not isinstance(fields['provenance'], Mapping):
+        kind = type(fields['provenance']).__name__
+        raise DataError(f'provenance must be a mapping by name, not {kind}.')
+    if not isinstance(fields['gravity_compensated'], bool | np.bool_):
+        value = shortened(fields['gravity_compensated'])
+        raise DataError(f'gravity_compensated must be True or False, not {value}.')
     arrays['segment'] = integers('segment', fields['segment'])
     arrays['recording'] = integers('recording', recording)
-    names, types = (_texts(each, fields[each]) for each in ('joint_names', 'joint_types'))
+    names, types = (texts(each, fields[each]) for each in ('joint_names', 'joint_types'))
     check_shapes(arrays, joint_names=names, joint_types=types)
     check_joints(names, types)
     check_finite(arrays, names)
@@ -45,9 +51,10 @@ def checked(fields: Mapping[str, Any]) -> dict[str, Any]:
     return {**arrays, 'joint_names': names, 'joint_types': types}
 
 
-def _texts(name: str, values: Any) -> tuple[str, ...]:
+def texts(name: str, values: Any) -> tuple[str, ...]:
+    """Return texts, one per joint; DataError where there is no list."""
     if isinstance(values, str) or not isinstance(values, Iterable):
-        raise DataError(f'{name} must be a list with one text per joint, not {values!r}.')
+        raise DataError(f'{name} must be a list with one text per joint, not {shortened(values)}.')
     return tuple(map(str, values))
 
 

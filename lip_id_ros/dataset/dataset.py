@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike
 from lip_id_ros.arrays import Array, BoolArray, digest, IndexArray, IntArray
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import formats
-from lip_id_ros.dataset.checks import checked, floats, INDICES, PER_JOINT, PER_SAMPLE
+from lip_id_ros.dataset.checks import checked, floats, INDICES, PER_JOINT, PER_SAMPLE, texts
 from lip_id_ros.dataset.provenance import cutoffs_hz
 from lip_id_ros.dataset.subsets import farthest_points
-from lip_id_ros.errors import DataError, missing_joints
+from lip_id_ros.errors import DataError, missing_joints, shortened
 from lip_id_ros.files import path_text
 from lip_id_ros.joint_types import is_prismatic
 
@@ -180,10 +180,12 @@ class Dataset:
             If nothing is selected, or there is no such row.
 
         """
-        chosen = np.asarray(indices)
         try:
+            chosen = np.asarray(indices)
+            if chosen.ndim > 1 or np.ma.is_masked(indices):
+                raise IndexError('these have several columns, or are masked')
             rows = np.unique(np.arange(self.n_samples)[chosen if chosen.size else []])
-        except IndexError as error:
+        except (IndexError, ValueError) as error:
             raise DataError(
                 f'rows must be numbers below {self.n_samples} or a mask of so many values; '
                 f'{error}.'
@@ -204,7 +206,7 @@ class Dataset:
 
         """
         if not isinstance(fraction, Real):
-            raise DataError(f'the share of a split must be a number, not {fraction!r}.')
+            raise DataError(f'the share of a split must be a number, not {shortened(fraction)}.')
         rows = np.arange(self.n_samples)
         cut = round(fraction * self.n_samples) if 0 < fraction < 1 else 0
         if not 0 < cut < self.n_samples:
@@ -216,15 +218,16 @@ class Dataset:
 
     def with_joints(self, joint_names: Sequence[str]) -> Dataset:
         """Return the data set with its joints in this order; DataError if one is missing."""
-        missing = [name for name in joint_names if name not in self.joint_names]
+        names = texts('joint_names', joint_names)
+        missing = [name for name in names if name not in self.joint_names]
         if missing:
             raise DataError(missing_joints(missing, 'the data set', self.joint_names))
-        columns = [self.joint_names.index(name) for name in joint_names]
+        columns = [self.joint_names.index(name) for name in names]
         values = {name: getattr(self, name) for name in PER_JOINT}
         some = {name: value[:, columns] for name, value in values.items() if value is not None}
         return dataclasses.replace(
             self,
-            joint_names=tuple(joint_names),
+            joint_names=names,
             joint_types=tuple(self.joint_types[column] for column in columns),
             **some,
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeGuard
 
+from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.recording_health import serious_lines
 from lip_id_ros.evaluation.tables import percent
 from lip_id_ros.model import InverseDynamicsModel
@@ -20,7 +21,12 @@ USELESS_PERCENT = 90.0
 
 
 def fit_cautions(model: InverseDynamicsModel) -> list[str]:
-    """Return what was unusual about a fit and its recordings: sentences, if anything."""
+    """Return what was unusual about a fit, in sentences; ModelError where there is no model."""
+    if not isinstance(model, InverseDynamicsModel):
+        raise ModelError(
+            f'cautions are those of a fitted model, not of {type(model).__name__}; pass what fit '
+            'or InverseDynamicsModel.load returned.'
+        )
     found = serious_lines(model.provenance.get('findings', ()))
     return [*found, *summary_cautions(model.joint_names, model.summary)]
 

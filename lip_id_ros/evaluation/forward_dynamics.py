@@ -101,6 +101,12 @@ class ForwardDynamics:
                 'follows from a torque; give a URDF with inertials.'
             ) from error
 
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the torques, shape (N, n), that give accelerations (N, n) at once."""
+        q, dq, ddq = (np.array(values) for values in (q, dq, ddq))  # compiled for writable ones
+        bias, inertia = equations_of_motion(*self._compiled, q, dq, ddq, 0.0)
+        return np.asarray(bias + np.einsum('tij,tj->ti', inertia, ddq))
+
 
 @jit
 def equations_of_motion(

@@ -301,7 +301,7 @@ def evaluate(model: TorqueModel, dataset: Dataset, progress: Progress = silent) 
         If a joint has another type than the model's.
 
     """
-    if not hasattr(model, 'joint_names') or not isinstance(dataset, Dataset):
+    if not hasattr(model, 'predict') or not isinstance(dataset, Dataset):
         given = f'{type(model).__name__} and {type(dataset).__name__}'
         raise DataError(f'evaluate needs a model and a Dataset, not {given}; use load_dataset.')
     dataset = matched(dataset, model)

@@ -10,7 +10,7 @@ measured torques and a weak feedback, and the simulated motion is compared with 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +28,10 @@ Natural frequency of the feedback, critically damped [rad/s]: it takes half a se
 arm back, so that 0.1 s are as good as free and an arm that would topple stays near for 1 s.
 """
 STEP_S = 1e-3
+LONGEST_STEP_S = 0.1
+"""Of samples between which torques are interpolated: a longer one is a hole."""
 MOST_WINDOWS = 50
+BLOCK = 10_000  # samples whose inertia matrices are in memory at once
 FASTEST = 100.0
 """Velocity at which a simulation that diverges is stopped [rad/s or m/s]."""
 
@@ -79,11 +82,14 @@ class Rollouts(NamedTuple):
     Attributes
     ----------
     model : tuple of Rollout
+    floor : tuple of Rollout
+        What remains of the model's errors with exact torques, see `floor`.
     urdf : tuple of Rollout, or None
 
     """
 
     model: tuple[Rollout, ...]
+    floor: tuple[Rollout, ...]
     urdf: tuple[Rollout, ...] | None = None
 
     def to_json(self) -> dict[str, object]:
@@ -126,10 +132,20 @@ def roll_out(arm: ForwardDynamics, dataset: Dataset) -> tuple[Rollout, ...]:
     results = tuple(each for each in found if each is not None)
     if not results:
         raise DataError(
-            f'a rollout needs an uninterrupted motion of at least {HORIZONS_S[0]:g} s with some '
-            'samples, but there is none; evaluate a longer recording.'
+            f'a rollout needs an uninterrupted motion of at least {HORIZONS_S[0]:g} s, with '
+            f'samples at most {LONGEST_STEP_S:g} s apart, but there is none; evaluate a longer '
+            'recording, or a data set of more samples.'
         )
     return results
+
+
+def floor(arm: ForwardDynamics, dataset: Dataset) -> tuple[Rollout, ...]:
+    """Return the errors of `roll_out` with the arm's own torques: of samples and steps alone."""
+    blocks = np.array_split(np.arange(dataset.n_samples), dataset.n_samples // BLOCK + 1)
+    exact = [
+        arm.torque(*(x[rows] for x in (dataset.q, dataset.dq, dataset.ddq))) for rows in blocks
+    ]
+    return roll_out(arm, replace(dataset, tau=np.concatenate(exact)))
 
 
 def _rolled_out(arm: ForwardDynamics, dataset: Dataset, horizon: float) -> Rollout | None:
@@ -143,18 +159,17 @@ def _rolled_out(arm: ForwardDynamics, dataset: Dataset, horizon: float) -> Rollo
 
 def window_starts(dataset: Dataset, horizon: float) -> IndexArray:
     """Return rows at which windows of a length begin, evenly chosen, that hold other samples."""
-    last = _last_of_segment(dataset)
+    last = _last_without_hole(dataset)
     fits = dataset.t + horizon <= dataset.t[last]
-    fits &= np.arange(dataset.n_samples) < last
-    fits[:-1] &= dataset.t[1:] <= dataset.t[:-1] + horizon
     candidates = np.flatnonzero(fits)
     chosen = np.linspace(0, candidates.size - 1, min(MOST_WINDOWS, candidates.size))
     return candidates[np.unique(chosen.astype(np.intp))]
 
 
-def _last_of_segment(dataset: Dataset) -> IndexArray:
-    """Return the last row of the segment of every sample, shape (N,)."""
-    ends = np.flatnonzero(np.append(np.diff(dataset.segment) != 0, True))
+def _last_without_hole(dataset: Dataset) -> IndexArray:
+    """Return the last row before the next hole, or end of a segment, of every sample, (N,)."""
+    holes = (np.diff(dataset.segment) != 0) | (np.diff(dataset.t) > LONGEST_STEP_S)
+    ends = np.flatnonzero(np.append(holes, True))
     return ends[np.searchsorted(ends, np.arange(dataset.n_samples))]
 
 
@@ -187,9 +202,11 @@ def simulated(
 def measured_between(dataset: Dataset, starts: IndexArray, steps: int) -> Array:
     """Return measured positions, velocities and torques of all steps, shape (3, K, W, n)."""
     out = np.empty((3, steps, starts.size, dataset.n_joints))
-    last = _last_of_segment(dataset)
+    last = _last_without_hole(dataset)
     for w, start in enumerate(starts):
-        rows = np.arange(start, last[start] + 1)
+        to_end = dataset.t[start : last[start] + 1]
+        rows = start + np.arange(np.searchsorted(to_end, to_end[0] + steps * STEP_S) + 1)
+        rows = rows[rows <= last[start]]
         rows = rows[np.diff(dataset.t[rows], prepend=-np.inf) > 0.0]
         t = dataset.t[rows]
         motion = CubicHermiteSpline(t, dataset.q[rows], dataset.dq[rows])
@@ -204,7 +221,7 @@ def _error_squares(
 ) -> Array:
     """Return mean squares of the errors of position and velocity and of the travel, (3, n)."""
     sums, count = np.zeros((3, dataset.n_joints)), 0
-    last = _last_of_segment(dataset)
+    last = _last_without_hole(dataset)
     for w, start in enumerate(starts):
         rows = np.arange(start + 1, last[start] + 1)
         rows = rows[dataset.t[rows] <= dataset.t[start] + horizon]

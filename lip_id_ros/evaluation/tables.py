@@ -102,8 +102,8 @@ def rollout_tables(
     units = [POSITION_UNITS[kind] for kind in joint_types]
     tables = []
     for k, each in enumerate(rollouts.model):
-        head = ['joint', 'travel', 'position', 'velocity']
-        columns = [each.travel, each.position, each.velocity]
+        head = ['joint', 'travel', 'position', 'floor', 'velocity']
+        columns = [each.travel, each.position, rollouts.floor[k].position, each.velocity]
         if rollouts.urdf is not None:
             head += ['position, URDF', 'velocity, URDF']
             columns += [rollouts.urdf[k].position, rollouts.urdf[k].velocity]

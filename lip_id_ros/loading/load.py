@@ -14,7 +14,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
-from lip_id_ros.errors import ConfigError, DataError, SourceError
+from lip_id_ros.errors import ConfigError, DataError, shortened, SourceError
 from lip_id_ros.loading.election import elect_preprocessing, ELECTED
 from lip_id_ros.preprocessing.pipeline import at_most, preprocess
 from lip_id_ros.preprocessing.smoothing import longest_step
@@ -104,7 +104,9 @@ def _paths(sources: Any) -> list[PathLike]:
     paths = [sources] if is_one else list(sources)
     for path in paths:
         if not isinstance(path, (str, os.PathLike)):
-            raise SourceError(f'a source must be a path, not {path!r}; pass one path, or a list.')
+            raise SourceError(
+                f'a source must be a path, not {shortened(path)}; pass one path, or a list.'
+            )
     return paths
 
 

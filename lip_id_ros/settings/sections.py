@@ -12,9 +12,9 @@ from typing import Any, TypeVar
 
 import yaml
 
-from lip_id_ros.errors import ConfigError
+from lip_id_ros.errors import ConfigError, shortened
 from lip_id_ros.files import path_text, require_regular_file
-from lip_id_ros.settings.settings import build, Row, rows, Settings, shortened, unknown_name
+from lip_id_ros.settings.settings import build, Row, rows, Settings, unknown_name
 from lip_id_ros.settings.tables import Config
 
 Sections = TypeVar('Sections')

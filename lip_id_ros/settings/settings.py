@@ -14,10 +14,9 @@ import math
 from numbers import Integral, Real
 from typing import Any, get_type_hints, TypeVar
 
-from lip_id_ros.errors import closest, ConfigError
+from lip_id_ros.errors import closest, ConfigError, shortened
 
 _KEY = 'lip_id_ros.setting'
-MOST_SHOWN = 100  # characters of a value in a message
 
 # when a running node uses a new value of a parameter
 AT_START = 'at the start only'
@@ -218,15 +217,6 @@ def build(table: type[Table], values: Mapping[str, object], section: str, origin
             raise ConfigError(unknown_name(f'{section}.{name}', name, known, origin))
         checked[name] = known[name].check(value, f'{section}.{name} in {origin}')
     return table(**checked)
-
-
-def shortened(value: object) -> str:
-    """Return a value as text for a message: of a long or deeply nested one only the beginning."""
-    try:
-        text = repr(value)
-    except (RecursionError, ValueError):  # an integer of thousands of digits has no text
-        return f'such a {type(value).__name__}'
-    return text if len(text) <= MOST_SHOWN else f'{text[:MOST_SHOWN]}...'
 
 
 def unknown_name(label: str, name: str, known: Mapping[str, object], origin: str) -> str:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import json
 from pathlib import Path
 
+from cli.conftest import lip_id
 from export.arms import model_of, panda
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation.forward_dynamics import ForwardDynamics
 from lip_id_ros.evaluation.rollout import (
     FEEDBACK,
+    floor,
     roll_out,
     Rollout,
     rollout_cautions,
@@ -29,7 +31,7 @@ from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.terms import Presliding
 from lip_id_ros.simulation import panda as simulated_panda
-from lip_id_ros.simulation import SinusoidTrajectory
+from lip_id_ros.simulation import SinusoidTrajectory, write_bag
 from lip_id_ros.simulation.arm import MOTION, panda_urdf
 
 pytest.importorskip('pinocchio')
@@ -118,9 +120,45 @@ def test_errors_beyond_the_travel_are_a_caution() -> None:
     some = np.array([0.1, 0.2])
     good = Rollout(0.1, 50, position=0.1 * some, velocity=some, travel=some)
     lost = Rollout(1.0, 50, position=np.array([0.05, 0.3]), velocity=some, travel=some)
-    (caution,) = rollout_cautions(Rollouts((good, lost)), ('a', 'b'))
+    (caution,) = rollout_cautions(Rollouts((good, lost), (good, good)), ('a', 'b'))
     begin = 'In windows of 1 s the errors of the simulated motion exceed the travel at b: '
     assert caution.startswith(begin)
+
+
+def test_torques_are_those_that_give_the_accelerations() -> None:
+    arm = arm_with(0.3)
+    q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 20, N))
+    tau = forward(arm).torque(q, dq, ddq)
+    np.testing.assert_allclose(tau, arm.torque(q, dq, ddq), atol=1e-9)
+    found = forward(arm).acceleration(q, dq, tau, ddq, 1e-9)
+    np.testing.assert_allclose(found, ddq, rtol=1e-5, atol=1e-5)
+
+
+def test_the_floor_is_the_error_of_exact_torques() -> None:
+    """It grows as samples are left out, whatever the measured torques are."""
+    arm = arm_with(0.2)
+    data = recorded(arm)
+    wrong = replace(data, tau=0.9 * data.tau)
+    for some in (data, wrong):
+        np.testing.assert_allclose(
+            floor(forward(arm), some)[0].position, roll_out(forward(arm), data)[0].position
+        )
+    thinned = wrong.select(np.arange(0, data.n_samples, 16))
+    assert floor(forward(arm), thinned)[0].position.max() > 1e-3
+
+
+def test_no_window_bridges_a_hole() -> None:
+    data = recorded(arm_with(0.2))
+    holes = data.select(np.flatnonzero(data.t % 0.5 < 0.35))
+    starts = window_starts(holes, 0.1)
+    assert starts.size
+    assert (holes.t[starts] % 0.5 < 0.25).all()
+    assert window_starts(holes, 1.0).size == 0
+    few = data.select(np.linspace(0, data.n_samples - 1, 30).astype(int))
+    with pytest.raises(
+        DataError, match=r'samples at most 0\.1 s apart, but there is none; .*more'
+    ):
+        roll_out(forward(arm_with(0.2)), few)
 
 
 def test_windows_are_uninterrupted() -> None:
@@ -144,6 +182,27 @@ def test_links_without_inertia_are_refused() -> None:
     q, dq, tau, ddq = np.zeros((4, 1, N))
     with pytest.raises(DataError, match='links with inertia were expected'):
         nothing.acceleration(q, dq, tau, ddq, 0.0)
+
+
+@pytest.mark.slow
+def test_the_very_arm_of_a_recording_follows_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Though a fit gets few of its samples: windows are simulated with all of them."""
+    monkeypatch.chdir(tmp_path)
+    arm = arm_with(0.2)
+    model_of(arm).save('arm.npz')
+    data = recorded(arm, seconds=8.0)
+    write_bag('run', replace(data, segment=np.zeros(data.n_samples, np.int64)), start=1.7e9)
+    Path('few.yaml').write_text('preprocessing: {max_samples: 150}')
+    files = ['arm.npz', 'run', '--config', 'few.yaml', '--last', '0.5']
+    lip_id('evaluate', *files, '--rollout', '--json', 'errors.json')
+    errors = json.loads(Path('errors.json').read_text())
+    assert errors['n_samples'] == 75
+    for name in ('model', 'floor'):
+        short, long = errors['rollout'][name]
+        assert max(short['position']) < 1e-3
+        assert (short['windows'], long['windows']) == (50, 50)
 
 
 @pytest.mark.slow

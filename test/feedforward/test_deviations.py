@@ -45,6 +45,7 @@ def process_of_deviations() -> psutil.Process:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures('strange_modules')
 def test_the_newest_reference_gets_its_standard_deviations(tmp_path: Path) -> None:
     model = random_model('recursive')
     path = str(tmp_path / 'model.npz')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+import re
 
 from fleet.fleets import (
     arm_of,
@@ -21,6 +22,7 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import ConfigError, DataError
+from lip_id_ros.evaluation import fit_cautions
 from lip_id_ros.export.arm import describe
 from lip_id_ros.export.urdf import to_urdf
 from lip_id_ros.fleet.engines import LocalEngine
@@ -32,6 +34,8 @@ from lip_id_ros.settings import Config, FitSettings
 
 ARM, OTHER = arm_of(), arm_of(seed=8)
 ROBOTS, PER_ROBOT = 5, 2
+
+EPISODE = r'([\d.]+) to [\d.]+ s of (\S+\.npz)'
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('fleet')]
 
@@ -227,6 +231,20 @@ def test_a_solution_that_is_not_linear_is_found_in_one_more_pass(
     assert [count for count in engine.counts if count] == [5, 5, 5]  # others were kept
     for each in result.recordings:
         assert np.all(each.residual_rms < 0.04)
+
+
+def test_an_episode_of_contact_is_told_with_the_name_of_its_recording(tmp_path: Path) -> None:
+    sources, friction = [], friction_of(ARM, np.random.default_rng(0), 0.0)
+    touched = {'run_0': 4.0, 'run_2': 12.0}
+    for number in range(3):
+        data, name = recording(ARM, friction, seed=40 + number, count=1000), f'run_{number}'
+        push = np.abs(data.t - touched.get(name, -9.0) - 1.0) < 1.0
+        data = replace(data, tau=data.tau + 3.0 * push[:, np.newaxis] * data.tau.std(axis=0))
+        sources.append(save(data, tmp_path / f'{name}.npz', ''))
+    model = fit_fleet(sources, Config(), PlainEngine()).model
+    (text,) = [each for each in fit_cautions(model) if 'contradict the rest' in each]
+    begins = {Path(name).stem: float(begin) for begin, name in re.findall(EPISODE, text)}
+    assert begins == {name: pytest.approx(begin, abs=0.6) for name, begin in touched.items()}
 
 
 def test_nothing_to_read_is_refused(fleet: Fleet) -> None:

@@ -32,7 +32,8 @@ CAPTIONS = {
     'friction': 'Measured torque without that of the links (grey) and predicted friction (red), '
     'over the velocity of each joint. Friction can depend on load, position and acceleration too.',
     'rollout': 'Root mean square errors of simulated positions, driven by the measured torques '
-    'and a weak feedback, beside how far the joints travelled (grey); the axes are logarithmic.',
+    'and a weak feedback, beside how far the joints travelled (grey); the axes are logarithmic. '
+    'The table has the floor: what remains of the errors with exact torques.',
 }
 
 
