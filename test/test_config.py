@@ -268,7 +268,7 @@ def test_settings_from_a_pipe_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('path', [None, 3, {}, b'fit.yaml'])
 def test_settings_of_no_file_are_refused(path: Any) -> None:
-    with pytest.raises(SourceError, match=r'^a path must be a text or a pathlib\.Path, not '):
+    with pytest.raises(SourceError, match=r'^a path must be a text or a Path, not '):
         read_config(path)
 
 

@@ -144,7 +144,8 @@ def test_the_floor_is_the_error_of_exact_torques() -> None:
             floor(forward(arm), some)[0].position, roll_out(forward(arm), data)[0].position
         )
     thinned = wrong.select(np.arange(0, data.n_samples, 16))
-    assert floor(forward(arm), thinned)[0].position.max() > 1e-3
+    some, every = (floor(forward(arm), each)[0].position.max() for each in (thinned, wrong))
+    assert some > 5.0 * every
 
 
 def test_no_window_bridges_a_hole() -> None:
@@ -198,7 +199,7 @@ def test_the_very_arm_of_a_recording_follows_it(
     files = ['arm.npz', 'run', '--config', 'few.yaml', '--last', '0.5']
     lip_id('evaluate', *files, '--rollout', '--json', 'errors.json')
     errors = json.loads(Path('errors.json').read_text())
-    assert errors['n_samples'] == 75
+    assert errors['n_samples'] <= 75
     for name in ('model', 'floor'):
         short, long = errors['rollout'][name]
         assert max(short['position']) < 1e-3
