@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 
-import numpy as np
-
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.recording_factors import gather, RecordingFactors
@@ -38,6 +36,5 @@ def gathered_from(
 def gather_kept(dataset: Dataset, around: Linearisation, blocks: int = 1) -> RecordingFactors:
     """Gather the statistics of the samples that are plausible and that the arm explains."""
     dataset = moving(dataset)
-    near_rest = np.sqrt(around.noise.weights(dataset.dq))
-    kept = plausible(dataset) & explained(around.residual(dataset) * near_rest)
+    kept = plausible(dataset) & explained(around.residual(dataset))
     return gather(dataset, around, blocks, kept)

@@ -121,17 +121,11 @@ class ArmSearch:
         return np.asarray(np.log(calibration_at(chain, self._samples(START_SAMPLES)).noise_std))
 
     def residual(self, placements: Placements) -> Array:
-        """
-        Return the residuals of a calibration at all samples, shape (N, n) [N m or N].
-
-        Those near rest are divided by how many times larger the search takes their noise for.
-
-        """
+        """Return the residuals of a calibration at all samples, shape (N, n) [N m or N]."""
         dataset = self.fitter.dataset
         parts = np.array_split(np.arange(dataset.n_samples), -(-dataset.n_samples // CHUNK))
-        chunks = (self.samples(dataset.select(rows)) for rows in parts)
         return np.concatenate(
-            [placements_residual(placements, each) * np.sqrt(each.weights) for each in chunks]
+            [placements_residual(placements, self.samples(dataset.select(rows))) for rows in parts]
         )
 
     def _samples(self, count: int) -> Samples:
