@@ -181,12 +181,12 @@ def rosdep(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 def ros_packages() -> list[str]:
     prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
-    return sorted(
+    names = {
         path.name
         for prefix in prefixes
         for path in (Path(prefix) / 'share/ament_index/resource_index/packages').glob('*')
-        if path.name != PACKAGE
-    )
+    }
+    return sorted(names - {PACKAGE})
 
 
 @pytest.mark.ros

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 
 pytest.importorskip('pinocchio', reason='the simulated arm needs pinocchio')
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 SMALL = ['--joints', '3', '--models', 'recursive', '--set', 'subset=30', 'iterations=3']
 

@@ -39,7 +39,7 @@ class RecordingFactors(Packable):
 
     """
 
-    KIND = 'factors'
+    KIND = 'statistics'
     triangles: Array
     counts: Array
 

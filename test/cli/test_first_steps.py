@@ -61,7 +61,7 @@ def test_the_shell_completes_verbs_and_options(
 ) -> None:
     answer = tmp_path / 'answer'
     ran = run(
-        *(sys.executable, '-m', 'lip_id_ros.cli'),
+        *(sys.executable, '-m', 'lip_id_ros'),
         _ARGCOMPLETE='1',
         _ARGCOMPLETE_STDOUT_FILENAME=str(answer),
         COMP_LINE=line,
