@@ -66,11 +66,8 @@ def _joint_table(model: InverseDynamicsModel, origin: str) -> Table:
         header.append('unexplained [%]')
         columns.append([percent(share) for share in shares])
     if model.arm is not None:
-        terms = [list(names) for names in model.arm.friction.names()]
-        common = [name for name in terms[0] if all(name in names for names in terms)]
-        more = [', '.join(name for name in names if name not in common) for names in terms]
-        header.append(f'friction: {", ".join(common)}' + ', and' * any(more))
-        columns.append(more)
+        header.append('friction')
+        columns.append([', '.join(names) for names in model.arm.friction.names()])
     title = f'{model.kernel} kernel, {origin}{model.n_samples} samples'
     if (seconds := model.summary.get('seconds_total')) is not None:
         title += f', fitted in {seconds:.3g} s'

@@ -59,7 +59,7 @@ class Coefficient(NamedTuple):
 
 
 def friction_table(model: InverseDynamicsModel) -> tuple[Coefficient, ...]:
-    """Return the coefficients of an arm's friction, in the order of its terms; else nothing."""
+    """Return the coefficients of an arm's friction, joint by joint; else nothing."""
     arm = model.arm
     if arm is None:
         return ()
@@ -67,12 +67,13 @@ def friction_table(model: InverseDynamicsModel) -> tuple[Coefficient, ...]:
     first = len(arm.links) * (DIRECTIONS + LINK_PARAMETERS)
     std = np.linalg.norm(arm.covariance_root[first : first + basis.size], axis=1)
     labels = [label for part in basis.terms for label in _labels(part, model)]
-    return tuple(
+    found = (
         Coefficient(joint, term, value, deviation, unit)
         for (joint, term, unit), value, deviation in zip(
             labels, arm.friction.coefficients.tolist(), std.tolist(), strict=True
         )
     )
+    return tuple(sorted(found, key=lambda each: model.joint_names.index(each.joint)))
 
 
 def _labels(part: DriveTerm, model: InverseDynamicsModel) -> list[tuple[str, str, str]]:

@@ -143,7 +143,7 @@ def test_a_fit_tells_notes_by_their_number() -> None:
     assert serious_lines(2 * health['findings']) == [
         'warning slow: a is slow; hurry.',
         'warning slow: a is slow; hurry.',
-        'Notes not shown here: 2; see them with lip_id inspect.',
+        'Notes not shown here: 2; see them with lip_id inspect of the recording.',
     ]
 
 
