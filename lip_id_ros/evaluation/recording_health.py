@@ -134,7 +134,8 @@ def serious_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:
     n_notes = sum(finding['severity'] == 'note' for finding in findings)
     texts = finding_lines(finding for finding in findings if finding['severity'] != 'note')
     if n_notes:
-        texts.append(f'Notes not shown here: {n_notes}; see them with lip_id inspect of the recording.')
+        how = 'see them with lip_id inspect of the recording.'
+        texts.append(f'Notes not shown here: {n_notes}; {how}')
     return texts
 
 

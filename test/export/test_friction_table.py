@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.export.friction_table import COEFFICIENTS, friction_table
+from lip_id_ros.friction.drives import DriveTerm
 from lip_id_ros.friction.terms import FrictionTerm
 
 
@@ -35,5 +36,16 @@ def test_values_and_deviations_are_those_of_the_posterior() -> None:
     std = np.random.default_rng(0).uniform(0.1, 1.0, friction.basis.size)
     root = np.diag(np.concatenate([np.zeros(3 * 17), std]))
     table = friction_table(replace(model, arm=replace(model.arm, covariance_root=root)))
-    np.testing.assert_array_equal([each.value for each in table], friction.coefficients)
-    np.testing.assert_allclose([each.std for each in table], std)
+    order = np.argsort([owner(part) for part in friction.basis.terms], kind='stable')
+    rows = np.concatenate(
+        [np.arange(friction.basis.size)[friction.basis.slices[k]] for k in order]
+    )
+    np.testing.assert_array_equal([each.value for each in table], friction.coefficients[rows])
+    np.testing.assert_allclose([each.std for each in table], std[rows])
+    joints = [model.joint_names.index(each.joint) for each in table]
+    assert joints == sorted(joints)
+
+
+def owner(part: DriveTerm) -> int:
+    """Return the joint that has the coefficients of a term in the table."""
+    return part.drive.efforts[0][0]
