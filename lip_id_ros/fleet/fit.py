@@ -262,7 +262,7 @@ class _Fit:
         """Return the statistics of recordings in the order of their keys."""
         numbers = list(surveys)
         some = [self._sources[k] for k in numbers]
-        blocks = FOLDS if len(surveys) == 1 else 1
+        blocks = FOLDS if len(surveys) <= 2 else 1  # one of two may fail
         what = 'statistics', self._settings, linearisation_digest(around), blocks
         keys = [digest(*what, each.fingerprint) for each in some]
         function = partial(_factors, around=around, blocks=blocks, config=self._config)

@@ -58,6 +58,9 @@ Residual from which a recording contradicts the fleet: so many robust standard d
 logarithms above the median, and at least this factor.
 """
 
+NOTHING = 'has no samples that count: its drives are off, or all of it contradicts the fleet'
+"""Reason to leave out a recording."""
+
 NORMAL_MAD = 1.4826
 """Standard deviation of a normal variable in median absolute deviations."""
 
@@ -204,12 +207,14 @@ def place(
             break
         rms = found.solution.recordings.residual_rms
         reasons = contradictions(rms, np.ones(len(rms), dtype=bool), joint_names)
+        present = [kept[k] for k in found.recordings]
+        excluded |= {each.key: NOTHING for each in kept if each not in present}
         if number == len(ROUNDS) - 1 or (number > 0 and not reasons):
             break
-        excluded |= {kept[k].key: reason for k, reason in reasons.items()}
-        rest = [k for k in range(len(kept)) if k not in reasons]
-        data = _centred([kept[k] for k in rest], joint_names, found, rest)
-        kept = [kept[k] for k in rest]
+        excluded |= {present[row].key: reason for row, reason in reasons.items()}
+        rows = [row for row in range(len(present)) if row not in reasons]
+        kept = [present[row] for row in rows]
+        data = _centred(kept, joint_names, found, rows)
     placed = _placed(data, found, settings, described, excluded)
     return _with_keys(placed, [each.key for each in kept]), found.solution
 
@@ -243,14 +248,17 @@ def contradictions(rms: Array, kept: BoolArray, joint_names: Sequence[str]) -> d
     joint_names : sequence of str
 
     """
+    known = np.isfinite(rms).all(axis=1)
+    nothing = {int(k): NOTHING for k in np.flatnonzero(~known)}
     if kept.size < LEAST_RECORDINGS:
-        return {}
+        return nothing
+    kept = kept & known
     logs = np.log(np.maximum(rms, 1e-300))
     median = np.median(logs[kept], axis=0)
     spread = NORMAL_MAD * np.median(np.abs(logs[kept] - median), axis=0)
     excess = logs - median - np.maximum(FARTHEST * spread, np.log(LEAST_RATIO))
     worst = np.argmax(excess, axis=1)
-    return {
+    return nothing | {
         int(k): (
             f'contradicts the fleet: its residual at {joint_names[worst[k]]} is '
             f'{np.exp(logs[k, worst[k]] - median[worst[k]]):.1f} times the median of '

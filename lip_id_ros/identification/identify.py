@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.noise import estimate_noise, sticking_noise, TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
@@ -60,6 +60,8 @@ class Identified:
         Parameters that the posterior is about, with the noise of the samples of the fit.
     solution : Solution
         Of all samples, by recordings.
+    recordings : int array, shape (R,)
+        Numbers of the recordings in it; others have no samples that count.
     remainder : Remainder or None
         What is added to the torques of some joints, or takes their place.
     kinematics_std : DenavitHartenberg
@@ -94,6 +96,7 @@ class Identified:
     arm: ArmPosterior
     fit: ArmFit
     solution: Solution
+    recordings: IntArray
     remainder: Remainder | None
     kinematics_std: DenavitHartenberg
     geometry: Geometry
@@ -219,6 +222,7 @@ def _identified(
         arm=arm,
         fit=fit,
         solution=solution,
+        recordings=np.unique(fitter.dataset.recording),
         remainder=remainder,
         geometry=fit.geometry,
         searches_agreed=calibration.agreed,

@@ -152,12 +152,13 @@ def posterior_of(around: Linearisation, solution: Solution, some: Dataset) -> Ar
     Student's t.
 
     """
-    total = solution.deviations.total
+    deviations, count = solution.deviations, len(solution.recordings.residual_rms)
+    within = deviations.recordings * widening(count)
+    total = np.hypot(within, deviations.groups * widening(solution.n_robots))
     varying = np.flatnonzero(total)
     first = (DIRECTIONS + LINK_PARAMETERS) * len(solution.links)
     columns = np.zeros((len(solution.covariance_root), varying.size))
-    wider = total[varying] * widening(len(solution.recordings.residual_rms))
-    columns[first + varying, np.arange(varying.size)] = wider
+    columns[first + varying, np.arange(varying.size)] = total[varying]
     noise = replace(around.noise, std=solution.noise_std)
     root = np.hstack([_following(around, solution, some), columns])
     return ArmPosterior(solution.chain, solution.links, solution.friction, noise, root)
@@ -182,12 +183,12 @@ def _following(around: Linearisation, solution: Solution, some: Dataset) -> Arra
         )
         for each in (around, solution)
     )
-    change = before @ root[:last] - after[..., :first] @ root[:first]
+    change = (before - after) @ root[:last]
     rows = after[..., first:].reshape(-1, last - first)
     found, *_ = np.linalg.lstsq(rows, change.reshape(len(rows), -1), rcond=RANK)
-    return np.concatenate([root[:first], found, root[last:]])
+    return np.concatenate([root[:first], root[first:last] + found, root[last:]])
 
 
-def widening(n_recordings: int) -> float:
-    """Return the factor of a deviation between recordings with which two of them cover."""
-    return float(0.5 * t.ppf(norm.cdf(2.0), n_recordings - 1)) if n_recordings > 1 else 1.0
+def widening(count: int) -> float:
+    """Return the factor of a deviation between recordings, or robots, so that two cover."""
+    return float(0.5 * t.ppf(norm.cdf(2.0), count - 1)) if count > 1 else 1.0

@@ -67,7 +67,7 @@ class RecordingFits:
     Attributes
     ----------
     residual_rms : array, shape (R, n)
-        Of every recording with its own friction [N m or N].
+        Of every recording with its own friction [N m or N]; not a number where it has no samples.
     friction, friction_std : arrays, shape (R, K)
         Posterior means and standard deviations of the coefficients of every recording.
 
@@ -102,6 +102,7 @@ class Solution:
         With mean coefficients.
     deviations : FrictionDeviations
     recordings : RecordingFits
+    n_robots : int
     parameters : array, shape (K + W + 17 n,)
         Of the linearisation that was solved.
     friction_prior : array, shape (K,)
@@ -120,6 +121,7 @@ class Solution:
     friction: FrictionModel
     deviations: FrictionDeviations
     recordings: RecordingFits
+    n_robots: int
     parameters: Array
     friction_prior: Array
     noise_std: Array
@@ -178,7 +180,8 @@ def _fits(total: Total, parameters: Array, effects: Effects) -> RecordingFits:
     basis = total.around.friction.basis
     own = np.maximum(parameters[: basis.size] + effects.centre + effects.mean, basis.lower)
     squares = total.residual_squares(parameters, own)
-    return RecordingFits(np.sqrt(squares / total.recording_counts), own, effects.std)
+    counts = np.where(total.recording_counts > 0.0, total.recording_counts, np.nan)
+    return RecordingFits(np.sqrt(squares / counts), own, effects.std)
 
 
 class _Solver:
@@ -234,6 +237,7 @@ class _Solver:
             friction=FrictionModel(around.friction.basis, problem.friction(state)),
             deviations=self._deviations,
             recordings=self._fits,
+            n_robots=int(self._total.group.max()) + 1,
             parameters=problem.parameters(state),
             friction_prior=self._friction_std,
             noise_std=np.maximum(self._left_out.noise_std, self._least_noise),

@@ -31,6 +31,9 @@ MOST_BITS = 24
 
 STATES, SEED = 150, 0
 
+LEAST_MOTION = 0.1
+"""Velocities and accelerations of a joint at random states, at least, in the largest of all."""
+
 
 @dataclass(frozen=True, eq=False)
 class ArmPosterior:
@@ -165,6 +168,8 @@ def _random_states(
     """
     low, high = ranges
     middle, extent = 0.5 * (low + high), np.maximum(high - low, 1e-6)
+    # a joint that rested may move one day
+    extent[1:] = np.maximum(extent[1:], LEAST_MOTION * extent[1:].max(axis=1, keepdims=True))
     extent[0, ~arm.chain.prismatic] = np.pi
     shape = STATES, low.shape[1]
     states = middle[:, None] + extent[:, None] * rng.uniform(-1.0, 1.0, (3, *shape))

@@ -247,6 +247,19 @@ def test_an_episode_of_contact_is_told_with_the_name_of_its_recording(tmp_path: 
     assert begins == {name: pytest.approx(begin, abs=0.6) for name, begin in touched.items()}
 
 
+def test_a_recording_whose_drives_are_off_is_left_out(tmp_path: Path) -> None:
+    """Its neighbours got its friction, and the last of them an error."""
+    rng = np.random.default_rng(1)
+    data = [recording(ARM, friction_of(ARM, rng, 0.05), k, count=300) for k in range(5)]
+    data[2] = replace(data[2], tau=0.0 * data[2].tau, tau_noiseless=None)
+    sources = [save(each, tmp_path / f'{k}.npz', '') for k, each in enumerate(data)]
+    found = fit_fleet(sources, Config(), PlainEngine())
+    status = [each.status for each in found.recordings]
+    assert status == [FITTED, FITTED, EXCLUDED, FITTED, FITTED]
+    assert found.recordings[2].reason
+    assert np.isfinite(found.noise_std).all()
+
+
 def test_nothing_to_read_is_refused(fleet: Fleet) -> None:
     poison = fleet.sources[fleet.good + 2]
     with pytest.raises(DataError, match='at least one recording that can be read is needed'):

@@ -1,0 +1,70 @@
+"""The posterior of an arm where the samples do not show all of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from fleet.fleets import arm_of, friction_of, linearisation_of, recording, WIDTH
+import numpy as np
+import pytest
+
+from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.posterior import posterior_of
+from lip_id_ros.identification.recording_factors import gather
+from lip_id_ros.identification.simple_geometry import Geometry
+from lip_id_ros.identification.solution import Known, solve
+from lip_id_ros.identification.total import FOLDS, FrictionDeviations, Total
+from lip_id_ros.model.arm_posterior import ArmPosterior
+
+ARM = arm_of(3, ('revolute',) * 3)
+FREE = Geometry.free(3)
+
+
+def at_rest(data: Dataset, joint: int) -> Dataset:
+    """Return the recording of a motion without one of the joints."""
+    q, dq, ddq = (getattr(data, name).copy() for name in ('q', 'dq', 'ddq'))
+    q[:, joint], dq[:, joint], ddq[:, joint] = 0.3, 0.0, 0.0
+    noise = np.zeros_like(q) if data.tau_noiseless is None else data.tau - data.tau_noiseless
+    tau = ARM.torque(q, dq, ddq) + 0.8 * np.tanh(dq / WIDTH) + noise
+    return replace(data, q=q, dq=dq, ddq=ddq, tau=tau, tau_noiseless=None)
+
+
+def test_what_samples_do_not_show_is_not_taken_for_known() -> None:
+    """A joint that rested has torques of its own on a motion in which it moves."""
+    friction = np.tile([0.0, 0.8, 0.0], (3, 1))
+    data = at_rest(recording(ARM, friction, 1, count=300), 1)
+    around = linearisation_of(ARM, data)
+    fitter = ArmFitter(data)
+    known = Known(fitter.torque_std, fitter.prior, FREE)
+    found = solve(Total(around, [gather(data, around, FOLDS)]), known, replace(FREE, rigid=True))
+    arm = posterior_of(around, found, data)
+    root = found.covariance_root
+    whole = ArmPosterior(around.chain, around.links, around.friction, arm.noise, root)
+    unseen = recording(ARM, friction, 2, count=200)
+    state = unseen.q, unseen.dq, unseen.ddq
+    sizes = [np.sqrt(np.mean(each.torque_std(*state) ** 2, axis=0)) for each in (arm, whole)]
+    assert sizes[1][1] > 10.0 * found.noise_std[1]
+    np.testing.assert_allclose(sizes[0], sizes[1], rtol=0.25)
+
+
+@pytest.mark.parametrize(('groups', 'factor'), [('aabbcc', 2.26), ('abcdef', 1.32)])
+def test_deviations_between_robots_are_as_certain_as_robots_are_many(
+    groups: str, factor: float
+) -> None:
+    arm = arm_of()
+    rng = np.random.default_rng(0)
+    data = [recording(arm, friction_of(arm, rng, 0.0), k) for k in range(len(groups))]
+    around = linearisation_of(arm, data[0])
+    fitter = ArmFitter(concatenate(data))
+    free = Geometry.free(2)
+    total = Total(around, [gather(each, around) for each in data], list(groups))
+    known = Known(fitter.torque_std, fitter.prior, free)
+    found = solve(total, known, replace(free, rigid=True))
+    between = FrictionDeviations(np.zeros(6), np.full(6, 0.1))
+    arms = [
+        posterior_of(around, replace(found, deviations=each), data[0])
+        for each in (between, FrictionDeviations.none(6))
+    ]
+    columns = arms[0].covariance_root[:, arms[1].covariance_root.shape[1] :]
+    np.testing.assert_allclose(columns[columns > 0.0], 0.1 * factor, rtol=0.01)
