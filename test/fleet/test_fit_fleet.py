@@ -244,7 +244,9 @@ def test_an_episode_of_contact_is_told_with_the_name_of_its_recording(tmp_path: 
     model = fit_fleet(sources, Config(), PlainEngine()).model
     (text,) = [each for each in fit_cautions(model) if 'contradict the rest' in each]
     begins = {Path(name).stem: float(begin) for begin, name in re.findall(EPISODE, text)}
-    assert begins == {name: pytest.approx(begin, abs=0.6) for name, begin in touched.items()}
+    # what a push leaves in the fit may contradict the rest elsewhere as well
+    for name, begin in touched.items():
+        assert begins[name] == pytest.approx(begin, abs=0.6)
 
 
 def test_a_recording_whose_drives_are_off_is_left_out(tmp_path: Path) -> None:
