@@ -144,8 +144,8 @@ def test_the_floor_is_the_error_of_exact_torques() -> None:
             floor(forward(arm), some)[0].position, roll_out(forward(arm), data)[0].position
         )
     thinned = wrong.select(np.arange(0, data.n_samples, 16))
-    some, every = (floor(forward(arm), each)[0].position for each in (thinned, wrong))
-    assert float(some.max()) > 5.0 * float(every.max())
+    few, every = (floor(forward(arm), each)[0].position for each in (thinned, wrong))
+    assert float(few.max()) > 5.0 * float(every.max())
 
 
 def test_no_window_bridges_a_hole() -> None:
