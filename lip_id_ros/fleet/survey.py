@@ -17,6 +17,7 @@ from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.fleet.results import Survey
+from lip_id_ros.identification.posterior import ranges_of
 from lip_id_ros.identification.sample_selection import covering, evenly, moving
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import for_training
@@ -86,7 +87,7 @@ def mean_temperature(path: str | os.PathLike[str]) -> float:
 
 def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] = ()) -> Survey:
     """Return the survey of samples that have been preprocessed."""
-    stack = np.stack([dataset.q, dataset.dq, dataset.ddq])
+    low, high = ranges_of(dataset)
     source = _source(dataset)
     used = moving(dataset)
     some = used.select(reservoir(used))
@@ -109,8 +110,8 @@ def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] =
         seconds=_seconds(dataset),
         start_s=float(source.get('start_s', np.nan)),
         health=health,
-        low=stack.min(axis=1),
-        high=stack.max(axis=1),
+        low=low,
+        high=high,
         largest_torque=np.abs(dataset.tau).max(axis=0),
         mean_q=dataset.q.mean(axis=0),
         provenance=_shortened(source),

@@ -11,10 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import FitError
+from lip_id_ros.identification.arm_coordinates import (
+    friction_coefficients,
+    friction_numbers,
+    moved_chain,
+    straight_step,
+)
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.kinematic_calibration import NOT_FINITE, Samples
 from lip_id_ros.identification.levenberg_marquardt import minimise
@@ -22,7 +27,6 @@ from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.model.threads import in_threads
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.pseudo_inertia import (
-    LEAST_LEFT,
     link_parameter_jacobian,
     link_parameters,
     LinkScale,
@@ -142,7 +146,7 @@ class ArmProblem:
     def friction_numbers(self, coefficients: Array) -> Array:
         """Return the numbers that a state has for coefficients of friction, shape (k,)."""
         smallest = SMALLEST * self._samples.friction_std
-        return np.where(self._positive, np.log(np.maximum(coefficients, smallest)), coefficients)
+        return friction_numbers(coefficients, self._positive, smallest)
 
     def minimised(self, start: ArmState, evaluations: int, least_gain: float = 0.0) -> ArmState:
         """Descend from a state, until steps gain less than `least_gain` of log likelihood."""
@@ -163,8 +167,7 @@ class ArmProblem:
 
     def coefficients(self, state: ArmState) -> Array:
         """Return the coefficients of friction, shape (k,)."""
-        exponents = np.where(self._positive, state.friction, 0.0)
-        return np.where(self._positive, np.exp(exponents), state.friction)
+        return friction_coefficients(state.friction, self._positive)
 
     def coefficient_slopes(self, state: ArmState) -> Array:
         """Return the slopes of the coefficients of friction by the numbers of a state, (k,)."""
@@ -233,23 +236,14 @@ class ArmProblem:
 
     def stepped(self, state: ArmState, step: Array) -> ArmState:
         """Return the state that a step leads to."""
-        chain, count = state.chain, DIRECTIONS * len(state.numbers)
-        allowed = self.projector(chain) @ step[:count]
-        turn, shift = allowed.reshape(-1, 2, 3).transpose(1, 0, 2)
+        count = DIRECTIONS * len(state.numbers)
+        chain = moved_chain(state.chain, self.projector(state.chain) @ step[:count])
         links = step[count : count + state.numbers.size].reshape(state.numbers.shape)
-        chain = chain._replace(
-            rotations=chain.rotations @ Rotation.from_rotvec(turn).as_matrix(),
-            translations=chain.translations + shift,
-        )
-        friction = state.friction + self._straight(step[count + state.numbers.size :])
+        change = straight_step(step[count + state.numbers.size :], self._positive)
+        friction = state.friction + change
         return self.evaluated(
             ArmState(self.geometry.projected(chain), moved(state.numbers, links), friction)
         )
-
-    def _straight(self, step: Array) -> Array:
-        """Return the change of logarithms that changes coefficients as a step does at first."""
-        straight = self._positive & (step > LEAST_LEFT - 1.0)
-        return np.where(straight, np.log1p(np.where(straight, step, 0.0)), step)
 
     def prior_precision(self) -> Array:
         """Return inverse standard deviations of the prior of every entry of a step, (m,)."""

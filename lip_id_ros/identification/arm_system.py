@@ -13,6 +13,11 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.identification.arm_coordinates import (
+    friction_coefficients,
+    friction_numbers,
+    straight_step,
+)
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import LOG_PRIOR, SMALLEST
 from lip_id_ros.identification.levenberg_marquardt import minimise
@@ -20,7 +25,6 @@ from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.statistics import triangular
 from lip_id_ros.rigid_body.pseudo_inertia import (
-    LEAST_LEFT,
     link_parameter_jacobian,
     link_parameters,
     log_cholesky,
@@ -112,7 +116,7 @@ class ArmSystem:
         """Return the state of the present parameters."""
         smallest = SMALLEST * self._friction_std
         friction = self._around.friction.coefficients
-        numbers = np.where(self._positive, np.log(np.maximum(friction, smallest)), friction)
+        numbers = friction_numbers(friction, self._positive, smallest)
         links = log_cholesky(self._around.links, self._scale, EXISTS)
         return self._evaluated(SystemState(numbers, np.zeros(self._allowed.shape[1]), links))
 
@@ -133,8 +137,7 @@ class ArmSystem:
 
     def friction(self, state: SystemState) -> Array:
         """Return the coefficients of friction, shape (K,)."""
-        exponents = np.where(self._positive, state.friction, 0.0)
-        return np.where(self._positive, np.exp(exponents), state.friction)
+        return friction_coefficients(state.friction, self._positive)
 
     def step(self, state: SystemState) -> Array:
         """Return the step of the placements, shape (6 n,)."""
@@ -162,9 +165,7 @@ class ArmSystem:
     def stepped(self, state: SystemState, step: Array) -> SystemState:
         """Return the state that a step leads to; parameters move along straight lines."""
         first, last = state.friction.size, state.friction.size + state.placements.size
-        own = step[:first]
-        straight = self._positive & (own > LEAST_LEFT - 1.0)
-        friction = np.where(straight, np.log1p(np.where(straight, own, 0.0)), own)
+        friction = straight_step(step[:first], self._positive)
         numbers = moved(state.numbers, step[last:].reshape(state.numbers.shape))
         placements = state.placements + step[first:last]
         return self._evaluated(SystemState(state.friction + friction, placements, numbers))

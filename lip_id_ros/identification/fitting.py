@@ -17,6 +17,7 @@ from lip_id_ros.gp import fit_process
 from lip_id_ros.identification.arm_fit import Described
 from lip_id_ros.identification.arm_prior import DescriptionSettings
 from lip_id_ros.identification.identify import Identified, identify, LEAST_SAMPLES_PER_JOINT
+from lip_id_ros.identification.posterior import ranges_of
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.model.fit_checks import with_checks
@@ -77,7 +78,7 @@ def fit(
         joint_names=dataset.joint_names,
         joint_types=dataset.joint_types,
         potential_reference=dataset.q.mean(axis=0),
-        training_range=_range(dataset),
+        training_range=ranges_of(dataset),
         largest_torque=np.abs(dataset.tau).max(axis=0),
         n_samples=len(process.states) if process else dataset.n_samples,
         effort_calibrations=effort_calibrations(dataset.provenance, dataset.joint_names),
@@ -185,11 +186,6 @@ def _twists(found: Identified) -> list[float | None]:
     """Return the twists that were elected to be quarter turns, None where free [degrees]."""
     twists = np.degrees(found.geometry.twists)
     return [None if np.isnan(twist) else round(float(twist)) for twist in twists]
-
-
-def _range(dataset: Dataset) -> tuple[Array, Array]:
-    stack = np.stack([dataset.q, dataset.dq, dataset.ddq])
-    return stack.min(axis=1), stack.max(axis=1)
 
 
 def _check(dataset: Dataset, settings: FitSettings) -> None:

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import blas, lapack
-from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import FitError
+from lip_id_ros.identification.arm_coordinates import moved_chain
 from lip_id_ros.identification.levenberg_marquardt import minimise
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.regressor import torque_regressor
@@ -189,9 +189,8 @@ class PlacementProblem:
 
     def stepped(self, point: Placements, step: Array) -> Placements:
         """Return the placements that a step leads to."""
-        turn, shift = step.reshape(-1, 2, 3).transpose(1, 0, 2)
-        rotations = point.chain.rotations @ Rotation.from_rotvec(turn).as_matrix()
-        return self.at(rotations, point.chain.translations + shift)
+        chain = moved_chain(point.chain, step)
+        return self.at(chain.rotations, chain.translations)
 
     def descend(
         self,

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.identification.arm_coordinates import moved_chain
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import LINK_PARAMETERS
@@ -129,18 +129,13 @@ class PayloadProblem:
         """Return the state that a step leads to."""
         arm, n = at.arm, len(at.numbers)
         placements, links, friction, body = np.split(step, np.cumsum(self._sizes()))
-        turn, shift = placements.reshape(n, 2, 3).transpose(1, 0, 2)
-        chain = arm.chain._replace(
-            rotations=arm.chain.rotations @ Rotation.from_rotvec(turn).as_matrix(),
-            translations=arm.chain.translations + shift,
-        )
         numbers = moved(at.numbers, links.reshape(n, LINK_PARAMETERS))
         coefficients, positive = arm.friction.coefficients, arm.friction.basis.is_positive
         grown = coefficients * np.exp(np.where(positive, np.clip(friction, -1.0, 1.0), 0.0))
         coefficients = np.where(positive, grown, coefficients + friction)
         moved_arm = replace(
             arm,
-            chain=chain,
+            chain=moved_chain(arm.chain, placements),
             links=link_parameters(numbers, self._scale),
             friction=FrictionModel(arm.friction.basis, coefficients),
         )

@@ -17,6 +17,7 @@ from scipy.stats import norm, t
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.identification.arm_coordinates import friction_numbers
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_AT_ONCE
 from lip_id_ros.identification.arm_problem import ArmState
 from lip_id_ros.identification.left_out_parts import LeftOut
@@ -120,8 +121,8 @@ def around_fit(dataset: Dataset, fit: ArmFit) -> Linearisation:
 def fit_of(solution: Solution, noise: TorqueNoise, geometry: Geometry) -> ArmFit:
     """Return the fit that has the parameters of a solution, and noise of a shape."""
     coefficients = solution.friction.coefficients
-    logs = np.log(np.maximum(coefficients, SMALLEST))
-    friction = np.where(solution.friction.basis.is_positive, logs, coefficients)
+    positive = solution.friction.basis.is_positive
+    friction = friction_numbers(coefficients, positive, SMALLEST)
     return ArmFit(
         ArmState(solution.chain, solution.numbers, friction),
         solution.links,

@@ -13,11 +13,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
+from lip_id_ros.identification.arm_coordinates import moved_chain
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_system import ArmSystem, SystemState
 from lip_id_ros.identification.friction_deviations import Effects
@@ -231,7 +231,7 @@ class _Solver:
         around, problem, state = self._total.around, self._problem, self._state
         free, at = self._free(self._left_out.unbiased_std, self._inflation)
         return Solution(
-            chain=moved(around.chain, problem.step(state), self._moves),
+            chain=self._moves.projected(moved_chain(around.chain, problem.step(state))),
             links=problem.links(state),
             numbers=state.numbers,
             friction=FrictionModel(around.friction.basis, problem.friction(state)),
@@ -277,17 +277,6 @@ def parts_about(
     parameters, slopes = problem.parameters(state), problem.slopes(state)
     parts = total.folds(noise_std, deviations)
     return [_about(part, parameters, slopes) for part in parts]
-
-
-def moved(chain: Chain, step: Array, geometry: Geometry) -> Chain:
-    """Return the placements that a step, shape (6 n,), leads to."""
-    turn, shift = step.reshape(-1, 2, 3).transpose(1, 0, 2)
-    return geometry.projected(
-        chain._replace(
-            rotations=chain.rotations @ Rotation.from_rotvec(turn).as_matrix(),
-            translations=chain.translations + shift,
-        )
-    )
 
 
 def _about(statistics: TorqueStatistics, parameters: Array, slopes: Array) -> TorqueStatistics:

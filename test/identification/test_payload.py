@@ -18,7 +18,7 @@ from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.identification import payload_problem
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.payload import identify_payload, Payload
-from lip_id_ros.identification.posterior import posterior
+from lip_id_ros.identification.posterior import posterior, ranges_of
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
@@ -130,11 +130,6 @@ def learned(data: Dataset, chain: Chain) -> ArmPosterior:
     fit = fitter.best_start([chain], fitter.elected(chain))
     arm = posterior(fitter, fitter.converged(data, fit))[1]
     return compacted(arm, ranges_of(data))
-
-
-def ranges_of(data: Dataset) -> tuple[Array, Array]:
-    states = np.stack([data.q, data.dq, data.ddq])
-    return states.min(axis=1), states.max(axis=1)
 
 
 def plain_arm() -> ArmDescription:

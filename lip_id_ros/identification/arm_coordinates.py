@@ -1,0 +1,47 @@
+"""
+The coordinates in which arms are fitted: steps of placements, logarithms of positive friction.
+
+Coefficients of friction that must be positive are exponentials; the others are as they are.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.pseudo_inertia import LEAST_LEFT
+
+
+def moved_chain(chain: Chain, step: Array) -> Chain:
+    """
+    Return the placements that a step leads to.
+
+    The step, shape (6 n,), turns each joint about its own axes, and shifts it in its parent
+    [rad, m].
+
+    """
+    turn, shift = step.reshape(-1, 2, 3).transpose(1, 0, 2)
+    return chain._replace(
+        rotations=chain.rotations @ Rotation.from_rotvec(turn).as_matrix(),
+        translations=chain.translations + shift,
+    )
+
+
+def friction_numbers(coefficients: Array, positive: BoolArray, least: Array | float) -> Array:
+    """Return the numbers of coefficients, shape (K,); positive ones count as `least` below it."""
+    return np.where(positive, np.log(np.maximum(coefficients, least)), coefficients)
+
+
+def friction_coefficients(numbers: Array, positive: BoolArray) -> Array:
+    """Return the coefficients that numbers stand for, shape (K,)."""
+    exponents = np.where(positive, numbers, 0.0)
+    return np.where(positive, np.exp(exponents), numbers)
+
+
+def straight_step(step: Array, positive: BoolArray) -> Array:
+    """Return the change of numbers that changes coefficients as a step does at first, (K,)."""
+    straight = positive & (step > LEAST_LEFT - 1.0)
+    return np.where(straight, np.log1p(np.where(straight, step, 0.0)), step)
