@@ -212,30 +212,26 @@ class _Fit:
         contradicting = {k: excluded[s.key] for k, s in surveys.items() if s.key in excluded}
         some = placed.dataset.select(evenly(placed.dataset.n_samples, SAMPLES))
         fixed = replace(known.geometry, rigid=True)
+        gathered = self._gathered(surveys, around, STATISTICS)
         for moves in (known.geometry, fixed):
-            solved = self._solved(surveys, around, known, moves, contradicting, STATISTICS)
+            solved = self._solved(surveys, gathered, around, known, moves, contradicting)
             if is_linear(around, solved.solution, some):
                 return solved
         found = solved.solution
         around = replace(around, chain=found.chain, links=found.links, friction=found.friction)
-        return self._solved(surveys, around, known, fixed, solved.contradicting, ONCE_MORE)
+        gathered = self._gathered(surveys, around, ONCE_MORE)
+        return self._solved(surveys, gathered, around, known, fixed, solved.contradicting)
 
     def _solved(
         self,
         surveys: dict[int, Survey],
+        gathered: dict[int, RecordingFactors],
         around: Linearisation,
         known: Known,
         moves: Geometry,
         contradicting: Mapping[int, str],
-        stage: str,
     ) -> _Solved:
-        """Gather statistics, and solve without the recordings that contradict the fleet."""
-        gathered = self._gathered(surveys, around, stage)
-        if not gathered:
-            raise DataError(
-                'at least one recording that can be read twice was expected, but there is none; '
-                f'the first: {next(iter(self._reasons.values()))[1]}'
-            )
+        """Solve without the recordings that contradict the fleet."""
         numbers = list(gathered)
         groups = [surveys[k].group for k in numbers]
         statistics = Total(around, list(gathered.values()), groups)
@@ -270,6 +266,11 @@ class _Fit:
         for number in numbers:  # what failed in the pass before may have gone well in this one
             self._reasons.pop(number, None)
         self._reasons |= {numbers[k]: (FAILED, reason) for k, reason in failed.items()}
+        if not found:
+            raise DataError(
+                'at least one recording that can be read twice was expected, but there is none; '
+                f'the first: {next(iter(self._reasons.values()))[1]}'
+            )
         return {numbers[k]: found[k] for k in sorted(found)}
 
     def _recordings(

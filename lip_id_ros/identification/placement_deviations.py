@@ -17,7 +17,13 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification.left_out_parts import solved
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.identification.solution import Known, parts_about, Solution, system_of
+from lip_id_ros.identification.solution import (
+    coordinates_of,
+    Known,
+    parts_about,
+    Solution,
+    system_of,
+)
 from lip_id_ros.identification.statistics import TorqueStatistics
 from lip_id_ros.identification.total import Total
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table_std
@@ -36,7 +42,7 @@ def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitH
     problem = system_of(total, known, noise, deviations, solution.inflation)
     state = problem.start()
     parts = parts_about(total, problem, state, noise, deviations)
-    prior = system_of(total, known, noise, deviations).prior_rows(state)
+    prior = coordinates_of(total, known).prior_rows(state)
     shown = jackknife_root(parts, prior, noise)
     first, size = total.around.basis.size, total.around.n_placements
     steps = problem.slopes(state)[first : first + size] @ shown

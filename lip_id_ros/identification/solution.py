@@ -136,8 +136,10 @@ class Solution:
 
 def solve(total: Total, known: Known, moves: Geometry) -> Solution:
     """Solve for arm, friction and its deviations, and the noise."""
-    *_, last = solutions(total, known, moves)
-    return last
+    solver = _Solver(total, known, moves)
+    for _ in range(ROUNDS):
+        solver.round()
+    return solver.solution()
 
 
 def solutions(total: Total, known: Known, moves: Geometry) -> Iterator[Solution]:
@@ -163,7 +165,7 @@ def left_out_at_present(total: Total, known: Known) -> LeftOut:
     """Return what left-out parts show of the present parameters of a linearisation."""
     noise = total.around.noise.std
     none = FrictionDeviations.none(total.around.n_friction)
-    problem = system_of(total, known, noise, none)
+    problem = coordinates_of(total, known)
     state = problem.start()
     parts = parts_about(total, problem, state, noise, none)
     return measure_left_out(parts, problem.prior_rows(state), noise)
@@ -219,9 +221,10 @@ class _Solver:
         effects = total.effects(noise, parameters).estimated(self._start)
         self._deviations = FrictionDeviations(effects.recordings, effects.groups)
         self._fits = _fits(total, parameters, effects)
-        squares = total.squared_residuals(self._noise, self._deviations, parameters)
+        squares = total.merged(self._noise, self._deviations).squared_residuals(parameters)
         self._noise = np.maximum(np.sqrt(squares / total.counts), self._least_noise)
-        free, at = self._free(self._noise)
+        free = coordinates_of(total, self._known)
+        at = self._freed(free)
         parts = parts_about(total, free, at, self._noise, self._deviations)
         self._left_out = measure_left_out(parts, free.prior_rows(at), self._noise)
         self._inflation = self._left_out.inflation
@@ -229,7 +232,8 @@ class _Solver:
     def solution(self) -> Solution:
         """Return what the last round has found."""
         around, problem, state = self._total.around, self._problem, self._state
-        free, at = self._free(self._left_out.unbiased_std, self._inflation)
+        noise = self._left_out.unbiased_std
+        free = system_of(self._total, self._known, noise, self._deviations, self._inflation)
         return Solution(
             chain=self._moves.projected(moved_chain(around.chain, problem.step(state))),
             links=problem.links(state),
@@ -242,14 +246,19 @@ class _Solver:
             friction_prior=self._friction_std,
             noise_std=np.maximum(self._left_out.noise_std, self._least_noise),
             left_out=self._left_out,
-            covariance_root=free.covariance_root(at),
+            covariance_root=free.covariance_root(self._freed(free)),
         )
 
-    def _free(self, noise: Array, inflation: float = 1.0) -> tuple[ArmSystem, SystemState]:
-        """Return the problem in which all placements move that the geometry leaves free."""
-        problem, state = self._problem, self._state
-        free = system_of(self._total, self._known, noise, self._deviations, inflation)
-        return free, free.at(problem.step(state), state)
+    def _freed(self, problem: ArmSystem) -> SystemState:
+        """Return the present state where all placements move that the geometry leaves free."""
+        return problem.at(self._problem.step(self._state), self._state)
+
+
+def coordinates_of(total: Total, known: Known) -> ArmSystem:
+    """Return the problem of no rows: its parameters, their slopes and the prior alone."""
+    none = np.zeros((0, total.around.size + 1))
+    prior = known.prior, known.geometry, friction_std(total, known)
+    return ArmSystem(total.around, none, *prior)
 
 
 def system_of(

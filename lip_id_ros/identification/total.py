@@ -105,12 +105,6 @@ class Total:
             merged.append(triangular(*(_whitened(each[None], between)[0] for each in rows)))
         return self._statistics(merged, self.counts)
 
-    def squared_residuals(
-        self, noise_std: Array, deviations: FrictionDeviations, parameters: Array
-    ) -> Array:
-        """Return sums of squares of whitened residuals, shape (n,) [(N m)^2 or N^2]."""
-        return self.merged(noise_std, deviations).squared_residuals(parameters)
-
     def folds(self, noise_std: Array, deviations: FrictionDeviations) -> list[TorqueStatistics]:
         """Return the statistics of parts that are left out, whitened likewise."""
         if len(self.recordings) == 1:
