@@ -229,7 +229,7 @@ CAUTIONS = {
     'percent of ratings, ratio of neighbours': 'efforts seem to be motor currents',
     'offsets that drift [N m/min]': 'Offsets of efforts drift',
 }
-"""Parts of the sentences by which a fit tells what no finding does."""
+"""Parts of the sentences with which a fit reports what no finding does."""
 
 
 def main(arguments: list[str]) -> int:
@@ -276,8 +276,8 @@ def found(samples: JointSamples) -> set[str]:
 
 
 def cautions(samples: JointSamples) -> set[str]:
-    """Return what a fit tells: parts of known sentences, and other sentences whole."""
+    """Return what a fit reports: parts of known sentences, and other sentences whole."""
     data = for_training(preprocess(samples), PreprocessingSettings(), ARTICULATED)
     model = fit(data)
-    told = summary_cautions(model.joint_names, model.summary)
-    return {next((part for part in CAUTIONS.values() if part in text), text) for text in told}
+    cautions = summary_cautions(model.joint_names, model.summary)
+    return {next((part for part in CAUTIONS.values() if part in text), text) for text in cautions}
