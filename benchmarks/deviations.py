@@ -96,7 +96,7 @@ def measured(samples: int, noise: str, axes: str, seed: int) -> Row:
         'within': inside.tolist(),
         'ratio': ratio.tolist(),
         'rms': np.sqrt(_means(error**2, moving)).tolist(),
-        'inflation': found.inflation,
+        'inflation': found.solution.inflation,
         'cpu_s': cpu_s,
     }
 

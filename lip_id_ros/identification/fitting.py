@@ -127,7 +127,7 @@ def fit_report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'descents': found.descents,
         'unexplained_left_out': found.unexplained.tolist(),
         'unpredicted_left_out': found.unpredicted.tolist(),
-        'covariance_inflation': found.inflation,
+        'covariance_inflation': found.solution.inflation,
         'outliers': found.outliers,
         'halves_agree': found.halves_agree,
         'suspicions': found.suspicions,
@@ -137,7 +137,7 @@ def fit_report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'denavit_hartenberg': _kinematics(found),
         'remainder': joints,
         'friction': [list(names) for names in found.arm.friction.names()],
-        'friction_between_recordings': found.recording_deviations.tolist(),
+        'friction_between_recordings': found.solution.deviations.recordings.tolist(),
         'noise_std': found.arm.noise.std.tolist(),
     }
 

@@ -59,7 +59,7 @@ class Identified:
     fit : ArmFit
         Parameters that the posterior is about, with the noise of the samples of the fit.
     solution : Solution
-        Of all samples, by recordings.
+        Of all samples, by recordings: inflation, and deviations of friction between them.
     recordings : int array, shape (R,)
         Numbers of the recordings in it; others have no samples that count.
     remainder : Remainder or None
@@ -76,8 +76,6 @@ class Identified:
         Share of each torque's variance that left-out blocks show to be unexplained.
     unpredicted : array, shape (n,)
         The same of predictions, which do not know the low-passed signs of the fit.
-    inflation : float
-        Factor of the covariance for residuals that are correlated in time.
     outliers : int
         Samples that were left out.
     disturbances : list of Episode
@@ -86,8 +84,6 @@ class Identified:
         Whether the first and the second half of the samples are of one arm.
     suspicions : list of str
         What else the recording may hold, see `lip_id_ros.identification.suspicions`.
-    recording_deviations : array, shape (K,)
-        Of friction coefficients between recordings; 0 where not estimated.
     doubts : DescriptionDoubts or None
         Where the data contradict the robot description.
 
@@ -104,12 +100,10 @@ class Identified:
     descents: int
     unexplained: Array
     unpredicted: Array
-    inflation: float
     outliers: int
     disturbances: list[Episode]
     halves_agree: bool
     suspicions: list[str]
-    recording_deviations: Array
     doubts: DescriptionDoubts | None = None
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
@@ -229,12 +223,10 @@ def _identified(
         descents=calibration.descents,
         unexplained=unexplained / fitter.torque_std**2,
         unpredicted=(unexplained + squares_of_signs(fitter.dataset, fit)) / fitter.torque_std**2,
-        inflation=solution.inflation,
         outliers=dataset.n_samples - fitter.dataset.n_samples,
         disturbances=disturbances,
         halves_agree=agree,
         suspicions=suspicions(search, calibration, seed, progress),
-        recording_deviations=solution.deviations.recordings,
         kinematics_std=kinematics_std,
         doubts=doubts(fitter, fit, described[0]) if described else None,
     )

@@ -50,9 +50,9 @@ def test_offsets_that_drift_widen_the_prediction() -> None:
     apart = [replace(part, tau=part.tau + by) for part, by in zip(same, drift, strict=True)]
     found, still = identify(concatenate(apart)), identify(concatenate(same))
     terms = found.arm.friction.names()[0]
-    offset = found.recording_deviations[terms.index('offset')]
+    offset = found.solution.deviations.recordings[terms.index('offset')]
     np.testing.assert_allclose(offset, drift[:, 0].std(ddof=1), rtol=0.4)
-    assert still.recording_deviations[terms.index('offset')] < 0.1 * offset
+    assert still.solution.deviations.recordings[terms.index('offset')] < 0.1 * offset
     state = dataset.q, dataset.dq, dataset.ddq
     widened = found.arm.torque_std(*state) / still.arm.torque_std(*state)
     assert np.median(widened[:, 0]) > 5.0
