@@ -45,3 +45,15 @@ def straight_step(step: Array, positive: BoolArray) -> Array:
     """Return the change of numbers that changes coefficients as a step does at first, (K,)."""
     straight = positive & (step > LEAST_LEFT - 1.0)
     return np.where(straight, np.log1p(np.where(straight, step, 0.0)), step)
+
+
+def coefficient_std(size: Array, torque_std: Array) -> Array:
+    """
+    Return deviations of coefficients that make torques of the measured size, shape (K,).
+
+    Features of joints have root mean squares of shape (n, K). Of a drive that is coupled to
+    several joints the smallest counts.
+
+    """
+    ratio = torque_std[:, None] / np.where(size > 0.0, size, np.nan)
+    return np.nan_to_num(np.fmin.reduce(ratio, axis=0), nan=1.0)

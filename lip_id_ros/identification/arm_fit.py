@@ -19,6 +19,7 @@ from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.identification.arm_coordinates import coefficient_std
 from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
@@ -261,9 +262,7 @@ class ArmFitter:
     def _friction_std(self, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
         """Return deviations of coefficients that make torques of the measured size, (K,)."""
         size = np.sqrt(np.mean(_features(self.some(SEARCH_SAMPLES), basis, arm) ** 2, axis=0))
-        ratio = self.torque_std[:, None] / np.where(size > 0.0, size, np.nan)
-        # of a drive that is coupled to several joints, the smallest
-        return np.nan_to_num(np.fmin.reduce(ratio, axis=0), nan=1.0)
+        return coefficient_std(size, self.torque_std)
 
     @staticmethod
     def at(fit: ArmFit, problem: ArmProblem, state: ArmState) -> ArmFit:

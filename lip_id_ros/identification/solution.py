@@ -17,7 +17,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
-from lip_id_ros.identification.arm_coordinates import moved_chain
+from lip_id_ros.identification.arm_coordinates import coefficient_std, moved_chain
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_system import ArmSystem, SystemState
 from lip_id_ros.identification.friction_deviations import Effects
@@ -312,6 +312,4 @@ def _varies(basis: FrictionBasis) -> BoolArray:
 def friction_std(total: Total, known: Known) -> Array:
     """Return deviations of coefficients that make torques of the measured size, (K,)."""
     size = np.sqrt(total.feature_squares / total.counts[:, None])
-    ratio = known.torque_std[:, None] / np.where(size > 0.0, size, np.nan)
-    # of a drive that is coupled to several joints, the smallest
-    return np.nan_to_num(np.fmin.reduce(ratio, axis=0), nan=1.0)
+    return coefficient_std(size, known.torque_std)
