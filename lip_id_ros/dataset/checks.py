@@ -13,7 +13,7 @@ from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.errors import DataError, ShapeError, shortened
 from lip_id_ros.joint_types import JOINT_TYPES
 
-PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless', 'low_passed_sign')
+PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless', 'low_passed_sign', 'dahl_states')
 PER_SAMPLE = ('t', 'kinetic', 'potential')
 INDICES = ('segment', 'recording')
 LARGEST_INDEX = 2**53  # beyond it, floats are not all the whole numbers
@@ -99,7 +99,7 @@ def check_shapes(arrays: Arrays, **per_joint: tuple[str, ...]) -> None:
         )
     for name, value in arrays.items():
         expected = shape if name in PER_JOINT else shape[:1]
-        if value.shape != expected:
+        if value.shape[: 2 if name == 'dahl_states' else None] != expected:
             raise ShapeError(f'{name} must have shape {expected} like q, not {value.shape}.')
     for name, values in per_joint.items():
         if len(values) != shape[1]:

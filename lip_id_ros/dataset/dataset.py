@@ -21,6 +21,7 @@ from lip_id_ros.dataset.provenance import cutoffs_hz
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.errors import DataError, missing_joints, shortened
 from lip_id_ros.files import path_text
+from lip_id_ros.joint_history import begins_of_times, dahl_states, JointHistory
 from lip_id_ros.joint_types import is_prismatic
 
 _NO_NUMBERS: IntArray = np.empty(0, np.int64)
@@ -53,6 +54,8 @@ class Dataset:
     low_passed_sign : ndarray, shape (N, n), optional
         Signs of the velocities after the low-pass that the torques went through, by which dry
         friction is fitted; where not given, the sign at constant acceleration stands for it.
+    dahl_states : ndarray, shape (N, n, D), optional
+        States of Dahl's friction by `remembering`, of samples before some of them are selected.
     kinetic, potential : ndarray, shape (N,), optional
         True energies [J], known in simulation.
     gravity_compensated : bool
@@ -80,6 +83,7 @@ class Dataset:
     recording: IntArray = field(default_factory=_NO_NUMBERS.copy)
     tau_noiseless: Array | None = None
     low_passed_sign: Array | None = None
+    dahl_states: Array | None = None
     kinetic: Array | None = None
     potential: Array | None = None
     gravity_compensated: bool = False
@@ -93,6 +97,10 @@ class Dataset:
     def _arrays(self) -> dict[str, Any]:
         values = {name: getattr(self, name) for name in (*PER_SAMPLE, *PER_JOINT, *INDICES)}
         return {name: value for name, value in values.items() if value is not None}
+
+    def _recorded(self) -> dict[str, Any]:
+        """Return the arrays but for what follows from them."""
+        return {name: value for name, value in self._arrays().items() if name != 'dahl_states'}
 
     @classmethod
     def from_arrays(
@@ -153,10 +161,22 @@ class Dataset:
         """Return a hash of all that a fit depends on: samples, joints, gravity and low-pass."""
         joints = *self.joint_names, *self.joint_types
         return digest(
-            self._arrays(),
+            self._recorded(),
             *(*joints, str(self.gravity_compensated)),
             *sorted(map(str, cutoffs_hz(self.provenance))),
         )
+
+    @property
+    def history(self) -> JointHistory:
+        """What is known of the past of every sample."""
+        return JointHistory(self.low_passed_sign, self.dahl_states)
+
+    def remembering(self) -> Dataset:
+        """Return the data set with the states of Dahl's friction, where it has none yet."""
+        if self.dahl_states is not None:
+            return self
+        states = dahl_states(self.q, begins_of_times(self.t, self.segment))
+        return dataclasses.replace(self, dahl_states=states)
 
     def covering(self, count: int) -> IndexArray:
         """
@@ -245,10 +265,10 @@ class Dataset:
 
         """
         if Path(path_text(path)).suffix == CSV_SUFFIX:
-            formats.write_csv(path, self._arrays(), self.joint_names)
+            formats.write_csv(path, self._recorded(), self.joint_names)
             return
         names = {'joint_names': self.joint_names, 'joint_types': self.joint_types}
-        arrays = {**self._arrays(), **names}
+        arrays = {**self._recorded(), **names}
         formats.write_npz(path, arrays, self.gravity_compensated, self.provenance)
 
     @classmethod

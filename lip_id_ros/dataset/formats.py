@@ -41,7 +41,7 @@ UNITS = {
 _ENERGIES = ('kinetic', 'potential')
 _NEEDED = ('q', 'dq', 'ddq', 'tau')
 _OPTIONAL = ('tau_noiseless', 'low_passed_sign')
-_KNOWN = (*PER_SAMPLE, *PER_JOINT, *INDICES, 'joint_names', 'joint_types')
+_KNOWN = (*PER_SAMPLE, *PER_JOINT[:-1], *INDICES, 'joint_names', 'joint_types')
 
 Arrays = Mapping[str, NDArray[Any]]
 PathLike = str | os.PathLike[str]

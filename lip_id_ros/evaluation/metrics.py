@@ -148,12 +148,17 @@ def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Ou
 
     """
     predictions, eigenvalues = [], []
+    is_arm = isinstance(model, InverseDynamicsModel) and model.arm is not None
     for q, dq, ddq in _state_blocks(dataset, BLOCK, 'predict', progress):
-        predictions.append(model.predict(q, dq, ddq))
+        if not is_arm:
+            predictions.append(model.predict(q, dq, ddq))
         if isinstance(model, DynamicsModel):
             eigenvalues.append(np.linalg.eigvalsh(model.inertia_matrix(q))[:, 0])
     smallest = np.concatenate(eigenvalues) if eigenvalues else None
-    joined = _joined(predictions)
+    if isinstance(model, InverseDynamicsModel) and is_arm:  # whole: friction may remember
+        joined = model.predict(dataset.q, dataset.dq, dataset.ddq, dataset.t)
+    else:
+        joined = _joined(predictions)
     return Outcome(dataset, joined, smallest, _within_two_std(model, dataset, joined.tau))
 
 

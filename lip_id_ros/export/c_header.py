@@ -31,6 +31,8 @@ from lip_id_ros.friction.primitives import (
     REVERSAL,
     SIGN,
     SQUARE,
+    STEP,
+    STEP_AT,
     VELOCITY,
 )
 
@@ -142,6 +144,9 @@ def _drive(
         lines.append(f'    const double {name} = tanh(v / {smooth});')
     lines.append('    double f = 0.0;')
     for name, factor, column in features:
+        if not column:
+            lines.append(f'    /* {name} needs the past of the joint: it is left out */')
+            continue
         lines.append(f'    f += {_number(factor)} * {_column(column, signs)}; /* {name} */')
     for joint, share in drive.efforts:
         torque = 'f' if share == 1.0 else f'{_number(share)} * f'
@@ -168,13 +173,17 @@ def _column(column: Column, signs: Mapping[float, str]) -> str:
 
 def _primitive(primitive: Primitive, signs: Mapping[float, str]) -> str:
     shapes = {ONE: '1.0', VELOCITY: 'v', SQUARE: 'v * fabs(v)', LOAD: 'l'}
-    text = shapes.get(primitive.shape) or signs[primitive.width]
+    text = shapes.get(primitive.shape) or signs.get(primitive.width, '')
     if primitive.shape == REVERSAL:
         text = f'(1.0 - {text} * {text}) * tanh(a / {_number(primitive.acceleration)})'
+    if primitive.shape == STEP:
+        text = f'tanh((v - {_number(primitive.centre)}) / {_number(primitive.width)})'
     if primitive.side:
         text = f'(v {">" if primitive.side > 0 else "<"} 0.0 ? {text} : 0.0)'
     if primitive.position == POSITION:
         text += ' * p'
+    elif primitive.position == STEP_AT:
+        text += f' * tanh({_number(primitive.harmonic)} * (p - {_number(primitive.centre)}))'
     elif primitive.position != ANYWHERE:
         function = 'cos' if primitive.position == COSINE else 'sin'
         text += f' * {function}({_number(primitive.harmonic)} * p)'

@@ -9,7 +9,9 @@ import numpy as np
 
 from lip_id_ros.friction import terms
 from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
 from lip_id_ros.friction.drives import DriveTerm, LoadTorque, SharedFriction
+from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.joint_types import PRISMATIC
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body import LINK_PARAMETERS
@@ -38,6 +40,7 @@ COEFFICIENTS: Mapping[type, tuple[tuple[str, str], ...]] = {
     ),
     Ripple: (('cosine', TORQUE), ('sine', TORQUE)),
     Spring: (('', 'N m/rad'),),
+    Dahl: (('', TORQUE),),
     LoadTorque: (('', '1'),),
     SharedFriction: BOTH,
 }
@@ -88,5 +91,13 @@ def _labels(part: DriveTerm, model: InverseDynamicsModel) -> list[tuple[str, str
             f'{name}, {more}' if more else name,
             unit.replace('N m', 'N').replace('rad', 'm') if linear else unit,
         )
-        for more, unit in COEFFICIENTS[type(part.term)]
+        for more, unit in _coefficients(part.term)
     ]
+
+
+def _coefficients(term: terms.FrictionTerm) -> tuple[tuple[str, str], ...]:
+    """Return what each coefficient of a term is beside its name, and its unit."""
+    if isinstance(term, PositionCurve | VelocityCurve):
+        unit = 'rad' if isinstance(term, PositionCurve) else 'rad/s'
+        return tuple((f'step at {centre:.3g} {unit}', TORQUE) for centre in term.centres)
+    return COEFFICIENTS[type(term)]

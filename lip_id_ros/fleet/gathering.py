@@ -35,6 +35,6 @@ def gathered_from(
 
 def gather_kept(dataset: Dataset, around: Linearisation, blocks: int = 1) -> RecordingFactors:
     """Gather the statistics of the samples that are plausible and that the arm explains."""
-    dataset = moving(dataset)
+    dataset = moving(dataset.remembering())
     kept = plausible(dataset) & explained(around.residual(dataset))
     return gather(dataset, around, blocks, kept)

@@ -38,7 +38,7 @@ from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.settings import FitSettings
 
-SIGNALS = ('t', 'q', 'dq', 'ddq', 'tau', 'low_passed_sign', 'segment', 'recording')
+SIGNALS = ('t', 'q', 'dq', 'ddq', 'tau', 'low_passed_sign', 'dahl_states', 'segment', 'recording')
 
 ROUNDS = ('', ', friction of each', ', without outliers')
 """
@@ -87,7 +87,7 @@ class PlacedArm(Packable):
         Key and reason of the recordings that contradict the fleet.
     processes : tuple of n tuples
         Fields of the Gaussian process of every joint; empty where it has none.
-    t, q, dq, ddq, tau, low_passed_sign, segment, recording, gravity_compensated
+    t, q, dq, ddq, tau, low_passed_sign, dahl_states, segment, recording, gravity_compensated
         Samples that the arm was identified with.
 
     """
@@ -115,6 +115,7 @@ class PlacedArm(Packable):
     ddq: Array
     tau: Array
     low_passed_sign: Array | None
+    dahl_states: Array | None
     segment: IntArray
     recording: IntArray
     gravity_compensated: bool
@@ -322,7 +323,7 @@ def _centred(
         part = data.select(data.recording == recording)
         deviation = solution.recordings.friction[number] - solution.friction.coefficients
         load = links_torque(fit.chain, fit.links, part)
-        state = part.q, part.dq, part.ddq, load, part.low_passed_sign
+        state = part.q, part.dq, part.ddq, load, part.history
         features = friction_features(fit.friction.basis, *state)
         parts.append(replace(part, tau=part.tau - features @ deviation))
     return concatenate(parts)

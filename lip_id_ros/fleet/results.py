@@ -41,6 +41,7 @@ class Survey(Packable):
         Times of the reservoir, some samples that cover the motion [s].
     q, dq, ddq, tau, low_passed_sign : arrays, shape (m, n)
         The reservoir; signs only where the data set has them.
+    dahl_states : array, shape (m, n, D)
     segment : int array, shape (m,)
     n_samples : int
         Of the recording, after preprocessing.
@@ -78,6 +79,7 @@ class Survey(Packable):
     ddq: Array
     tau: Array
     low_passed_sign: Array | None
+    dahl_states: Array | None
     segment: IntArray
     n_samples: int
     rate_hz: float

@@ -26,6 +26,9 @@ from lip_id_ros.recording.bags import Bag
 from lip_id_ros.recording.joint_samples import content_digest
 from lip_id_ros.settings import Config
 
+NUMBERS_PER_JOINT = 10
+"""Of a sample in a reservoir."""
+
 RESERVOIR_BYTES = 170_000
 MOST_RESERVOIR = 600
 """Samples of one recording that are kept, as far as `RESERVOIR_BYTES` allow."""
@@ -89,7 +92,7 @@ def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] =
     """Return the survey of samples that have been preprocessed."""
     low, high = ranges_of(dataset)
     source = _source(dataset)
-    used = moving(dataset)
+    used = moving(dataset.remembering())
     some = used.select(reservoir(used))
     return Survey(
         key=dataset.with_joints(sorted(dataset.joint_names)).digest(),
@@ -104,6 +107,7 @@ def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] =
         ddq=some.ddq,
         tau=some.tau,
         low_passed_sign=some.low_passed_sign,
+        dahl_states=some.dahl_states,
         segment=some.segment,
         n_samples=dataset.n_samples,
         rate_hz=float(source.get('rate_hz', 0.0)),
@@ -125,7 +129,7 @@ def reservoir(dataset: Dataset) -> IndexArray:
     The first identify placements best; the others have friction and noise in their usual shares.
 
     """
-    count = min(MOST_RESERVOIR, RESERVOIR_BYTES // (8 * (5 * dataset.n_joints + 2)))
+    count = min(MOST_RESERVOIR, RESERVOIR_BYTES // (8 * (NUMBERS_PER_JOINT * dataset.n_joints + 2)))
     if dataset.n_samples <= count:
         return np.arange(dataset.n_samples)
     half = covering(dataset, count // 2)
@@ -158,6 +162,7 @@ def reservoir_data(
         ddq=survey.ddq,
         tau=survey.tau,
         low_passed_sign=survey.low_passed_sign,
+        dahl_states=survey.dahl_states,
         segment=survey.segment,
         joint_names=survey.joint_names,
         joint_types=survey.joint_types,

@@ -11,6 +11,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.friction.drives import Drive
+from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
@@ -21,8 +22,11 @@ from lip_id_ros.friction.primitives import (
     REVERSAL,
     SIGN,
     SINE,
+    STEP,
+    STEP_AT,
     VELOCITY,
 )
+from lip_id_ros.joint_history import JointHistory, UNKNOWN
 from lip_id_ros.numba_jit import jit, jit_inlined
 
 
@@ -44,7 +48,7 @@ class CompiledFriction(NamedTuple):
         One past the last primitive of each drive.
     shape, side, position : int arrays, shape (p,)
         As in `Primitive`.
-    width, harmonic, acceleration, factor : arrays, shape (p,)
+    width, harmonic, acceleration, centre, factor : arrays, shape (p,)
         The factor has the coefficient in it.
     loaded : bool array, shape (p,)
 
@@ -61,6 +65,7 @@ class CompiledFriction(NamedTuple):
     width: Array
     harmonic: Array
     acceleration: Array
+    centre: Array
     factor: Array
     loaded: BoolArray
 
@@ -107,6 +112,7 @@ def _laid_out(
         np.array([each.width for each in primitives], dtype=np.float64),
         np.array([each.harmonic for each in primitives], dtype=np.float64),
         np.array([each.acceleration for each in primitives], dtype=np.float64),
+        np.array([each.centre for each in primitives], dtype=np.float64),
         np.array([factor for _, factor in every], dtype=np.float64),
         np.array([each.loaded for each in primitives], dtype=np.bool_),
     )
@@ -234,7 +240,7 @@ def friction_features(
     dq: Array,
     ddq: Array,
     load: Array,
-    sign: Array | None = None,
+    history: JointHistory = UNKNOWN,
 ) -> Array:
     """
     Return the features of friction for all torques.
@@ -243,7 +249,7 @@ def friction_features(
     ----------
     basis : FrictionBasis
     q, dq, ddq, load : arrays, shape (N, n)
-    sign : array, shape (N, n), optional
+    history : JointHistory
         As for `FrictionBasis.features`.
 
     Returns
@@ -252,9 +258,18 @@ def friction_features(
 
     """
     signs = [part.drive.signs(basis.n_joints) for part in basis.terms for _ in range(part.size)]
-    seen = basis.discrepancy(dq, ddq, sign) @ np.array(signs).reshape(-1, basis.n_joints).T
+    seen = basis.discrepancy(dq, ddq, history.sign) @ np.array(signs).reshape(-1, basis.n_joints).T
     states = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq, load, seen))
-    return _features(CompiledFriction.features_of(basis), *states)
+    out = _features(CompiledFriction.features_of(basis), *states)
+    if history.dahl is not None:
+        discrepancy = basis.discrepancy(dq, ddq, history.sign)
+        for part, place in zip(basis.terms, basis.slices, strict=True):
+            if isinstance(part.term, Dahl):
+                state = part.drive.state(
+                    q, dq, ddq, load, basis.rise_time, discrepancy, history.dahl
+                )
+                out[:, part.drive.joints[0], place] = part.term.features(state)
+    return np.asarray(out)
 
 
 @jit_inlined
@@ -310,6 +325,8 @@ def drive_friction(
             value = sign + discrepancy * share
             if shape == REVERSAL:
                 value = (1.0 - sign * sign) * _tanh(ddq / friction.acceleration[p])
+        elif shape == STEP:
+            value = _tanh((dq - friction.centre[p]) / friction.width[p])
         elif shape == LOAD:
             value = load
         else:
@@ -319,7 +336,7 @@ def drive_friction(
         if friction.loaded[p]:
             value *= abs(load)
         if friction.position[p] != ANYWHERE:
-            value *= _harmonic(friction.position[p], friction.harmonic[p] * q, q)
+            value *= _of_position(friction.position[p], q - friction.centre[p], friction.harmonic[p])
         torque += friction.factor[p] * value
     return torque
 
@@ -331,9 +348,11 @@ def _tanh(x: float) -> float:
 
 
 @jit_inlined
-def _harmonic(position: int, angle: float, q: float) -> float:
+def _of_position(position: int, q: float, harmonic: float) -> float:
     if position == POSITION:
         return q
+    if position == STEP_AT:
+        return _tanh(harmonic * q)
     if position == SINE:
-        return math.sin(angle)
-    return math.cos(angle)
+        return math.sin(harmonic * q)
+    return math.cos(harmonic * q)

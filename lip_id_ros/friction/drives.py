@@ -13,6 +13,8 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.friction import terms
 from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
+from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.primitives import Column, LOAD, Primitive, SIGN, VELOCITY
 from lip_id_ros.friction.terms import DriveState, FREE, FrictionTerm, smooth_sign
 
@@ -67,13 +69,17 @@ class Drive:
         load: Array,
         rise_time: float,
         discrepancy: Array | float = 0.0,
+        dahl: Array | None = None,
     ) -> DriveState:
         """Return the state of the drive at joint states and loads of shape (N, n)."""
         joints, ratios = list(self.joints), np.array(self.ratios)
         position, speed, acceleration = (x[:, joints] @ ratios for x in (q, dq, ddq))
         smoothing = rise_time * np.abs(acceleration)
         own = np.broadcast_to(discrepancy, dq.shape) @ self.signs(dq.shape[1])
-        return DriveState(position, speed, acceleration, load[:, joints[0]], smoothing, own)
+        states = dahl[:, joints[0]] if dahl is not None and len(joints) == 1 else None
+        return DriveState(
+            position, speed, acceleration, load[:, joints[0]], smoothing, own, states
+        )
 
     def signs(self, n_joints: int) -> Array:
         """Return the sign with which a joint turns the drive alone, shape (n,); else zeros."""
@@ -218,6 +224,9 @@ _TERMS: dict[str, type[FrictionTerm]] = {
         terms.PositionCoulomb,
         Ripple,
         Spring,
+        PositionCurve,
+        VelocityCurve,
+        Dahl,
         LoadTorque,
         SharedFriction,
     )

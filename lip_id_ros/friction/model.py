@@ -13,8 +13,10 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError, ShapeError
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SignWidth
+from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.primitives import LOAD
 from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
+from lip_id_ros.joint_history import JointHistory, UNKNOWN
 
 LEAST_SMOOTHING = 1e-12
 
@@ -64,6 +66,12 @@ class FrictionBasis:
         return np.array([bound for each in self.terms for bound in each.term.lower])
 
     @property
+    def prior_shares(self) -> Array:
+        """Prior deviations of the coefficients, as shares of those of usual size, (K,)."""
+        shares = [(getattr(each.term, 'prior_share', 1.0), each.size) for each in self.terms]
+        return np.array([share for share, size in shares for _ in range(size)])
+
+    @property
     def is_positive(self) -> BoolArray:
         """Which coefficients must be positive, shape (K,)."""
         return np.asarray(self.lower >= 0.0)
@@ -98,7 +106,7 @@ class FrictionBasis:
         return np.asarray(sign - np.tanh(dq / smoothing))
 
     def features(
-        self, q: Array, dq: Array, ddq: Array, load: Array, sign: Array | None = None
+        self, q: Array, dq: Array, ddq: Array, load: Array, history: JointHistory = UNKNOWN
     ) -> tuple[Array, ...]:
         """
         Return the features of every joint's torque, in the order of `columns`.
@@ -108,8 +116,8 @@ class FrictionBasis:
         q, dq, ddq : arrays, shape (N, n)
         load : array, shape (N, n)
             Torques or forces that the drives transmit to the links [N m or N].
-        sign : array, shape (N, n), optional
-            Of the velocities, after the low-pass that the torques went through.
+        history : JointHistory
+            As far as it is known.
 
         Returns
         -------
@@ -117,9 +125,11 @@ class FrictionBasis:
 
         """
         own: list[list[Array]] = [[np.zeros((len(q), 0))] for _ in range(self.n_joints)]
-        discrepancy = self.discrepancy(dq, ddq, sign)
+        discrepancy = self.discrepancy(dq, ddq, history.sign)
         for part in self.terms:
-            state = part.drive.state(q, dq, ddq, load, self.rise_time, discrepancy)
+            state = part.drive.state(
+                q, dq, ddq, load, self.rise_time, discrepancy, history.dahl
+            )
             features = part.term.features(state)
             for joint, share in part.drive.efforts:
                 own[joint].append(share * features)
@@ -190,7 +200,7 @@ class FrictionModel:
         return out
 
     def torque(
-        self, q: Array, dq: Array, ddq: Array, load: Array, sign: Array | None = None
+        self, q: Array, dq: Array, ddq: Array, load: Array, history: JointHistory = UNKNOWN
     ) -> Array:
         """
         Friction torques.
@@ -200,7 +210,7 @@ class FrictionModel:
         q, dq, ddq : arrays, shape (N, n)
         load : array, shape (N, n)
             Torques or forces of the links on the joints [N m or N].
-        sign : array, shape (N, n), optional
+        history : JointHistory
             As for `FrictionBasis.features`.
 
         Returns
@@ -210,13 +220,13 @@ class FrictionModel:
 
         """
         out = np.zeros_like(dq)
-        features = self.basis.features(q, dq, ddq, load, sign)
+        features = self.basis.features(q, dq, ddq, load, history)
         for joint, (rows, column) in enumerate(zip(features, self.basis.columns(), strict=True)):
             out[:, joint] = rows @ self.coefficients[column]
         return out
 
     def load_slopes(
-        self, q: Array, dq: Array, ddq: Array, load: Array, sign: Array | None = None
+        self, q: Array, dq: Array, ddq: Array, load: Array, history: JointHistory = UNKNOWN
     ) -> Array:
         """
         Differentiate the friction torques by the loads.
@@ -225,7 +235,7 @@ class FrictionModel:
 
         Parameters
         ----------
-        q, dq, ddq, load, sign : arrays, shape (N, n)
+        q, dq, ddq, load, history
             As for `torque`.
 
         Returns
@@ -238,12 +248,34 @@ class FrictionModel:
         if not loaded.basis.terms:
             return slopes
         direction = np.where(load < 0.0, -1.0, 1.0)
-        without = loaded.torque(q, dq, ddq, np.zeros_like(load), sign)
+        without = loaded.torque(q, dq, ddq, np.zeros_like(load), history)
         for j in range(self.n_joints):
             unit = direction * (np.arange(self.n_joints) == j)
-            more = loaded.torque(q, dq, ddq, unit, sign) - without
+            more = loaded.torque(q, dq, ddq, unit, history) - without
             slopes[:, :, j] = direction[:, j, None] * more
         return slopes
+
+    @cached_property
+    def remembering(self) -> FrictionModel | None:
+        """The terms that depend on the history, None if there are none."""
+        kept = [isinstance(part.term, Dahl) for part in self.basis.terms]
+        return self.with_terms(kept) if any(kept) else None
+
+    def unknown_std(self, q: Array, dq: Array, ddq: Array, share: Array) -> Array:
+        """
+        Return deviations of torques whose friction has an unknown past, (N, n) [N m or N].
+
+        `q`, `dq`, `ddq`, shape (N, n); `share`, shape (N, n, D): by `unknown_share`.
+
+        """
+        variance, load = np.zeros_like(dq), np.zeros_like(dq)
+        for part, place in zip(self.basis.terms, self.basis.slices, strict=True):
+            if isinstance(part.term, Dahl):
+                (joint,) = part.drive.joints
+                state = part.drive.state(q, dq, ddq, load, self.basis.rise_time)
+                size = self.coefficients[place] * part.term.unknown_std(state, share[:, joint])
+                variance[:, joint] += size**2
+        return np.sqrt(variance)
 
     @cached_property
     def _loaded(self) -> FrictionModel:

@@ -12,19 +12,21 @@ class Primitive(NamedTuple):
     Attributes
     ----------
     shape : int
-        One of `ONE`, `VELOCITY`, `SIGN`, `SQUARE`, `LOAD`, `REVERSAL`.
+        One of `ONE`, `VELOCITY`, `SIGN`, `SQUARE`, `LOAD`, `REVERSAL`, `STEP`.
     width : float
-        Of the smooth sign [rad/s or m/s].
+        Of the smooth sign, or of the step in velocity [rad/s or m/s].
     side : int
         1 or -1: zero where the velocity has the other sign; 0 for both.
     loaded : bool
         Times |load|.
     position : int
-        One of `ANYWHERE`, `POSITION`, `COSINE`, `SINE`.
+        One of `ANYWHERE`, `POSITION`, `COSINE`, `SINE`, `STEP_AT`.
     harmonic : float
-        Number of periods a turn.
+        Number of periods a turn; of a step in position 1 / width [1/rad or 1/m].
     acceleration : float
         Width of the smooth sign of the acceleration [rad/s^2 or m/s^2].
+    centre : float
+        Where a step is [rad, m, rad/s or m/s].
 
     """
 
@@ -35,10 +37,11 @@ class Primitive(NamedTuple):
     position: int = 0
     harmonic: float = 1.0
     acceleration: float = 1.0
+    centre: float = 0.0
 
 
-ONE, VELOCITY, SIGN, SQUARE, LOAD, REVERSAL = range(6)
-ANYWHERE, POSITION, COSINE, SINE = range(4)
+ONE, VELOCITY, SIGN, SQUARE, LOAD, REVERSAL, STEP = range(7)
+ANYWHERE, POSITION, COSINE, SINE, STEP_AT = range(5)
 
 Column = tuple[tuple[float, Primitive], ...]
 """A feature as a sum of primitives with factors, for compiled evaluation."""

@@ -55,6 +55,8 @@ class DriveState(NamedTuple):
     discrepancy : array, shape (N,), or float
         Of the sign after that low-pass to tanh(dq / smoothing), which it is at constant
         acceleration.
+    dahl : array, shape (N, D), or None
+        States of Dahl's friction, see `JointHistory`; None where they are not known.
 
     """
 
@@ -64,6 +66,7 @@ class DriveState(NamedTuple):
     load: Array
     smoothing: Array | float = 0.0
     discrepancy: Array | float = 0.0
+    dahl: Array | None = None
 
 
 def smooth_sign(state: DriveState, width: float) -> Array:

@@ -262,7 +262,7 @@ class ArmFitter:
     def _friction_std(self, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
         """Return deviations of coefficients that make torques of the measured size, (K,)."""
         size = np.sqrt(np.mean(_features(self.some(SEARCH_SAMPLES), basis, arm) ** 2, axis=0))
-        return coefficient_std(size, self.torque_std)
+        return basis.prior_shares * coefficient_std(size, self.torque_std)
 
     @staticmethod
     def at(fit: ArmFit, problem: ArmProblem, state: ArmState) -> ArmFit:
@@ -309,5 +309,5 @@ class ArmFitter:
 def _features(dataset: Dataset, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
     load = np.zeros_like(dataset.tau) if arm is None else links_torque(*arm, dataset)
     return friction_features(
-        basis, dataset.q, dataset.dq, dataset.ddq, load, dataset.low_passed_sign
+        basis, dataset.q, dataset.dq, dataset.ddq, load, dataset.history
     )

@@ -10,7 +10,9 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
+from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.friction.terms import (
     Asymmetric,
@@ -25,8 +27,9 @@ from lip_id_ros.friction.terms import (
     Stribeck,
     Viscous,
 )
-from lip_id_ros.identification.left_out import LEAST_GAIN
+from lip_id_ros.identification.left_out import LEAST_ERRORS, LEAST_GAIN
 from lip_id_ros.identification.low_pass_response import rise_time
+from lip_id_ros.joint_history import DISPLACEMENTS
 from lip_id_ros.joint_types import REVOLUTE
 
 LEAST_ACCELERATION = 1e-6
@@ -37,6 +40,16 @@ RARE_GAIN = 0.5
 Least relative decrease of left-out mean squares, summed over joints, for terms that few drives
 have, or for which the links' parameters can stand in.
 """
+
+import os
+CURVE_GAIN, CURVE_ERRORS = float(-np.log(float(os.environ.get('CG','0.8')))), float(os.environ.get('CE','2'))
+"""The same for curves, and their least gain in standard errors."""
+
+MEMORY_GAIN, MEMORY_ERRORS = float(-np.log(float(os.environ.get('MG','0.9')))), float(os.environ.get('ME','1'))
+"""The same for friction with a memory."""
+
+CURVE_STEPS, OUTSIDE = (8, 16), 0.002
+"""Numbers of their steps, and the share of the samples beyond them at either end."""
 
 COUPLING_GAIN = float(np.log(4.0))
 """
@@ -60,6 +73,12 @@ class Candidate:
 
     terms: tuple[DriveTerm, ...]
     least_gain: float = field(default=LEAST_GAIN, compare=False)
+    least_errors: float = field(default=LEAST_ERRORS, compare=False)
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether it is a curve of any shape, without a physical form."""
+        return isinstance(self.terms[0].term, VelocityCurve)
 
 
 def plain_candidates(widths: Array) -> list[Candidate]:
@@ -126,7 +145,24 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
         offers.append(Candidate(tuple(DriveTerm(own, term) for term in loaded)))
         offers.append(presliding[j])
         offers += [Candidate((DriveTerm(own, term),), RARE_GAIN) for term in rare]
+        offers += _curves(dataset, j)
+        if dataset.dahl_states is not None:
+            memories = (DriveTerm(own, Dahl(width, each)) for each in DISPLACEMENTS)
+            offers += [Candidate((term,), MEMORY_GAIN, MEMORY_ERRORS) for term in memories]
     return offers + _coupled(widths) + _transmitted(widths)
+
+
+def _curves(dataset: Dataset, joint: int) -> list[Candidate]:
+    """Return curves over the position and the velocity of a joint, over the range of most."""
+    kinds = (PositionCurve, dataset.q), (VelocityCurve, dataset.dq)
+    offers = []
+    for kind, values in kinds:
+        low, high = np.quantile(values[:, joint], (OUTSIDE, 1.0 - OUTSIDE)).tolist()
+        if high > low:
+            terms = (DriveTerm(Drive.of_joint(joint), kind(low, high, k)) for k in CURVE_STEPS)
+            least = (MEMORY_GAIN, MEMORY_ERRORS) if kind is PositionCurve else (CURVE_GAIN, CURVE_ERRORS)
+            offers += [Candidate((term,), *least) for term in terms]
+    return offers
 
 
 def _coupled(widths: Array) -> list[Candidate]:

@@ -30,15 +30,13 @@ from lip_id_ros.identification.friction_candidates import (
     presliding_candidates,
     ripple_candidates,
 )
+from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.gear_ripple import resolved_harmonics, strongest_harmonic
 from lip_id_ros.identification.left_out import LeftOutBlocks, LeftOutFit
 from lip_id_ros.identification.low_pass_response import rise_time
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.identification.sign_widths import SignWidths
-from lip_id_ros.identification.statistics import (
-    contiguous_blocks,
-    TorqueStatistics,
-)
+from lip_id_ros.identification.statistics import TorqueStatistics
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
@@ -49,6 +47,9 @@ MOST_SAMPLES = 20_000
 LOAD_ROUNDS = 3
 NOISE_ROUNDS = 2
 MOST_TERMS = 40
+
+SHOWN = 0.5
+"""Least share of its gain that a term must have with nothing left out to be judged at all."""
 
 SAME_GAIN = 1e-6
 """Difference of gains that rounding may make."""
@@ -87,7 +88,7 @@ class ElectedFriction:
         state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
         links = torque_regressor(chain, *state) @ self.link_parameters.ravel()
         friction = self.friction.torque(
-            dataset.q, dataset.dq, dataset.ddq, links, dataset.low_passed_sign
+            dataset.q, dataset.dq, dataset.ddq, links, dataset.history
         )
         residuals = dataset.tau - links - friction
         outliers = outlier_weights(residuals, self.noise.std_at(dataset.dq))
@@ -136,6 +137,7 @@ class _Election:
 
     def __init__(self, dataset: Dataset, chain: Chain, link_std: Array) -> None:
         self._dataset = dataset = _thinned(dataset, MOST_SAMPLES)
+        self._fold = recurrent_folds(dataset, BLOCKS)
         self._rise_time = rise_time(dataset)
         self._link_std = link_std
         state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
@@ -159,8 +161,13 @@ class _Election:
         fixed = np.concatenate([np.arange(self.n_links), *groups[: len(plain)]])
         ballot = _Ballot(blocks, fixed, groups[len(plain) :], offers)
         taken: list[int] = []
-        while len(taken) < MOST_TERMS and (more := ballot.best_addition(taken)) is not None:
-            taken.append(more)
+        physical = [index for index, offer in enumerate(offers) if not offer.is_curve]
+        for some in (physical, range(len(offers))):  # a curve may stand in for what has a name
+            while len(taken) < MOST_TERMS:
+                more = ballot.best_addition(taken, some)
+                if more is None:
+                    break
+                taken.append(more)
         while (idle := ballot.idle(taken)) is not None:
             taken.remove(idle)
         return [offers[index] for index in taken]
@@ -174,10 +181,10 @@ class _Election:
     def reweight(self, terms: Sequence[Candidate], fit: LeftOutFit, load: Array) -> TorqueNoise:
         """Estimate the noise from left-out residuals, and weight the samples by it from now on."""
         dataset, basis = self._dataset, self._basis(terms)
-        number = contiguous_blocks(dataset.n_samples, BLOCKS)
+        number = self._fold
         residuals = np.empty_like(dataset.tau)
         features = basis.features(
-            dataset.q, dataset.dq, dataset.ddq, load, dataset.low_passed_sign
+            dataset.q, dataset.dq, dataset.ddq, load, dataset.history
         )
         columns = basis.columns()
         for joint, (rows, column) in enumerate(zip(features, columns, strict=True)):
@@ -194,7 +201,7 @@ class _Election:
         """Return the strongest harmonic of every joint beside links and some terms."""
         dataset, basis = self._dataset, self._basis(terms)
         features = basis.features(
-            dataset.q, dataset.dq, dataset.ddq, self.no_load, dataset.low_passed_sign
+            dataset.q, dataset.dq, dataset.ddq, self.no_load, dataset.history
         )
         found = {}
         for joint, (used, own) in enumerate(zip(self._used, features, strict=True)):
@@ -236,7 +243,7 @@ class _Election:
         dataset, basis = self._dataset, self._basis(terms)
         load = self.no_load if load is None else load
         features = basis.features(
-            dataset.q, dataset.dq, dataset.ddq, load, dataset.low_passed_sign
+            dataset.q, dataset.dq, dataset.ddq, load, dataset.history
         )
         columns = basis.columns()
         rows = [
@@ -249,10 +256,9 @@ class _Election:
                 for used, own in zip(self._used, columns, strict=True)
             ]
         )
-        number = contiguous_blocks(dataset.n_samples, BLOCKS)
         blocks = []
-        for k in range(int(number[-1]) + 1):
-            inside = number == k
+        for k in range(int(self._fold.max()) + 1):
+            inside = self._fold == k
             some = [each[inside] for each in rows]
             weights = self._weights[inside]
             blocks.append(empty.update(some, dataset.tau[inside], weights, weights))
@@ -276,12 +282,17 @@ class _Ballot:
     ) -> None:
         self._blocks, self._fixed, self._groups, self._offers = blocks, fixed, groups, offers
 
-    def best_addition(self, taken: list[int]) -> int | None:
-        """Return the candidate that gains most beside those taken, if any does for sure."""
+    def best_addition(self, taken: list[int], among: Sequence[int]) -> int | None:
+        """Return which of some candidates gains most beside those taken, if any does for sure."""
         selected = self._selected(taken)
         noise = self._blocks.noise(selected)
         now = self._blocks.fit(selected, noise)
-        rest = [index for index in range(len(self._offers)) if index not in taken]
+        rest = [index for index in among if index not in taken]
+        shown = self._blocks.explained(selected, [self._groups[index] for index in rest], noise)
+        least = SHOWN * np.array([self._offers[index].least_gain for index in rest])
+        rest = [index for index, hopeful in zip(rest, shown > least, strict=True) if hopeful]
+        if not rest:
+            return None
         fits = self._blocks.with_each(selected, [self._groups[index] for index in rest], noise)
         gains = np.array(
             [_gain(now, fit, self._offers[index]) for index, fit in zip(rest, fits, strict=True)]
@@ -308,7 +319,7 @@ class _Ballot:
 def _gain(now: LeftOutFit, fit: LeftOutFit, candidate: Candidate) -> float:
     """Return what a candidate gains, or zero where that may be chance."""
     gain = now.gain(fit)
-    return gain.mean if gain.is_sure(candidate.least_gain) else 0.0
+    return gain.mean if gain.is_sure(candidate.least_gain, candidate.least_errors) else 0.0
 
 
 def _prior_std(basis: FrictionBasis, features: Sequence[Array], torque_std: Array) -> Array:
@@ -317,7 +328,7 @@ def _prior_std(basis: FrictionBasis, features: Sequence[Array], torque_std: Arra
     for rows, column, std in zip(features, basis.columns(), torque_std, strict=True):
         size = np.sqrt(np.mean(rows**2, axis=0))
         prior[column] = max(std, 1e-300) / np.where(size > 0.0, size, 1.0)
-    return prior
+    return basis.prior_shares * prior
 
 
 def _thinned(dataset: Dataset, most: int) -> Dataset:

@@ -177,7 +177,7 @@ def squares_of_signs(dataset: Dataset, fit: ArmFit) -> Array:
 
 def _residual(dataset: Dataset, fit: ArmFit) -> Array:
     state, load = (dataset.q, dataset.dq, dataset.ddq), links_torque(fit.chain, fit.links, dataset)
-    friction = fit.friction.torque(*state, load, dataset.low_passed_sign)
+    friction = fit.friction.torque(*state, load, dataset.history)
     return np.asarray(dataset.tau - load - friction)
 
 
@@ -199,7 +199,7 @@ def _of_single_states(dataset: Dataset, fit: ArmFit, noise: TorqueNoise) -> Torq
 def _identified(
     fitter: ArmFitter, seed: int, progress: Progress, described: Described | None
 ) -> Identified:
-    dataset = fitter.dataset
+    dataset = fitter.dataset.remembering()
     rows = without_long_rests(dataset)
     if rows.size < dataset.n_samples:  # a long recording is not copied for nothing
         dataset = dataset.select(rows)

@@ -182,6 +182,19 @@ class LeftOutBlocks:
             for g in range(len(groups))
         ]
 
+    def explained(
+        self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
+    ) -> Array:
+        """Return the decrease of the logarithms of mean squares, nothing left out, (groups,)."""
+        whole = np.sum(self._normal_equations(noise_std), axis=0)
+        none = [np.empty(0, dtype=np.intp)]
+        logs = []
+        for some in (none, groups):
+            thetas = self._solutions(whole, selected, some)
+            squares = sum(part.squared_residuals(thetas) for part in self._parts)
+            logs.append(np.log(np.maximum(squares, 1e-300)).sum(axis=1))
+        return np.asarray(logs[0] - logs[1])
+
     def mean_squares(
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> Array:

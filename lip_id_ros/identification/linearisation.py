@@ -111,17 +111,17 @@ class Linearisation:
             [N m or N].
 
         """
-        state, sign = _state(dataset), dataset.low_passed_sign
+        state, history = _state(dataset), dataset.history
         regressor = torque_regressor(self.chain, *state)
         load = regressor @ self.links.ravel()
         placements = placement_derivatives(self.chain, self.links, *state)
         arm = np.concatenate([placements.reshape(*load.shape, -1), regressor], axis=2)
         target = dataset.tau
         if self.friction.basis.is_loaded.any():
-            slopes = self.friction.load_slopes(*state, load, sign)
+            slopes = self.friction.load_slopes(*state, load, history)
             arm += slopes @ arm
             target = target + np.einsum('tij,tj->ti', slopes, load)
-        features = np.concatenate([friction_features(self.basis, *state, load, sign), arm], axis=2)
+        features = np.concatenate([friction_features(self.basis, *state, load, history), arm], axis=2)
         return [
             features[:, joint, np.concatenate(own)] for joint, own in enumerate(self.columns)
         ], target
@@ -133,7 +133,11 @@ class Linearisation:
         evaluate_arm_many(
             torques, *_state(dataset), *pack(arm, CompiledFriction.of(self.friction))
         )
-        return np.asarray(dataset.tau - torques[:, : self.n_joints])
+        residual = dataset.tau - torques[:, : self.n_joints]
+        if (memory := self.friction.remembering) is not None:
+            load = np.zeros_like(dataset.tau)
+            residual -= memory.torque(*_state(dataset), load, dataset.history)
+        return np.asarray(residual)
 
 
 def _state(dataset: Dataset) -> tuple[Array, Array, Array]:

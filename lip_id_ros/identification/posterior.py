@@ -137,7 +137,7 @@ def is_linear(around: Linearisation, solution: Solution, some: Dataset) -> bool:
     state = some.q, some.dq, some.ddq
     load = links_torque(solution.chain, solution.links, some)
     residual = some.tau - load
-    residual -= solution.friction.torque(*state, load, some.low_passed_sign)
+    residual -= solution.friction.torque(*state, load, some.history)
     features, target = around.rows(some)
     for joint, (rows, own) in enumerate(zip(features, around.columns, strict=True)):
         residual[:, joint] -= target[:, joint] - rows @ solution.parameters[np.concatenate(own)]

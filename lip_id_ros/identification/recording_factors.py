@@ -17,8 +17,9 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.statistics import contiguous_blocks, TorqueStatistics
+from lip_id_ros.identification.statistics import TorqueStatistics
 from lip_id_ros.packable import Packable
 
 CHUNK = 1000
@@ -33,7 +34,7 @@ class RecordingFactors(Packable):
     Attributes
     ----------
     triangles : array, shape (B, sum of (k_i + p_i + 1) (k_i + p_i + 2) / 2)
-        Of every contiguous block, upper triangles of the joints' factors, row by row.
+        Of every block, upper triangles of the joints' factors, row by row.
     counts : array, shape (B, n)
         Numbers of samples.
 
@@ -55,14 +56,14 @@ def gather(
     dataset : Dataset
     around : Linearisation
     blocks : int
-        Contiguous, of nearly as many samples.
+        Of motions with their repetitions, at most so many.
     kept : bool array, shape (N,), optional
         Samples that count; all where not given.
 
     """
     rows = np.arange(dataset.n_samples) if kept is None else np.flatnonzero(kept)
-    number = contiguous_blocks(rows.size, blocks)
-    count = int(number[-1]) + 1 if number.size else 1
+    number = recurrent_folds(dataset.select(rows), blocks) if rows.size else rows
+    count = int(number.max()) + 1 if number.size else 1
     found = [_statistics(dataset, rows[number == k], around) for k in range(count)]
     return RecordingFactors(
         np.array([packed(each.factors) for each in found]),

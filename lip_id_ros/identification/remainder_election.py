@@ -4,8 +4,8 @@ Which joints have a Gaussian process beside links and friction, or instead of th
 A coarse grid offers one length scale for all inputs. Marginal likelihood offers one for each input
 of a process instead of the links; it takes residuals that are correlated in time for signal, so
 that beside them it offers nothing. The prediction of left-out samples chooses among these, joint
-by joint, and whether there is a process at all. Left out are contiguous blocks of time, and the
-lowest and the highest positions of the joint: a model must also extrapolate.
+by joint, and whether there is a process at all. Left out are motions with all their repetitions,
+and the lowest and the highest positions of the joint: a model must also extrapolate.
 
 """
 
@@ -21,11 +21,11 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_problem import ArmProblem
+from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.length_scales import likeliest
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.identification.sparse_weights import sparse_weights
-from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.model.remainder import (
     correlation,
     FRICTION_VARIANCE,
@@ -39,7 +39,7 @@ from lip_id_ros.model.remainder import (
 MOST_SAMPLES, ELECTION_SAMPLES = 1000, 300
 """Of the processes that were elected, and of their election."""
 
-BLOCKS = 6
+BLOCKS, LEAST_FOLDS = 6, 4
 EXTREME = 1.0 / 6.0
 """Share of the samples at each end of a joint's positions that are left out together."""
 
@@ -57,6 +57,9 @@ links, and for which it does without them.
 
 NOTHING = 1e-3
 """Left-out errors, as a share of the torque's deviation, below which nothing is left to learn."""
+
+HOPELESS = float(np.sqrt(0.5))
+"""Left-out errors likewise, below which no process takes the place of links."""
 
 LARGEST_ERROR = 0.1
 """Of a mean by the weights of few samples, in its left-out error."""
@@ -149,20 +152,9 @@ class RemainderProcess:
     left_out_std: float
 
 
-def fold_masks(q: Array, number_of_samples: int, rows: IndexArray) -> list[tuple[BoolArray, int]]:
-    """
-    Return what to leave out, with the joint that it matters to: blocks of time, extreme positions.
-
-    Parameters
-    ----------
-    q : array, shape (M, n)
-    number_of_samples : int
-        Of the whole data set.
-    rows : int array, shape (M,)
-        Of the samples in the data set, which is in the order of time.
-
-    """
-    block = contiguous_blocks(number_of_samples, BLOCKS)[rows]
+def fold_masks(dataset: Dataset, rows: IndexArray) -> list[tuple[BoolArray, int]]:
+    """Return what to leave out of some rows, (M,), with the joint it matters to; -1 for all."""
+    block, q = recurrent_folds(dataset, BLOCKS)[rows], dataset.q[rows]
     masks: list[tuple[BoolArray, int]] = [(block == k, -1) for k in np.unique(block)]
     low, high = np.quantile(q, (EXTREME, 1.0 - EXTREME), axis=0)
     for joint in range(q.shape[1]):
@@ -269,8 +261,10 @@ class RemainderElection:
             return None
         best: RemainderProcess | None = None
         errors = alone
-        # Links go before what does without them, which has to earn its place.
+        # A process is wrong without bound where it is wrong, above all in place of the links.
         for replaces in (False, True):
+            if replaces and alone.block_std < HOPELESS * self._targets.tau[:, joint].std():
+                continue
             candidates = self._candidates(joint, replaces, folds)
             candidate, left_out = min(candidates, key=lambda each: each[1].score)
             if left_out.are_below(errors):
@@ -319,9 +313,10 @@ def elect_remainder(fitter: ArmFitter, fit: ArmFit) -> Remainder | None:
 
 def elect_processes(fitter: ArmFitter, fit: ArmFit) -> list[RemainderProcess | None]:
     """Return the process of every joint; None where links and friction predict better alone."""
-    count = fitter.dataset.n_samples
-    rows = evenly(count, ELECTION_SAMPLES)
-    masks = fold_masks(fitter.dataset.q[rows], count, rows)
+    rows = evenly(fitter.dataset.n_samples, ELECTION_SAMPLES)
+    masks = fold_masks(fitter.dataset, rows)
+    if sum(joint < 0 for _, joint in masks) < LEAST_FOLDS:
+        return [None] * fitter.dataset.n_joints  # whatever memorises would be selected
     folds = left_out_fits(fitter, fit, rows, masks)
     return RemainderElection(_targets(fitter, fit, rows), folds).elect()
 
@@ -387,7 +382,7 @@ def linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Arra
     if fit.friction.basis.is_loaded.any():
         load = links_torque(fit.chain, fit.links, dataset)
         loads = jacobian[..., : problem.size - fit.friction.basis.size]
-        sign = dataset.low_passed_sign
-        slopes = fit.friction.load_slopes(dataset.q, dataset.dq, dataset.ddq, load, sign)
+        history = dataset.history
+        slopes = fit.friction.load_slopes(dataset.q, dataset.dq, dataset.ddq, load, history)
         loads += slopes @ loads
     return jacobian, dataset.tau - problem.torque(fit.state)

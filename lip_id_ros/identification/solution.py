@@ -312,4 +312,4 @@ def _varies(basis: FrictionBasis) -> BoolArray:
 def friction_std(total: Total, known: Known) -> Array:
     """Return deviations of coefficients that make torques of the measured size, (K,)."""
     size = np.sqrt(total.feature_squares / total.counts[:, None])
-    return coefficient_std(size, known.torque_std)
+    return total.around.friction.basis.prior_shares * coefficient_std(size, known.torque_std)

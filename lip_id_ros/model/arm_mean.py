@@ -91,8 +91,8 @@ def _add_remainder(parts: Parts, remainder: RemainderMean, states: States) -> No
 def pack(arm: ArmPosterior, friction: CompiledFriction) -> tuple[Array, IntArray]:
     """Return the numbers of an arm with compiled friction, and its integers."""
     links = pack_links(arm.chain, arm.links)
-    shapes = friction.width, friction.harmonic, friction.acceleration, friction.factor
-    floats = (links, friction.ratios, friction.shares, friction.rise_time, *shapes)
+    shapes = friction.width, friction.harmonic, friction.acceleration, friction.centre
+    floats = (links, friction.ratios, friction.shares, friction.rise_time, *shapes, friction.factor)
     sizes = [len(arm.links), len(links), len(friction.ends), len(friction.shape)]
     integers = (
         sizes,
@@ -134,6 +134,7 @@ def unpack_friction(floats: Array, integers: IntArray) -> CompiledFriction:
         own[p : 2 * p],
         own[2 * p : 3 * p],
         own[3 * p : 4 * p],
+        own[4 * p : 5 * p],
         primitives[3 * p : 4 * p] != 0,
     )
 

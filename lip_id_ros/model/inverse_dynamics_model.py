@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 import os
@@ -11,9 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.checked_file import Arrays, read_checked, write_checked
 from lip_id_ros.errors import ShapeError
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.joint_history import (
+    begins_of_states,
+    begins_of_times,
+    dahl_states,
+    JointHistory,
+    UNKNOWN,
+    unknown_share,
+)
 from lip_id_ros.kernels import TorquePosterior
 from lip_id_ros.model import serialization
 from lip_id_ros.model.arm_deviation import ArmDeviation
@@ -131,14 +140,26 @@ class InverseDynamicsModel:
         return Query(tau, kinetic, potential - self._potential_offset, gravity)
 
     def predict(
-        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, return_std: bool = False
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        t: ArrayLike | None = None,
+        *,
+        return_std: bool = False,
     ) -> Prediction:
         """
         Evaluate N joint states.
 
+        Where friction has a memory (Dahl), rows that continue one another are one motion, whose
+        past is known; other rows are single states.
+
         Parameters
         ----------
         q, dq, ddq : array-likes, shape (N, n)
+        t : array-like, shape (N,), optional
+            Times [s]; a motion ends where they do not increase, or by more than 0.5 s. Without
+            them it ends where a row does not follow from the velocities of the one before.
         return_std : bool
             Whether to compute standard deviations: of noiseless and of measured torques, and of
             both energies.
@@ -151,8 +172,12 @@ class InverseDynamicsModel:
         """
         x = self._checked(q, dq, ddq)
         parts = self._mean.many(*x)
+        if self._memory is not None:
+            remembered = self._memory.torque(*x, np.zeros_like(x[0]), _history(x, t))
+            parts.tau[:] += remembered
+            parts.friction[:] += remembered
         potential = parts.potential - self._potential_offset if self.has_potential else None
-        std = self.standard_deviation(*x) if return_std else None
+        std = self.standard_deviation(*x, t) if return_std else None
         return Prediction(**{**parts._asdict(), 'potential': potential}, std=std)
 
     def inertia_matrix(self, q: ArrayLike) -> Array:
@@ -225,9 +250,11 @@ class InverseDynamicsModel:
         positions, velocities = self._checked(q, dq)
         return self._mean.many(positions, velocities, np.zeros_like(positions))
 
-    def standard_deviation(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> StandardDeviation:
+    def standard_deviation(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, t: ArrayLike | None = None
+    ) -> StandardDeviation:
         """
-        Posterior standard deviations at N joint states.
+        Posterior standard deviations at N joint states, whose past is known as for `predict`.
 
         The first call for a Gaussian process on energies factorises its Gram matrix.
 
@@ -243,7 +270,7 @@ class InverseDynamicsModel:
             tau, kinetic, potential = map(np.sqrt, variances)
             noise = self.process.noise_std
         else:
-            tau, noise = self.torque_std(at, rate, change), self._known_arm.noise.std_at(rate)
+            tau, noise = self.torque_std(at, rate, change, t), self._known_arm.noise.std_at(rate)
             kinetic, potential = self._known_arm.energy_std(at, rate, self.potential_reference)
         known = potential if self.has_potential else None
         return StandardDeviation(tau, np.hypot(tau, noise), kinetic, known)
@@ -314,6 +341,10 @@ class InverseDynamicsModel:
         assert self.arm is not None, 'a model is an arm or a process'
         return self.arm
 
+    @property
+    def _memory(self) -> FrictionModel | None:
+        return None if self.arm is None else self.arm.friction.remembering
+
     @cached_property
     def _mean(self) -> ArmMean | ProcessMean:
         if self.process is not None:
@@ -335,13 +366,20 @@ class InverseDynamicsModel:
             return np.nan
         return self._mean.one(self.potential_reference, *np.zeros((2, self.n_joints)))[3]
 
-    def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
+    def torque_std(
+        self, q: Array, dq: Array, ddq: Array, t: ArrayLike | None = None
+    ) -> Array:
         """Return deviations of noiseless torques, no checks, all of shape (N, n) [N m or N]."""
         if self.process is not None:
             return np.sqrt(self.process.variances(q, dq, ddq, self.potential_reference)[0])
         std = self._arm_deviation.torque_std(q, dq, ddq)
         if self.remainder is not None:
             self._remainder_deviation.add_to(std, q, dq, ddq)
+        if self._memory is not None:
+            begins = _begins((q, dq, ddq), t)
+            begins = np.ones(len(q), dtype=np.bool_) if begins is None else begins
+            share = unknown_share(q, begins)
+            std = np.hypot(std, self._memory.unknown_std(q, dq, ddq, share))
         return std
 
     def _checked(self, *arrays: ArrayLike) -> list[Array]:
@@ -359,6 +397,24 @@ class InverseDynamicsModel:
                     'pass one row per sample and one column per joint of the model.'
                 )
         return out
+
+
+def _history(states: Sequence[Array], t: ArrayLike | None) -> JointHistory:
+    """Return what rows show of the past of those after them."""
+    begins = _begins(states, t)
+    return UNKNOWN if begins is None else JointHistory(dahl=dahl_states(states[0], begins))
+
+
+def _begins(states: Sequence[Array], t: ArrayLike | None) -> BoolArray | None:
+    """Mark the rows of states q, dq, ddq that do not continue the one before, shape (N,)."""
+    if t is None:
+        return begins_of_states(*states)
+    times = np.asarray(t, dtype=np.float64)
+    if times.shape != states[0].shape[:1]:
+        raise ShapeError(
+            f't must have shape {states[0].shape[:1]} like the rows of q, not {times.shape}.'
+        )
+    return begins_of_times(times, np.zeros(len(times)))
 
 
 def _numbers(values: ArrayLike) -> NDArray[Any]:

@@ -12,7 +12,9 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError, ShapeError
 from lip_id_ros.friction import drives, terms
 from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction, SignWidth
+from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
@@ -61,6 +63,9 @@ EVERY: list[FrictionTerm] = [
     Ripple(1),
     Ripple(2),
     Spring(),
+    PositionCurve(-1.0, 2.0, 8),
+    VelocityCurve(-0.5, 1.0, 6),
+    Dahl(0.1, 1e-3),
     LoadTorque(),
     SharedFriction(0.1),
 ]

@@ -1,0 +1,118 @@
+"""The state of Dahl's friction, and which rows are one motion."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.joint_history import (
+    begins_of_states,
+    begins_of_times,
+    dahl_states,
+    DISPLACEMENTS,
+    unknown_share,
+)
+
+
+def path(seed: int, samples: int = 300, joints: int = 3) -> tuple[Array, Array, Array, Array]:
+    """Return times and a smooth motion with its derivatives."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(samples) * 0.05
+    rate = rng.uniform(0.3, 3.0, (4, 1, joints))
+    angle = rate * t[:, None] + rng.uniform(0.0, 6.0, (4, 1, joints))
+    size = rng.uniform(0.1, 0.5, (4, 1, joints))
+    parts = size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle)
+    q, dq, ddq = (each.sum(axis=0) for each in parts)
+    return t, q, dq, ddq
+
+
+def only_first(count: int) -> np.ndarray:
+    return np.arange(count) == 0
+
+
+def test_the_state_is_that_of_the_differential_equation() -> None:
+    t = np.linspace(0.0, 3.0, 3000)
+    q = 0.004 * np.sin(2.0 * t) + 0.001 * np.sin(7.0 * t)
+    speed = lambda s: 0.008 * np.cos(2.0 * s) + 0.007 * np.cos(7.0 * s)  # noqa: E731
+    states = dahl_states(q[:, None], only_first(t.size))[:, 0]
+    for displacement, found in zip(DISPLACEMENTS, states.T, strict=True):
+        slope = lambda s, z, d=displacement: (speed(s) - z * abs(speed(s))) / d  # noqa: E731
+        exact = solve_ivp(slope, (0.0, 3.0), [0.0], t_eval=t, max_step=1e-3, rtol=1e-8)
+        np.testing.assert_allclose(found, exact.y[0], atol=0.02)
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20)
+def test_samples_between_two_of_one_direction_change_nothing(seed: int) -> None:
+    steps = np.random.default_rng(seed).uniform(0.0, 0.01, 40)
+    q = np.cumsum(steps)[:, None]
+    some = np.r_[0, 5:40:5]
+    dense, thin = (dahl_states(x, only_first(len(x))) for x in (q, q[some]))
+    np.testing.assert_allclose(dense[some], thin, atol=1e-12)
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20)
+def test_what_is_not_known_is_what_another_start_would_change(seed: int) -> None:
+    q = np.cumsum(np.random.default_rng(seed).normal(0.0, 0.003, (60, 2)), axis=0)
+    begins = only_first(60)
+    known, share = dahl_states(q, begins), unknown_share(q, begins)
+    # a start after a long motion forwards, whose state is 1
+    before = np.vstack([q[:1] - 10.0, q])
+    started = dahl_states(before, only_first(61))[1:]
+    np.testing.assert_allclose(started, known + share, atol=1e-9)
+    assert np.abs(known).max() <= 1.0
+
+
+def test_nothing_is_known_where_a_path_begins() -> None:
+    _, q, _, _ = path(0)
+    begins = only_first(len(q))
+    begins[100] = True
+    states = dahl_states(q, begins)
+    assert not states[[0, 100]].any()
+    assert np.array_equal(states[100:], dahl_states(q[100:], only_first(len(q) - 100)))
+
+
+@pytest.mark.parametrize('joints', [1, 2, 6])
+def test_rows_that_follow_from_velocities_are_one_motion(joints: int) -> None:
+    _, q, dq, ddq = path(1, joints=joints)
+    begins = begins_of_states(q, dq, ddq)
+    assert begins is not None
+    assert np.flatnonzero(begins).tolist() == [0]
+
+
+def test_a_motion_ends_where_positions_jump() -> None:
+    first, second = path(2), path(3)
+    rows = (np.vstack([a, b]) for a, b in zip(first[1:], second[1:], strict=True))
+    begins = begins_of_states(*rows)
+    assert begins is not None
+    assert np.flatnonzero(begins).tolist() == [0, 300]
+
+
+@pytest.mark.parametrize('joints', [1, 2, 6])
+def test_states_in_no_order_are_single(joints: int) -> None:
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        _, *states = path(seed, joints=joints)
+        order = rng.permutation(300)
+        assert begins_of_states(*(x[order] for x in states)) is None
+        assert begins_of_states(*rng.standard_normal((3, 300, joints))) is None
+
+
+def test_an_arm_that_stands_goes_on() -> None:
+    _, q, dq, ddq = path(4)
+    held = np.tile(q[-1:], (50, 1)), np.zeros((50, 3)), np.zeros((50, 3))
+    rows = (np.vstack([a, b]) for a, b in zip((q, dq, ddq), held, strict=True))
+    begins = begins_of_states(*rows)
+    assert begins is not None
+    assert begins.sum() == 1
+
+
+def test_a_gap_in_time_or_a_new_segment_ends_a_motion() -> None:
+    t = np.array([0.0, 0.1, 0.2, 0.9, 1.0, 0.5, 0.6])
+    segment = np.array([0, 0, 1, 1, 1, 1, 1])
+    assert np.flatnonzero(begins_of_times(t, segment)).tolist() == [0, 2, 3, 5]
