@@ -21,7 +21,7 @@ from lip_id_ros.dataset.provenance import cutoffs_hz
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.errors import DataError, missing_joints, shortened
 from lip_id_ros.files import path_text
-from lip_id_ros.joint_history import begins_of_times, dahl_states, JointHistory
+from lip_id_ros.joint_history import JointHistory
 from lip_id_ros.joint_types import is_prismatic
 
 _NO_NUMBERS: IntArray = np.empty(0, np.int64)
@@ -55,7 +55,7 @@ class Dataset:
         Signs of the velocities after the low-pass that the torques went through, by which dry
         friction is fitted; where not given, the sign at constant acceleration stands for it.
     dahl_states : ndarray, shape (N, n, D), optional
-        States of Dahl's friction by `remembering`, of samples before some of them are selected.
+        States of Dahl's friction along all samples, before some of them are selected.
     kinetic, potential : ndarray, shape (N,), optional
         True energies [J], known in simulation.
     gravity_compensated : bool
@@ -170,13 +170,6 @@ class Dataset:
     def history(self) -> JointHistory:
         """What is known of the past of every sample."""
         return JointHistory(self.low_passed_sign, self.dahl_states)
-
-    def remembering(self) -> Dataset:
-        """Return the data set with the states of Dahl's friction, where it has none yet."""
-        if self.dahl_states is not None:
-            return self
-        states = dahl_states(self.q, begins_of_times(self.t, self.segment))
-        return dataclasses.replace(self, dahl_states=states)
 
     def covering(self, count: int) -> IndexArray:
         """

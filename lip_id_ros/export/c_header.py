@@ -40,6 +40,8 @@ TEMPLATE = 'dynamics.h.in'
 REMARKS = (
     'The header has the links, rotors and every term of friction of the model, without standard '
     'deviations. A model with a Gaussian process is not written as C.',
+    'Friction that remembers the past of a joint (Dahl) is left out: it has that of the other '
+    'terms.',
     'It checks and limits nothing: references, torques and their rates are up to the controller.',
 )
 

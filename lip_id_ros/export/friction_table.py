@@ -91,11 +91,11 @@ def _labels(part: DriveTerm, model: InverseDynamicsModel) -> list[tuple[str, str
             f'{name}, {more}' if more else name,
             unit.replace('N m', 'N').replace('rad', 'm') if linear else unit,
         )
-        for more, unit in _coefficients(part.term)
+        for more, unit in coefficients_of(part.term)
     ]
 
 
-def _coefficients(term: terms.FrictionTerm) -> tuple[tuple[str, str], ...]:
+def coefficients_of(term: terms.FrictionTerm) -> tuple[tuple[str, str], ...]:
     """Return what each coefficient of a term is beside its name, and its unit."""
     if isinstance(term, PositionCurve | VelocityCurve):
         unit = 'rad' if isinstance(term, PositionCurve) else 'rad/s'

@@ -72,7 +72,7 @@ class ServedArm:
         self.measured = MeasuredArm(loaded, settings.residual_cutoff_hz)
         trained = TrainingRange(*loaded.model.training_range)
         self.shaper = Shaper(make_rules(settings, self.joint_names), trained, sent, counts)
-        self._model = loaded.model
+        self._model, self._memory = loaded.model, loaded.model.running_memory()
         self._order = JointOrder(self.joint_names)
         self._std_period_s = 1.0 / settings.std_rate_hz
 
@@ -88,6 +88,8 @@ class ServedArm:
         """Answer one sample of a stream; joints that the model does not know are left out."""
         state = self._order.states(names, points)[:, 0]
         query = self._model.query(*state)
+        if self._memory is not None:
+            query = query._replace(tau=query.tau + self._memory.torque(state, now))
         std = self._std(state, now, tag)
         return ServedTorque(
             self.shaper.sample(self._with_gravity(query), now, state, std), query, state
@@ -102,7 +104,7 @@ class ServedArm:
             raise RefusedError(Refusal.FOREIGN_JOINT)
         states = self._order.states(names, points)
         t = increasing_times(points)
-        tau = self._with_gravity(self._model.predict(*states))
+        tau = self._with_gravity(self._model.predict(*states, t))
         ordered = np.empty_like(tau)
         ordered[:, columns] = self.shaper.plan(tau, t, states)
         return ordered

@@ -7,7 +7,7 @@ import os
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.recording_factors import gather, RecordingFactors
-from lip_id_ros.identification.sample_selection import explained, moving, plausible
+from lip_id_ros.identification.sample_selection import explained, moving, plausible, remembering
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import Config
@@ -35,6 +35,6 @@ def gathered_from(
 
 def gather_kept(dataset: Dataset, around: Linearisation, blocks: int = 1) -> RecordingFactors:
     """Gather the statistics of the samples that are plausible and that the arm explains."""
-    dataset = moving(dataset.remembering())
+    dataset = moving(remembering(dataset))
     kept = plausible(dataset) & explained(around.residual(dataset))
     return gather(dataset, around, blocks, kept)

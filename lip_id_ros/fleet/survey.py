@@ -18,7 +18,7 @@ from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.evaluation.recording_health import RecordingHealth
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.identification.posterior import ranges_of
-from lip_id_ros.identification.sample_selection import covering, evenly, moving
+from lip_id_ros.identification.sample_selection import covering, evenly, moving, remembering
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.recording import JointSamples
@@ -92,7 +92,7 @@ def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] =
     """Return the survey of samples that have been preprocessed."""
     low, high = ranges_of(dataset)
     source = _source(dataset)
-    used = moving(dataset.remembering())
+    used = moving(remembering(dataset))
     some = used.select(reservoir(used))
     return Survey(
         key=dataset.with_joints(sorted(dataset.joint_names)).digest(),
@@ -129,7 +129,9 @@ def reservoir(dataset: Dataset) -> IndexArray:
     The first identify placements best; the others have friction and noise in their usual shares.
 
     """
-    count = min(MOST_RESERVOIR, RESERVOIR_BYTES // (8 * (NUMBERS_PER_JOINT * dataset.n_joints + 2)))
+    count = min(
+        MOST_RESERVOIR, RESERVOIR_BYTES // (8 * (NUMBERS_PER_JOINT * dataset.n_joints + 2))
+    )
     if dataset.n_samples <= count:
         return np.arange(dataset.n_samples)
     half = covering(dataset, count // 2)

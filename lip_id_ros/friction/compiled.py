@@ -336,7 +336,9 @@ def drive_friction(
         if friction.loaded[p]:
             value *= abs(load)
         if friction.position[p] != ANYWHERE:
-            value *= _of_position(friction.position[p], q - friction.centre[p], friction.harmonic[p])
+            value *= _of_position(
+                friction.position[p], q - friction.centre[p], friction.harmonic[p]
+            )
         torque += friction.factor[p] * value
     return torque
 

@@ -56,7 +56,9 @@ class Dahl:
 
         """
         own = share[:, DISPLACEMENTS.index(self.displacement)]
-        return np.asarray(own * np.sqrt(1.0 - np.minimum(smooth_sign(state, self.width) ** 2, 1.0)))
+        return np.asarray(
+            own * np.sqrt(1.0 - np.minimum(smooth_sign(state, self.width) ** 2, 1.0))
+        )
 
     def columns(self) -> tuple[Column, ...]:
         """Return the features of single states, which show nothing of the past."""

@@ -127,9 +127,7 @@ class FrictionBasis:
         own: list[list[Array]] = [[np.zeros((len(q), 0))] for _ in range(self.n_joints)]
         discrepancy = self.discrepancy(dq, ddq, history.sign)
         for part in self.terms:
-            state = part.drive.state(
-                q, dq, ddq, load, self.rise_time, discrepancy, history.dahl
-            )
+            state = part.drive.state(q, dq, ddq, load, self.rise_time, discrepancy, history.dahl)
             features = part.term.features(state)
             for joint, share in part.drive.efforts:
                 own[joint].append(share * features)

@@ -308,6 +308,4 @@ class ArmFitter:
 
 def _features(dataset: Dataset, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
     load = np.zeros_like(dataset.tau) if arm is None else links_torque(*arm, dataset)
-    return friction_features(
-        basis, dataset.q, dataset.dq, dataset.ddq, load, dataset.history
-    )
+    return friction_features(basis, dataset.q, dataset.dq, dataset.ddq, load, dataset.history)

@@ -41,12 +41,14 @@ Least relative decrease of left-out mean squares, summed over joints, for terms 
 have, or for which the links' parameters can stand in.
 """
 
-import os
-CURVE_GAIN, CURVE_ERRORS = float(-np.log(float(os.environ.get('CG','0.8')))), float(os.environ.get('CE','2'))
-"""The same for curves, and their least gain in standard errors."""
+SMALL_GAIN, SMALL_ERRORS = float(-np.log(0.9)), 1.0
+"""
+The same for memory and for curves over the position, and their least gain in standard errors: a
+tenth of the left-out squares of a joint.
+"""
 
-MEMORY_GAIN, MEMORY_ERRORS = float(-np.log(float(os.environ.get('MG','0.9')))), float(os.environ.get('ME','1'))
-"""The same for friction with a memory."""
+VELOCITY_GAIN, VELOCITY_ERRORS = float(-np.log(0.8)), 2.0
+"""The same for curves over the velocity, which may stand in for friction that has a name."""
 
 CURVE_STEPS, OUTSIDE = (8, 16), 0.002
 """Numbers of their steps, and the share of the samples beyond them at either end."""
@@ -68,6 +70,8 @@ class Candidate:
     terms : tuple of DriveTerm
     least_gain : float
         By which left-out blocks must be predicted better.
+    least_errors : float
+        The same in standard errors over the blocks.
 
     """
 
@@ -76,8 +80,8 @@ class Candidate:
     least_errors: float = field(default=LEAST_ERRORS, compare=False)
 
     @property
-    def is_curve(self) -> bool:
-        """Whether it is a curve of any shape, without a physical form."""
+    def comes_last(self) -> bool:
+        """Whether it may stand in for all the others: a curve over the velocity."""
         return isinstance(self.terms[0].term, VelocityCurve)
 
 
@@ -148,19 +152,21 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
         offers += _curves(dataset, j)
         if dataset.dahl_states is not None:
             memories = (DriveTerm(own, Dahl(width, each)) for each in DISPLACEMENTS)
-            offers += [Candidate((term,), MEMORY_GAIN, MEMORY_ERRORS) for term in memories]
+            offers += [Candidate((term,), SMALL_GAIN, SMALL_ERRORS) for term in memories]
     return offers + _coupled(widths) + _transmitted(widths)
 
 
 def _curves(dataset: Dataset, joint: int) -> list[Candidate]:
     """Return curves over the position and the velocity of a joint, over the range of most."""
-    kinds = (PositionCurve, dataset.q), (VelocityCurve, dataset.dq)
+    kinds = (
+        (PositionCurve, dataset.q, (SMALL_GAIN, SMALL_ERRORS)),
+        (VelocityCurve, dataset.dq, (VELOCITY_GAIN, VELOCITY_ERRORS)),
+    )
     offers = []
-    for kind, values in kinds:
+    for kind, values, least in kinds:
         low, high = np.quantile(values[:, joint], (OUTSIDE, 1.0 - OUTSIDE)).tolist()
         if high > low:
             terms = (DriveTerm(Drive.of_joint(joint), kind(low, high, k)) for k in CURVE_STEPS)
-            least = (MEMORY_GAIN, MEMORY_ERRORS) if kind is PositionCurve else (CURVE_GAIN, CURVE_ERRORS)
             offers += [Candidate((term,), *least) for term in terms]
     return offers
 

@@ -23,6 +23,7 @@ from lip_id_ros.friction.noise import (
     outlier_weights,
     TorqueNoise,
 )
+from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.friction_candidates import (
     Candidate,
     candidates,
@@ -30,7 +31,6 @@ from lip_id_ros.identification.friction_candidates import (
     presliding_candidates,
     ripple_candidates,
 )
-from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.gear_ripple import resolved_harmonics, strongest_harmonic
 from lip_id_ros.identification.left_out import LeftOutBlocks, LeftOutFit
 from lip_id_ros.identification.low_pass_response import rise_time
@@ -87,9 +87,7 @@ class ElectedFriction:
         """
         state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
         links = torque_regressor(chain, *state) @ self.link_parameters.ravel()
-        friction = self.friction.torque(
-            dataset.q, dataset.dq, dataset.ddq, links, dataset.history
-        )
+        friction = self.friction.torque(dataset.q, dataset.dq, dataset.ddq, links, dataset.history)
         residuals = dataset.tau - links - friction
         outliers = outlier_weights(residuals, self.noise.std_at(dataset.dq))
         return np.asarray(self.noise.weights(dataset.dq) * outliers)
@@ -161,8 +159,8 @@ class _Election:
         fixed = np.concatenate([np.arange(self.n_links), *groups[: len(plain)]])
         ballot = _Ballot(blocks, fixed, groups[len(plain) :], offers)
         taken: list[int] = []
-        physical = [index for index, offer in enumerate(offers) if not offer.is_curve]
-        for some in (physical, range(len(offers))):  # a curve may stand in for what has a name
+        named = [index for index, offer in enumerate(offers) if not offer.comes_last]
+        for some in (named, range(len(offers))):
             while len(taken) < MOST_TERMS:
                 more = ballot.best_addition(taken, some)
                 if more is None:
@@ -183,9 +181,7 @@ class _Election:
         dataset, basis = self._dataset, self._basis(terms)
         number = self._fold
         residuals = np.empty_like(dataset.tau)
-        features = basis.features(
-            dataset.q, dataset.dq, dataset.ddq, load, dataset.history
-        )
+        features = basis.features(dataset.q, dataset.dq, dataset.ddq, load, dataset.history)
         columns = basis.columns()
         for joint, (rows, column) in enumerate(zip(features, columns, strict=True)):
             thetas = np.array(fit.left_out)[number]
@@ -242,9 +238,7 @@ class _Election:
         """Gather statistics by blocks, and the parameters of every candidate."""
         dataset, basis = self._dataset, self._basis(terms)
         load = self.no_load if load is None else load
-        features = basis.features(
-            dataset.q, dataset.dq, dataset.ddq, load, dataset.history
-        )
+        features = basis.features(dataset.q, dataset.dq, dataset.ddq, load, dataset.history)
         columns = basis.columns()
         rows = [
             np.hstack([self._links[:, joint, used], own])

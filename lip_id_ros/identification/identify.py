@@ -30,6 +30,7 @@ from lip_id_ros.identification.sample_selection import (
     explained,
     measured,
     plausible,
+    remembering,
     without_long_rests,
 )
 from lip_id_ros.identification.simple_geometry import Geometry
@@ -199,7 +200,7 @@ def _of_single_states(dataset: Dataset, fit: ArmFit, noise: TorqueNoise) -> Torq
 def _identified(
     fitter: ArmFitter, seed: int, progress: Progress, described: Described | None
 ) -> Identified:
-    dataset = fitter.dataset.remembering()
+    dataset = remembering(fitter.dataset)
     rows = without_long_rests(dataset)
     if rows.size < dataset.n_samples:  # a long recording is not copied for nothing
         dataset = dataset.select(rows)

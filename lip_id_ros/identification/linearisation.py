@@ -121,7 +121,9 @@ class Linearisation:
             slopes = self.friction.load_slopes(*state, load, history)
             arm += slopes @ arm
             target = target + np.einsum('tij,tj->ti', slopes, load)
-        features = np.concatenate([friction_features(self.basis, *state, load, history), arm], axis=2)
+        features = np.concatenate(
+            [friction_features(self.basis, *state, load, history), arm], axis=2
+        )
         return [
             features[:, joint, np.concatenate(own)] for joint, own in enumerate(self.columns)
         ], target

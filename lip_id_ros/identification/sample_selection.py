@@ -7,11 +7,14 @@ Scales are quantiles, which a few absurd values do not move (Huber, Robust Stati
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, runs
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import GUARD
+from lip_id_ros.friction.paths import begins_of_times, dahl_states
 
 QUANTILE = 0.9
 FARTHEST_MOTION, FARTHEST_TORQUE = 20.0, 6.0
@@ -79,6 +82,14 @@ def measured(dataset: Dataset) -> BoolArray:
         if end - first >= LEAST_ZEROS and dataset.t[end - 1] - dataset.t[first] > ZERO_S:
             kept[max(0, first - GUARD) : end + GUARD] = False
     return kept
+
+
+def remembering(dataset: Dataset) -> Dataset:
+    """Return samples with the states of Dahl's friction, while none of them are left out."""
+    if dataset.dahl_states is not None:
+        return dataset
+    states = dahl_states(dataset.q, begins_of_times(dataset.t, dataset.segment))
+    return replace(dataset, dahl_states=states)
 
 
 def moving(dataset: Dataset) -> Dataset:

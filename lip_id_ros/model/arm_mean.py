@@ -92,7 +92,14 @@ def pack(arm: ArmPosterior, friction: CompiledFriction) -> tuple[Array, IntArray
     """Return the numbers of an arm with compiled friction, and its integers."""
     links = pack_links(arm.chain, arm.links)
     shapes = friction.width, friction.harmonic, friction.acceleration, friction.centre
-    floats = (links, friction.ratios, friction.shares, friction.rise_time, *shapes, friction.factor)
+    floats = (
+        links,
+        friction.ratios,
+        friction.shares,
+        friction.rise_time,
+        *shapes,
+        friction.factor,
+    )
     sizes = [len(arm.links), len(links), len(friction.ends), len(friction.shape)]
     integers = (
         sizes,

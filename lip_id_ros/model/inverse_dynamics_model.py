@@ -15,14 +15,13 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.checked_file import Arrays, read_checked, write_checked
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.joint_history import (
+from lip_id_ros.friction.paths import (
     begins_of_states,
     begins_of_times,
     dahl_states,
-    JointHistory,
-    UNKNOWN,
     unknown_share,
 )
+from lip_id_ros.joint_history import JointHistory, UNKNOWN
 from lip_id_ros.kernels import TorquePosterior
 from lip_id_ros.model import serialization
 from lip_id_ros.model.arm_deviation import ArmDeviation
@@ -32,6 +31,7 @@ from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.process_mean import ProcessMean
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.remainder_deviation import RemainderDeviation
+from lip_id_ros.model.running_memory import RunningMemory
 from lip_id_ros.model.torque_model import Parts, Prediction, Query, StandardDeviation
 
 VERSION = 7
@@ -129,6 +129,8 @@ class InverseDynamicsModel:
     def query(self, q: Array, dq: Array, ddq: Array) -> Query:
         """
         Evaluate one joint state, without checks; the first call compiles.
+
+        Friction with a memory is that of an unknown past: `running_memory` has the rest.
 
         Parameters
         ----------
@@ -341,6 +343,10 @@ class InverseDynamicsModel:
         assert self.arm is not None, 'a model is an arm or a process'
         return self.arm
 
+    def running_memory(self) -> RunningMemory | None:
+        """Return what friction with a memory adds to `query` along a stream; None without one."""
+        return None if self._memory is None else RunningMemory(self._memory)
+
     @property
     def _memory(self) -> FrictionModel | None:
         return None if self.arm is None else self.arm.friction.remembering
@@ -366,9 +372,7 @@ class InverseDynamicsModel:
             return np.nan
         return self._mean.one(self.potential_reference, *np.zeros((2, self.n_joints)))[3]
 
-    def torque_std(
-        self, q: Array, dq: Array, ddq: Array, t: ArrayLike | None = None
-    ) -> Array:
+    def torque_std(self, q: Array, dq: Array, ddq: Array, t: ArrayLike | None = None) -> Array:
         """Return deviations of noiseless torques, no checks, all of shape (N, n) [N m or N]."""
         if self.process is not None:
             return np.sqrt(self.process.variances(q, dq, ddq, self.potential_reference)[0])

@@ -8,7 +8,9 @@ from rigid_body.arms import links_of, random_bodies, random_chain
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription, JointRanges
 from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
+from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import (
@@ -41,6 +43,9 @@ EXTRA: tuple[FrictionTerm, ...] = (
     PositionCoulomb(0.03),
     Ripple(2),
     Spring(),
+    PositionCurve(-1.0, 2.0, 5),
+    VelocityCurve(-2.0, 1.0, 4),
+    Dahl(0.05, 1e-3),
     LoadTorque(),
     SharedFriction(0.1),
 )

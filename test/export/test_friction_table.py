@@ -9,14 +9,14 @@ from friction.test_terms import EVERY
 import numpy as np
 import pytest
 
-from lip_id_ros.export.friction_table import COEFFICIENTS, friction_table
+from lip_id_ros.export.friction_table import coefficients_of, friction_table
 from lip_id_ros.friction.drives import DriveTerm
 from lip_id_ros.friction.terms import FrictionTerm
 
 
 @pytest.mark.parametrize('term', EVERY, ids=lambda term: term.name)
 def test_every_term_names_its_coefficients(term: FrictionTerm) -> None:
-    assert len(COEFFICIENTS[type(term)]) == len(term.lower)
+    assert len(coefficients_of(term)) == len(term.lower)
 
 
 def test_units_are_those_of_the_joint() -> None:

@@ -57,7 +57,12 @@ class Sum:
         parts = self.factor * np.stack([q, 10 * dq, 100 * ddq])
         return Query(parts.sum(axis=0), float(dq @ dq), np.nan, parts[0])
 
-    def predict(self, q: Array, dq: Array, ddq: Array, *, return_std: bool = False) -> Prediction:
+    def running_memory(self) -> None:
+        return None
+
+    def predict(
+        self, q: Array, dq: Array, ddq: Array, t: Array | None = None, *, return_std: bool = False
+    ) -> Prediction:
         gravity, coriolis, inertial = self.factor * np.stack([q, 10 * dq, 100 * ddq])
         tau = gravity + coriolis + inertial
         return Prediction(tau, (dq * dq).sum(axis=1), None, inertial, coriolis, gravity, 0 * tau)

@@ -12,6 +12,7 @@ import pytest
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.terms import FrictionTerm
 from lip_id_ros.identification.friction_candidates import candidates, plain_candidates
+from lip_id_ros.identification.sample_selection import remembering
 
 MATHS = Path(__file__).resolve().parents[2] / 'docs' / 'explanation' / 'maths.md'
 PLAIN = ('viscous', 'Coulomb', 'offset')
@@ -28,7 +29,7 @@ def test_the_election_is_offered_every_term() -> None:
     q = np.linspace(-4.0, 4.0, 50)[:, None] * np.ones(2)
     dataset = Dataset.from_arrays(q, q, q, q)
     widths = np.array([0.1, 0.1])
-    offered = [*plain_candidates(widths), *candidates(widths, dataset)]
+    offered = [*plain_candidates(widths), *candidates(widths, remembering(dataset))]
     names = {part.term.name for each in offered for part in each.terms}
     assert names == {term.name for term in EVERY}
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from friction.test_terms import coupled, EVERY
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,6 +18,7 @@ from lip_id_ros.friction.compiled import (
 )
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
 
 
 def everything(seed: int) -> FrictionModel:
@@ -44,11 +47,15 @@ def test_same_as_in_numpy(seed: int) -> None:
 
 
 @given(seed=st.integers(0, 10_000))
-def test_features_of_recorded_signs_are_the_same_as_in_numpy(seed: int) -> None:
+def test_features_with_their_history_are_the_same_as_in_numpy(seed: int) -> None:
     basis = everything(seed).basis
-    state = np.random.default_rng(seed).standard_normal((5, 20, 3))
+    features = partial(friction_features, basis)
+    rng = np.random.default_rng(seed)
+    state = rng.standard_normal((4, 20, 3))
     state[1:3, :2] = 0.0
-    found, expected = friction_features(basis, *state), basis.features(*state)
+    dahl = rng.uniform(-1.0, 1.0, (20, 3, len(DISPLACEMENTS)))
+    history = JointHistory(rng.standard_normal((20, 3)), dahl)
+    found, expected = (make(*state, history) for make in (features, basis.features))
     for joint, column in enumerate(basis.columns()):
         np.testing.assert_allclose(found[:, joint, column], expected[joint], atol=1e-12)
         others = np.setdiff1d(np.arange(basis.size), column)

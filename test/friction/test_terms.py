@@ -25,6 +25,8 @@ from lip_id_ros.friction.primitives import (
     REVERSAL,
     SIGN,
     SQUARE,
+    STEP,
+    STEP_AT,
     VELOCITY,
 )
 from lip_id_ros.friction.terms import (
@@ -45,6 +47,7 @@ from lip_id_ros.friction.terms import (
     Viscous,
 )
 from lip_id_ros.identification.low_pass_response import RISE_PERIODS
+from lip_id_ros.joint_history import JointHistory
 from lip_id_ros.preprocessing.smoothing import low_pass
 
 EVERY: list[FrictionTerm] = [
@@ -94,6 +97,7 @@ def primitive_value(primitive: Primitive, state: DriveState) -> Array:
         SIGN: np.tanh(state.dq / width),
         SQUARE: state.dq * np.abs(state.dq),
         LOAD: state.load,
+        STEP: np.tanh((state.dq - primitive.centre) / primitive.width),
         REVERSAL: np.tanh(state.ddq / primitive.acceleration) / np.cosh(state.dq / width) ** 2,
     }
     shape = shapes.get(primitive.shape, np.ones_like(state.dq))
@@ -105,6 +109,8 @@ def primitive_value(primitive: Primitive, state: DriveState) -> Array:
         return shape
     if primitive.position == POSITION:
         return shape * state.q
+    if primitive.position == STEP_AT:
+        return np.asarray(shape * np.tanh(primitive.harmonic * (state.q - primitive.centre)))
     wave = np.cos if primitive.position == COSINE else np.sin
     return np.asarray(shape * wave(primitive.harmonic * state.q))
 
@@ -121,7 +127,7 @@ def test_every_term_is_tested() -> None:
 def test_primitives_add_up_to_the_features(term: FrictionTerm) -> None:
     state = states()
     sums = [
-        sum(factor * primitive_value(primitive, state) for factor, primitive in column)
+        sum((f * primitive_value(each, state) for f, each in column), start=0.0 * state.q)
         for column in term.columns()
     ]
     np.testing.assert_allclose(np.column_stack(sums), term.features(state), atol=1e-13)
@@ -183,12 +189,12 @@ def test_a_narrow_sign_is_the_low_passed_one_where_that_is_known() -> None:
     for width, most in (1e-4, 1e-5), (0.1, 0.01), (0.3, 0.03):
         terms = (DriveTerm(Drive((0,), (-2.0,), (1.0,)), Coulomb(width)),)
         basis = FrictionBasis(1, terms, rise_time)
-        known, steady = basis.features(*motion, sign)[0], basis.features(*motion)[0]
+        known, steady = basis.features(*motion, JointHistory(sign))[0], basis.features(*motion)[0]
         assert np.abs(known + sign)[inside].max() < most
         assert np.abs(steady + sign)[inside].max() > 0.14
     unfiltered = FrictionBasis(1, terms)
     np.testing.assert_array_equal(
-        unfiltered.features(*motion, sign)[0], unfiltered.features(*motion)[0]
+        unfiltered.features(*motion, JointHistory(sign))[0], unfiltered.features(*motion)[0]
     )
 
 

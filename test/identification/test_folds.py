@@ -64,7 +64,10 @@ def test_a_rest_is_one_sample_repeated() -> None:
     t = data.t[-1] + (1 + np.arange(400)) / RATE_HZ
     rest = np.tile(data.q[-1], (400, 1)), still, still, still
     held = Dataset.from_arrays(
-        *(np.vstack(pair) for pair in zip((data.q, data.dq, data.ddq, data.tau), rest)),
+        *(
+            np.vstack(pair)
+            for pair in zip((data.q, data.dq, data.ddq, data.tau), rest, strict=True)
+        ),
         t=np.concatenate([data.t, t]),
     )
     fold = recurrent_folds(held, 6)

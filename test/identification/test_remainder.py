@@ -8,7 +8,8 @@ from model.models import torque_of_processes
 import numpy as np
 import pytest
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.length_scales import likeliest, negative_log_posterior, TYPICAL
 from lip_id_ros.identification.remainder_election import (
     Fold,
@@ -28,10 +29,17 @@ def motion() -> tuple[Array, Array, Array]:
     return np.sin(rates * t), rates * np.cos(rates * t), -(rates**2) * np.sin(rates * t)
 
 
+def masks_of(q: Array, dq: Array | None = None) -> list[tuple[BoolArray, int]]:
+    """Return what is left out of states at 8 Hz."""
+    dq = np.random.default_rng(3).standard_normal(q.shape) if dq is None else dq
+    data = Dataset.from_arrays(q, dq, np.zeros_like(q), q, t=np.arange(len(q)) / 8.0)
+    return fold_masks(data, np.arange(len(q)))
+
+
 def elected(residual: Array, tau: Array) -> Remainder | None:
     """Of a model without parameters, which leaves the same residual whatever is left out."""
     state = motion()
-    masks = fold_masks(state[0], N, np.arange(N))
+    masks = masks_of(*state[:2])
     folds = [Fold(out, residual, joint) for out, joint in masks]
     inputs = Inputs.of(np.ones(2, dtype=bool), *state)
     targets = Targets(
@@ -115,7 +123,7 @@ def test_the_deviation_grows_away_from_the_samples() -> None:
 
 def test_extreme_positions_are_left_out_of_their_joint_alone() -> None:
     q = motion()[0]
-    masks = fold_masks(q, N, np.arange(N))
+    masks = masks_of(*motion()[:2])
     blocks = [out for out, joint in masks if joint < 0]
     np.testing.assert_array_equal(np.sum(blocks, axis=0), np.ones(N))
     for joint in (0, 1):
@@ -176,7 +184,7 @@ def test_a_torque_of_few_inputs_is_learned_from_them() -> None:
     targets = Targets(
         inputs, inputs(*state), inputs.friction(dq[:N]), tau[:N], 3.0 * rng.standard_normal((N, 5))
     )
-    folds = [Fold(out, targets.residual, k) for out, k in fold_masks(q[:N], N, np.arange(N))]
+    folds = [Fold(out, targets.residual, k) for out, k in masks_of(q[:N], dq[:N])]
     found = targets.conditioned(RemainderElection(targets, folds).elect())
     assert found is not None
     assert found.replaces.all()
@@ -189,7 +197,7 @@ def test_both_ends_of_each_joint_are_left_out_beside_blocks_of_time() -> None:
     q = np.random.default_rng(0).permuted(
         np.linspace(-1.0, 1.0, 600)[:, None].repeat(2, 1), axis=0
     )
-    masks = fold_masks(q, 600, np.arange(600))
+    masks = masks_of(q)
     of_time = [mask for mask, joint in masks if joint < 0]
     np.testing.assert_array_equal(np.sum(of_time, axis=0), 1)
     for joint in range(2):

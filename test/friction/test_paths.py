@@ -9,13 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.joint_history import (
-    begins_of_states,
-    begins_of_times,
-    dahl_states,
-    DISPLACEMENTS,
-    unknown_share,
-)
+from lip_id_ros.friction.paths import begins_of_states, begins_of_times, dahl_states, unknown_share
+from lip_id_ros.joint_history import DISPLACEMENTS
 
 
 def path(seed: int, samples: int = 300, joints: int = 3) -> tuple[Array, Array, Array, Array]:

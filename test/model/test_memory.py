@@ -1,0 +1,120 @@
+"""Friction with a memory in predictions: of motions, of single states, and along a stream."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from model.models import random_model
+import numpy as np
+import pytest
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ShapeError
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.hysteresis import Dahl
+from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.paths import LONGEST_GAP_S
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
+
+WIDTH, STRENGTH = 0.02, 2.0
+States = tuple[Array, Array, Array]
+
+
+@pytest.fixture(scope='module')
+def model() -> InverseDynamicsModel:
+    """Return a random arm whose first joint has Dahl's friction in place of Coulomb's."""
+    plain = random_model(ARTICULATED, remainder=False)
+    assert plain.arm is not None
+    n = plain.n_joints
+    basis = plain_friction(n, np.full(n, WIDTH))
+    term = DriveTerm(Drive.of_joint(0), Dahl(WIDTH, 1e-3))
+    basis = replace(basis, terms=(*basis.terms, term))
+    coefficients = np.zeros(basis.size)
+    coefficients[[1, -1]] = STRENGTH
+    friction = FrictionModel(basis, coefficients)
+    root = np.zeros((17 * n + basis.size, 1))
+    return replace(plain, arm=replace(plain.arm, friction=friction, covariance_root=root))
+
+
+def motion(model: InverseDynamicsModel) -> tuple[Array, States]:
+    t = np.arange(0.0, 6.0, 0.02)
+    rate = np.linspace(0.7, 1.3, model.n_joints)
+    angle = rate * t[:, None]
+    return t, (np.sin(angle), rate * np.cos(angle), -(rate**2) * np.sin(angle))
+
+
+def remembered(model: InverseDynamicsModel, states: States, t: Array | None = None) -> Array:
+    single = np.array([model.query(*each).tau for each in zip(*states, strict=True)])
+    return model.predict(*states, t).tau - single
+
+
+def test_an_arm_that_stands_is_held_by_the_friction_of_its_last_motion(
+    model: InverseDynamicsModel,
+) -> None:
+    t, (q, dq, _) = motion(model)
+    states = np.vstack([q, np.tile(q[-1], (50, 1))]), np.pad(dq, ((0, 50), (0, 0))), 0.0 * q
+    states = states[0], states[1], np.zeros_like(states[0])
+    times = np.append(t, t[-1] + 0.02 * (1 + np.arange(50)))
+    rest = remembered(model, states, times)[-50:]
+    np.testing.assert_allclose(rest[:, 0], STRENGTH * np.sign(q[-1, 0] - q[-2, 0]), rtol=1e-3)
+    assert np.abs(rest[:, 1:]).max() < 1e-12
+
+
+def test_rows_of_one_motion_need_no_times(model: InverseDynamicsModel) -> None:
+    t, states = motion(model)
+    np.testing.assert_array_equal(remembered(model, states), remembered(model, states, t))
+    assert np.abs(remembered(model, states)).max() > 0.1 * STRENGTH
+
+
+def test_single_states_have_the_friction_of_an_unknown_past(model: InverseDynamicsModel) -> None:
+    _, states = motion(model)
+    order = np.random.default_rng(0).permutation(len(states[0]))
+    some = tuple(x[order] for x in states)
+    assert np.abs(remembered(model, some)).max() < 1e-12
+    rest = np.zeros((1, model.n_joints))
+    known = model.standard_deviation(*states, motion(model)[0]).tau[-1]
+    np.testing.assert_allclose(model.standard_deviation(rest, rest, rest).tau[0, 0], STRENGTH)
+    assert known[0] < 1e-3 * STRENGTH
+
+
+def test_parts_add_up(model: InverseDynamicsModel) -> None:
+    found = model.predict(*motion(model)[1])
+    total = found.inertial + found.coriolis + found.gravity + found.friction
+    np.testing.assert_allclose(found.tau, total, atol=1e-9)
+
+
+def test_a_stream_has_the_torques_of_its_motion(model: InverseDynamicsModel) -> None:
+    t, states = motion(model)
+    memory = model.running_memory()
+    assert memory is not None
+    rows = zip(t.tolist(), np.stack(states, axis=1), strict=True)
+    found = np.array([memory.torque(state, now) for now, state in rows])
+    np.testing.assert_allclose(found, remembered(model, states, t), atol=1e-9)
+
+
+def test_a_stream_that_was_silent_begins_anew(model: InverseDynamicsModel) -> None:
+    t, states = motion(model)
+    memory = model.running_memory()
+    assert memory is not None
+    rows = np.stack(states, axis=1)
+    for now, state in zip(t.tolist(), rows, strict=True):
+        memory.torque(state, now)
+    still = np.stack([rows[-1, 0], 0.0 * rows[-1, 0], 0.0 * rows[-1, 0]])
+    assert abs(memory.torque(still, t[-1] + 0.01)[0]) > 0.9 * STRENGTH
+    assert not memory.torque(still, t[-1] + 2.0 * LONGEST_GAP_S).any()
+    memory.torque(rows[-1], 100.0)
+    assert not memory.torque(still, 99.0).any()  # a clock that was set back
+
+
+def test_times_that_do_not_fit_are_refused(model: InverseDynamicsModel) -> None:
+    t, states = motion(model)
+    with pytest.raises(ShapeError, match='t must have shape'):
+        model.predict(*states, t[1:])
+
+
+def test_the_file_keeps_it(model: InverseDynamicsModel, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    model.save(tmp_path / 'model.npz')
+    again = InverseDynamicsModel.load(tmp_path / 'model.npz')
+    _, states = motion(model)
+    np.testing.assert_allclose(again.predict(*states).tau, model.predict(*states).tau, rtol=1e-6)
