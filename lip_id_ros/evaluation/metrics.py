@@ -147,7 +147,8 @@ def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Ou
         Called after every block of samples.
 
     """
-    predictions, eigenvalues = [], []
+    predictions: list[TorquePrediction] = []
+    eigenvalues = []
     is_arm = isinstance(model, InverseDynamicsModel) and model.arm is not None
     for q, dq, ddq in _state_blocks(dataset, BLOCK, 'predict', progress):
         if not is_arm:
@@ -156,9 +157,8 @@ def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Ou
             eigenvalues.append(np.linalg.eigvalsh(model.inertia_matrix(q))[:, 0])
     smallest = np.concatenate(eigenvalues) if eigenvalues else None
     if isinstance(model, InverseDynamicsModel) and is_arm:  # whole: friction may remember
-        joined = model.predict(dataset.q, dataset.dq, dataset.ddq, dataset.t)
-    else:
-        joined = _joined(predictions)
+        predictions = [model.predict(dataset.q, dataset.dq, dataset.ddq, dataset.t)]
+    joined = _joined(predictions)
     return Outcome(dataset, joined, smallest, _within_two_std(model, dataset, joined.tau))
 
 

@@ -14,6 +14,7 @@ from lip_id_ros.feedforward.deviations import Deviations
 from lip_id_ros.feedforward.settings import make_rules, require_consistent, ServeSettings
 from lip_id_ros.files import require_regular_file
 from lip_id_ros.model import DynamicsModel, EffortCalibration, InverseDynamicsModel
+from lip_id_ros.model.running_memory import RunningMemory
 from lip_id_ros.signals.joints import require_joints
 
 MOST_BYTES = 2**30
@@ -83,7 +84,7 @@ class LoadedModel:
     A model, ready to be served.
 
     `calibration`: of the effort that it was fitted to. `file`, or None: where it was loaded from.
-    `deviations`, or None: where standard deviations are asked for.
+    `deviations`, or None: where standard deviations are asked for. `memory`, or None: of friction.
 
     """
 
@@ -91,6 +92,7 @@ class LoadedModel:
     calibration: EffortCalibration
     file: ModelFile | None = None
     deviations: Deviations | None = None
+    memory: RunningMemory | None = None
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -127,7 +129,8 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
     except BaseException:
         file.close()
         raise
-    return LoadedModel(model, model.effort_calibration, file, deviations)
+    memory = model.running_memory()
+    return LoadedModel(model, model.effort_calibration, file, deviations, memory)
 
 
 def load_successor(settings: ServeSettings, before: LoadedModel) -> LoadedModel:

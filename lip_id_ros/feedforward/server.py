@@ -72,7 +72,7 @@ class ServedArm:
         self.measured = MeasuredArm(loaded, settings.residual_cutoff_hz)
         trained = TrainingRange(*loaded.model.training_range)
         self.shaper = Shaper(make_rules(settings, self.joint_names), trained, sent, counts)
-        self._model, self._memory = loaded.model, loaded.model.running_memory()
+        self._model, self._memory = loaded.model, loaded.memory
         self._order = JointOrder(self.joint_names)
         self._std_period_s = 1.0 / settings.std_rate_hz
 
@@ -104,7 +104,7 @@ class ServedArm:
             raise RefusedError(Refusal.FOREIGN_JOINT)
         states = self._order.states(names, points)
         t = increasing_times(points)
-        tau = self._with_gravity(self._model.predict(*states, t))
+        tau = self._with_gravity(self._model.predict(states[0], states[1], states[2], t))
         ordered = np.empty_like(tau)
         ordered[:, columns] = self.shaper.plan(tau, t, states)
         return ordered

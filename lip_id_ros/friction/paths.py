@@ -57,7 +57,7 @@ def unknown_share(q: Array, begins: BoolArray) -> Array:
     lengths[begins] = 0.0
     travelled = np.cumsum(lengths, axis=0)
     since = np.maximum.accumulate(np.where(begins, np.arange(len(q)), 0))
-    return np.exp(-(travelled - travelled[since])[..., None] / np.array(DISPLACEMENTS))
+    return np.asarray(np.exp(-(travelled - travelled[since])[..., None] / np.array(DISPLACEMENTS)))
 
 
 @jit
@@ -108,7 +108,7 @@ def begins_of_states(q: Array, dq: Array, ddq: Array) -> BoolArray | None:
         follows = _norm(dx - v * step[:, None]) <= ALIGNED * _norm(dx)
         agrees = _norm(dv - a * step[:, None]) <= AGREE * (_norm(dv) + _norm(a) * step)
     moves = ~rests & follows & agrees & (step > 0.0) & (step <= LONGEST_GAP_S)
-    if not moves.any() or moves.sum() < LEAST_CONTINUING * max(np.count_nonzero(~rests), 1):
+    if not moves.any() or moves.sum() < LEAST_CONTINUING * np.count_nonzero(~rests):
         return None
     usual, rows = float(np.median(step[moves])), _norm(dq / scale)
     farthest = FARTHEST * usual * (np.maximum(rows[1:], rows[:-1]) + SLOWEST)

@@ -89,7 +89,7 @@ def _states(dataset: Dataset) -> Array:
     for values in (dataset.q, dataset.dq):
         std = values.std(axis=0)
         parts.append(values / np.maximum(np.maximum(std, STILL * std.max()), 1e-12))
-    return np.hstack(parts) / np.sqrt(2 * dataset.n_joints)
+    return np.asarray(np.hstack(parts) / np.sqrt(2 * dataset.n_joints))
 
 
 def _path_rows(dataset: Dataset, rows: IndexArray) -> Array:

@@ -175,11 +175,13 @@ class InverseDynamicsModel:
         x = self._checked(q, dq, ddq)
         parts = self._mean.many(*x)
         if self._memory is not None:
-            remembered = self._memory.torque(*x, np.zeros_like(x[0]), _history(x, t))
+            at, rate, change = x
+            load = np.zeros_like(at)
+            remembered = self._memory.torque(at, rate, change, load, _history(x, t))
             parts.tau[:] += remembered
             parts.friction[:] += remembered
         potential = parts.potential - self._potential_offset if self.has_potential else None
-        std = self.standard_deviation(*x, t) if return_std else None
+        std = self.standard_deviation(x[0], x[1], x[2], t) if return_std else None
         return Prediction(**{**parts._asdict(), 'potential': potential}, std=std)
 
     def inertia_matrix(self, q: ArrayLike) -> Array:

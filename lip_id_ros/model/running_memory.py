@@ -32,5 +32,6 @@ class RunningMemory:
         else:
             self._dahl = dahl_states(q[None], np.ones(1, dtype=np.bool_))[0]
         self._q, self._now = q.copy(), now
-        load, history = np.zeros((1, q.size)), JointHistory(dahl=self._dahl[None])
-        return self._friction.torque(*state[:, None], load, history)[0]
+        at, rate, change = state[:, None]
+        load, history = np.zeros_like(at), JointHistory(dahl=self._dahl[None])
+        return np.asarray(self._friction.torque(at, rate, change, load, history)[0])

@@ -151,7 +151,15 @@ class DynamicsModel(TorqueModel, Protocol):
     def training_range(self) -> tuple[Array, Array]:
         """Lowest and highest q, dq and ddq of the training data, each of shape (3, n)."""
 
-    def predict(self, q: Array, dq: Array, ddq: Array, *, return_std: bool = False) -> Prediction:
+    def predict(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        t: Array | None = None,
+        *,
+        return_std: bool = False,
+    ) -> Prediction:
         """Torques with their parts, energies, and standard deviations where asked for."""
 
     def query(self, q: Array, dq: Array, ddq: Array) -> Query:

@@ -37,7 +37,9 @@ class Knowing:
         self.noise_std = np.full(3, 0.4)
         self.calls: list[int] = []
 
-    def predict(self, q: Array, dq: Array, ddq: Array, *, return_std: bool = False) -> Prediction:
+    def predict(
+        self, q: Array, dq: Array, ddq: Array, t: Array | None = None, *, return_std: bool = False
+    ) -> Prediction:
         self.calls.append(len(q))
         arm = Pendulums()
         inertial, gravity = INERTIA * ddq, WEIGHT * np.sin(q)

@@ -41,13 +41,15 @@ class Sleeper(Knowing):
         self.wait(0.002 if len(self.queries) % 10 else 0.003)
         return Query(q, 0.0, 0.0, q)
 
-    def predict(self, q: Array, dq: Array, ddq: Array, *, return_std: bool = False) -> Prediction:
+    def predict(
+        self, q: Array, dq: Array, ddq: Array, t: Array | None = None, *, return_std: bool = False
+    ) -> Prediction:
         if return_std:
             self.factorised, wait = True, 0.005 if self.factorised else 0.105
         else:
             wait = 0.02
         self.wait(wait)
-        return super().predict(q, dq, ddq, return_std=return_std)
+        return super().predict(q, dq, ddq, t, return_std=return_std)
 
 
 def test_times_and_counts(monkeypatch: pytest.MonkeyPatch) -> None:

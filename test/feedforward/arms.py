@@ -57,9 +57,6 @@ class Sum:
         parts = self.factor * np.stack([q, 10 * dq, 100 * ddq])
         return Query(parts.sum(axis=0), float(dq @ dq), np.nan, parts[0])
 
-    def running_memory(self) -> None:
-        return None
-
     def predict(
         self, q: Array, dq: Array, ddq: Array, t: Array | None = None, *, return_std: bool = False
     ) -> Prediction:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.friction.paths import begins_of_states, begins_of_times, dahl_states, unknown_share
 from lip_id_ros.joint_history import DISPLACEMENTS
 
@@ -16,7 +16,7 @@ from lip_id_ros.joint_history import DISPLACEMENTS
 def path(seed: int, samples: int = 300, joints: int = 3) -> tuple[Array, Array, Array, Array]:
     """Return times and a smooth motion with its derivatives."""
     rng = np.random.default_rng(seed)
-    t = np.arange(samples) * 0.05
+    t = 0.05 * np.arange(float(samples))
     rate = rng.uniform(0.3, 3.0, (4, 1, joints))
     angle = rate * t[:, None] + rng.uniform(0.0, 6.0, (4, 1, joints))
     size = rng.uniform(0.1, 0.5, (4, 1, joints))
@@ -25,17 +25,20 @@ def path(seed: int, samples: int = 300, joints: int = 3) -> tuple[Array, Array, 
     return t, q, dq, ddq
 
 
-def only_first(count: int) -> np.ndarray:
-    return np.arange(count) == 0
+def only_first(count: int) -> BoolArray:
+    return np.asarray(np.arange(count) == 0)
 
 
 def test_the_state_is_that_of_the_differential_equation() -> None:
     t = np.linspace(0.0, 3.0, 3000)
     q = 0.004 * np.sin(2.0 * t) + 0.001 * np.sin(7.0 * t)
-    speed = lambda s: 0.008 * np.cos(2.0 * s) + 0.007 * np.cos(7.0 * s)  # noqa: E731
     states = dahl_states(q[:, None], only_first(t.size))[:, 0]
     for displacement, found in zip(DISPLACEMENTS, states.T, strict=True):
-        slope = lambda s, z, d=displacement: (speed(s) - z * abs(speed(s))) / d  # noqa: E731
+
+        def slope(s: float, z: Array, d: float = displacement) -> Array:
+            speed = 0.008 * np.cos(2.0 * s) + 0.007 * np.cos(7.0 * s)
+            return np.asarray((speed - z * abs(speed)) / d)
+
         exact = solve_ivp(slope, (0.0, 3.0), [0.0], t_eval=t, max_step=1e-3, rtol=1e-8)
         np.testing.assert_allclose(found, exact.y[0], atol=0.02)
 

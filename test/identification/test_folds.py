@@ -62,14 +62,9 @@ def test_a_rest_is_one_sample_repeated() -> None:
     data = moved(200.0, 30.0)
     still = np.zeros((400, 4))
     t = data.t[-1] + (1 + np.arange(400)) / RATE_HZ
-    rest = np.tile(data.q[-1], (400, 1)), still, still, still
-    held = Dataset.from_arrays(
-        *(
-            np.vstack(pair)
-            for pair in zip((data.q, data.dq, data.ddq, data.tau), rest, strict=True)
-        ),
-        t=np.concatenate([data.t, t]),
-    )
+    rest = {'q': still + data.q[-1], 'dq': still, 'ddq': still, 'tau': still}
+    joined = {name: np.vstack([getattr(data, name), rows]) for name, rows in rest.items()}
+    held = Dataset.from_arrays(**joined, t=np.concatenate([data.t, t]))
     fold = recurrent_folds(held, 6)
     assert np.unique(fold[-380:]).size == 1
     assert np.unique(fold[: data.n_samples]).size == 6

@@ -46,7 +46,7 @@ def motion(model: InverseDynamicsModel) -> tuple[Array, States]:
 
 def remembered(model: InverseDynamicsModel, states: States, t: Array | None = None) -> Array:
     single = np.array([model.query(*each).tau for each in zip(*states, strict=True)])
-    return model.predict(*states, t).tau - single
+    return np.asarray(model.predict(*states, t).tau - single)
 
 
 def test_an_arm_that_stands_is_held_by_the_friction_of_its_last_motion(
@@ -70,7 +70,7 @@ def test_rows_of_one_motion_need_no_times(model: InverseDynamicsModel) -> None:
 def test_single_states_have_the_friction_of_an_unknown_past(model: InverseDynamicsModel) -> None:
     _, states = motion(model)
     order = np.random.default_rng(0).permutation(len(states[0]))
-    some = tuple(x[order] for x in states)
+    some = states[0][order], states[1][order], states[2][order]
     assert np.abs(remembered(model, some)).max() < 1e-12
     rest = np.zeros((1, model.n_joints))
     known = model.standard_deviation(*states, motion(model)[0]).tau[-1]
