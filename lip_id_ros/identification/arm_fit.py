@@ -22,7 +22,12 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_coordinates import coefficient_std
 from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
-from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
+from lip_id_ros.identification.friction_candidates import candidates
+from lip_id_ros.identification.friction_election import (
+    elect_friction,
+    ElectedFriction,
+    Offered,
+)
 from lip_id_ros.identification.kinematic_calibration import (
     PlacementProblem,
     Samples,
@@ -152,9 +157,9 @@ class ArmFitter:
         """Return a fitter of other samples, with the same description."""
         return ArmFitter(dataset, self._described, self.robots)
 
-    def elected(self, chain: Chain) -> ElectedFriction:
+    def elected(self, chain: Chain, offered: Offered = candidates) -> ElectedFriction:
         """Elect friction terms with the joints in given places."""
-        elected = elect_friction(self.dataset, chain, self.link_std)
+        elected = elect_friction(self.dataset, chain, self.link_std, offered)
         std = np.maximum(elected.noise.std, self.least_noise)
         return replace(elected, noise=replace(elected.noise, std=std))
 

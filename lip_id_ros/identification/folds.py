@@ -93,11 +93,12 @@ def _states(dataset: Dataset) -> Array:
 
 
 def _path_rows(dataset: Dataset, rows: IndexArray) -> Array:
-    """Return fractional numbers of the rows of a path, without points between segments."""
+    """Return fractional numbers of the rows of a path, with points between those of a motion."""
     known = np.union1d(rows, evenly(dataset.n_samples, MOST_PATH))
     steps = np.linspace(0.0, 1.0, BETWEEN, endpoint=False)
     between = known[:-1, None] + np.diff(known)[:, None] * steps
     joined = dataset.segment[known[1:]] == dataset.segment[known[:-1]]
+    joined &= np.diff(dataset.t[known]) < PAST_S
     between[~joined] = known[:-1, None][~joined]
     return np.append(between.ravel(), known[-1])
 

@@ -123,7 +123,23 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     widths : array, shape (n,)
         Of each joint's smooth sign [rad/s or m/s].
     dataset : Dataset
-        Terms that are periodic in a position are on offer where it covers the period.
+        With the states of Dahl's friction.
+
+    """
+    offers = named_candidates(widths, dataset)
+    for joint, width in enumerate(widths.tolist()):
+        own = Drive.of_joint(joint)
+        memories = (DriveTerm(own, Dahl(width, each)) for each in DISPLACEMENTS)
+        offers += [Candidate((term,), SMALL_GAIN, SMALL_ERRORS) for term in memories]
+        offers += _curves(dataset, joint)
+    return offers
+
+
+def named_candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
+    """
+    Return the terms of a form that the literature gives, without memory.
+
+    Terms that are periodic in a position are on offer where the data set covers the period.
 
     """
     offers: list[Candidate] = []
@@ -149,10 +165,6 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
         offers.append(Candidate(tuple(DriveTerm(own, term) for term in loaded)))
         offers.append(presliding[j])
         offers += [Candidate((DriveTerm(own, term),), RARE_GAIN) for term in rare]
-        offers += _curves(dataset, j)
-        if dataset.dahl_states is not None:
-            memories = (DriveTerm(own, Dahl(width, each)) for each in DISPLACEMENTS)
-            offers += [Candidate((term,), SMALL_GAIN, SMALL_ERRORS) for term in memories]
     return offers + _coupled(widths) + _transmitted(widths)
 
 

@@ -8,7 +8,7 @@ Statistical Learning, 3.3.2 and 7.10), on training data alone (maths.md, section
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -55,6 +55,9 @@ SAME_GAIN = 1e-6
 """Difference of gains that rounding may make."""
 
 
+Offered = Callable[[Array, Dataset], list[Candidate]]
+
+
 @dataclass(frozen=True, eq=False)
 class ElectedFriction:
     """
@@ -93,7 +96,9 @@ class ElectedFriction:
         return np.asarray(self.noise.weights(dataset.dq) * outliers)
 
 
-def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFriction:
+def elect_friction(
+    dataset: Dataset, chain: Chain, link_std: Array, offered: Offered = candidates
+) -> ElectedFriction:
     """
     Elect the widths of signs, then terms, in rounds with the links' torques of the round before.
 
@@ -105,6 +110,8 @@ def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFr
         Where the joints are.
     link_std : array, shape (n, 11)
         Prior standard deviations of the links' parameters around zero.
+    offered : callable
+        Returns the terms on offer, for widths of signs and the data set.
 
     """
     election = _Election(dataset, chain, link_std)
@@ -121,7 +128,7 @@ def elect_friction(dataset: Dataset, chain: Chain, link_std: Array) -> ElectedFr
         widths = election.widths.beside(chosen, load)
         widths = election.widths.beside_saturation(widths, chosen, load)
         plain = plain_candidates(widths)
-        chosen = election.chosen(plain, [*candidates(widths, dataset), *ripples], load)
+        chosen = election.chosen(plain, [*offered(widths, dataset), *ripples], load)
         fit = election.fitted([*plain, *chosen], load)
         noise = election.reweight([*plain, *chosen], fit, load)
         if chosen == before:
