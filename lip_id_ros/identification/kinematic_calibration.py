@@ -28,9 +28,6 @@ REACH = 3.0
 TOLERANCE = 1e-4
 """A descent of the search ends where a step gains less than this share of its cost."""
 
-CORRECTIONS = 3
-"""Solutions of normal equations, each for what the ones before have left."""
-
 NOT_FINITE = (
     'the torques of the samples were expected to be finite in units of the noise but are not: '
     'check the data for values beyond what the robot can do.'
@@ -158,7 +155,7 @@ class PlacementProblem:
         return found
 
     def _solved(self, rotations: Array, translations: Array) -> Placements | None:
-        """Solve for the linear parameters, if numbers stay finite."""
+        """Solve for the linear parameters, unless numbers grow too large for it."""
         samples = self._samples
         chain = Chain(
             np.ascontiguousarray(rotations),
@@ -170,14 +167,16 @@ class PlacementProblem:
         links = torque_regressor(chain, *samples.state)
         np.multiply(links, self._link_scale, out=features[..., : links.shape[2]])
         features = features.reshape(self._tau.size, -1)
-        solved = _ridge(features, self._tau)
-        if solved is None:
+        normal = blas.dsyrk(1.0, features.T, lower=1)
+        normal.flat[:: len(normal) + 1] += 1.0
+        factor, info = lapack.dpotrf(normal, lower=1, overwrite_a=1)
+        if info != 0 or not np.isfinite(factor[-1, -1]):
             return None
-        factor, parameters = solved
+        parameters, _ = lapack.dpotrs(factor, features.T @ self._tau, lower=1)
         residual = self._tau - features @ parameters
         squares = residual @ residual + parameters @ parameters
         cost = 0.5 * float(squares + np.sum((translations / REACH) ** 2))
-        return Placements(chain, parameters, cost, features, factor, residual)
+        return Placements(chain, np.asarray(parameters), cost, features, factor, residual)
 
     def normal_equations(self, point: Placements) -> tuple[Array, Array]:
         """Return J^T J and J^T r with the approximation of Kaufman (1975); J^T r is exact."""
@@ -196,7 +195,7 @@ class PlacementProblem:
         return hessian, gradient
 
     def stepped(self, point: Placements, step: Array) -> Placements:
-        """Return the placements that a step leads to, of infinite cost beyond finite numbers."""
+        """Return the placements that a step leads to, of infinite cost if nothing solves them."""
         with np.errstate(over='ignore', invalid='ignore'):
             chain = moved_chain(point.chain, step)
             found = self._solved(chain.rotations, chain.translations)
@@ -218,35 +217,6 @@ class PlacementProblem:
         weighted = weights * placements_residual(point, self._samples) ** 2
         sums: Array = weighted.sum(axis=0) / weights.sum(axis=0)
         return np.sqrt(sums)
-
-
-def _ridge(features: Array, target: Array) -> tuple[Array, Array] | None:
-    """
-    Solve least squares with a prior of ones, if all numbers are finite.
-
-    Returns
-    -------
-    factor : array, shape (m, m)
-        Lower Cholesky factor of the normal equations.
-    parameters : array, shape (m,)
-
-    """
-    normal = blas.dsyrk(1.0, features.T, lower=1)
-    normal.flat[:: len(normal) + 1] += 1.0
-    factor, info = lapack.dpotrf(normal, lower=1, overwrite_a=1)
-    right = features.T @ target
-    if info == 0 and np.isfinite(factor[-1, -1]):
-        parameters, _ = lapack.dpotrs(factor, right, lower=1)
-        return factor, np.asarray(parameters)
-    if not (np.isfinite(right).all() and np.isfinite(features).all()):
-        return None
-    # The prior is lost beside squares that large, as of a slide's weight in units of small noise.
-    factor = np.linalg.qr(np.vstack([features, np.eye(len(normal))]), mode='r').T
-    parameters = np.zeros(len(normal))
-    for _ in range(CORRECTIONS):
-        right = features.T @ (target - features @ parameters) - parameters
-        parameters += lapack.dpotrs(factor, right, lower=1)[0]
-    return factor, parameters
 
 
 def placements_residual(placements: Placements, samples: Samples) -> Array:
