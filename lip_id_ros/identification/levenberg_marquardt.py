@@ -70,7 +70,7 @@ def minimise(problem: Problem[Point], start: Point, evaluations: int, tolerance:
         while left > 0 and damping < MOST_DAMPING:
             step = _solved(hessian, damping * scale, -gradient)
             expected = -float(gradient @ step + 0.5 * step @ hessian @ step)
-            if expected < 0.01 * tolerance * before:
+            if expected <= 0.01 * tolerance * before:
                 return at
             tried, left = problem.stepped(at, step), left - 1
             if tried.cost < before:
@@ -79,7 +79,7 @@ def minimise(problem: Problem[Point], start: Point, evaluations: int, tolerance:
                 at = tried
                 break
             damping *= 4.0
-        if before - at.cost < tolerance * before:
+        if before - at.cost <= tolerance * before:
             return at
     return at
 
