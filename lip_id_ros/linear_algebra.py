@@ -1,4 +1,4 @@
-"""Cholesky factors of Gram matrices: the only place that adds jitter."""
+"""Cholesky factors of Gram matrices and normal equations: the only place that adds jitter."""
 
 from __future__ import annotations
 
@@ -82,3 +82,26 @@ class CholeskyFactor:
     def log_determinant(self) -> float:
         """Return log det K."""
         return 2.0 * float(np.log(np.diagonal(self.lower)).sum())
+
+
+def normal_factor(normal: Array) -> Array:
+    """
+    Return the lower Cholesky factor of normal equations, (m, m).
+
+    Every entry of the diagonal is raised by a share of itself where rounding has made the matrix
+    indefinite. NaN where it is not finite.
+
+    """
+    for relative in JITTERS:
+        work = np.array(normal, order='F')
+        work.flat[:: len(work) + 1] *= 1.0 + relative
+        factor, info = lapack.dpotrf(work, lower=1, overwrite_a=1)
+        if info == 0:
+            return np.asarray(factor)
+    return np.full_like(normal, np.nan)
+
+
+def normal_solution(normal: Array, right: Array) -> Array:
+    """Return the solution of normal equations by `normal_factor`, shape (m,)."""
+    x, _ = lapack.dpotrs(normal_factor(normal), right, lower=1)
+    return np.asarray(x)

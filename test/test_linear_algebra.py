@@ -11,7 +11,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
-from lip_id_ros.linear_algebra import CholeskyFactor, JITTERS
+from lip_id_ros.linear_algebra import CholeskyFactor, JITTERS, normal_factor, normal_solution
 
 
 def positive(m: int, seed: int = 0) -> Array:
@@ -85,3 +85,20 @@ def test_what_is_not_finite_is_refused(value: float, row: int, column: int) -> N
     matrix[row, column] = matrix[column, row] = value
     with pytest.raises(FitError, match='expected to be finite but is not: check the data'):
         CholeskyFactor.of(matrix)
+
+
+@pytest.mark.parametrize('size', [1.0, 1e9])
+def test_normal_equations_whose_ridge_is_lost_are_solved(size: float) -> None:
+    """Two columns that are alike and huge beside a small one."""
+    x = np.random.default_rng(0).standard_normal((50, 2))
+    rows = np.column_stack([size * x[:, 0], size * x[:, 0], x[:, 1]])
+    target = rows @ np.ones(3)
+    found = normal_solution(rows.T @ rows + np.eye(3), rows.T @ target)
+    stacked = np.vstack([rows, np.eye(3)])
+    expected = np.linalg.lstsq(stacked, np.append(target, np.zeros(3)), rcond=None)[0]
+    np.testing.assert_allclose(rows @ found, rows @ expected, atol=1e-5 * size)
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf])
+def test_a_factor_of_what_is_not_finite_is_not_a_number(value: float) -> None:
+    assert not np.isfinite(normal_factor(np.diag([1.0, value, 1.0]))).all()

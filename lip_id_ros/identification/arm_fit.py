@@ -36,7 +36,7 @@ from lip_id_ros.identification.link_torques import (
     link_prior_std,
     links_torque,
 )
-from lip_id_ros.identification.placement_search import FINEST, LENGTH
+from lip_id_ros.identification.placement_search import least_noise, LENGTH, torque_size
 from lip_id_ros.identification.sample_selection import covering, evenly
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.rigid_body import Chain, STANDARD_GRAVITY
@@ -131,10 +131,9 @@ class ArmFitter:
             self.prior = ArmPrior.vague(dataset.n_joints, usual)
         else:
             self.prior = ArmPrior.described(*described, usual)
-        torque = dataset.tau.std(axis=0)
-        self.torque_std = np.where(torque > 0.0, torque, 1.0)
+        self.torque_std = torque_size(dataset.tau)
         self._chosen: dict[int, Dataset] = {}
-        self.least_noise = FINEST * self.torque_std
+        self.least_noise = least_noise(dataset.tau)
 
     @property
     def is_described(self) -> bool:

@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES
@@ -21,6 +20,7 @@ from lip_id_ros.identification.left_out_parts import LeftOut
 from lip_id_ros.identification.posterior import known_of, left_out_of, posterior
 from lip_id_ros.identification.simple_geometry import candidates, Geometry, together
 from lip_id_ros.identification.solution import left_out_at_present
+from lip_id_ros.linear_algebra import normal_solution
 
 TWIST_DEVIATIONS, LENGTH_DEVIATIONS = 3.0, 2.0
 """
@@ -160,7 +160,7 @@ class _Gains:
         allowed[: len(placements), : len(placements)] = placements
         slope = allowed @ self._slope
         hessian = allowed @ self._hessian @ allowed + np.eye(slope.size) - allowed
-        return float(0.5 * slope @ cho_solve(cho_factor(hessian), slope))
+        return float(0.5 * slope @ normal_solution(hessian, slope))
 
 
 def _most_deviations(imposed: Geometry) -> float:

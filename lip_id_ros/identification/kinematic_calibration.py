@@ -18,6 +18,7 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import FitError
 from lip_id_ros.identification.arm_coordinates import moved_chain
 from lip_id_ros.identification.levenberg_marquardt import minimise
+from lip_id_ros.linear_algebra import normal_factor
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
@@ -149,6 +150,13 @@ class PlacementProblem:
             If the data are not finite in units of the noise.
 
         """
+        found = self._solved(rotations, translations)
+        if found is None:
+            raise FitError(NOT_FINITE)
+        return found
+
+    def _solved(self, rotations: Array, translations: Array) -> Placements | None:
+        """Solve for the linear parameters, if they are finite."""
         samples = self._samples
         chain = Chain(
             np.ascontiguousarray(rotations),
@@ -162,9 +170,9 @@ class PlacementProblem:
         features = features.reshape(self._tau.size, -1)
         normal = blas.dsyrk(1.0, features.T, lower=1)
         normal.flat[:: len(normal) + 1] += 1.0
-        factor, info = lapack.dpotrf(normal, lower=1, overwrite_a=1)
-        if info != 0 or not np.isfinite(factor[-1, -1]):
-            raise FitError(NOT_FINITE)
+        factor = normal_factor(normal)
+        if not np.isfinite(factor[-1, -1]):
+            return None
         parameters, _ = lapack.dpotrs(factor, features.T @ self._tau, lower=1)
         residual = self._tau - features @ parameters
         squares = residual @ residual + parameters @ parameters
@@ -188,9 +196,11 @@ class PlacementProblem:
         return hessian, gradient
 
     def stepped(self, point: Placements, step: Array) -> Placements:
-        """Return the placements that a step leads to."""
-        chain = moved_chain(point.chain, step)
-        return self.at(chain.rotations, chain.translations)
+        """Return the placements that a step leads to, of infinite cost beyond finite numbers."""
+        with np.errstate(over='ignore', invalid='ignore'):
+            chain = moved_chain(point.chain, step)
+            found = self._solved(chain.rotations, chain.translations)
+        return replace(point, chain=chain, cost=np.inf) if found is None else found
 
     def descend(
         self,

@@ -18,6 +18,7 @@ from scipy.optimize import nnls
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.identification.statistics import TorqueStatistics
+from lip_id_ros.linear_algebra import normal_factor
 
 LEFT_OUT_TOGETHER = (1, 2)
 """Numbers of neighbouring blocks that are left out together: two schemes of folds."""
@@ -35,9 +36,6 @@ LEAST_GAIN = 0.05
 
 LEAST_ERRORS = 2.0
 """Least gain in standard errors over the left-out blocks."""
-
-INDEFINITE = (0.0, 1e-12, 1e-10, 1e-8, 1e-6)
-"""Relative increases of the diagonal of normal equations that rounding has made indefinite."""
 
 
 @dataclass(frozen=True)
@@ -289,7 +287,7 @@ class _Reduced:
         at = np.append(rest, len(normal) - 1)
         shared = normal[free[:, None], free]
         shared.flat[:: len(shared) + 1] += prior_std[free] ** -2.0
-        self._factor = _cholesky(shared)
+        self._factor = normal_factor(shared)
         self._half, _ = lapack.dtrtrs(self._factor, normal[free[:, None], at], lower=1)
         self._system = normal[at[:, None], at] - self._half.T @ self._half
         diagonal = np.arange(rest.size)
@@ -300,7 +298,7 @@ class _Reduced:
         at = np.searchsorted(self._rest, more)
         x = np.zeros(0)
         if more.size:
-            lower = _cholesky(self._system[at[:, None], at])
+            lower = normal_factor(self._system[at[:, None], at])
             root = np.empty((at.size, at.size + 1))
             root[:, :-1] = lower.T
             root[:, -1], _ = lapack.dtrtrs(lower, self._system[at, -1], lower=1)
@@ -308,16 +306,6 @@ class _Reduced:
         theta[more] = x
         rest = self._half[:, -1] - self._half[:, at] @ x
         theta[self._free], _ = lapack.dtrtrs(self._factor, rest, lower=1, trans=1)
-
-
-def _cholesky(matrix: Array) -> Array:
-    """Return the lower factor, of a slightly larger matrix where rounding spoils this one."""
-    for more in INDEFINITE:
-        matrix.flat[:: len(matrix) + 1] *= 1.0 + more
-        factor, info = lapack.dpotrf(matrix, lower=1)
-        if info == 0:
-            break
-    return np.asarray(factor)
 
 
 def bounded_solution(root: Array, n_free: int) -> Array:

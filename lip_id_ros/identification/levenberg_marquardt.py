@@ -32,12 +32,14 @@ class Problem(Protocol[Point]):
         """Return J^T J, shape (m, m), and the gradient J^T r, shape (m,), of steps at a point."""
 
     def stepped(self, point: Point, step: Array) -> Point:
-        """Return the point that a step, shape (m,), leads to."""
+        """Return the point that a step, shape (m,), leads to; of infinite cost beyond numbers."""
 
 
 def minimise(problem: Problem[Point], start: Point, evaluations: int, tolerance: float) -> Point:
     """
     Descend to a minimum.
+
+    A step to a point whose cost or Jacobian is not finite is refused, and damping rises.
 
     Parameters
     ----------
@@ -55,23 +57,29 @@ def minimise(problem: Problem[Point], start: Point, evaluations: int, tolerance:
 
     """
     at, damping, left = start, FIRST_DAMPING, evaluations - 1
+    safe: tuple[Point, Array, Array, float] | None = None
     while left > 0:
         hessian, gradient = problem.normal_equations(at)
+        if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+            if safe is None:
+                return at
+            at, hessian, gradient, damping = safe
         diagonal = np.diagonal(hessian)
         scale = np.maximum(diagonal, FLOOR * diagonal.max())
         before = at.cost
         while left > 0 and damping < MOST_DAMPING:
             step = _solved(hessian, damping * scale, -gradient)
             expected = -float(gradient @ step + 0.5 * step @ hessian @ step)
-            if expected < 0.01 * tolerance * before:
+            if expected <= 0.01 * tolerance * before:
                 return at
             tried, left = problem.stepped(at, step), left - 1
             if tried.cost < before:
+                safe = at, hessian, gradient, 4.0 * damping
                 damping = _relaxed(damping, (before - tried.cost) / expected)
                 at = tried
                 break
             damping *= 4.0
-        if before - at.cost < tolerance * before:
+        if before - at.cost <= tolerance * before:
             return at
     return at
 

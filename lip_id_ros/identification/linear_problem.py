@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.identification.arm_search import ArmSearch
@@ -14,6 +13,7 @@ from lip_id_ros.identification.left_out import Gain
 from lip_id_ros.identification.placement_search import Calibration
 from lip_id_ros.identification.sample_selection import NORMAL_MEDIAN
 from lip_id_ros.identification.statistics import contiguous_blocks
+from lip_id_ros.linear_algebra import normal_solution
 
 FREEDOM, ROUNDS = 2.0, 6
 """Degrees of freedom of Student's t, and rounds of the robust fit."""
@@ -140,4 +140,4 @@ class LinearProblem:
 
 def _solved(normal: Array, right: Array) -> Array:
     """Return the parameters, which are standard normal a priori."""
-    return np.asarray(cho_solve(cho_factor(normal + np.eye(right.size)), right))
+    return normal_solution(normal + np.eye(right.size), right)

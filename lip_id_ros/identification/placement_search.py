@@ -35,6 +35,12 @@ COARSE = 0.05
 FINEST = 1e-4
 """Smallest standard deviation of the residuals, likewise."""
 
+RESOLUTION = 1e-5
+"""
+The same as a share of each torque's root mean square: nothing measures a large constant torque, as
+the weight of a lift, more closely, and its squares would lose all others.
+"""
+
 SEARCHES = 2
 STARTS, ROUNDS, MOST_BATCHES = 16, 8, 10
 PATIENCE = 16
@@ -69,7 +75,7 @@ class Calibration:
     candidates : tuple of Placements
         The lowest minima, refined on the samples of the search.
     noise_std : array, shape (n,)
-        Root mean squares of the residuals [N m or N]; at least `FINEST` of each torque.
+        Root mean squares of the residuals [N m or N], at least `least_noise`.
     agreed : bool
         Whether both searches ended in the same minimum.
     descents : int
@@ -102,23 +108,23 @@ def calibrate(samples: Samples, few: int, seed: int, progress: Progress) -> Cali
         If the data are not finite in units of the noise.
 
     """
-    torque = torque_size(samples)
+    coarse = _coarse_noise(samples)
     some = few_of(samples, few)
     # Products this small gain nothing from more threads of their own.
     with threadpool_limits(1), ThreadPoolExecutor(SEARCHES) as pool:
-        problem = PlacementProblem(some, COARSE * torque)
+        problem = PlacementProblem(some, coarse)
         searches = [_Search(problem, rng) for rng in np.random.default_rng(seed).spawn(SEARCHES)]
         agreed = _searched(searches, pool, progress)
         minima = _distinct([each for search in searches for each in search.minima])
     descents = sum(search.descents for search in searches)
-    found = Calibration(minima[0], tuple(minima), COARSE * torque, agreed, descents)
+    found = Calibration(minima[0], tuple(minima), coarse, agreed, descents)
     progress(STAGE, 1, 1)
     return refine(samples, few, found)
 
 
 def refine(samples: Samples, few: int, found: Calibration) -> Calibration:
     """Descend from the lowest minima with residuals in units of those of the best."""
-    floor, noise_std = FINEST * torque_size(samples), found.noise_std
+    floor, noise_std = least_noise(samples.tau), found.noise_std
     with threadpool_limits(1), ThreadPoolExecutor(SEARCHES) as pool:
         minima = list(found.candidates[:CANDIDATES])
         minima, noise_std = _refined(few_of(samples, few), minima, noise_std, floor, pool)
@@ -129,19 +135,28 @@ def refine(samples: Samples, few: int, found: Calibration) -> Calibration:
 
 def calibration_at(chain: Chain, samples: Samples) -> Calibration:
     """Return the calibration of an arm whose placements are given."""
-    torque = torque_size(samples)
-    noise_std = COARSE * torque
+    noise_std, floor = _coarse_noise(samples), least_noise(samples.tau)
     for _ in range(REFINEMENTS):
         problem = PlacementProblem(samples, noise_std)
         placements = problem.at(chain.rotations, chain.translations)
-        noise_std = np.maximum(problem.residual_rms(placements), FINEST * torque)
+        noise_std = np.maximum(problem.residual_rms(placements), floor)
     return Calibration(placements, (placements,), noise_std, agreed=True, descents=0)
 
 
-def torque_size(samples: Samples) -> Array:
+def torque_size(tau: Array) -> Array:
     """Return the standard deviation of each torque, 1 where it does not change, shape (n,)."""
-    torque = samples.tau.std(axis=0)
+    torque = tau.std(axis=0)
     return np.where(torque > 0.0, torque, 1.0)
+
+
+def least_noise(tau: Array) -> Array:
+    """Return the smallest standard deviation that residuals count as, shape (n,) [N m or N]."""
+    rms = np.sqrt(np.mean(np.square(tau), axis=0))
+    return np.maximum(FINEST * torque_size(tau), RESOLUTION * rms)
+
+
+def _coarse_noise(samples: Samples) -> Array:
+    return np.maximum(COARSE * torque_size(samples.tau), least_noise(samples.tau))
 
 
 def few_of(samples: Samples, few: int) -> Samples:

@@ -26,6 +26,7 @@ from lip_id_ros.identification.length_scales import likeliest
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.identification.sparse_weights import sparse_weights
+from lip_id_ros.linear_algebra import normal_solution
 from lip_id_ros.model.remainder import (
     correlation,
     FRICTION_VARIANCE,
@@ -354,7 +355,7 @@ def left_out_fits(
     for out, joint in masks:
         rest = features[~out].reshape(-1, precision.size)
         normal = rest.T @ rest + np.diag(precision**2)
-        step = cho_solve(cho_factor(normal), rest.T @ target[~out].ravel() - prior)
+        step = normal_solution(normal, rest.T @ target[~out].ravel() - prior)
         folds.append(Fold(out, residual - jacobian @ step, joint))
     return folds
 

@@ -95,6 +95,22 @@ def test_numbers_too_large_are_refused() -> None:
         PlacementProblem(huge, np.full(2, 1e-200)).at(*start(2, seed=1))
 
 
+def test_steps_beyond_finite_numbers_cost_infinitely_much() -> None:
+    _, problem = problem_of((R, R))
+    at = problem.at(*start(2, seed=1))
+    assert problem.stepped(at, np.full(12, 1e200)).cost == np.inf
+
+
+def test_a_heavy_slide_beside_small_noise_is_solved() -> None:
+    """Its weight in units of the noise squares to numbers beside which the prior is lost."""
+    arm, samples = samples_of((P, R, R))
+    heavy = replace(samples, link_std=1e6 * samples.link_std)
+    problem = PlacementProblem(heavy, 1e-4 * samples.tau.std(axis=0))
+    at = problem.at(arm.chain.rotations, arm.chain.translations)
+    end = problem.descend(at.chain.rotations, at.chain.translations, evaluations=10)
+    assert end.cost <= at.cost < np.inf
+
+
 def test_starts_have_axes_at_quarter_turns() -> None:
     rotations, translations = start(500, seed=0)
     twists = np.degrees(np.arccos(np.clip(rotations[1:, 2, 2], -1.0, 1.0)))
