@@ -26,7 +26,7 @@ SECONDS, RATE_HZ = 60.0, 25.0
 FASTEST_HZ, PERIOD_S = 0.65, 8.0
 MOTIONS = ('random', 'periodic')
 NOISE = 0.01
-"""Of the root mean square torque of the joint."""
+"""Standard deviation, as a share of that of the joint's torque."""
 
 REACH, SHARE = 2.5, 0.9
 """A joint moves at most so far from its middle [rad or m], and over this share of its range."""
@@ -242,7 +242,7 @@ def recorded(arm: SerialArm, motion: str, seed: int) -> ZooRecording:
         else _random_motion(arm.limits, rng)
     )
     t = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
-    std = NOISE * _rms(simulated.inverse_dynamics(*seen.sample(t)))
+    std = NOISE * simulated.inverse_dynamics(*seen.sample(t)).std(axis=0)
     train, test = (make_dataset(simulated, each, t, std, rng) for each in (seen, unseen))
     return ZooRecording(train, test, simulated.friction)
 
