@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
+import sys
 import time
 
 import matplotlib.pyplot as plt
@@ -51,7 +52,15 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--models', nargs='+', choices=OURS, default=[ARTICULATED])
     parser.add_argument('--picture', type=Path)
     options = parser.parse_args(arguments)
-    robots = options.robots or panda_urdf().parents[2]
+    try:
+        robots = options.robots or panda_urdf().parents[2]
+    except LipIdError:
+        print(
+            'the URDFs of example-robot-data were expected, but it is not installed; install it '
+            'with `pip install lip_id_ros[sim]`, or name a folder like its own by --robots.',
+            file=sys.stderr,
+        )
+        return 2
     results = Results(options.results)
     models = [*RIVALS, *options.models]
     for name, motion, seed in product(options.arms, options.motions, options.seeds):
@@ -115,8 +124,8 @@ def table(rows: Mapping[str, Row], motion: str, ours: str) -> Iterator[str]:
     """
     Yield a line for each arm that was fitted, and one for all joints of all arms.
 
-    Geometric means over the joints of the errors of the true torques, of ours and of both rivals;
-    the ratios of ours to theirs; the same ratios for the measured torques; CPU seconds.
+    Geometric means over the joints of the errors of the measured torques, of ours and of both
+    rivals; the ratios of ours to theirs; the same for the true torques; CPU seconds.
 
     """
     everything = []
@@ -125,13 +134,17 @@ def table(rows: Mapping[str, Row], motion: str, ours: str) -> Iterator[str]:
         if any('error' in row for row in found[ours]):
             yield _line(name, 'failed')
         elif all(found.values()):
-            ratios = np.array([_ratios(found, ours, key) for key in ('nmse', 'nmse_measured')])
-            everything.append(ratios)
-            means = [_short(_mean(_logs(each, 'nmse'))) for each in found.values()]
+            logs = np.array(
+                [
+                    [_logs(each, key) for each in found.values()]
+                    for key in ('nmse_measured', 'nmse')
+                ]
+            )
+            everything.append(logs)
             cpu = np.mean([row['cpu_s'] for row in found[ours]])
-            yield _line(name, *means, *_means(ratios), f'{cpu:.0f}')
+            yield _line(name, *_cells(logs), f'{cpu:.0f}')
     if everything:
-        yield _line('all joints', '', '', '', *_means(np.concatenate(everything, axis=2)), '')
+        yield _line('all joints', *_cells(np.concatenate(everything, axis=2)), '')
 
 
 def _of(rows: Mapping[str, Row], name: str, motion: str, model: str) -> list[Row]:
@@ -147,15 +160,11 @@ def _logs(rows: list[Row], key: str) -> Array:
     return np.log(np.concatenate([row[key] for row in rows]))
 
 
-def _ratios(found: Mapping[str, list[Row]], ours: str, key: str) -> list[Array]:
-    """Return logarithms of the ratios of our errors to those of each rival."""
-    return [_logs(found[ours], key) - _logs(found[rival], key) for rival in RIVALS]
-
-
-def _means(logs: Array) -> Iterator[str]:
-    """Yield geometric means over the joints of ratios, shape (2, 2, joints)."""
-    for each in logs.reshape(4, -1):
-        yield f'{_mean(each):.2f}'
+def _cells(logs: Array) -> Iterator[str]:
+    """Yield means and ratios of logarithms of errors, shape (2, 3, joints)."""
+    for models in logs:
+        yield from (_short(_mean(each)) for each in models)
+        yield from (f'{_mean(models[0] - rival):.2f}' for rival in models[1:])
 
 
 def _mean(logs: Array) -> float:
