@@ -78,8 +78,8 @@ def _measured(robots: Path, arm: ZooArm, motion: str, seed: int, model: str) -> 
     try:
         loaded = load_arm(robots / arm.urdf, arm.first, arm.last)
         return measured(loaded, motion, seed, model)
-    except LipIdError as error:
-        return {'error': str(error)}
+    except (LipIdError, np.linalg.LinAlgError) as error:  # the other arms are still to come
+        return {'error': f'{type(error).__name__}: {error}'}
 
 
 def measured(arm: SerialArm, motion: str, seed: int, model: str) -> Row:
