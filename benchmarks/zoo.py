@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks._results import Results, Row
 from benchmarks._zoo import load_arm, MOTIONS, recorded, SerialArm, ZOO, ZooArm, ZooRecording
 from benchmarks.baselines import method
-from benchmarks.baselines.registry import OURS
+from benchmarks.baselines.registry import MODELS
 from benchmarks.baselines.rigid_body import contiguous, diagonal, identified, smooth_sign
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -49,7 +49,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--arms', nargs='+', choices=ZOO, default=list(ZOO))
     parser.add_argument('--motions', nargs='+', choices=MOTIONS, default=list(MOTIONS))
     parser.add_argument('--seeds', nargs='+', type=int, default=[0])
-    parser.add_argument('--models', nargs='+', choices=OURS, default=[ARTICULATED])
+    parser.add_argument('--models', nargs='+', choices=MODELS, default=[ARTICULATED])
     parser.add_argument('--picture', type=Path)
     options = parser.parse_args(arguments)
     try:
@@ -95,7 +95,7 @@ def measured(arm: SerialArm, motion: str, seed: int, model: str) -> Row:
     if model in RIVALS:
         tau = least_squares(arm.description.chain, recording, model)
     else:
-        fitted = method(model).fit(recording.train, FitSettings(), silent)
+        fitted = method(model, arm.description.place).fit(recording.train, FitSettings(), silent)
         tau = fitted.predict(test.q, test.dq, test.ddq).tau
     assert test.tau_noiseless is not None
     return {
