@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 import xml.etree.ElementTree as ET
+from zlib import crc32
 
 import numpy as np
 
@@ -230,10 +231,10 @@ def recorded(arm: SerialArm, motion: str, seed: int) -> ZooRecording:
     Draw drives and motions, and record them.
 
     `motion`: of the training data, one of `MOTIONS`. The unseen one is random, and is the same for
-    both.
+    both. A seed draws others for every arm.
 
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([seed, crc32(arm.description.text.encode())])
     unseen = _random_motion(arm.limits, rng)
     simulated = _with_drives(arm, unseen, rng)
     seen = (

@@ -142,6 +142,14 @@ def test_what_is_unseen_is_new_and_the_same_for_both_motions(arm: SerialArm) -> 
     assert np.abs(random.train.q - random.test.q).max() > 0.1
 
 
+def test_a_seed_draws_others_for_another_arm(arm: SerialArm, tmp_path: Path) -> None:
+    (tmp_path / 'tiny.urdf').write_text(URDF.replace('<mass value="2"/>', '<mass value="3"/>'))
+    other = recorded(load_arm(tmp_path / 'tiny.urdf', 'slide', 'elbow'), 'random', 0)
+    same, again = (recorded(arm, 'random', 0) for _ in range(2))
+    np.testing.assert_array_equal(same.train.tau, again.train.tau)
+    assert np.abs(same.test.q - other.test.q).max() > 0.1
+
+
 def repeats(q: Array, period: int) -> bool:
     """Whether a motion does the same after some samples."""
     return bool(np.allclose(q[period:], q[:-period], atol=1e-9))
