@@ -66,7 +66,7 @@ class RigidBodyFeatures:
         """Return Phi, shape (N, n, 14 n): links with rotors, viscous, Coulomb, offset."""
         columns = (dq, smooth_sign(dq, self.sign_width), np.ones_like(dq))
         links = torque_regressor(self.chain, *contiguous(q, dq, ddq))
-        return np.concatenate([links, *(_diagonal(x) for x in columns)], axis=2)
+        return np.concatenate([links, *(diagonal(x) for x in columns)], axis=2)
 
     def kinetic(self, q: Array, dq: Array) -> Array:
         """Return rows, shape (N, 14 n), whose product with the parameters is T [J]."""
@@ -134,7 +134,7 @@ class Identification:
         """Identify from all samples."""
         features = chosen_features(known_chain(self._urdf, dataset), dataset)
         phi = features.torque(dataset.q, dataset.dq, dataset.ddq)
-        parameters, _ = _identified(phi, dataset.tau)
+        parameters, _ = identified(phi, dataset.tau)
         progress(STAGE, REPEATS, REPEATS)
         return RigidBody(dataset.joint_names, dataset.joint_types, features, parameters)
 
@@ -177,11 +177,11 @@ class _WidthTrial:
         n = dataset.n_joints
         q, dq, ddq, tau = dataset.q, dataset.dq, dataset.ddq, dataset.tau
         signs = [smooth_sign(dq, width * unit) for width in WIDTHS]
-        joints = [_diagonal(x) for x in (dq, np.ones_like(dq), *signs)]
+        joints = [diagonal(x) for x in (dq, np.ones_like(dq), *signs)]
         phi = np.concatenate([torque_regressor(chain, *contiguous(q, dq, ddq)), *joints], axis=2)
         self._n_fixed = phi.shape[2] - n * len(WIDTHS)
         narrow = phi[:, :, : self._n_fixed + n]  # with the jump
-        _, residual_std = _identified(narrow, tau)
+        _, residual_std = identified(narrow, tau)
         rows = np.concatenate([phi, tau[:, :, None]], axis=2) / residual_std[:, None]
         blocks = np.array_split(rows, BLOCKS)
         self._gram = np.array([np.tensordot(x, x, axes=([0, 1], [0, 1])) for x in blocks])
@@ -220,7 +220,7 @@ def smooth_sign(dq: Array, width: Array) -> Array:
     return np.where(width > 0, smooth, np.sign(dq))
 
 
-def _identified(phi: Array, tau: Array) -> tuple[Array, Array]:
+def identified(phi: Array, tau: Array) -> tuple[Array, Array]:
     """Return parameters, and the standard deviation of each joint's residual."""
     std = np.ones(tau.shape[1])
     floor = 1e-9 * tau.std(axis=0) + np.finfo(np.float64).tiny
@@ -238,6 +238,6 @@ def _weighted(phi: Array, tau: Array, std: Array) -> Array:
     return np.asarray(found) / scale
 
 
-def _diagonal(x: Array) -> Array:
+def diagonal(x: Array) -> Array:
     """Return one column per joint that acts on that joint only, (N, n) to (N, n, n)."""
     return x[:, :, None] * np.eye(x.shape[1])
