@@ -64,7 +64,8 @@ def test_a_rest_is_one_sample_repeated() -> None:
     t = data.t[-1] + (1 + np.arange(400)) / RATE_HZ
     rest = {'q': still + data.q[-1], 'dq': still, 'ddq': still, 'tau': still}
     joined = {name: np.vstack([getattr(data, name), rows]) for name, rows in rest.items()}
-    held = Dataset.from_arrays(**joined, t=np.concatenate([data.t, t]))
+    states = joined['q'], joined['dq'], joined['ddq'], joined['tau']
+    held = Dataset.from_arrays(*states, t=np.concatenate([data.t, t]))
     fold = recurrent_folds(held, 6)
     assert np.unique(fold[-380:]).size == 1
     assert np.unique(fold[: data.n_samples]).size == 6
