@@ -54,6 +54,7 @@ def dahl_states(q: Array, begins: BoolArray, start: Array | None = None) -> Arra
 def unknown_share(q: Array, begins: BoolArray) -> Array:
     """Return how much of each of `dahl_states` is still that of an unknown start, (N, n, D)."""
     lengths = np.abs(np.diff(q, axis=0, prepend=q[:1]))
+    begins = begins | ~np.isfinite(lengths).all(axis=1)
     lengths[begins] = 0.0
     travelled = np.cumsum(lengths, axis=0)
     since = np.maximum.accumulate(np.where(begins, np.arange(len(q)), 0))
@@ -69,6 +70,8 @@ def _dahl(q: Array, begins: BoolArray, start: Array, displacements: Array) -> Ar
             continue
         for j in range(q.shape[1]):
             dx = q[t, j] - q[t - 1, j]
+            if not np.isfinite(dx):
+                continue  # nothing is known after it
             sign = np.sign(dx)
             for d in range(len(displacements)):
                 rest = np.exp(-abs(dx) / displacements[d])
@@ -79,7 +82,7 @@ def _dahl(q: Array, begins: BoolArray, start: Array, displacements: Array) -> Ar
 def begins_of_times(t: Array, segment: Array | IntArray) -> BoolArray:
     """Mark the samples that do not continue the one before, shape (N,), by times [s]."""
     steps = np.diff(t)
-    gaps = (np.diff(segment) != 0) | (steps <= 0.0) | (steps > LONGEST_GAP_S)
+    gaps = (np.diff(segment) != 0) | ~((steps > 0.0) & (steps <= LONGEST_GAP_S))
     return np.concatenate([np.ones(1, dtype=np.bool_), gaps])
 
 
@@ -112,7 +115,7 @@ def begins_of_states(q: Array, dq: Array, ddq: Array) -> BoolArray | None:
         return None
     usual, rows = float(np.median(step[moves])), _norm(dq / scale)
     farthest = FARTHEST * usual * (np.maximum(rows[1:], rows[:-1]) + SLOWEST)
-    return np.concatenate([np.ones(1, dtype=np.bool_), _norm(dx) > farthest])
+    return np.concatenate([np.ones(1, dtype=np.bool_), ~(_norm(dx) <= farthest)])
 
 
 def _norm(rows: Array) -> Array:

@@ -415,7 +415,10 @@ def _begins(states: Sequence[Array], t: ArrayLike | None) -> BoolArray | None:
     """Mark the rows of states q, dq, ddq that do not continue the one before, shape (N,)."""
     if t is None:
         return begins_of_states(*states)
-    times = np.asarray(t, dtype=np.float64)
+    try:
+        times = _numbers(t).astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f't must be an array of numbers; {error}.') from error
     if times.shape != states[0].shape[:1]:
         raise ShapeError(
             f't must have shape {states[0].shape[:1]} like the rows of q, not {times.shape}.'

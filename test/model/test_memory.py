@@ -111,6 +111,24 @@ def test_times_that_do_not_fit_are_refused(model: InverseDynamicsModel) -> None:
     t, states = motion(model)
     with pytest.raises(ShapeError, match='t must have shape'):
         model.predict(*states, t[1:])
+    with pytest.raises(ShapeError, match='t must be an array of numbers'):
+        model.predict(*states, [str(each) for each in t])
+
+
+def test_a_state_that_is_not_finite_spoils_no_other(model: InverseDynamicsModel) -> None:
+    t, states = motion(model)
+    q = states[0].copy()
+    q[100, 0] = np.nan
+    for times in (t, None):
+        found = model.predict(q, states[1], states[2], times).tau
+        assert np.flatnonzero(~np.isfinite(found).all(axis=1)).tolist() == [100]
+    std = model.standard_deviation(q, states[1], states[2], t).tau
+    assert np.isfinite(np.delete(std, 100, axis=0)).all()
+    memory = model.running_memory()
+    assert memory is not None
+    rows = zip(t.tolist(), np.stack([q, *states[1:]], axis=1), strict=True)
+    found = np.array([memory.torque(state, now) for now, state in rows])
+    assert np.isfinite(found).all()
 
 
 def test_the_file_keeps_it(model: InverseDynamicsModel, tmp_path) -> None:  # type: ignore[no-untyped-def]
