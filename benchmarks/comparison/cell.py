@@ -30,7 +30,8 @@ PACKAGE = BENCHMARKS.with_name('lip_id_ros')
 PARTS = (
     *(BENCHMARKS / 'baselines', BENCHMARKS / 'comparison/cell.py'),
     *(PACKAGE / each for each in ('arrays.py', 'joint_types.py', 'linear_algebra.py')),
-    *(PACKAGE / each for each in ('numba_jit.py', 'dataset', 'description', 'friction', 'gp')),
+    *(PACKAGE / each for each in ('joint_history.py', 'numba_jit.py', 'dataset', 'description')),
+    *(PACKAGE / each for each in ('friction', 'gp')),
     *(PACKAGE / each for each in ('identification', 'kernels', 'model', 'rigid_body')),
     *(PACKAGE / 'settings', PACKAGE / 'evaluation/metrics.py'),
 )
