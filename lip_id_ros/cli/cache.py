@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 from lip_id_ros.cli import arguments
 from lip_id_ros.errors import ConfigError
 
-HELP = 'show or prune what fits of fleets keep'
+HELP = 'show or prune what fits of several recordings keep'
 EPILOG = """\
 examples:
   lip_id cache                            how many results are kept, and where

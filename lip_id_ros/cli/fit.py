@@ -17,7 +17,7 @@ examples:
   lip_id fit my_bag -o arm.npz --holdout 0.3   fit without the last 30 % of the samples, and
                                                evaluate the model on them
   lip_id fit 'bags/**/*.mcap' s3://bucket/arm7/ -o arm.npz --engine ray --group-by '(robot\\d+)'
-                                               a fleet: a map over recordings and a sum
+                                               several recordings, each read by itself
 """
 
 

@@ -28,7 +28,7 @@ MOST_LISTED = 20
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of a fit to a fleet."""
     fleet = parser.add_argument_group(
-        'fleet of recordings',
+        'several recordings',
         'Any of these fits recording by recording, each with friction of its own. SOURCE may '
         "then be a pattern ('bags/**/*.mcap'), a folder of recordings or a URL that fsspec knows "
         '(s3://bucket/arm7/); docs/reference/fleet.md',
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='DIR',
         help='where results of recordings are kept for later fits (default: that of lip_id cache)',
     )
-    fleet.add_argument('--report', metavar='PAGE.html', help='write a page about the fleet')
+    fleet.add_argument('--report', metavar='PAGE.html', help='write a page about the recordings')
 
 
 def is_asked(args: argparse.Namespace) -> bool:
@@ -75,8 +75,8 @@ def is_asked(args: argparse.Namespace) -> bool:
         is_pattern = any(letter in source for letter in '*?[') and not os.path.exists(source)
         if '://' in source or is_pattern:
             raise ConfigError(
-                f'a fit without options of a fleet needs files or folders, but {source} is a '
-                'pattern or a URL; add --jobs 1 to fit a fleet, or name the recordings.'
+                f'a fit without --jobs or --engine needs files or folders, but {source} is a '
+                'pattern or a URL; add --jobs 1, or name the recordings.'
             )
     return False
 
@@ -101,8 +101,8 @@ def run(args: argparse.Namespace) -> None:
     config = models.fit_config(args)
     if config.preprocessing.cutoff_hz == AUTO:
         raise ConfigError(
-            'preprocessing.cutoff_hz must be a number for a fleet, whose recordings are never '
-            'loaded together; elect it by one of them, without the options of a fleet.'
+            'preprocessing.cutoff_hz must be a number where recordings are fitted one by one, not '
+            'auto; find it with a fit of one recording, without --jobs and the options beside it.'
         )
     sources = find(args.sources, args.group_by)
     cache = FolderCache(args.cache or default_folder())
@@ -133,8 +133,8 @@ def _check(args: argparse.Namespace) -> None:
     """Refuse what belongs to other fits or to the other engine."""
     if args.holdout is not None:
         raise ConfigError(
-            '--holdout belongs to a fit without options of a fleet, but --holdout and one of '
-            'these were given; leave out --holdout, and evaluate other recordings.'
+            '--holdout belongs to a fit that loads all recordings together, but an option for '
+            'several recordings was given too; leave out --holdout, and evaluate other recordings.'
         )
     if args.address is not None and args.engine != RAY:
         raise ConfigError(

@@ -94,8 +94,8 @@ def fit_fleet(
     """
     if config.fit.kernel != ARTICULATED:
         raise ConfigError(
-            f'a fleet is fitted with fit.kernel {ARTICULATED}, not {config.fit.kernel}; leave '
-            'the kernel out, or fit single recordings.'
+            f'a fit recording by recording needs fit.kernel {ARTICULATED}, not '
+            f'{config.fit.kernel}; leave the kernel out, or fit single recordings.'
         )
     with threadpool_limits(1):
         return _Fit(
@@ -190,7 +190,7 @@ class _Fit:
         least = LEAST_SAMPLES_PER_JOINT * len(names)
         if (count := sum(each.n_samples for each in surveys)) < least:
             raise DataError(
-                f'a fit of a fleet needs at least {least} samples, but its recordings have '
+                f'a fit of several recordings needs at least {least} samples, but these have '
                 f'{count}; record longer.'
             )
         joint_types = reservoir_data(surveys[0], names).joint_types

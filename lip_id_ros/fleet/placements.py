@@ -58,7 +58,9 @@ Residual from which a recording contradicts the fleet: so many robust standard d
 logarithms above the median, and at least this factor.
 """
 
-NOTHING = 'has no samples that count: its drives are off, or all of it contradicts the fleet'
+NOTHING = (
+    'has no samples that count: its drives are off, or all of it contradicts the other recordings'
+)
 """Reason to leave out a recording."""
 
 NORMAL_MAD = 1.4826
@@ -261,7 +263,7 @@ def contradictions(rms: Array, kept: BoolArray, joint_names: Sequence[str]) -> d
     worst = np.argmax(excess, axis=1)
     return nothing | {
         int(k): (
-            f'contradicts the fleet: its residual at {joint_names[worst[k]]} is '
+            f'contradicts the other recordings: its residual at {joint_names[worst[k]]} is '
             f'{np.exp(logs[k, worst[k]] - median[worst[k]]):.1f} times the median of '
             f'{kept.sum()} recordings; it may be of another arm or have another load'
         )

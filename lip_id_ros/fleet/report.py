@@ -23,7 +23,7 @@ FIRST_CLOCK_S = 1e8
 
 
 def write_fleet_report(
-    path: str | os.PathLike[str], result: FleetResult, name: str = 'fleet'
+    path: str | os.PathLike[str], result: FleetResult, name: str = 'model'
 ) -> None:
     """
     Write the page, which needs no network.
@@ -42,7 +42,7 @@ def write_fleet_report(
         If the file cannot be written.
 
     """
-    write_whole(path, _page(result, f'{name}: fleet of recordings').encode())
+    write_whole(path, _page(result, f'{name}: several recordings').encode())
 
 
 def is_report(path: Path) -> bool:

@@ -29,7 +29,7 @@ from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
-STAGE = 'election of preprocessing'
+STAGE = 'selection of preprocessing'
 ELECTED = 'elected'
 """Provenance of a source: how its preprocessing was elected."""
 
@@ -140,7 +140,7 @@ def _usable(
             used.append(samples)
     if not data:
         raise DataError(
-            'the preprocessing is elected by recordings that are long enough, but none of '
+            'the preprocessing is selected by recordings that are long enough, but none of '
             f'{len(recordings)} is; record for longer, or give preprocessing.cutoff_hz a number.'
         )
     return concatenate(data), used
@@ -154,7 +154,7 @@ def _refuse_mixed(settings: PreprocessingSettings, recording: RecordingSettings)
         given.append('recording.effort_delay_s')
     if given:
         raise ConfigError(
-            f'preprocessing.cutoff_hz: auto elects {" and ".join(given)} too, but a value is '
+            f'preprocessing.cutoff_hz: auto selects {" and ".join(given)} too, but a value is '
             'given; leave it out, or give the cut-off as a number.'
         )
 
@@ -205,7 +205,7 @@ def election_lines(provenance: Mapping[str, Any]) -> list[str]:
     usual = f'{PreprocessingSettings().cutoff:g}'
     if 'too_few_samples' in report:
         return [
-            f'Preprocessing: {report["too_few_samples"]} samples are too few to elect a cut-off, '
+            f'Preprocessing: {report["too_few_samples"]} samples are too few to select a cut-off, '
             f'which stays at {usual} Hz.'
         ]
     errors = report['unexplained_left_out_percent']
@@ -213,7 +213,8 @@ def election_lines(provenance: Mapping[str, Any]) -> list[str]:
     why = ', the usual one, since none was clearly better' if cutoff == usual else ''
     listed = ', '.join(f'{each} Hz {error:.3g} %' for each, error in errors.items())
     lines = [
-        f'Preprocessing elected: cut-off {cutoff} Hz{why}; derivative {report["derivative"]}. '
+        f'Preprocessing selected by cross-validation: cut-off {cutoff} Hz{why}; derivative '
+        f'{report["derivative"]}. '
         f'Share of left-out efforts that links do not explain: {listed}.'
     ]
     delays = report['effort_delay_s']

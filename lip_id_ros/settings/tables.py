@@ -148,7 +148,7 @@ class FitSettings(Settings):
     kernel: str = setting(
         'articulated',
         'The model: an arm of rigid links with friction, whose joints are located by the fit, '
-        'with a Gaussian process for the remainder where it helps (articulated), or a kernel on '
+        'with a Gaussian process for the residual where it helps (articulated), or a kernel on '
         'energies alone, to which the settings below apply, all but the seed.',
         choices=('articulated', 'lip', 'recursive'),
     )

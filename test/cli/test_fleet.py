@@ -71,13 +71,19 @@ def test_a_fleet_is_fitted_kept_and_reported(bags: Path, here: Path, capsys: Cap
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
-        (['--jobs', '2', '--holdout', '0.3'], '--holdout belongs to a fit without options'),
+        (
+            ['--jobs', '2', '--holdout', '0.3'],
+            '--holdout belongs to a fit that loads all recordings',
+        ),
         (['--address', 'auto'], '--address names a Ray cluster, but the engine is local'),
         (['--engine', 'ray', '--address', 'auto', '--jobs', '2'], '--jobs is for engines on this'),
         (['--group-by', 'robot'], '--group-by must have one group in parentheses'),
         (['--jobs', '1000000000'], '--jobs must be at most '),
         (['--jobs', '2', '--report', './arm.npz'], 'arm.npz and ./arm.npz are one'),
-        (['--jobs', '2', '--kernel', 'lip'], 'a fleet is fitted with fit.kernel articulated'),
+        (
+            ['--jobs', '2', '--kernel', 'lip'],
+            'a fit recording by recording needs fit.kernel articulated',
+        ),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(
@@ -93,7 +99,7 @@ def test_what_only_a_fleet_can_find_is_refused_without_its_options(
     source: str, here: Path, capsys: Capture
 ) -> None:
     assert main(['fit', source, '-o', 'arm.npz']) == 1
-    message = f'{source} is a pattern or a URL; add --jobs 1 to fit a fleet'
+    message = f'{source} is a pattern or a URL; add --jobs 1, or name'
     assert message in ' '.join(capsys.readouterr().err.split())
 
 

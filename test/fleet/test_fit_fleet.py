@@ -92,7 +92,7 @@ def test_what_does_not_belong_is_named_with_the_reason(fleet: Fleet) -> None:
     assert status[fleet.good :] == [EXCLUDED, EXCLUDED, FAILED, EXCLUDED]
     *strange, poison, copy = (each.reason for each in fleet.result.recordings[fleet.good :])
     for reason in strange:
-        assert reason.startswith('contradicts the fleet: its residual at joint_')
+        assert reason.startswith('contradicts the other recordings: its residual at joint_')
         assert 'times the median of 10 recordings' in reason
     assert 'poison.npz is not a data set' in poison
     assert copy == f'is a copy of {fleet.sources[0].name}'
@@ -270,5 +270,5 @@ def test_nothing_to_read_is_refused(fleet: Fleet) -> None:
 
 def test_other_kernels_are_refused(fleet: Fleet) -> None:
     config = Config(fit=FitSettings(kernel='lip'))
-    with pytest.raises(ConfigError, match=r'a fleet is fitted with fit\.kernel'):
+    with pytest.raises(ConfigError, match=r'a fit recording by recording needs fit\.kernel'):
         fit_fleet(fleet.sources, config, PlainEngine())

@@ -24,7 +24,7 @@ def test_the_page_holds_what_came_of_each_recording(tmp_path: Path) -> None:
     result = made_up(40)
     write_fleet_report(tmp_path / 'fleet.html', result, 'arm <7> DATA')
     page = (tmp_path / 'fleet.html').read_text()
-    assert '<title>arm &lt;7&gt; DATA: fleet of recordings</title>' in page
+    assert '<title>arm &lt;7&gt; DATA: several recordings</title>' in page
     assert 'http' not in page.replace('http-equiv', '')
     data = data_of(page)
     assert data['names'] == [each.name for each in result.recordings]

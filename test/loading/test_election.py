@@ -140,7 +140,10 @@ def test_what_is_held_out_does_not_matter(tmp_path: Path) -> None:
         for path in (good, spoilt)
     ]
     assert reports[0]['elected'] == reports[1]['elected']
-    assert 'Preprocessing elected: cut-off' in election_lines({'sources': reports})[0]
+    assert (
+        'Preprocessing selected by cross-validation: cut-off'
+        in election_lines({'sources': reports})[0]
+    )
     again = with_elected(config, {'sources': reports})
     assert again.preprocessing.cutoff == reports[0]['preprocessing']['cutoff_hz']
     assert load_dataset(good, again).provenance['sources'][0]['recording'] == (
@@ -166,16 +169,16 @@ def test_few_samples_keep_the_usual_cutoff(tmp_path: Path) -> None:
     data = load_dataset(log(tmp_path / 'short.csv', 0.0, 150), Config(preprocessing=ELECTING))
     (source,) = data.provenance['sources']
     assert source['preprocessing']['cutoff_hz'] == PreprocessingSettings().cutoff
-    assert 'too few to elect' in election_lines(data.provenance)[0]
+    assert 'too few to select' in election_lines(data.provenance)[0]
 
 
 def test_mixed_settings_are_refused(tmp_path: Path) -> None:
     samples = recording(uniform(500, 100.0))
     derivative = replace(ELECTING, derivative='central_differences')
-    with pytest.raises(ConfigError, match=r'auto elects preprocessing\.derivative too'):
+    with pytest.raises(ConfigError, match=r'auto selects preprocessing\.derivative too'):
         elect_preprocessing([samples], derivative, RecordingSettings())
     delays = RecordingSettings(effort_delay_s=(0.0, 0.01))
-    with pytest.raises(ConfigError, match=r'auto elects recording\.effort_delay_s too'):
+    with pytest.raises(ConfigError, match=r'auto selects recording\.effort_delay_s too'):
         elect_preprocessing([samples], ELECTING, delays)
     other = replace(samples, joint_names=('elbow', 'shoulder'))
     with pytest.raises(ConfigError, match='one order of joints'):
