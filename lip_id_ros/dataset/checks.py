@@ -16,6 +16,9 @@ from lip_id_ros.joint_types import JOINT_TYPES
 PER_JOINT = ('q', 'dq', 'ddq', 'tau', 'tau_noiseless', 'low_passed_sign', 'dahl_states')
 PER_SAMPLE = ('t', 'kinetic', 'potential')
 INDICES = ('segment', 'recording')
+DERIVED = ('dahl_states',)
+"""Not kept in files: it follows from the rest, and has one more dimension."""
+
 LARGEST_INDEX = 2**53  # beyond it, floats are not all the whole numbers
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -99,7 +102,7 @@ def check_shapes(arrays: Arrays, **per_joint: tuple[str, ...]) -> None:
         )
     for name, value in arrays.items():
         expected = shape if name in PER_JOINT else shape[:1]
-        if value.shape[: 2 if name == 'dahl_states' else None] != expected:
+        if value.shape[: 2 if name in DERIVED else None] != expected:
             raise ShapeError(f'{name} must have shape {expected} like q, not {value.shape}.')
     for name, values in per_joint.items():
         if len(values) != shape[1]:

@@ -16,7 +16,15 @@ from numpy.typing import ArrayLike
 from lip_id_ros.arrays import Array, BoolArray, digest, IndexArray, IntArray
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import formats
-from lip_id_ros.dataset.checks import checked, floats, INDICES, PER_JOINT, PER_SAMPLE, texts
+from lip_id_ros.dataset.checks import (
+    checked,
+    DERIVED,
+    floats,
+    INDICES,
+    PER_JOINT,
+    PER_SAMPLE,
+    texts,
+)
 from lip_id_ros.dataset.provenance import cutoffs_hz
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.errors import DataError, missing_joints, shortened
@@ -100,7 +108,7 @@ class Dataset:
 
     def _recorded(self) -> dict[str, Any]:
         """Return the arrays but for what follows from them."""
-        return {name: value for name, value in self._arrays().items() if name != 'dahl_states'}
+        return {name: value for name, value in self._arrays().items() if name not in DERIVED}
 
     @classmethod
     def from_arrays(

@@ -19,7 +19,7 @@ from lip_id_ros.csv_table import (
     quoted,
     read_table,
 )
-from lip_id_ros.dataset.checks import INDICES, PER_JOINT, PER_SAMPLE
+from lip_id_ros.dataset.checks import DERIVED, INDICES, PER_JOINT, PER_SAMPLE
 from lip_id_ros.errors import ConfigError, DataError
 
 DATASET_SUFFIX = '.npz'
@@ -41,7 +41,8 @@ UNITS = {
 _ENERGIES = ('kinetic', 'potential')
 _NEEDED = ('q', 'dq', 'ddq', 'tau')
 _OPTIONAL = ('tau_noiseless', 'low_passed_sign')
-_KNOWN = (*PER_SAMPLE, *PER_JOINT[:-1], *INDICES, 'joint_names', 'joint_types')
+_KEPT = tuple(name for name in (*PER_SAMPLE, *PER_JOINT, *INDICES) if name not in DERIVED)
+_KNOWN = (*_KEPT, 'joint_names', 'joint_types')
 
 Arrays = Mapping[str, NDArray[Any]]
 PathLike = str | os.PathLike[str]

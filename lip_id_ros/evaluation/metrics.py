@@ -149,15 +149,15 @@ def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Ou
     """
     predictions: list[TorquePrediction] = []
     eigenvalues = []
-    is_arm = isinstance(model, InverseDynamicsModel) and model.arm is not None
+    arm = model if isinstance(model, InverseDynamicsModel) and model.arm is not None else None
     for q, dq, ddq in _state_blocks(dataset, BLOCK, 'predict', progress):
-        if not is_arm:
+        if arm is None:
             predictions.append(model.predict(q, dq, ddq))
         if isinstance(model, DynamicsModel):
             eigenvalues.append(np.linalg.eigvalsh(model.inertia_matrix(q))[:, 0])
     smallest = np.concatenate(eigenvalues) if eigenvalues else None
-    if isinstance(model, InverseDynamicsModel) and is_arm:  # whole: friction may remember
-        predictions = [model.predict(dataset.q, dataset.dq, dataset.ddq, dataset.t)]
+    if arm is not None:  # whole: friction may remember
+        predictions = [arm.predict(dataset.q, dataset.dq, dataset.ddq, dataset.t)]
     joined = _joined(predictions)
     return Outcome(dataset, joined, smallest, _within_two_std(model, dataset, joined.tau))
 

@@ -175,11 +175,12 @@ def _column(column: Column, signs: Mapping[float, str]) -> str:
 
 def _primitive(primitive: Primitive, signs: Mapping[float, str]) -> str:
     shapes = {ONE: '1.0', VELOCITY: 'v', SQUARE: 'v * fabs(v)', LOAD: 'l'}
-    text = shapes.get(primitive.shape) or signs.get(primitive.width, '')
-    if primitive.shape == REVERSAL:
-        text = f'(1.0 - {text} * {text}) * tanh(a / {_number(primitive.acceleration)})'
     if primitive.shape == STEP:
         text = f'tanh((v - {_number(primitive.centre)}) / {_number(primitive.width)})'
+    else:
+        text = shapes.get(primitive.shape) or signs[primitive.width]
+    if primitive.shape == REVERSAL:
+        text = f'(1.0 - {text} * {text}) * tanh(a / {_number(primitive.acceleration)})'
     if primitive.side:
         text = f'(v {">" if primitive.side > 0 else "<"} 0.0 ? {text} : 0.0)'
     if primitive.position == POSITION:

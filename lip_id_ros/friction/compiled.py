@@ -258,11 +258,11 @@ def friction_features(
 
     """
     signs = [part.drive.signs(basis.n_joints) for part in basis.terms for _ in range(part.size)]
-    seen = basis.discrepancy(dq, ddq, history.sign) @ np.array(signs).reshape(-1, basis.n_joints).T
+    discrepancy = basis.discrepancy(dq, ddq, history.sign)
+    seen = discrepancy @ np.array(signs).reshape(-1, basis.n_joints).T
     states = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq, load, seen))
     out = _features(CompiledFriction.features_of(basis), *states)
     if history.dahl is not None:
-        discrepancy = basis.discrepancy(dq, ddq, history.sign)
         for part, place in zip(basis.terms, basis.slices, strict=True):
             if isinstance(part.term, Dahl):
                 state = part.drive.state(
