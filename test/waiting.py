@@ -51,6 +51,12 @@ def wait_until(condition: Callable[[], Any], what: str) -> None:
         time.sleep(POLL_S)
 
 
+def suspend(process: psutil.Process) -> None:
+    """Stop a process and wait until it stands still: the signal alone may come late."""
+    process.suspend()
+    wait_until(lambda: process.status() == psutil.STATUS_STOPPED, 'the stop of a process')
+
+
 def run_to_end(
     command: Sequence[str], folder: Path, **options: Any
 ) -> subprocess.CompletedProcess[str]:

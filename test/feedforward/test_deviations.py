@@ -9,7 +9,7 @@ from model.models import random_model
 import numpy as np
 import psutil
 import pytest
-from waiting import wait_until
+from waiting import suspend, wait_until
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
@@ -90,7 +90,7 @@ def test_an_unknown_deviation_is_beyond_the_limit(tmp_path: Path) -> None:
     points = [point(rest, rest, rest)]
     process = process_of_deviations()
     try:
-        process.suspend()
+        suspend(process)
         assert not server.sample(model.joint_names, points, 0.0).tau.any()  # not computed yet
         process.resume()
         wait_for(arm.deviations)

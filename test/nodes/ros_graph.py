@@ -23,7 +23,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from ros_domain import free_domain
 from std_srvs.srv import SetBool, Trigger
-from waiting import wait_until
+from waiting import suspend, wait_until
 
 from lip_id_ros.demo.graph import await_discovery
 from lip_id_ros.nodes import messages, qos, running
@@ -79,12 +79,12 @@ class Process:
         process = psutil.Process(self._popen.pid)
         if module:
             (process,) = self.children(module)
-        process.suspend()
-        wait_until(lambda: process.status() == psutil.STATUS_STOPPED, 'the stop of a process')
+        suspend(process)
 
     def end(self, number: int = signal.SIGINT) -> int:
-        """Ask the process to end and return its exit status."""
+        """Ask the process to end, also one that is held, and return its exit status."""
         self.send(number)
+        self.send(signal.SIGCONT)
         return self.wait()
 
     def wait(self) -> int:

@@ -19,13 +19,14 @@ from lifecycle_msgs.srv import ChangeState
 from nodes import toy
 from nodes.test_serve import EXPECTED, GOOD, point, REFERENCE, start_serve, TORQUE, trajectory
 import numpy as np
+import psutil
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
-from waiting import wait_until
+from waiting import suspend, wait_until
 
 from benchmarks._hostile import counts, hostile_states, hostile_trajectory
 from lip_id_ros.feedforward.loading import ModelFile
@@ -232,7 +233,7 @@ def held(worker: PlanWorker) -> subprocess.Popen[bytes]:
     """Let the process of plans stand still."""
     process = worker._process
     assert process is not None
-    process.send_signal(signal.SIGSTOP)
+    suspend(psutil.Process(process.pid))
     return process
 
 

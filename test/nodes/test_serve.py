@@ -222,9 +222,10 @@ def test_the_last_word_reaches_a_controller_that_is_late(
         return 'heard' in listener.log
 
     client.wait_until(is_heard, 'command')
-    listener.send(signal.SIGSTOP)
+    listener.hold()
     serve.send(signal.SIGINT)
     client.wait_until(lambda: WAITS in serve.log or not serve.alive, 'end of the node')
+    assert WAITS in serve.log
     assert serve.alive  # what the other process hears depends on it
     listener.send(signal.SIGCONT)
     client.wait_until(lambda: 'heard [0.0, 0.0]' in listener.log, 'zero torque')

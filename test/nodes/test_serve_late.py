@@ -154,7 +154,7 @@ def test_messages_that_the_middleware_lost_are_told(
     message, sent = JointState(name=list(GOOD.joint_names) * 50), 1
     publisher.publish(message)
     client.status('serve', lambda status: status['received']['joint_states'] == 1)
-    serve.send(signal.SIGSTOP)
+    serve.hold()
     for _ in range(3000):  # more than any buffer below the node holds
         publisher.publish(message)
     serve.send(signal.SIGCONT)
