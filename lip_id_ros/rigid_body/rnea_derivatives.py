@@ -1,8 +1,10 @@
 """
 Derivatives of the recursive Newton-Euler algorithm by the placements of the joints.
 
-Every direction of a placement is a perturbation that propagates to the tip as a change of motions
-and back to the base as a change of wrenches (maths.md, section 10).
+A small change of a link's motion changes the wrench on it and on all that it carries by a matrix
+of 6 x 9. These are summed from the tip to the base, like composite inertias (Featherstone, Rigid
+Body Dynamics Algorithms, 2008, section 6.2). A row that is carried on to the base is the change of
+one torque by the motions of all frames (maths.md, section 10).
 
 """
 
@@ -13,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.numba_jit import jit
+from lip_id_ros.numba_jit import jit, jit_inlined
 from lip_id_ros.rigid_body.chain import (
     add_joint_motion,
     base_acceleration,
@@ -26,11 +28,13 @@ from lip_id_ros.rigid_body.spatial import (
     add,
     add_wrenches,
     cross,
+    dot,
+    inertia_times,
     load,
     load_transform,
     newton_euler,
-    newton_euler_derivative,
     propagate_motion,
+    SpatialInertia,
     SpatialMotion,
     store,
     store_transform,
@@ -51,19 +55,18 @@ class Workspace(NamedTuple):
     """
     Working memory: all links of a chain at one joint state.
 
-    The last index of a perturbation is its direction, so that the compiler turns loops over
-    directions into vector instructions.
-
     `transforms`, shape (n, 4, 3).
     `parent_motions`, `motions`, shape (n + 1, 3, 3): motion without and with the link's own joint;
     row 0 is the base, row i + 1 link i.
     `wrenches`, shape (n, 2, 3): total wrench of a link and all links that it carries.
-    `frame_change`, shape (6, 6): change of a link's frame: its rotation, expressed in the link,
-    and the translation of its origin, expressed in the parent.
-    `motion_change`, shape (9, 6): change of a link's motion.
-    `wrench_changes`, shape (n, 6, 6): change of the wrench of each link alone.
-    `total_change`, shape (6, 6): change of the total wrench of a link and all links that it
-    carries.
+    `frame_change`, shape (6, 6): change of a link's frame by the directions of its placement: its
+    rotation, expressed in the link, and the translation of its origin, expressed in the parent.
+    `motion_changes`, shape (n, 9, 6): change of each link's motion without its own joint.
+    `composites`, shape (n, 6, 9): change of the total wrench of a link and all links that it
+    carries by the motion of the link's frame without its own joint.
+    `carried`, shape (6, 9): the composite of the next link by the motion of this one.
+    `own_changes`, `base_changes`, shape (n, 6, 6): change of the total wrench of a link by its own
+    placement, in its frame and in that of its parent.
 
     """
 
@@ -72,9 +75,11 @@ class Workspace(NamedTuple):
     motions: Array
     wrenches: Array
     frame_change: Array
-    motion_change: Array
-    wrench_changes: Array
-    total_change: Array
+    motion_changes: Array
+    composites: Array
+    carried: Array
+    own_changes: Array
+    base_changes: Array
 
 
 @jit
@@ -96,21 +101,27 @@ def placement_derivatives(
         np.empty((n + 1, 3, 3)),
         np.empty((n, 2, 3)),
         np.empty((6, DIRECTIONS)),
-        np.empty((9, DIRECTIONS)),
+        np.empty((n, 9, DIRECTIONS)),
+        np.empty((n, 6, 9)),
+        np.empty((6, 9)),
         np.empty((n, 6, DIRECTIONS)),
-        np.empty((6, DIRECTIONS)),
+        np.empty((n, 6, DIRECTIONS)),
     )
     for t in range(count):
         _motions_and_wrenches(work, chain, parameters, q[t], dq[t], ddq[t])
-        for i in range(n):
+        for i in range(n - 1, -1, -1):
+            _composite(work, chain, parameters, i, dq[t, i])
             _frame_change(work.frame_change, chain, i, q[t, i])
             _motion_change(work, i)
-            _to_tip(work, chain, parameters, i, dq[t])
-            _to_base(out[t, :, i], work, chain, i)
+            _own_change(work, i)
+            _change_at_the_joint(work, i)
+        for j in range(n):
+            _torque_by_own_and_carrying(out[t, j], work, chain, j, dq[t])
+            _torque_by_carried(out[t, j], work, chain, j)
     return out
 
 
-@jit
+@jit_inlined
 def _motions_and_wrenches(
     work: Workspace, chain: Chain, parameters: Array, q: Array, dq: Array, ddq: Array
 ) -> None:
@@ -134,7 +145,7 @@ def _motions_and_wrenches(
         total = transform_wrench(total, load_transform(work.transforms, i))
 
 
-@jit
+@jit_inlined
 def _frame_change(change: Array, chain: Chain, i: int, q: float) -> None:
     change[:] = 0.0
     for d in range(3):
@@ -153,129 +164,179 @@ def _frame_change(change: Array, chain: Chain, i: int, q: float) -> None:
             _put(change, 0, d, (c * unit[0] + s * unit[1], c * unit[1] - s * unit[0], unit[2]))
 
 
-@jit
+@jit_inlined
+def _composite(work: Workspace, chain: Chain, parameters: Array, i: int, dq: float) -> None:
+    composite, w = work.composites[i], load(work.motions, i + 1, 0)
+    _newton_euler_slopes(composite, link_inertia(parameters, i), w)
+    if i + 1 < len(work.composites):
+        x = load_transform(work.transforms, i + 1)
+        for k in range(6):
+            _set_row(work.carried, k, _before_the_frame(_row(work.composites[i + 1], k), w, x))
+        _add_of_child(composite, work.carried, x)
+    for k in range(6):
+        _set_row(composite, k, _before_the_joint(_row(composite, k), chain.prismatic[i], dq))
+
+
+@jit_inlined
+def _newton_euler_slopes(out: Array, body: SpatialInertia, w: Vec3) -> None:
+    """Set the derivatives of a wrench by `newton_euler` by the motion, shape (6, 9)."""
+    h, momentum = body.first_moment, inertia_times(body, w)
+    along = cross(w, h)
+    out[:] = 0.0
+    for k in range(3):
+        unit = 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2)
+        column = inertia_times(body, unit)
+        moment = cross(h, unit)
+        _put(out, 0, k, add(cross(unit, momentum), cross(w, column)))
+        _put(out, 3, k, add(cross(unit, along), cross(w, cross(unit, h))))
+        _put(out, 0, 3 + k, column)
+        _put(out, 3, 3 + k, (-moment[0], -moment[1], -moment[2]))
+        _put(out, 0, 6 + k, moment)
+        out[3 + k, 6 + k] = body.mass
+
+
+@jit_inlined
+def _add_of_child(composite: Array, carried: Array, x: Transform) -> None:
+    """Add the wrenches of the child, in the columns of (6, 9), in the frame of its parent."""
+    for c in range(9):
+        wrench = transform_wrench(Wrench(_get(carried, 0, c), _get(carried, 3, c)), x)
+        _put(composite, 0, c, add(_get(composite, 0, c), wrench.torque))
+        _put(composite, 3, c, add(_get(composite, 3, c), wrench.force))
+
+
+@jit_inlined
+def _before_the_frame(row: SpatialMotion, w: Vec3, x: Transform) -> SpatialMotion:
+    """
+    Return the slope by the motion of a link from that by the motion of a frame fixed to it.
+
+    The transpose of the derivative of `propagate_motion`, for a link with angular velocity w.
+
+    """
+    by_w = to_parent(x.rotation, row.angular_velocity)
+    by_a = to_parent(x.rotation, row.angular_acceleration)
+    by_d = to_parent(x.rotation, row.linear_acceleration)
+    r = x.translation
+    centripetal = add(cross(r, cross(by_d, w)), cross(cross(w, r), by_d))
+    return SpatialMotion(add(by_w, centripetal), add(by_a, cross(r, by_d)), by_d)
+
+
+@jit_inlined
+def _before_the_joint(row: SpatialMotion, prismatic: bool, dq: float) -> SpatialMotion:
+    """Return the slope by the motion without a link's own joint: transpose of its derivative."""
+    by_w, by_a, by_d = row
+    of = by_d if prismatic else by_a
+    speed = 2.0 * dq if prismatic else dq
+    return SpatialMotion((by_w[0] - speed * of[1], by_w[1] + speed * of[0], by_w[2]), by_a, by_d)
+
+
+@jit_inlined
 def _motion_change(work: Workspace, i: int) -> None:
     before, own = _motion(work.motions, i), _motion(work.parent_motions, i + 1)
     axes, w = load_transform(work.transforms, i).rotation, before.angular_velocity
+    change = work.motion_changes[i]
     for d in range(DIRECTIONS):
         axis, shift = _get(work.frame_change, 0, d), _get(work.frame_change, 3, d)
         linear = add(cross(w, cross(w, shift)), cross(before.angular_acceleration, shift))
-        _put(work.motion_change, 0, d, cross(own.angular_velocity, axis))
-        _put(work.motion_change, 3, d, cross(own.angular_acceleration, axis))
-        _put(
-            work.motion_change,
-            6,
-            d,
-            add(cross(own.linear_acceleration, axis), to_child(axes, linear)),
-        )
+        _put(change, 0, d, cross(own.angular_velocity, axis))
+        _put(change, 3, d, cross(own.angular_acceleration, axis))
+        _put(change, 6, d, add(cross(own.linear_acceleration, axis), to_child(axes, linear)))
 
 
-@jit
-def _to_tip(work: Workspace, chain: Chain, parameters: Array, i: int, dq: Array) -> None:
-    """Set the changes of the wrenches of the links from i to the tip."""
-    n, change = len(dq), work.motion_change
-    for j in range(i, n):
-        motion, own = _motion(work.motions, j + 1), link_inertia(parameters, j)
-        wrenches, prismatic, speed = work.wrench_changes[j], chain.prismatic[j], dq[j]
-        for d in range(DIRECTIONS):
-            now = SpatialMotion(_get(change, 0, d), _get(change, 3, d), _get(change, 6, d))
-            now = _add_joint_change(now, prismatic, speed)
-            found = newton_euler_derivative(own, motion, now)
-            _put(wrenches, 0, d, found.torque)
-            _put(wrenches, 3, d, found.force)
-            _put(change, 0, d, now.angular_velocity)
-            _put(change, 3, d, now.angular_acceleration)
-            _put(change, 6, d, now.linear_acceleration)
-        if j + 1 < n:
-            x = load_transform(work.transforms, j + 1)
-            for d in range(DIRECTIONS):
-                now = SpatialMotion(_get(change, 0, d), _get(change, 3, d), _get(change, 6, d))
-                now = _propagate_change(now, motion.angular_velocity, x)
-                _put(change, 0, d, now.angular_velocity)
-                _put(change, 3, d, now.angular_acceleration)
-                _put(change, 6, d, now.linear_acceleration)
+@jit_inlined
+def _own_change(work: Workspace, i: int) -> None:
+    composite, change, own = work.composites[i], work.motion_changes[i], work.own_changes[i]
+    for k in range(6):
+        _set_products(own[k], _row(composite, k), change)
 
 
-@jit
-def _propagate_change(change: SpatialMotion, w: Vec3, x: Transform) -> SpatialMotion:
-    """Return the change of a frame fixed to a link with angular velocity w."""
-    dw, da, dd = change
-    r = x.translation
-    centripetal = add(cross(w, cross(dw, r)), cross(dw, cross(w, r)))
-    return SpatialMotion(
-        to_child(x.rotation, dw),
-        to_child(x.rotation, da),
-        to_child(x.rotation, add(add(dd, cross(da, r)), centripetal)),
-    )
+@jit_inlined
+def _set_products(out: Array, row: SpatialMotion, change: Array) -> None:
+    """Set the products of a slope with changes of a motion, of which shifts are linear alone."""
+    for d in range(3):
+        turned = dot(row.angular_velocity, _get(change, 0, d))
+        turned += dot(row.angular_acceleration, _get(change, 3, d))
+        out[d] = turned + dot(row.linear_acceleration, _get(change, 6, d))
+        out[3 + d] = dot(row.linear_acceleration, _get(change, 6, 3 + d))
 
 
-@jit
-def _add_joint_change(change: SpatialMotion, prismatic: bool, dq: float) -> SpatialMotion:
-    dw, da, dd = change
-    x, y = dw[1] * dq, -dw[0] * dq
-    if prismatic:
-        return SpatialMotion(dw, da, add(dd, (2.0 * x, 2.0 * y, 0.0)))
-    return SpatialMotion(dw, add(da, (x, y, 0.0)), dd)
-
-
-@jit
-def _to_base(out: Array, work: Workspace, chain: Chain, i: int) -> None:
-    """Set the changes of all torques, shape (n, 6)."""
-    total = work.total_change
-    total[:] = 0.0
-    for j in range(len(out) - 1, i, -1):
-        total += work.wrench_changes[j]
-        out[j] = total[joint_row(chain.prismatic[j])]
-        _transform(total, load_transform(work.transforms, j))
-    total += work.wrench_changes[i]
-    out[i] = total[joint_row(chain.prismatic[i])]
-    _transform_at_the_joint(work, i)
-    for j in range(i - 1, -1, -1):
-        out[j] = total[joint_row(chain.prismatic[j])]
-        _transform(total, load_transform(work.transforms, j))
-
-
-@jit
-def _transform(total: Array, x: Transform) -> None:
-    for d in range(DIRECTIONS):
-        found = transform_wrench(Wrench(_get(total, 0, d), _get(total, 3, d)), x)
-        _put(total, 0, d, found.torque)
-        _put(total, 3, d, found.force)
-
-
-@jit
-def _transform_at_the_joint(work: Workspace, i: int) -> None:
+@jit_inlined
+def _change_at_the_joint(work: Workspace, i: int) -> None:
     # The frame of link i rotates together with the wrench on it, and its origin moves.
-    x, total = load_transform(work.transforms, i), work.total_change
+    x, own, at_base = load_transform(work.transforms, i), work.own_changes[i], work.base_changes[i]
     whole = Wrench(load(work.wrenches, i, 0), load(work.wrenches, i, 1))
     force = to_parent(x.rotation, whole.force)
     for d in range(DIRECTIONS):
         axis, shift = _get(work.frame_change, 0, d), _get(work.frame_change, 3, d)
         turned = Wrench(cross(axis, whole.torque), cross(axis, whole.force))
-        own = Wrench(_get(total, 0, d), _get(total, 3, d))
-        found = add_wrenches(
-            transform_wrench(add_wrenches(own, turned), x), Wrench(cross(shift, force), ZERO)
-        )
-        _put(total, 0, d, found.torque)
-        _put(total, 3, d, found.force)
+        change = add_wrenches(Wrench(_get(own, 0, d), _get(own, 3, d)), turned)
+        found = add_wrenches(transform_wrench(change, x), Wrench(cross(shift, force), ZERO))
+        _put(at_base, 0, d, found.torque)
+        _put(at_base, 3, d, found.force)
 
 
-@jit
+@jit_inlined
+def _torque_by_own_and_carrying(
+    out: Array, work: Workspace, chain: Chain, j: int, dq: Array
+) -> None:
+    """Set the changes of torque j by the placements of its own link and of those before it."""
+    component = joint_row(chain.prismatic[j])
+    for d in range(DIRECTIONS):
+        out[j, d] = work.own_changes[j, component, d]
+    row = _row(work.composites[j], component)
+    for i in range(j - 1, -1, -1):
+        x = load_transform(work.transforms, i + 1)
+        row = _before_the_frame(row, load(work.motions, i + 1, 0), x)
+        row = _before_the_joint(row, chain.prismatic[i], dq[i])
+        _set_products(out[i], row, work.motion_changes[i])
+
+
+@jit_inlined
+def _torque_by_carried(out: Array, work: Workspace, chain: Chain, j: int) -> None:
+    """Set the changes of torque j by the placements of the links beyond it."""
+    by_torque, by_force = ZERO, (0.0, 0.0, 1.0)
+    if not chain.prismatic[j]:
+        by_torque, by_force = by_force, by_torque
+    for i in range(j + 1, len(out)):
+        change = work.base_changes[i]
+        for d in range(DIRECTIONS):
+            out[i, d] = dot(by_torque, _get(change, 0, d)) + dot(by_force, _get(change, 3, d))
+        x = load_transform(work.transforms, i)  # transpose of `transform_wrench`
+        by_force = to_child(x.rotation, add(by_force, cross(by_torque, x.translation)))
+        by_torque = to_child(x.rotation, by_torque)
+
+
+@jit_inlined
+def _row(array: Array, k: int) -> SpatialMotion:
+    return SpatialMotion(
+        (array[k, 0], array[k, 1], array[k, 2]),
+        (array[k, 3], array[k, 4], array[k, 5]),
+        (array[k, 6], array[k, 7], array[k, 8]),
+    )
+
+
+@jit_inlined
+def _set_row(array: Array, k: int, row: SpatialMotion) -> None:
+    array[k, 0], array[k, 1], array[k, 2] = row.angular_velocity
+    array[k, 3], array[k, 4], array[k, 5] = row.angular_acceleration
+    array[k, 6], array[k, 7], array[k, 8] = row.linear_acceleration
+
+
+@jit_inlined
 def _get(array: Array, row: int, d: int) -> Vec3:
     return array[row, d], array[row + 1, d], array[row + 2, d]
 
 
-@jit
+@jit_inlined
 def _put(array: Array, row: int, d: int, a: Vec3) -> None:
     array[row, d], array[row + 1, d], array[row + 2, d] = a
 
 
-@jit
+@jit_inlined
 def _motion(array: Array, i: int) -> SpatialMotion:
     return SpatialMotion(load(array, i, 0), load(array, i, 1), load(array, i, 2))
 
 
-@jit
+@jit_inlined
 def _store_motion(array: Array, i: int, motion: SpatialMotion) -> None:
     store(array, i, 0, motion.angular_velocity)
     store(array, i, 1, motion.angular_acceleration)

@@ -164,21 +164,6 @@ def newton_euler(body: SpatialInertia, motion: SpatialMotion) -> Wrench:
 
 
 @jit
-def newton_euler_derivative(
-    body: SpatialInertia, motion: SpatialMotion, change: SpatialMotion
-) -> Wrench:
-    """Return the derivative of `newton_euler` along a change of the motion."""
-    w, (dw, da, dd) = motion.angular_velocity, change
-    h = body.first_moment
-    gyroscopic = add(cross(dw, inertia_times(body, w)), cross(w, inertia_times(body, dw)))
-    centripetal = add(cross(dw, cross(w, h)), cross(w, cross(dw, h)))
-    return Wrench(
-        add(add(inertia_times(body, da), gyroscopic), cross(h, dd)),
-        add(add(scale(body.mass, dd), cross(da, h)), centripetal),
-    )
-
-
-@jit
 def add_wrenches(a: Wrench, b: Wrench) -> Wrench:
     """Return the sum of two wrenches about one point."""
     return Wrench(add(a.torque, b.torque), add(a.force, b.force))
