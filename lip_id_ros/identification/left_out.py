@@ -9,14 +9,14 @@ Cholesky factorisation, a fit with one more term an even smaller one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import lapack
 from scipy.optimize import nnls
 
-from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.identification.statistics import TorqueStatistics
 from lip_id_ros.linear_algebra import normal_factor
 
@@ -36,6 +36,9 @@ LEAST_GAIN = 0.05
 
 LEAST_ERRORS = 2.0
 """Least gain in standard errors over the left-out blocks."""
+
+NOTHING_MORE = [np.empty(0, dtype=np.intp)]
+"""One empty group of parameters."""
 
 
 @dataclass(frozen=True)
@@ -141,25 +144,25 @@ class LeftOutBlocks:
     ) -> None:
         self._prior_std, self._free = prior_std, np.isneginf(lower)
         self._torque_std = np.where(torque_std > 0.0, torque_std, 1.0)
-        self._parts = [_Part(each, prior_std.size) for each in blocks]
+        self._parts = [_Part.of(each, prior_std.size) for each in blocks]
         count = len(blocks)
         self._schemes = [
             [list(range(k, min(k + size, count))) for k in range(0, count, size)]
             for size in LEFT_OUT_TOGETHER
             if count > size
         ]
-        self._assembled: tuple[bytes, list[Array]] = b'', []
 
     def fit(self, selected: IndexArray, noise_std: Array) -> LeftOutFit:
         """Fit the selected parameters, with given noise per joint (n,)."""
-        (only,) = self.with_each(selected, [np.empty(0, dtype=np.intp)], noise_std)
+        (only,) = self.with_each(selected, NOTHING_MORE, noise_std)
         return only
 
     def noise(self, selected: IndexArray) -> Array:
         """Estimate the noise of every joint by the root mean square of left-out residuals."""
+        fits = self._fits(selected, NOTHING_MORE)
         noise = INITIAL_NOISE * self._torque_std
         for _ in range(NOISE_ROUNDS):
-            (squares,) = self.mean_squares(selected, [np.empty(0, dtype=np.intp)], noise)
+            (squares,) = fits.left_out(self._schemes[0], fits.normal_equations(noise))[1].mean(0)
             noise = np.maximum(np.sqrt(squares), LEAST_NOISE * self._torque_std)
         return noise
 
@@ -167,10 +170,11 @@ class LeftOutBlocks:
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> list[LeftOutFit]:
         """Return the fits with one more group of parameters each."""
-        parts = self._normal_equations(noise_std)
-        every = self._solutions(np.sum(parts, axis=0), selected, groups)
-        found = [self._left_out(scheme, parts, selected, groups) for scheme in self._schemes]
-        thetas, _ = found[0]
+        fits = self._fits(selected, groups)
+        parts = fits.normal_equations(noise_std)
+        every = fits.placed(fits.solutions(np.sum(parts, axis=0)))
+        found = [fits.left_out(scheme, parts) for scheme in self._schemes]
+        thetas = [fits.placed(theta) for theta in found[0][0]]
         return [
             LeftOutFit(
                 every[g],
@@ -184,97 +188,146 @@ class LeftOutBlocks:
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> Array:
         """Return the decrease of the logarithms of mean squares, nothing left out, (groups,)."""
-        whole = np.sum(self._normal_equations(noise_std), axis=0)
-        none = [np.empty(0, dtype=np.intp)]
-        logs = []
-        for some in (none, groups):
-            thetas = self._solutions(whole, selected, some)
-            squares = sum(part.squared_residuals(thetas) for part in self._parts)
-            logs.append(np.log(np.maximum(squares, 1e-300)).sum(axis=1))
-        return np.asarray(logs[0] - logs[1])
+        fits = self._fits(selected, [*NOTHING_MORE, *groups])
+        thetas = fits.solutions(np.sum(fits.normal_equations(noise_std), axis=0))
+        logs = np.log(np.maximum(fits.squares(range(len(self._parts)), thetas), 1e-300))
+        return np.asarray(logs[0].sum() - logs[1:].sum(axis=1))
 
     def mean_squares(
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> Array:
         """Return `LeftOutFit.mean_squares` with one more group of parameters each, (groups, n)."""
-        parts = self._normal_equations(noise_std)
-        _, squares = self._left_out(self._schemes[0], parts, selected, groups)
+        fits = self._fits(selected, groups)
+        _, squares = fits.left_out(self._schemes[0], fits.normal_equations(noise_std))
         return np.asarray(squares.mean(axis=0))
 
-    def _left_out(
+    def _fits(self, selected: IndexArray, groups: Sequence[IndexArray]) -> _Fits:
+        return _Fits(self._parts, self._prior_std, self._free, selected, groups)
+
+
+class _Fits:
+    """
+    Fits of the selected parameters with each of some groups, on statistics of these alone.
+
+    Parameters and normal equations are of the Q parameters that any of the fits has.
+
+    """
+
+    def __init__(
         self,
-        scheme: list[list[int]],
-        parts: list[Array],
+        parts: Sequence[_Part],
+        prior_std: Array,
+        free: BoolArray,
         selected: IndexArray,
         groups: Sequence[IndexArray],
-    ) -> tuple[list[Array], Array]:
-        """Return the parameters without each set of blocks, and mean squares of their errors."""
-        whole = np.sum(parts, axis=0)
-        thetas = [
-            self._solutions(whole - sum(parts[k] for k in out), selected, groups) for out in scheme
-        ]
-        return thetas, self._squares(scheme, thetas)
+    ) -> None:
+        self._all, self._used = prior_std.size, np.unique(np.concatenate([selected, *groups]))
+        self._prior_std, self._free = prior_std[self._used], free[self._used]
+        self._parts = [part.among(self._used) for part in parts]
+        self._selected = np.searchsorted(self._used, selected)
+        self._groups = [np.searchsorted(self._used, group) for group in groups]
 
-    def _normal_equations(self, noise_std: Array) -> list[Array]:
-        """Return [F, tau]^T [F, tau] of every block in units of the noise."""
-        key = noise_std.tobytes()
-        if self._assembled[0] != key:
-            self._assembled = key, [part.normal_equations(noise_std) for part in self._parts]
-        return self._assembled[1]
+    def placed(self, thetas: Array) -> Array:
+        """Return parameters (groups, Q) among all of them, shape (groups, P)."""
+        out = np.zeros((len(thetas), self._all))
+        out[:, self._used] = thetas
+        return out
 
-    def _solutions(
-        self, normal: Array, selected: IndexArray, groups: Sequence[IndexArray]
-    ) -> Array:
-        """Return the parameters with each group beside the selected ones, (groups, P)."""
+    def normal_equations(self, noise_std: Array) -> Array:
+        """Return [F, tau]^T [F, tau] of every block in units of the noise, (K, Q + 1, Q + 1)."""
+        return np.array([part.normal_equations(noise_std) for part in self._parts])
+
+    def left_out(self, scheme: list[list[int]], parts: Array) -> tuple[list[Array], Array]:
+        """
+        Return the parameters without each set of blocks, and mean squares of their errors.
+
+        The latter have the shape (sets, groups, n).
+
+        """
+        whole = parts.sum(axis=0)
+        thetas = [self.solutions(whole - parts[out].sum(axis=0)) for out in scheme]
+        counts = [np.sum([self._parts[k].counts for k in out], axis=0) for out in scheme]
+        sums = [self.squares(out, theta) for out, theta in zip(scheme, thetas, strict=True)]
+        return thetas, np.asarray(np.array(sums) / np.mean(counts, axis=0))
+
+    def squares(self, blocks: Iterable[int], thetas: Array) -> Array:
+        """Return sums of squared residuals of some blocks, shape (groups, n)."""
+        return np.asarray(np.sum([self._parts[k].squares(thetas) for k in blocks], axis=0))
+
+    def solutions(self, normal: Array) -> Array:
+        """Return the parameters with each group beside the selected ones, (groups, Q)."""
+        selected = self._selected
         free = selected[self._free[selected]]
-        rest = np.concatenate([selected[~self._free[selected]], *groups])
-        reduced = _Reduced(normal, self._prior_std, free, np.unique(rest))
         bounded = selected[~self._free[selected]]
-        out = np.zeros((len(groups), self._prior_std.size))
-        for theta, group in zip(out, groups, strict=True):
+        rest = np.setdiff1d(np.arange(self._prior_std.size), free)
+        reduced = _Reduced(normal, self._prior_std, free, rest)
+        out = np.zeros((len(self._groups), self._prior_std.size))
+        for theta, group in zip(out, self._groups, strict=True):
             own = self._free[group]
             more = np.concatenate([group[own], bounded, group[~own]])
             reduced.solve_into(theta, more, int(own.sum()))
         return out
 
-    def _squares(self, scheme: list[list[int]], thetas: Sequence[Array]) -> Array:
-        """Return mean squared residuals of the left-out parts, shape (K, groups, n)."""
-        counts = [np.sum([self._parts[k].counts for k in out], axis=0) for out in scheme]
-        sums = [
-            sum(self._parts[k].squared_residuals(theta) for k in out)
-            for out, theta in zip(scheme, thetas, strict=True)
-        ]
-        return np.asarray(np.array(sums) / np.mean(counts, axis=0))
 
-
+@dataclass(frozen=True, eq=False)
 class _Part:
-    """Rows of one block of samples, all joints in one array."""
+    """
+    One block of samples, with some of the parameters.
 
-    def __init__(self, statistics: TorqueStatistics, size: int) -> None:
-        self.counts = statistics.counts
-        self._starts = np.cumsum([0, *(len(each) for each in statistics.factors)])[:-1]
-        self._rows = np.zeros((sum(len(each) for each in statistics.factors), size + 1))
-        self._joints = []
-        for start, column, factor in zip(
-            self._starts, statistics.columns, statistics.factors, strict=True
-        ):
-            place = np.append(column, size)
-            self._rows[start : start + len(factor), place] = factor
-            flat = (place[:, None] * (size + 1) + place).ravel()
-            self._joints.append((flat, (factor.T @ factor).ravel()))
+    Attributes
+    ----------
+    counts : array, shape (n,)
+    rows : list of n arrays, shapes (rows of a joint, columns + 1)
+        Factors of [F, tau].
+    products : list of n arrays, shapes (columns + 1, columns + 1)
+        The same of their normal equations.
+    columns : list of n int arrays
+        Parameters of the columns, and `size` for the torque.
+    size : int
+        Number of parameters.
+
+    """
+
+    counts: Array
+    rows: list[Array]
+    products: list[Array]
+    columns: list[IndexArray]
+    size: int
+
+    @classmethod
+    def of(cls, statistics: TorqueStatistics, size: int) -> _Part:
+        """Return a block with all parameters."""
+        rows = list(statistics.factors)
+        columns = [np.append(each, size) for each in statistics.columns]
+        return cls(statistics.counts, rows, [each.T @ each for each in rows], columns, size)
+
+    def among(self, used: IndexArray) -> _Part:
+        """Return the block with some parameters, given by their sorted numbers."""
+        local = np.full(self.size + 1, -1)
+        local[used], local[-1] = np.arange(used.size), used.size
+        rows, products, columns = [], [], []
+        for row, product, column in zip(self.rows, self.products, self.columns, strict=True):
+            at = np.flatnonzero(local[column] >= 0)
+            rows.append(row[:, at])
+            products.append(product[at[:, None], at])
+            columns.append(local[column[at]])
+        return _Part(self.counts, rows, products, columns, used.size)
 
     def normal_equations(self, noise_std: Array) -> Array:
-        """Return those of all joints in units of the noise, (P + 1, P + 1)."""
-        size = self._rows.shape[1]
-        out = np.zeros(size * size)
-        for (flat, values), std in zip(self._joints, noise_std, strict=True):
-            out[flat] += values / std**2
-        return out.reshape(size, size)
+        """Return those of all joints in units of the noise, (size + 1, size + 1)."""
+        out = np.zeros((self.size + 1, self.size + 1))
+        for column, product, std in zip(self.columns, self.products, noise_std, strict=True):
+            out[column[:, None], column] += product / std**2
+        return out
 
-    def squared_residuals(self, thetas: Array) -> Array:
-        """Return sums of squared residuals of every joint, for parameters (g, P), shape (g, n)."""
-        residual = thetas @ self._rows[:, :-1].T - self._rows[:, -1]
-        return np.asarray(np.add.reduceat(residual**2, self._starts, axis=1))
+    def squares(self, thetas: Array) -> Array:
+        """Return sums of squared residuals of every joint, for parameters (g, size), (g, n)."""
+        signed = np.column_stack([thetas, np.full(len(thetas), -1.0)])
+        residuals = [
+            signed[:, column] @ rows.T
+            for column, rows in zip(self.columns, self.rows, strict=True)
+        ]
+        return np.column_stack([np.sum(each**2, axis=1) for each in residuals])
 
 
 class _Reduced:
@@ -328,9 +381,12 @@ def bounded_solution(root: Array, n_free: int) -> Array:
 
     """
     f, p = n_free, root.shape[1] - 1
-    x = np.zeros(p)
-    if p > f:
-        x[f:], _ = nnls(root[f:p, f:p], root[f:p, p])
+    x = np.zeros(0)
+    if p:
+        x, _ = lapack.dtrtrs(root[:p, :p].T, root[:p, p], lower=1, trans=1)
+    if (x[f:] >= 0.0).all():
+        return x
+    x[f:], _ = nnls(root[f:p, f:p], root[f:p, p])
     if f:
         right = root[:f, p] - root[:f, f:p] @ x[f:]
         x[:f], _ = lapack.dtrtrs(root[:f, :f].T, right, lower=1, trans=1)
