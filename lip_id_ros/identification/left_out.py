@@ -162,7 +162,7 @@ class LeftOutBlocks:
         fits = self._fits(selected, NOTHING_MORE)
         noise = INITIAL_NOISE * self._torque_std
         for _ in range(NOISE_ROUNDS):
-            (squares,) = fits.left_out(self._schemes[0], fits.normal_equations(noise))[1].mean(0)
+            (squares,) = fits.mean_squares(self._schemes[0], noise)
             noise = np.maximum(np.sqrt(squares), LEAST_NOISE * self._torque_std)
         return noise
 
@@ -197,9 +197,7 @@ class LeftOutBlocks:
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> Array:
         """Return `LeftOutFit.mean_squares` with one more group of parameters each, (groups, n)."""
-        fits = self._fits(selected, groups)
-        _, squares = fits.left_out(self._schemes[0], fits.normal_equations(noise_std))
-        return np.asarray(squares.mean(axis=0))
+        return self._fits(selected, groups).mean_squares(self._schemes[0], noise_std)
 
     def _fits(self, selected: IndexArray, groups: Sequence[IndexArray]) -> _Fits:
         return _Fits(self._parts, self._prior_std, self._free, selected, groups)
@@ -249,6 +247,11 @@ class _Fits:
         counts = [np.sum([self._parts[k].counts for k in out], axis=0) for out in scheme]
         sums = [self.squares(out, theta) for out, theta in zip(scheme, thetas, strict=True)]
         return thetas, np.asarray(np.array(sums) / np.mean(counts, axis=0))
+
+    def mean_squares(self, scheme: list[list[int]], noise_std: Array) -> Array:
+        """Return mean squared errors over the sets of blocks that are left out, (groups, n)."""
+        _, squares = self.left_out(scheme, self.normal_equations(noise_std))
+        return np.asarray(squares.mean(axis=0))
 
     def squares(self, blocks: Iterable[int], thetas: Array) -> Array:
         """Return sums of squared residuals of some blocks, shape (groups, n)."""
