@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 import json
 import os
 from typing import Any
@@ -28,12 +28,14 @@ def write_checked(
     write_npz(path, arrays, {**header, 'sha256': _digest(arrays, header)})
 
 
-def read_checked(path: str | os.PathLike[str], version: int) -> tuple[Arrays, dict[str, Any]]:
+def read_checked(
+    path: str | os.PathLike[str], versions: Collection[int]
+) -> tuple[Arrays, dict[str, Any]]:
     """
     Return arrays and header as they were written.
 
     OSError if the file does not exist or cannot be opened; ModelError if it is damaged, of another
-    kind, or from another version of the format.
+    kind, or from a version of the format that is not among some.
 
     """
     try:
@@ -43,7 +45,7 @@ def read_checked(path: str | os.PathLike[str], version: int) -> tuple[Arrays, di
             f'{os.fspath(path)} must be a model that `lip_id fit` wrote, but is none ({error}); '
             'pass the file that it wrote, or fit again.'
         ) from error
-    _check(path, version, arrays, header)
+    _check(path, versions, arrays, header)
     _check_contents(path, arrays, header)
     return arrays, header
 
@@ -65,7 +67,10 @@ def contradiction(path: str | os.PathLike[str], error: Exception) -> ModelError:
 
 
 def _check(
-    path: str | os.PathLike[str], version: int, arrays: Arrays, header: Mapping[str, Any]
+    path: str | os.PathLike[str],
+    versions: Collection[int],
+    arrays: Arrays,
+    header: Mapping[str, Any],
 ) -> None:
     found = header.get('schema')
     if found != MODEL:
@@ -73,10 +78,11 @@ def _check(
             f'{os.fspath(path)} is not a model of lip_id_ros (its schema is '
             f'{found!r}, expected {MODEL!r}); pass the file that a fit wrote.'
         )
-    if header.get('version') != version:
+    if header.get('version') not in versions:
         raise ModelError(
             f'{os.fspath(path)} has model format {header.get("version")!r}, but this program '
-            f'reads format {version}; fit again or use the version that wrote it.'
+            f'reads format {" or ".join(map(str, versions))}; fit again or use the version that '
+            'wrote it.'
         )
     if header.get('sha256') != _digest(arrays, header):
         raise ModelError(

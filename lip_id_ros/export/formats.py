@@ -126,6 +126,12 @@ def formatted(name: str, exported: Exported, template: Template | None = None) -
 
     """
     form = FORMATS[name]
+    if exported.arm.chain.couplings.size:
+        raise ModelError(
+            'an arm whose reported positions are those of its joints was expected, but those of '
+            f'{exported.arm.name} are coupled, which no file of another program can have yet; use '
+            'the model itself.'
+        )
     if name == HEADER and exported.remainder is not None:
         raise ModelError(
             f'the C header has links and friction only, but the model also has '

@@ -146,7 +146,7 @@ class _Fit:
         every = self._surveyed()
         surveys = self._of_one_arm(every)
         placed, described = self._placed(list(surveys.values()))
-        fitter = ArmFitter(placed.dataset, described)
+        fitter = ArmFitter(placed.dataset, described, couplings=placed.couplings)
         solved = self._solved_twice(surveys, placed, placed.known(fitter))
         model = model_of(placed, solved.solution, solved.around, solved.kept, fitter, described)
         seconds = round(time.monotonic() - started, 3)

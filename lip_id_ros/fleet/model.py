@@ -142,7 +142,8 @@ def _measured(
 
     """
     data = merged(chosen(surveys), placed.joint_names)
-    return ArmFitter(data.select(np.flatnonzero(plausible(data))), described)
+    data = data.select(np.flatnonzero(plausible(data)))
+    return ArmFitter(data, described, couplings=placed.couplings)
 
 
 def _fit(placed: PlacedArm, solution: Solution) -> ArmFit:

@@ -25,7 +25,7 @@ from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter, Described
-from lip_id_ros.identification.fitting import description_report, fit_report
+from lip_id_ros.identification.fitting import description_report, fit_report, known_couplings
 from lip_id_ros.identification.identify import Identified, identify
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.link_torques import links_torque
@@ -75,7 +75,7 @@ class PlacedArm(Packable):
     Attributes
     ----------
     joint_names, joint_types : tuple of str
-    rotations, translations, gravity, links : arrays
+    rotations, translations, gravity, couplings, links : arrays
         Of the chain, and parameters of the links, (n, 11).
     friction : str
         JSON: terms and coefficients.
@@ -100,6 +100,7 @@ class PlacedArm(Packable):
     rotations: Array
     translations: Array
     gravity: Array
+    couplings: Array
     links: Array
     friction: str
     noise_std: Array
@@ -133,7 +134,13 @@ class PlacedArm(Packable):
         """What torques are regressed on."""
         return Linearisation(
             self.joint_names,
-            Chain(self.rotations, self.translations, self.dataset.prismatic, self.gravity),
+            Chain(
+                self.rotations,
+                self.translations,
+                self.dataset.prismatic,
+                self.gravity,
+                self.couplings,
+            ),
             self.links,
             FrictionModel.from_json(json.loads(self.friction)),
             TorqueNoise(self.noise_std, self.noise_ratio, self.noise_velocity),
@@ -197,15 +204,19 @@ def place(
 
     Raises
     ------
+    ConfigError
+        If the settings have couplings of positions that are not those of joints.
     FitError
         If the data are not finite in units of the noise.
 
     """
     kept, excluded = chosen(surveys), dict[str, str]()
+    couplings = known_couplings(settings, joint_names)
     data = merged(kept, joint_names)
     for number, stages in enumerate(ROUNDS):
         robots = [each.group for each in kept]
-        found = identify(data, settings.seed, _named(progress, stages), described, robots)
+        stage = _named(progress, stages)
+        found = identify(data, settings.seed, stage, described, robots, couplings)
         if len(kept) == 1:
             break
         rms = found.solution.recordings.residual_rms
@@ -288,6 +299,7 @@ def _placed(
         rotations=fit.chain.rotations,
         translations=fit.chain.translations,
         gravity=fit.chain.gravity,
+        couplings=fit.chain.couplings,
         links=fit.links,
         friction=json.dumps(fit.friction.to_json()),
         noise_std=fit.noise.std,

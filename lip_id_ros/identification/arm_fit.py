@@ -40,6 +40,7 @@ from lip_id_ros.identification.placement_search import least_noise, LENGTH, torq
 from lip_id_ros.identification.sample_selection import covering, evenly
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.rigid_body import Chain, STANDARD_GRAVITY
+from lip_id_ros.rigid_body.chain import NO_COUPLINGS
 from lip_id_ros.rigid_body.pseudo_inertia import scale_of
 
 MOST_SAMPLES, SEARCH_SAMPLES, START_SAMPLES = 1000, 500, 150
@@ -115,6 +116,8 @@ class ArmFitter:
         Prior of placements and links.
     robots : sequence of str, optional
         Robot of every number of a recording; one robot where not given.
+    couplings : array, shape (k, 3)
+        Of positions, as in `Chain`.
 
     """
 
@@ -123,8 +126,10 @@ class ArmFitter:
         dataset: Dataset,
         described: Described | None = None,
         robots: Sequence[str] | None = None,
+        couplings: Array = NO_COUPLINGS,
     ) -> None:
         self.dataset, self._described, self.robots = dataset, described, robots
+        self.couplings = couplings
         self.link_std = link_prior_std(dataset)
         usual = scale_of(float(self.link_std[0, 0]), LENGTH)
         if described is None:
@@ -153,8 +158,12 @@ class ArmFitter:
         return self.of(self.dataset.select(evenly(self.dataset.n_samples, most)))
 
     def of(self, dataset: Dataset) -> ArmFitter:
-        """Return a fitter of other samples, with the same description."""
-        return ArmFitter(dataset, self._described, self.robots)
+        """Return a fitter of other samples, with the same description and couplings."""
+        return ArmFitter(dataset, self._described, self.robots, self.couplings)
+
+    def coupled(self, couplings: Array) -> ArmFitter:
+        """Return a fitter of the same samples with other couplings."""
+        return ArmFitter(self.dataset, self._described, self.robots, couplings)
 
     def elected(self, chain: Chain, offered: Offered = candidates) -> ElectedFriction:
         """Elect friction terms with the joints in given places."""
@@ -257,6 +266,7 @@ class ArmFitter:
             tau=dataset.tau,
             prismatic=dataset.prismatic,
             gravity=np.array([0.0, 0.0, down]),
+            couplings=self.couplings,
             friction=_features(dataset, basis, arm),
             link_std=self.link_std,
             friction_std=self._friction_std(basis, arm),

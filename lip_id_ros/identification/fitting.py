@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 import time
 from typing import Any
@@ -23,6 +24,7 @@ from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.model.fit_checks import with_checks
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import Progress, silent
+from lip_id_ros.rigid_body.couplings import read_couplings, rows_of
 from lip_id_ros.rigid_body.denavit_hartenberg import PARAMETERS, table, UNITS, with_standard_frames
 from lip_id_ros.settings import FitSettings
 
@@ -94,6 +96,14 @@ def _fitted(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the parts of the model, and a report."""
     few = dataset.n_samples < LEAST_SAMPLES_PER_JOINT * dataset.n_joints
+    couplings = known_couplings(settings, dataset.joint_names)
+    if couplings.size and (few or settings.kernel != ARTICULATED):
+        raise ConfigError(
+            f'fit.coupling is of the links of an articulated fit to at least '
+            f'{LEAST_SAMPLES_PER_JOINT * dataset.n_joints} samples, but fit.kernel is '
+            f'{settings.kernel} and there are {dataset.n_samples} samples; leave it empty, or '
+            'change that.'
+        )
     if settings.description and (few or settings.kernel != ARTICULATED):
         raise ConfigError(
             f'fit.description (--urdf) is the prior of an articulated fit to at least '
@@ -103,7 +113,7 @@ def _fitted(
         )
     if settings.kernel == ARTICULATED and not few:
         described = described_arm(dataset.joint_names, dataset.joint_types, settings)
-        found = identify(dataset, settings.seed, progress, described)
+        found = identify(dataset, settings.seed, progress, described, couplings=couplings)
         report = fit_report(found, settings)
         if described is not None:
             report['description'] = description_report(found, described[0])
@@ -151,6 +161,11 @@ def _kinematics(found: Identified) -> dict[str, list[float]]:
         report |= {f'{name}{ending}_{unit}': column for name, unit, column in columns}
     # the sum makes 0 of -0
     return {name: (np.round(each, 5) + 0.0).tolist() for name, each in report.items()}
+
+
+def known_couplings(settings: FitSettings, joint_names: Sequence[str]) -> Array:
+    """Return the couplings of positions that the settings name, (k, 3); ConfigError if wrong."""
+    return rows_of(read_couplings(settings.coupling, joint_names))
 
 
 def described_arm(

@@ -40,6 +40,7 @@ from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.remainder_mean import RemainderMean
 from lip_id_ros.progress import Progress, silent
+from lip_id_ros.rigid_body.chain import NO_COUPLINGS
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg
 
 STAGE = 'links and friction'
@@ -121,6 +122,7 @@ def identify(
     progress: Progress = silent,
     described: Described | None = None,
     robots: Sequence[str] | None = None,
+    couplings: Array = NO_COUPLINGS,
 ) -> Identified:
     """
     Identify chain, links and friction of an arm.
@@ -137,6 +139,8 @@ def identify(
         searched for.
     robots : sequence of str, optional
         Robot of every number of a recording.
+    couplings : array, shape (k, 3)
+        Of positions, as in `Chain`, that are known.
 
     Raises
     ------
@@ -146,7 +150,9 @@ def identify(
     """
     # Products this small gain nothing from more threads of their own.
     with threadpool_limits(1):
-        return _identified(ArmFitter(dataset, described, robots), seed, progress, described)
+        return _identified(
+            ArmFitter(dataset, described, robots, couplings), seed, progress, described
+        )
 
 
 def prediction_noise(

@@ -46,6 +46,8 @@ class Samples:
     prismatic : bool array, shape (n,)
     gravity : array, shape (3,)
         In the base [m/s^2].
+    couplings : array, shape (k, 3)
+        Of positions, as in `Chain`.
     friction : array, shape (N, n, k)
         Features of friction.
     link_std, friction_std : arrays, shapes (n, 11) and (k,)
@@ -61,6 +63,7 @@ class Samples:
     tau: Array
     prismatic: BoolArray
     gravity: Array
+    couplings: Array
     friction: Array
     link_std: Array
     friction_std: Array
@@ -163,6 +166,7 @@ class PlacementProblem:
             np.ascontiguousarray(translations),
             samples.prismatic,
             samples.gravity,
+            samples.couplings,
         )
         features = self._features.copy()
         links = torque_regressor(chain, *samples.state)

@@ -21,6 +21,7 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.model.arm_mean import evaluate_arm_many, pack
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.couplings import couplings_of
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
 
@@ -89,12 +90,14 @@ class Linearisation:
 
     def _first_links(self) -> list[int]:
         """Return, for every joint, the first link that its torque depends on."""
-        first = list(range(self.n_joints))
-        loaded, basis = self.friction.basis.is_loaded, self.friction.basis
+        of_links = list(range(self.n_joints))
+        for joint, other, _ in couplings_of(self.chain.couplings):
+            of_links[other] = min(of_links[other], joint)
+        first, loaded, basis = of_links.copy(), self.friction.basis.is_loaded, self.friction.basis
         for part, place in zip(basis.terms, basis.slices, strict=True):
             if loaded[place].any():
                 for joint, _ in part.drive.efforts:
-                    first[joint] = min(first[joint], *part.drive.joints)
+                    first[joint] = min(first[joint], *(of_links[k] for k in part.drive.joints))
         return first
 
     def rows(self, dataset: Dataset) -> tuple[list[Array], Array]:

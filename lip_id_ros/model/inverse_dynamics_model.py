@@ -34,7 +34,8 @@ from lip_id_ros.model.remainder_deviation import RemainderDeviation
 from lip_id_ros.model.running_memory import RunningMemory
 from lip_id_ros.model.torque_model import Parts, Prediction, Query, StandardDeviation
 
-VERSION = 7
+VERSION, READ = 8, (7, 8)
+"""Of model files: what is written, and what can be read; 7 knows no coupled positions."""
 
 ARTICULATED = 'articulated'
 """Name of the kernel of a model that is an arm."""
@@ -305,10 +306,11 @@ class InverseDynamicsModel:
             If it is damaged, is no model, or comes from another version of the format.
 
         """
-        arrays, header = read_checked(path, VERSION)
+        arrays, header = read_checked(path, READ)
         with serialization.contradictions(path):
             names = tuple(str(name) for name in header['joint_names'])
             types = serialization.joint_types(header['joint_types'], names)
+            serialization.of_present_format(arrays, header)
             return cls(
                 joint_names=names,
                 joint_types=types,

@@ -31,7 +31,9 @@ from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.chain import ROTOR
+from lip_id_ros.rigid_body.chain import NO_COUPLINGS, ROTOR
+from lip_id_ros.rigid_body.couplings import contradiction as contradiction_of
+from lip_id_ros.rigid_body.couplings import couplings_of, rows_of
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
@@ -128,6 +130,7 @@ def put_arm(arm: ArmPosterior, arrays: Arrays) -> dict[str, Any]:
         'arm_rotations': chain.rotations,
         'arm_translations': chain.translations,
         'arm_gravity': chain.gravity,
+        'arm_couplings': chain.couplings,
         'arm_links': arm.links,
         'arm_noise': np.stack(np.broadcast_arrays(*(getattr(noise, name) for name in NOISE))),
         'arm_coordinates': coordinates.astype(np.uint16),
@@ -144,6 +147,7 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
 
     """
     n, coordinates = len(types), arrays['arm_coordinates']
+    couplings = arrays['arm_couplings']
     friction = FrictionModel.from_json(entry['friction'])
     if friction.n_joints != n:
         raise ShapeError(f'friction of {friction.n_joints} joints for {n}')
@@ -153,6 +157,7 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
             'arm_rotations': (n, 3, 3),
             'arm_translations': (n, 3),
             'arm_gravity': (3,),
+            'arm_couplings': (len(couplings), 3),
             'arm_links': (n, LINK_PARAMETERS),
             'arm_noise': (len(NOISE), n),
             'arm_coordinates': (coordinates.size,),
@@ -166,9 +171,17 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
     root = np.zeros((size, columns))
     root[coordinates] = arrays['arm_covariance_root']
     places = arrays['arm_rotations'], arrays['arm_translations']
-    chain = Chain(*places, is_prismatic(types), arrays['arm_gravity'])
+    chain = Chain(*places, is_prismatic(types), arrays['arm_gravity'], _couplings(couplings, n))
     noise = TorqueNoise(*arrays['arm_noise'])
     return ArmPosterior(chain, arrays['arm_links'], friction, noise, root)
+
+
+def _couplings(rows: Array, n_joints: int) -> Array:
+    """Return couplings that fit together; ValueError where they do not."""
+    found = couplings_of(rows)
+    problem = contradiction_of(found, n_joints)
+    require(not problem, f'arm_couplings, with {problem}')
+    return rows_of(found)
 
 
 def _require_possible(arrays: Arrays, coordinates: IndexArray) -> None:
@@ -316,6 +329,12 @@ def put_parts(
         'remainder': None if remainder is None else put_remainder(remainder, arrays),
         'process': None if process is None else put_process(process, arrays),
     }
+
+
+def of_present_format(arrays: Arrays, header: Mapping[str, Any]) -> None:
+    """Add what a file of format 7 lacks: it knows no coupled positions."""
+    if header['version'] == 7 and header['arm'] is not None:
+        arrays['arm_couplings'] = NO_COUPLINGS
 
 
 def parts_from(arrays: Arrays, header: Mapping[str, Any], types: Sequence[str]) -> dict[str, Any]:

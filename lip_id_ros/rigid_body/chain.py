@@ -34,6 +34,8 @@ frame [kg, kg m, kg m^2], and the inertia of the rotor, seen through the gear [k
 
 ROTOR = LINK_PARAMETERS - 1
 
+NO_COUPLINGS = np.zeros((0, 3))
+
 
 class Chain(NamedTuple):
     """
@@ -45,6 +47,8 @@ class Chain(NamedTuple):
     `prismatic`, shape (n,).
     `gravity`, shape (3,): in the frame of the base [m/s^2]; zero where the torques leave gravity
     out.
+    `couplings`, shape (k, 3): joint, other joint and ratio of each coupling: the joint moves by
+    its reported position plus the ratio times the reported position of the other one.
 
     """
 
@@ -52,6 +56,47 @@ class Chain(NamedTuple):
     translations: Array
     prismatic: BoolArray
     gravity: Array
+    couplings: Array = NO_COUPLINGS
+
+
+@jit
+def serial_motion(chain: Chain, x: Array) -> Array:
+    """Return how far, how fast, ... the joints move, from what is reported, both (N, n)."""
+    out = x.copy()
+    for k in range(len(chain.couplings)):
+        joint, other = int(chain.couplings[k, 0]), int(chain.couplings[k, 1])
+        for t in range(len(x)):
+            out[t, joint] += chain.couplings[k, 2] * x[t, other]
+    return out
+
+
+@jit
+def serial_value(chain: Chain, i: int, x: Array) -> float:
+    """Return how far, how fast, ... joint i moves, from what is reported, shape (n,)."""
+    value: float = x[i]
+    for k in range(len(chain.couplings)):
+        if chain.couplings[k, 0] == i:
+            value += chain.couplings[k, 2] * x[int(chain.couplings[k, 1])]
+    return value
+
+
+@jit
+def add_torque(tau: Array, chain: Chain, i: int, torque: float) -> None:
+    """Add the torque of joint i to those of reported positions, (n,), which do its work."""
+    tau[i] += torque
+    for k in range(len(chain.couplings)):
+        if chain.couplings[k, 0] == i:
+            tau[int(chain.couplings[k, 1])] += chain.couplings[k, 2] * torque
+
+
+@jit
+def add_coupled_rows(rows: Array, chain: Chain) -> None:
+    """Add rows of torques of joints, shape (n, m), to those of reported positions, in place."""
+    if len(chain.couplings) > 0:
+        own = rows.copy()
+        for k in range(len(chain.couplings)):
+            joint, other = int(chain.couplings[k, 0]), int(chain.couplings[k, 1])
+            rows[other] += chain.couplings[k, 2] * own[joint]
 
 
 @jit

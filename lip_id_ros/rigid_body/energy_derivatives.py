@@ -17,6 +17,7 @@ from lip_id_ros.rigid_body.chain import (
     Chain,
     joint_transform,
     link_inertia,
+    serial_motion,
 )
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 from lip_id_ros.rigid_body.spatial import (
@@ -58,6 +59,7 @@ def energy_derivatives(
     count, n = q.shape
     kinetic, potential = np.zeros((count, n, DIRECTIONS)), np.zeros((count, n, DIRECTIONS))
     work = np.zeros((n + 1, VECTORS, 3))
+    q, dq = serial_motion(chain, q), serial_motion(chain, dq)
     for t in range(count):
         _to_tip(work, chain, q[t], dq[t])
         _to_base(kinetic[t], potential[t], work, chain, parameters, q[t])

@@ -7,12 +7,14 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.numba_jit import jit
 from lip_id_ros.rigid_body.chain import (
+    add_coupled_rows,
     add_joint_motion,
     base_acceleration,
     Chain,
     joint_row,
     joint_transform,
     LINK_PARAMETERS,
+    serial_motion,
 )
 from lip_id_ros.rigid_body.spatial import (
     add,
@@ -37,6 +39,8 @@ def torque_regressor(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
     """Torques of unit parameters, shape (N, n, 11 n), at contiguous joint states (N, n)."""
     count, n = q.shape
     out = np.zeros((count, n, LINK_PARAMETERS * n))
+    faster = ddq
+    q, dq, ddq = (serial_motion(chain, q), serial_motion(chain, dq), serial_motion(chain, ddq))
     transforms = np.empty((n, 4, 3))
     columns = np.empty((6, LINK_PARAMETERS - 1))
     for t in range(count):
@@ -48,12 +52,14 @@ def torque_regressor(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
                 propagate_motion(motion, x), chain.prismatic[j], dq[t, j], ddq[t, j]
             )
             _wrench_columns(columns, motion)
-            out[t, j, LINK_PARAMETERS * (j + 1) - 1] = ddq[t, j]
             for i in range(j, -1, -1):
                 row = joint_row(chain.prismatic[i])
                 for c in range(LINK_PARAMETERS - 1):
                     out[t, i, LINK_PARAMETERS * j + c] = columns[row, c]
                 _transform_columns(columns, load_transform(transforms, i))
+        add_coupled_rows(out[t], chain)
+        for j in range(n):  # a rotor turns with its drive
+            out[t, j, LINK_PARAMETERS * (j + 1) - 1] = faster[t, j]
     return out
 
 
@@ -92,6 +98,7 @@ def kinetic_regressor(chain: Chain, q: Array, dq: Array) -> Array:
     """Kinetic energies of unit parameters at (N, n) positions and velocities, (N, 11 n)."""
     count, n = q.shape
     out = np.zeros((count, LINK_PARAMETERS * n))
+    of_drives, q, dq = dq, serial_motion(chain, q), serial_motion(chain, dq)
     for t in range(count):
         w = v = ZERO
         for j in range(n):
@@ -102,7 +109,7 @@ def kinetic_regressor(chain: Chain, q: Array, dq: Array) -> Array:
                 v = add(v, (0.0, 0.0, dq[t, j]))
             else:
                 w = add(w, (0.0, 0.0, dq[t, j]))
-            _kinetic(out[t, LINK_PARAMETERS * j :], w, v, dq[t, j])
+            _kinetic(out[t, LINK_PARAMETERS * j :], w, v, of_drives[t, j])
     return out
 
 
@@ -120,6 +127,7 @@ def potential_regressor(chain: Chain, q: Array) -> Array:
     """Potential energies of unit parameters at (N, n) positions, shape (N, 11 n)."""
     count, n = q.shape
     out = np.zeros((count, LINK_PARAMETERS * n))
+    q = serial_motion(chain, q)
     for t in range(count):
         height, up = 0.0, base_acceleration(chain)
         for j in range(n):

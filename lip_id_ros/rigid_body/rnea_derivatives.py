@@ -17,12 +17,14 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.numba_jit import jit, jit_inlined
 from lip_id_ros.rigid_body.chain import (
+    add_coupled_rows,
     add_joint_motion,
     base_acceleration,
     Chain,
     joint_row,
     joint_transform,
     link_inertia,
+    serial_motion,
 )
 from lip_id_ros.rigid_body.spatial import (
     add,
@@ -95,6 +97,7 @@ def placement_derivatives(
     """
     count, n = q.shape
     out = np.zeros((count, n, n, DIRECTIONS))
+    q, dq, ddq = (serial_motion(chain, q), serial_motion(chain, dq), serial_motion(chain, ddq))
     work = Workspace(
         np.empty((n, 4, 3)),
         np.empty((n + 1, 3, 3)),
@@ -118,6 +121,7 @@ def placement_derivatives(
         for j in range(n):
             _torque_by_own_and_carrying(out[t, j], work, chain, j, dq[t])
             _torque_by_carried(out[t, j], work, chain, j)
+        add_coupled_rows(out[t].reshape(n, -1), chain)
     return out
 
 

@@ -162,6 +162,12 @@ class FitSettings(Settings):
         0.05, 'Precision of the prior on log hyperparameters; 0 for none.', minimum=0.0
     )
     seed: int = setting(0, 'Seed of every random choice.', minimum=0)
+    coupling: tuple[str, ...] = setting(
+        (),
+        'Reported positions that are not those of a serial chain, each as "joint ratio '
+        'other_joint": the joint moves by its position plus the ratio times that of the other '
+        'joint, as "joint_3 -1 joint_2" of a parallelogram.',
+    )
     description: str = setting(
         '',
         'URDF of the arm, a file or its text, as the prior of an articulated fit: the placements '

@@ -19,6 +19,7 @@ def placed() -> PlacedArm:
         rotations=arm.chain.rotations,
         translations=arm.chain.translations,
         gravity=arm.chain.gravity,
+        couplings=arm.chain.couplings,
         links=arm.parameters,
         friction='{}',
         noise_std=np.ones(2),

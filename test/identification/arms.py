@@ -7,6 +7,7 @@ from gp.chains import ChainArm, random_arm
 import numpy as np
 
 from lip_id_ros.identification.kinematic_calibration import Samples
+from lip_id_ros.rigid_body.chain import NO_COUPLINGS
 
 
 def samples_of(
@@ -27,6 +28,7 @@ def samples_of(
         tau + noise_of(tau, noise),
         arm.chain.prismatic,
         np.array([0.0, 0.0, -gravity]),
+        NO_COUPLINGS,
         np.zeros((*tau.shape, 0)),
         link_std,
         np.zeros(0),

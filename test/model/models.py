@@ -27,6 +27,7 @@ from lip_id_ros.model.remainder import (
     stored_inputs,
     stored_weights,
 )
+from lip_id_ros.rigid_body.couplings import Coupling, rows_of
 
 KERNELS = (*MEMBERS, ARTICULATED)
 
@@ -110,8 +111,9 @@ def of_arm(
 
 
 def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior:
-    """Return an arm whose joints are anywhere, of bodies that exist."""
+    """Return an arm whose joints are anywhere, the last coupled, of bodies that exist."""
     n = len(types)
+    coupling = Coupling(n - 1, n - 2, -0.7)
     plain = plain_friction(n, (0.1 + rng.random(n)).tolist()).terms
     load = DriveTerm(Drive.of_joint(0), LoadCoulomb(0.2))
     coupled = DriveTerm(Drive((n - 1, 0), (1.0, -0.5)), Viscous())
@@ -120,7 +122,7 @@ def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior
     friction = FrictionModel(basis, rng.random(basis.size))
     root = 0.1 * rng.normal(size=(17 * n + basis.size, 5))
     return ArmPosterior(
-        chain=random_chain(types, rng),
+        chain=random_chain(types, rng)._replace(couplings=rows_of((coupling,) * (n > 1))),
         links=np.stack([random_body(rng) for _ in types]),
         friction=friction,
         noise=TorqueNoise(*(0.1 + rng.random((5, n)))),

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 import pytest
 
+from lip_id_ros.checked_file import write_checked
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_npz, write_npz
@@ -91,6 +92,18 @@ def test_round_trip_of_links_without_gravity(path: Path) -> None:
     assert InverseDynamicsModel.load(path).kernel == ARTICULATED
     assert not InverseDynamicsModel.load(path).has_potential
     assert_same_answers(model, InverseDynamicsModel.load(path))
+
+
+def test_an_arm_of_format_7_has_no_coupled_positions(path: Path) -> None:
+    model = random_model(ARTICULATED, remainder=False)
+    assert model.arm is not None
+    chain = model.arm.chain._replace(couplings=np.zeros((0, 3)))
+    serial = replace(model, arm=replace(model.arm, chain=chain))
+    serial.save(path)
+    arrays, header = read_npz(path)
+    del arrays['arm_couplings'], header['sha256']
+    write_checked(path, 7, arrays, header)
+    assert_same_answers(serial, InverseDynamicsModel.load(path))
 
 
 def test_a_model_is_saved_over_an_older_one(saved: Path) -> None:
@@ -170,8 +183,8 @@ def changed(path: Path, change: Callable[[Arrays, Header], None]) -> Path:
 
 
 def test_a_newer_format(saved: Path) -> None:
-    newer = changed(saved, lambda _, header: header.update(version=8))
-    check_refused(newer, 'has model format 8, but this program reads format 7')
+    newer = changed(saved, lambda _, header: header.update(version=9))
+    check_refused(newer, 'has model format 9, but this program reads format 7 or 8')
 
 
 def flip(arrays: Arrays, _: Header) -> None:

@@ -82,6 +82,7 @@ IMPOSSIBLE: dict[str, tuple[Callable[[Array], Array], str]] = {
     'training_low': (lambda x: x + 1e6, 'training_low, which lies above training_high'),
     'training_high': (lambda x: x.astype('>f8'), 'training_high, which holds >f8'),
     'remainder_lengths': (lambda x: -x, 'remainder_lengths, of which some'),
+    'arm_couplings': (lambda x: 0.3 * x, 'arm_couplings, with joints 0 and 0'),
     'remainder_variance': (lambda x: -x, 'remainder_variance, with -'),
     'remainder_scale': (lambda x: x.astype('U8'), 'remainder_scale, which holds <U8'),
     'noise_variance': (lambda x: -x, 'noise_variance, with -'),
