@@ -20,8 +20,13 @@ from lip_id_ros.acquisition.job import SAVING
 from lip_id_ros.acquisition.recording_file import receive
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError, LipIdError
-from lip_id_ros.evaluation import evaluate, fit_cautions, matched, no_better_than_mean
-from lip_id_ros.evaluation.recording_health import RecordingHealth
+from lip_id_ros.evaluation import (
+    data_remarks,
+    evaluate,
+    evaluation_cautions,
+    fit_cautions,
+    matched,
+)
 from lip_id_ros.export.payload import (
     attached,
     inertias,
@@ -34,8 +39,8 @@ from lip_id_ros.export.payload import (
 from lip_id_ros.files import write_or_rescue, write_whole
 from lip_id_ros.identification import fit
 from lip_id_ros.identification.payload import identify_payload
-from lip_id_ros.loading import election_lines, load_dataset
-from lip_id_ros.loading.load import elected_config, Watch, with_report
+from lip_id_ros.loading.examined import findings_of, load_dataset
+from lip_id_ros.loading.load import elected_config, noted
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training, preprocess
 from lip_id_ros.preprocessing.pipeline import at_most
@@ -72,18 +77,18 @@ def main(requests: TextIO, output: TextIO) -> int:
 def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     config = override(Config(), request['settings'], 'the parameters')
     sections = receive(request['recording'])
-    findings = RecordingHealth(config.recording)
     share = 1.0 - request.get('holdout', 0.0)
-    prepared = training_set(sections, request['bags'], config, progress, findings, share)
+    prepared = training_set(sections, request['bags'], config, progress, share)
     result: dict[str, Any] = {
         'n_samples': prepared.dataset.n_samples,
         'sources': _sources(prepared.dataset),
         'left_out': list(prepared.left_out),
         'thinned': prepared.n_thinned,
-        'findings': [*findings.lines, *election_lines(prepared.dataset.provenance)],
     }
     if request['kind'] == 'dataset':
-        return {**result, **_save(prepared.dataset.save, request['path'], progress)}
+        cautions = data_remarks(prepared.dataset.provenance)
+        saved = _save(prepared.dataset.save, request['path'], progress)
+        return {**result, **saved, 'cautions': cautions}
     if request['kind'] == 'payload':
         return {**result, **_payload(prepared.dataset, request, progress)}
     return {**result, **_fit(prepared.dataset, request, config, progress)}
@@ -98,14 +103,14 @@ def _fit(
         training, held_out = data.split(1.0 - request['holdout'])
     training = for_training(training, config.preprocessing, config.fit.kernel)
     model = fit(training, config.fit, progress)
-    judged = None
-    if held_out is not None:
-        judged = evaluate(model, held_out, progress).to_json()
+    judged = None if held_out is None else evaluate(model, held_out, progress)
     saved = _save(model.save, request['path'], progress)
-    cautions = fit_cautions(model)
-    if judged is not None:
-        cautions += no_better_than_mean(model.joint_names, judged['nmse_percent'])
-    return {**saved, 'summary': model.summary, 'cautions': cautions, 'holdout': judged}
+    return {
+        **saved,
+        'summary': model.summary,
+        'cautions': fit_cautions(model, judged),
+        'holdout': judged and judged.to_json(),
+    }
 
 
 def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict[str, Any]:
@@ -118,7 +123,7 @@ def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict
     shown = payload_in_flange(found, *flange)
     text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], flange)
     loaded, rescued = attached(model, found), []
-    errors = evaluate(loaded, data).nmse_percent
+    judged = evaluate(loaded, data)
     figures = {
         'mass': shown.mass,
         'mass_std': shown.mass_std,
@@ -133,9 +138,10 @@ def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict
         **saved,
         'rescue': [*saved['rescue'], *rescued],
         'cautions': [
+            *data_remarks(data.provenance),
             *mass_cautions(shown),
             *remainder_cautions(model),
-            *no_better_than_mean(model.joint_names, errors),
+            *evaluation_cautions(judged),
         ],
         'payload': figures,
     }
@@ -200,7 +206,6 @@ def training_set(
     bags: Sequence[str],
     config: Config,
     progress: Progress,
-    watch: Watch = lambda samples: None,
     training_share: float = 1.0,
 ) -> TrainingSet:
     """
@@ -211,7 +216,6 @@ def training_set(
     `bags`: recordings and data sets; where the settings name no joints, they must have those of
     the live recording.
     `config`: sections `recording` and `preprocessing` are used.
-    `watch`: called with the raw samples of every recording that is used.
     `training_share`: first share that `cutoff_hz: auto` may look at; where there is a live
     recording, it looks at that alone.
     LipIdError if a bag cannot be used, or nothing is left; OSError if a bag does not exist or
@@ -221,32 +225,33 @@ def training_set(
     report: dict[str, Any] = {}
     if sections and config.preprocessing.cutoff_hz == AUTO:
         config, report = elected_config(sections, config, training_share, progress)
-    live, left_out = _of_sections(sections, config, watch)
-    live = [with_report(data, report) for data in live]
+    live, left_out = _of_sections(sections, config)
+    live = [noted(data, report) for data in live]
     if not live and not bags:
         raise DataError(left_out[0])
     whole = replace(config, preprocessing=replace(config.preprocessing, max_samples=0))
     parts = live
     if bags:
         of_bags = _with_joints(whole, live)
-        parts = [*live, load_dataset(bags, of_bags, progress, watch, training_share)]
+        parts = [*live, load_dataset(bags, of_bags, progress, training_share)]
     joined = concatenate(parts)
     dataset = at_most(joined, config.preprocessing)
     return TrainingSet(dataset, left_out, joined.n_samples - dataset.n_samples)
 
 
 def _of_sections(
-    sections: Sequence[JointSamples], config: Config, watch: Watch
+    sections: Sequence[JointSamples], config: Config
 ) -> tuple[list[Dataset], list[str]]:
     usable, left_out = [], Counter[str]()
     settings = replace(config.preprocessing, max_samples=0)
+    assess = findings_of(config.recording)
     for samples in sections:
         try:
-            usable.append(preprocess(samples, settings, config.recording))
+            data = preprocess(samples, settings, config.recording)
         except DataError as error:
             left_out[str(error)] += 1
         else:
-            watch(samples)
+            usable.append(noted(data, assess(samples)))
     return usable, [
         why if n == 1 else f'{n} parts of the recording: {why}' for why, n in left_out.items()
     ]

@@ -32,20 +32,17 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.dataset import check_suffix
     from lip_id_ros.dataset.formats import is_data_set
-    from lip_id_ros.evaluation.cautions import copy_cautions
-    from lip_id_ros.evaluation.recording_health import RecordingHealth
+    from lip_id_ros.evaluation import data_remarks
     from lip_id_ros.evaluation.tables import show_lines
-    from lip_id_ros.loading import election_lines, load_dataset
+    from lip_id_ros.loading.examined import load_dataset
 
     output.check_file(args.output, args.sources, is_data_set, 'a data set', args.force)
     place = output.destination(args.output)
     check_suffix(output.with_suffix(place))
     config = models.chosen_config(args.config, {'recording.joints': args.joints})
-    health = RecordingHealth(config.recording)
     with output.progress_display() as progress:
-        dataset = load_dataset(args.sources, config, progress, health)
+        dataset = load_dataset(args.sources, config, progress)
         dataset.save(place)
     console = output.console(args.output)
     show.prepared(dataset, console)
-    remarks = [*copy_cautions(dataset.provenance), *election_lines(dataset.provenance)]
-    show_lines([*health.lines, *remarks, f'Written: {args.output}'], console)
+    show_lines([*data_remarks(dataset.provenance), f'Written: {args.output}'], console)

@@ -58,14 +58,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Evaluate, show and write."""
     from lip_id_ros.cli import models, output, show
+    from lip_id_ros.evaluation import evaluation_cautions, score
     from lip_id_ros.evaluation import run as predict
-    from lip_id_ros.evaluation import score
     from lip_id_ros.evaluation.cautions import copy_cautions
     from lip_id_ros.evaluation.report import band, Labels, write_report
     from lip_id_ros.evaluation.rollout import rollout_cautions
     from lip_id_ros.evaluation.tables import rollout_tables, show_lines
     from lip_id_ros.evaluation.tables import show as show_table
-    from lip_id_ros.evaluation.training_data import training_data_warnings
 
     if args.urdf is not None and not args.rollout:
         raise ConfigError('--urdf is compared by --rollout, which is missing; add it.')
@@ -80,9 +79,9 @@ def run(args: argparse.Namespace) -> None:
         if args.last is not None:
             _, dataset = dataset.split(1.0 - args.last)
             sources += f', the last {100 * args.last:g} %'
-        warnings = training_data_warnings(model, dataset) + copy_cautions(dataset.provenance)
         outcome = predict(model, dataset, progress)
         evaluation = score(outcome)
+        warnings = copy_cautions(dataset.provenance)
         if args.rollout:
             every = models.load_every_sample(model, args.sources, args.config, progress)
             rollouts = _rollouts(model, _from_first(every, dataset), args.urdf)
@@ -106,7 +105,7 @@ def run(args: argparse.Namespace) -> None:
         for table in rollout_tables(rollouts, dataset.joint_names, dataset.joint_types):
             show_table(table, console)
         figures['rollout'] = rollouts.to_json()
-    show_lines(warnings, console)
+    show_lines([*evaluation_cautions(evaluation), *warnings], console)
     if args.report:
         show_lines([f'Written: {page}'], console)
     output.write_json(args.json, figures)

@@ -58,22 +58,19 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.errors import LipIdError
     from lip_id_ros.evaluation import evaluate, fit_cautions
-    from lip_id_ros.evaluation.cautions import copy_cautions
-    from lip_id_ros.evaluation.recording_health import RecordingHealth
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
     from lip_id_ros.identification import fit
-    from lip_id_ros.loading import election_lines, load_dataset
+    from lip_id_ros.loading.examined import load_dataset
     from lip_id_ros.preprocessing import for_training
 
     inputs = [*args.sources, *filter(None, [args.urdf, args.config])]
     output.check_file(args.output, inputs, is_model, 'a model', args.force)
     config = models.fit_config(args)
     evaluation = None
-    health = RecordingHealth(config.recording)
     with output.progress_display() as progress:
         share = 1.0 - (args.holdout or 0.0)
-        training = load_dataset(args.sources, config, progress, health, share)
+        training = load_dataset(args.sources, config, progress, share)
         if args.holdout is not None:
             training, held_out = training.split(share)
         training = for_training(training, config.preprocessing, config.fit.kernel)
@@ -88,9 +85,7 @@ def run(args: argparse.Namespace) -> None:
         show.evaluated(evaluation, title, console)
         where = shlex.join(['lip_id', 'evaluate', args.output, *args.sources])
         show_lines([f'Plots: {where} --last {args.holdout:g} --report DIR'], console)
-    copies = copy_cautions(training.provenance)
-    elected = election_lines(training.provenance)
-    show_lines([*health.lines, *copies, *elected, *fit_cautions(model)], console)
+    show_lines(fit_cautions(model, evaluation), console)
     if evaluation is None:
         show_lines([show.UNSEEN], console)
     if rescue is not None:

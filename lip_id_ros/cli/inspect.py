@@ -74,7 +74,6 @@ def _model(args: argparse.Namespace, console: Console) -> dict[str, Any]:
     from lip_id_ros.errors import ConfigError
     from lip_id_ros.evaluation import fit_cautions
     from lip_id_ros.evaluation.tables import show_lines
-    from lip_id_ros.loading import election_lines
     from lip_id_ros.model.serialization import contradictions
 
     for option in ('report', 'efforts', 'config'):
@@ -86,7 +85,7 @@ def _model(args: argparse.Namespace, console: Console) -> dict[str, Any]:
     model = models.load(args.file)
     with contradictions(args.file):
         description = {'file': args.file, 'kind': 'model', **show.described_model(model)}
-        cautions = [*fit_cautions(model), *election_lines(model.provenance)]
+        cautions = fit_cautions(model)
         show.inspected_model(model, description, console)
     show_lines(cautions, console)
     return description
@@ -126,8 +125,9 @@ def _effort_findings(
 ) -> tuple[tuple[Finding, ...], list[str]]:
     """Return what the efforts are found to be, and what preprocessing was elected for that."""
     from lip_id_ros.cli.models import chosen_config
+    from lip_id_ros.evaluation import data_remarks
     from lip_id_ros.health.effort_meaning import diagnose_effort
-    from lip_id_ros.loading import election_lines, load_dataset
+    from lip_id_ros.loading import load_dataset
 
     dataset = load_dataset(args.file, chosen_config(args.config, {}), progress)
-    return diagnose_effort(dataset, progress=progress), election_lines(dataset.provenance)
+    return diagnose_effort(dataset, progress=progress), data_remarks(dataset.provenance)

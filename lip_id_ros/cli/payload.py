@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> None:
     """Find the payload, show it, and write what is asked for."""
     from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output
-    from lip_id_ros.evaluation import evaluate, no_better_than_mean
+    from lip_id_ros.evaluation import evaluate, evaluation_cautions
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.export.payload import (
         attached,
@@ -97,9 +97,8 @@ def run(args: argparse.Namespace) -> None:
     console = output.console(args.yaml, args.output)
     _show(shown, console)
     loaded = attached(model, found)
-    errors = evaluate(loaded, dataset).nmse_percent
-    useless = no_better_than_mean(model.joint_names, errors)
-    show_lines([*mass_cautions(shown), *remainder_cautions(model), *useless], console)
+    judged = evaluation_cautions(evaluate(loaded, dataset))
+    show_lines([*mass_cautions(shown), *remainder_cautions(model), *judged], console)
     if args.yaml is not None:
         text = to_yaml(shown, args.sources, args.flange)
         write_whole(output.destination(args.yaml), text.encode())

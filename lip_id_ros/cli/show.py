@@ -12,8 +12,9 @@ from rich.text import Text
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import printable
-from lip_id_ros.evaluation import Evaluation, no_better_than_mean
-from lip_id_ros.evaluation.recording_health import finding_lines, health_table
+from lip_id_ros.evaluation import Evaluation
+from lip_id_ros.evaluation.cautions import finding_lines
+from lip_id_ros.evaluation.recording_health import health_table
 from lip_id_ros.evaluation.speed import Speed
 from lip_id_ros.evaluation.tables import (
     error_table,
@@ -131,10 +132,9 @@ def inspected_model(
 
 
 def evaluated(evaluation: Evaluation, title: str, console: Console) -> None:
-    """Show errors, their reference, and joints that the model does not explain."""
+    """Show errors and their reference."""
     show(error_table(evaluation, title), console)
-    useless = no_better_than_mean(evaluation.joint_names, evaluation.nmse_percent)
-    show_lines([*notes(evaluation), *useless], console)
+    show_lines(notes(evaluation), console)
 
 
 def prepared(dataset: Dataset, console: Console) -> None:

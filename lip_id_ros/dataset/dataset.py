@@ -25,7 +25,7 @@ from lip_id_ros.dataset.checks import (
     PER_SAMPLE,
     texts,
 )
-from lip_id_ros.dataset.provenance import cutoffs_hz
+from lip_id_ros.dataset.provenance import COPIES, cutoffs_hz
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.errors import DataError, missing_joints, shortened
 from lip_id_ros.files import path_text
@@ -305,7 +305,7 @@ def concatenate(datasets: Sequence[Dataset]) -> Dataset:
     Join data sets of the same joints; segments and recordings of each get new numbers.
 
     Joints are matched by name, in the order of the first data set. True torques and energies are
-    kept only where every data set has them.
+    kept only where every data set has them; of the provenance, sources and copies.
 
     DataError if there is none, or joints, joint types or gravity compensation differ.
 
@@ -323,6 +323,7 @@ def concatenate(datasets: Sequence[Dataset]) -> Dataset:
         for name in (*PER_SAMPLE, *PER_JOINT)
         if all(getattr(data, name) is not None for data in ordered)
     }
+    copies = [each for data in ordered for each in data.provenance.get(COPIES, ())]
     return Dataset(
         **values,
         joint_names=first.joint_names,
@@ -330,7 +331,10 @@ def concatenate(datasets: Sequence[Dataset]) -> Dataset:
         segment=_renumbered([data.segment for data in ordered]),
         recording=_renumbered([data.recording for data in ordered]),
         gravity_compensated=first.gravity_compensated,
-        provenance={'sources': [source for data in ordered for source in _sources(data)]},
+        provenance={
+            'sources': [source for data in ordered for source in _sources(data)],
+            **({COPIES: copies} if copies else {}),
+        },
     )
 
 

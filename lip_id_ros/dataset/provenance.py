@@ -1,9 +1,21 @@
-"""The low-pass of the samples, from the provenance of a data set."""
+"""What the provenance of a data set has beside settings: keys, and the low-pass of the samples."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
+
+COPIES = 'copies'
+"""Source, samples and repeated samples where an earlier source has them too."""
+
+ELECTED = 'elected'
+"""Of a source: how its preprocessing was selected."""
+
+FINDINGS = 'findings'
+"""Of a source: errors and warnings of `lip_id_ros.health`, as JSON."""
+
+N_NOTES = 'notes_of_health'
+"""Of a source: how many notes `lip_id_ros.health` has beside them."""
 
 
 def cutoffs_hz(provenance: Mapping[str, Any]) -> set[float | None]:

@@ -1,12 +1,19 @@
 """The quality of a model on a data set: figures, tables, plots and cautions."""
 
-from lip_id_ros.evaluation.cautions import fit_cautions, no_better_than_mean
+from lip_id_ros.evaluation.cautions import (
+    data_remarks,
+    evaluation_cautions,
+    fit_cautions,
+    no_better_than_mean,
+)
 from lip_id_ros.evaluation.metrics import evaluate, Evaluation, matched, Outcome, run, score
 
 __all__ = [
     'Evaluation',
     'Outcome',
+    'data_remarks',
     'evaluate',
+    'evaluation_cautions',
     'fit_cautions',
     'matched',
     'no_better_than_mean',

@@ -1,14 +1,22 @@
-"""Warnings about a fitted model."""
+"""Warnings in sentences: about recordings, a fit to them, and its errors."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeGuard
 
+from lip_id_ros.dataset.provenance import COPIES, ELECTED, FINDINGS, N_NOTES
 from lip_id_ros.errors import ModelError
-from lip_id_ros.evaluation.recording_health import serious_lines
+from lip_id_ros.evaluation.metrics import Evaluation
 from lip_id_ros.evaluation.tables import percent
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.settings import PreprocessingSettings
+
+MOST_LINES = 2
+"""Findings of one kind that are written out; of more, the first is."""
+
+SHORT, ENOUGH_S = 'short', 60.0
+"""Length of all recordings together from which the length of each one is no concern [s]."""
 
 MOST_EPISODES = 6
 """Times in one sentence, at most."""
@@ -20,15 +28,34 @@ USELESS_PERCENT = 90.0
 """A joint whose nMSE reaches this is predicted no better than by the mean of its torque."""
 
 
-def fit_cautions(model: InverseDynamicsModel) -> list[str]:
-    """Return what was unusual about a fit, in sentences; ModelError where there is no model."""
+def fit_cautions(model: InverseDynamicsModel, evaluation: Evaluation | None = None) -> list[str]:
+    """
+    Return what was unusual about recordings, a fit to them and, where given, its evaluation.
+
+    ModelError where there is no model.
+
+    """
     if not isinstance(model, InverseDynamicsModel):
         raise ModelError(
             f'cautions are those of a fitted model, not of {type(model).__name__}; pass what fit '
             'or InverseDynamicsModel.load returned.'
         )
-    found = serious_lines(model.provenance.get('findings', ()))
-    return [*found, *summary_cautions(model.joint_names, model.summary)]
+    texts = [
+        *data_remarks(model.provenance),
+        *summary_cautions(model.joint_names, model.summary),
+    ]
+    return texts if evaluation is None else [*texts, *evaluation_cautions(evaluation)]
+
+
+def data_remarks(provenance: Mapping[str, Any]) -> list[str]:
+    """Return what the provenance of a data set or model has about its recordings, in sentences."""
+    return [*_findings(provenance), *copy_cautions(provenance), *_elections(provenance)]
+
+
+def evaluation_cautions(evaluation: Evaluation) -> list[str]:
+    """Return what makes the errors of an evaluation no success, or too small."""
+    useless = no_better_than_mean(evaluation.joint_names, evaluation.nmse_percent)
+    return [*useless, *evaluation.cautions]
 
 
 def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:
@@ -106,7 +133,7 @@ def copy_cautions(provenance: Mapping[str, Any]) -> list[str]:
     return [
         f'{each["repeated"]} of {each["samples"]} samples of {each["source"]} repeat an earlier '
         'recording and were left out.'
-        for each in provenance.get('copies', ())
+        for each in provenance.get(COPIES, ())
     ]
 
 
@@ -147,3 +174,89 @@ def no_better_than_mean(
         'check the efforts, the order and the types of the joints with lip_id inspect, and '
         'record more motion.'
     ]
+
+
+def _findings(provenance: Mapping[str, Any]) -> list[str]:
+    """Return a line for each kind of warning and error, and the number of the notes."""
+    sources = [each for each in provenance.get('sources', ()) if isinstance(each, Mapping)]
+    several = len(sources) > 1
+    found = [
+        {**finding, 'source': source['source']} if several else finding
+        for source in sources
+        for finding in source.get(FINDINGS, ())
+    ]
+    if several and sum(map(_seconds, sources)) >= ENOUGH_S:
+        found = [finding for finding in found if finding['code'] != SHORT]
+    texts = finding_lines(found)
+    if n_notes := sum(source.get(N_NOTES, 0) for source in sources):
+        how = 'see them with lip_id inspect of the recording.'
+        texts.append(f'Notes not shown here: {n_notes}; {how}')
+    return texts
+
+
+def _seconds(source: Mapping[str, Any]) -> float:
+    rate = source.get('rate_hz', 0.0)
+    return float(source.get('samples', 0) / rate) if rate else 0.0
+
+
+def finding_lines(findings: Iterable[Mapping[str, Any]]) -> list[str]:
+    """
+    Return a line for each finding, with its recording where it has one.
+
+    Where more than two have one code, only the first is written out, followed by the other joints,
+    and by the recordings, or the number of findings where some are on the same joint.
+
+    """
+    kinds: dict[str, list[Mapping[str, Any]]] = {}
+    for finding in findings:
+        kinds.setdefault(finding['code'], []).append(finding)
+    return [line for alike in kinds.values() for line in _alike(alike)]
+
+
+def _alike(alike: Sequence[Mapping[str, Any]]) -> list[str]:
+    texts = [f'{each["severity"]} {each["code"]}: {each["text"]}' for each in alike]
+    sources = list(dict.fromkeys(each['source'] for each in alike if 'source' in each))
+    if len(texts) <= MOST_LINES:
+        where = [f' In {each["source"]}.' if sources else '' for each in alike]
+        return [text + place for text, place in zip(texts, where, strict=True)]
+    joints = dict.fromkeys(each['joint'] for each in alike)
+    others = [joint for joint in joints if joint != alike[0]['joint']]
+    more = [f'Likewise {", ".join(others)}.'] if others else []
+    if sources:
+        more.append(f'In {_listed(sources)}.')
+    elif len(joints) < len(alike):
+        more.append(f'In all recordings: {len(alike)} times.')
+    return [' '.join([texts[0], *more])]
+
+
+def _elections(provenance: Mapping[str, Any]) -> list[str]:
+    """Return in sentences what was elected for the recordings of a data set or model, and why."""
+    reports = [source[ELECTED] for source in provenance.get('sources', ()) if ELECTED in source]
+    if not reports:
+        return []
+    report = reports[0]
+    usual = f'{PreprocessingSettings().cutoff:g}'
+    if 'too_few_samples' in report:
+        return [
+            f'Preprocessing: {report["too_few_samples"]} samples are too few to select a cut-off, '
+            f'which stays at {usual} Hz.'
+        ]
+    errors = report['unexplained_left_out_percent']
+    cutoff = f'{report["cutoff_hz"]:g}'
+    why = ', the usual one, since none was clearly better' if cutoff == usual else ''
+    listed = ', '.join(f'{each} Hz {error:.3g} %' for each, error in errors.items())
+    lines = [
+        f'Preprocessing selected by cross-validation: cut-off {cutoff} Hz{why}; derivative '
+        f'{report["derivative"]}. '
+        f'Share of left-out efforts that links do not explain: {listed}.'
+    ]
+    delays = report['effort_delay_s']
+    if any(delays):
+        listed = ', '.join(f'{1e3 * delay:.1f}' for delay in delays)
+        lines.append(
+            f'Efforts were measured later than positions by {listed} ms (base to tip), and are '
+            f'shifted back: {report["unexplained_without_delays_percent"]:.3g} % of left-out '
+            f'efforts were not explained before, {report["unexplained_with_delays_percent"]:.3g} '
+            '% are not now.'
+        )
+    return lines

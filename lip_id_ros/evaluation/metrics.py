@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 import math
 from typing import Any, TypeVar
 
@@ -81,6 +81,8 @@ class Outcome:
     within_two_std_percent : ndarray, shape (n,), or None
         Share of measured torques within two standard deviations of a measurement; None where the
         model is no arm, or efforts were low-passed otherwise than those of its fit.
+    cautions : tuple of str
+        Sentences where the data are, or may be, training data.
 
     """
 
@@ -88,6 +90,7 @@ class Outcome:
     prediction: TorquePrediction
     smallest_eigenvalue: Array | None = None
     within_two_std_percent: Array | None = None
+    cautions: tuple[str, ...] = ()
 
     @property
     def reference(self) -> Array:
@@ -159,7 +162,9 @@ def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Ou
     if arm is not None:  # whole: friction may remember
         predictions = [arm.predict(dataset.q, dataset.dq, dataset.ddq, dataset.t)]
     joined = _joined(predictions)
-    return Outcome(dataset, joined, smallest, _within_two_std(model, dataset, joined.tau))
+    covered = _within_two_std(model, dataset, joined.tau)
+    cautions = tuple(training_data_warnings(model, dataset))
+    return Outcome(dataset, joined, smallest, covered, cautions)
 
 
 def _within_two_std(model: TorqueModel, dataset: Dataset, tau: Array) -> Array | None:
@@ -241,9 +246,8 @@ class Evaluation:
     inertia_min_eigenvalue : float or None
         Smallest eigenvalue of that matrix over all samples [kg m^2 or kg].
     within_two_std_percent : tuple of float or None
-        As in `Outcome`.
     cautions : tuple of str
-        Sentences where the data are, or may be, training data.
+        As in `Outcome`.
 
     """
 
@@ -309,9 +313,7 @@ def evaluate(model: TorqueModel, dataset: Dataset, progress: Progress = silent) 
     if not hasattr(model, 'predict') or not isinstance(dataset, Dataset):
         given = f'{type(model).__name__} and {type(dataset).__name__}'
         raise DataError(f'evaluate needs a model and a Dataset, not {given}; use load_dataset.')
-    dataset = matched(dataset, model)
-    cautions = tuple(training_data_warnings(model, dataset))
-    return replace(score(run(model, dataset, progress)), cautions=cautions)
+    return score(run(model, matched(dataset, model), progress))
 
 
 def score(outcome: Outcome) -> Evaluation:
@@ -345,6 +347,7 @@ def score(outcome: Outcome) -> Evaluation:
         inertia_not_pd_percent=not_pd,
         inertia_min_eigenvalue=smallest,
         within_two_std_percent=None if covered is None else tuple(covered.tolist()),
+        cautions=outcome.cautions,
     )
 
 

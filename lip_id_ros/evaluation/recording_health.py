@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -19,17 +19,13 @@ COLUMNS = {
     'effort_explained': 'effort explained',
 }
 TITLE = 'Motion [rad or m, s], and how much of each effort a regression on it explains'
-MOST_LINES = 2
 UNKNOWN_UNITS = dict.fromkeys(POSITION_UNITS, 'rad or m')
 """Units of positions where the types of the joints are not known."""
-SHORT = 'short'
-ENOUGH_S = 60.0
-"""Length of all recordings together from which the length of each one is no concern [s]."""
 
 
 class RecordingHealth:
     """
-    Examines the raw samples of every recording, as `load_dataset` reads them.
+    Examines the raw samples of every recording, as `describe` reads them.
 
     Parameters
     ----------
@@ -40,8 +36,6 @@ class RecordingHealth:
 
     Attributes
     ----------
-    found : list of dict
-        Health of each recording, in the order of reading.
     seen : list of (Evidence, dict)
         Samples and health of each recording, where they are kept.
 
@@ -53,26 +47,14 @@ class RecordingHealth:
         self._recording = recording
         self._keep_samples = keep_samples
         self.seen: list[tuple[Evidence, dict[str, Any]]] = []
-        self._seconds = 0.0
-        self.found: list[dict[str, Any]] = []
 
     def __call__(self, samples: JointSamples) -> dict[str, Any]:
         """Examine a recording; returns the addition to its description."""
         evidence = evidence_of(samples, _settings_for(samples, self._recording))
-        self.found.append(health(evidence))
-        if samples.n_samples:
-            self._seconds += float(samples.t[-1] - samples.t[0])
-            if self._keep_samples:
-                self.seen.append((evidence, self.found[-1]))
-        return {'health': self.found[-1]}
-
-    @property
-    def lines(self) -> list[str]:
-        """A line for each kind of warning and error, and the number of the notes."""
-        findings = [finding for each in self.found for finding in each['findings']]
-        if len(self.found) > 1 and self._seconds >= ENOUGH_S:
-            findings = [finding for finding in findings if finding['code'] != SHORT]
-        return serious_lines(findings)
+        found = health(evidence)
+        if samples.n_samples and self._keep_samples:
+            self.seen.append((evidence, found))
+        return {'health': found}
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -113,42 +95,6 @@ def health_table(joints: Mapping[str, Mapping[str, float | None]]) -> Table:
         for joint, figures in joints.items()
     ]
     return Table(TITLE, ('', *(COLUMNS[name] for name in known)), rows)
-
-
-def finding_lines(findings: Iterable[Mapping[str, Any]]) -> list[str]:
-    """
-    Return a line for each finding.
-
-    Where more than two have one code, only the first is written out, followed by the other joints,
-    and by the number of findings where some are on the same joint, in several recordings.
-
-    """
-    kinds: dict[str, list[Mapping[str, Any]]] = {}
-    for finding in findings:
-        kinds.setdefault(finding['code'], []).append(finding)
-    return [line for alike in kinds.values() for line in _lines(alike)]
-
-
-def serious_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a line for each kind of warning and error, and the number of the notes."""
-    n_notes = sum(finding['severity'] == 'note' for finding in findings)
-    texts = finding_lines(finding for finding in findings if finding['severity'] != 'note')
-    if n_notes:
-        how = 'see them with lip_id inspect of the recording.'
-        texts.append(f'Notes not shown here: {n_notes}; {how}')
-    return texts
-
-
-def _lines(alike: Sequence[Mapping[str, Any]]) -> list[str]:
-    texts = [f'{each["severity"]} {each["code"]}: {each["text"]}' for each in alike]
-    if len(texts) <= MOST_LINES:
-        return texts
-    joints = dict.fromkeys(each['joint'] for each in alike)
-    others = [joint for joint in joints if joint != alike[0]['joint']]
-    more = [f'Likewise {", ".join(others)}.'] if others else []
-    if len(joints) < len(alike):
-        more.append(f'In all recordings: {len(alike)} times.')
-    return [' '.join([texts[0], *more])]
 
 
 def _text(name: str, value: float | None) -> str:

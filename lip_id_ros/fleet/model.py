@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.dataset.provenance import FINDINGS, N_NOTES
 from lip_id_ros.fleet.consistency import disagreement
 from lip_id_ros.fleet.placements import chosen, PlacedArm
 from lip_id_ros.fleet.results import Survey
@@ -29,6 +30,9 @@ from lip_id_ros.model.remainder import Remainder
 
 SECTIONS = ('recording', 'preprocessing')
 """Settings in the provenance of a recording."""
+
+OF_HEALTH = (FINDINGS, N_NOTES, 'samples', 'rate_hz')
+"""Entries of it that the cautions of a fit are about."""
 
 
 def with_processes(
@@ -197,6 +201,7 @@ def _sources(surveys: Sequence[Survey]) -> tuple[list[dict[str, Any]], list[dict
         source = json.loads(survey.provenance)
         settings = json.dumps([source.get(name) for name in SECTIONS], sort_keys=True)
         short = {'source': survey.name, 'content': source.get('content', survey.key)}
+        short |= {name: source[name] for name in OF_HEALTH if name in source}
         known = settings in full
         full.setdefault(settings, {**source, **short})
         entries.append(short if known else full[settings])

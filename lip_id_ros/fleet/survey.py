@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 import json
 import os
@@ -15,11 +15,13 @@ import numpy as np
 from lip_id_ros.arrays import IndexArray
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
-from lip_id_ros.evaluation.recording_health import RecordingHealth
+from lip_id_ros.dataset.provenance import FINDINGS
+from lip_id_ros.evaluation.cautions import data_remarks
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.identification.posterior import ranges_of
 from lip_id_ros.identification.sample_selection import covering, evenly, moving, remembering
 from lip_id_ros.loading import load_dataset
+from lip_id_ros.loading.examined import findings_of
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.bags import Bag
@@ -57,15 +59,15 @@ def survey(path: str | os.PathLike[str], name: str, group: str, config: Config) 
     config : Config
 
     """
-    health, contents = RecordingHealth(config.recording), list[str]()
+    examined, contents = findings_of(config.recording), list[str]()
 
-    def watch(samples: JointSamples) -> None:
-        health(samples)
+    def assess(samples: JointSamples) -> Mapping[str, Any]:
         contents.append(_content(samples))
+        return examined(samples)
 
-    data = load_dataset(path, config, watch=watch)
+    data = load_dataset(path, config, assess=assess)
     data = for_training(data, config.preprocessing, config.fit.kernel)
-    found = survey_of(data, name, group, tuple(health.lines))
+    found = survey_of(data, name, group)
     if contents:  # of what was read: processors round differently what is computed
         found = replace(found, key='-'.join(contents))
     return replace(found, temperature=mean_temperature(path)) if _is_bag(path) else found
@@ -88,7 +90,7 @@ def mean_temperature(path: str | os.PathLike[str]) -> float:
     return total / count if count else np.nan
 
 
-def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] = ()) -> Survey:
+def survey_of(dataset: Dataset, name: str, group: str) -> Survey:
     """Return the survey of samples that have been preprocessed."""
     low, high = ranges_of(dataset)
     source = _source(dataset)
@@ -113,7 +115,7 @@ def survey_of(dataset: Dataset, name: str, group: str, health: tuple[str, ...] =
         rate_hz=float(source.get('rate_hz', 0.0)),
         seconds=_seconds(dataset),
         start_s=float(source.get('start_s', np.nan)),
-        health=health,
+        health=tuple(data_remarks(dataset.provenance)),
         low=low,
         high=high,
         largest_torque=np.abs(dataset.tau).max(axis=0),
@@ -234,7 +236,8 @@ def _shortened(source: dict[str, Any]) -> str:
     text = json.dumps(source)
     if len(text) <= MOST_TEXT:
         return text
-    needed = 'content', 'samples', 'rate_hz', 'start_s', 'recording', 'preprocessing', 'filtered'
+    settings = 'recording', 'preprocessing', 'filtered'
+    needed = 'content', 'samples', 'rate_hz', 'start_s', *settings, FINDINGS
     return json.dumps({name: source[name] for name in needed if name in source})
 
 

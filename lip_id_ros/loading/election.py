@@ -7,7 +7,7 @@ What is usual stays unless something else predicts left-out efforts better for s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,9 +30,6 @@ from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 STAGE = 'selection of preprocessing'
-ELECTED = 'elected'
-"""Provenance of a source: how its preprocessing was elected."""
-
 CUTOFFS_HZ = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
 HIGHEST = 0.4
 """Highest cut-off that is tried, in sampling rates."""
@@ -194,36 +191,3 @@ def _smoothing(
         if Gain.between([errors[elected.cutoff]], [squares(other)]).is_sure():
             elected = other
     return elected, {f'{c:g}': judge.percent(each) for c, each in errors.items()}
-
-
-def election_lines(provenance: Mapping[str, Any]) -> list[str]:
-    """Return in sentences what was elected for the recordings of a data set or model, and why."""
-    reports = [source[ELECTED] for source in provenance.get('sources', ()) if ELECTED in source]
-    if not reports:
-        return []
-    report = reports[0]
-    usual = f'{PreprocessingSettings().cutoff:g}'
-    if 'too_few_samples' in report:
-        return [
-            f'Preprocessing: {report["too_few_samples"]} samples are too few to select a cut-off, '
-            f'which stays at {usual} Hz.'
-        ]
-    errors = report['unexplained_left_out_percent']
-    cutoff = f'{report["cutoff_hz"]:g}'
-    why = ', the usual one, since none was clearly better' if cutoff == usual else ''
-    listed = ', '.join(f'{each} Hz {error:.3g} %' for each, error in errors.items())
-    lines = [
-        f'Preprocessing selected by cross-validation: cut-off {cutoff} Hz{why}; derivative '
-        f'{report["derivative"]}. '
-        f'Share of left-out efforts that links do not explain: {listed}.'
-    ]
-    delays = report['effort_delay_s']
-    if any(delays):
-        listed = ', '.join(f'{1e3 * delay:.1f}' for delay in delays)
-        lines.append(
-            f'Efforts were measured later than positions by {listed} ms (base to tip), and are '
-            f'shifted back: {report["unexplained_without_delays_percent"]:.3g} % of left-out '
-            f'efforts were not explained before, {report["unexplained_with_delays_percent"]:.3g} '
-            '% are not now.'
-        )
-    return lines

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from typing import Any
 
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset.provenance import FINDINGS, N_NOTES
 from lip_id_ros.health import evidence_of, examine, Severity
 from lip_id_ros.loading import load
-from lip_id_ros.loading.load import PathLike, Watch
+from lip_id_ros.loading.load import PathLike
+from lip_id_ros.preprocessing.description import Assess
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.settings import Config
-
-FINDINGS = 'findings'
-"""Provenance: errors and warnings of `lip_id_ros.health`, as JSON."""
-
-SHORT = 'short'
+from lip_id_ros.settings import Config, RecordingSettings
 
 
 def load_dataset(
     sources: PathLike | Sequence[PathLike],
     settings: Config | None = None,
     progress: Progress = silent,
-    watch: Watch = lambda samples: None,
     training_share: float = 1.0,
 ) -> Dataset:
     """
@@ -33,19 +29,17 @@ def load_dataset(
     data. The other parameters, and the errors, are those of that function.
 
     """
-    found: list[dict[str, str]] = []
-    count = 0
+    recording = settings.recording if isinstance(settings, Config) else None
+    return load.load_dataset(sources, settings, progress, findings_of(recording), training_share)
 
-    def examined(samples: JointSamples) -> None:
-        nonlocal count
-        count += 1
-        watch(samples)
-        recording = settings.recording if isinstance(settings, Config) else None
-        findings = examine(evidence_of(samples, recording))
-        found.extend(each.to_json() for each in findings if each.severity != Severity.NOTE)
 
-    data = load.load_dataset(sources, settings, progress, examined, training_share)
-    serious = [each for each in found if count == 1 or each['code'] != SHORT]
-    if not serious:
-        return data
-    return replace(data, provenance={**data.provenance, FINDINGS: serious})
+def findings_of(recording: RecordingSettings | None) -> Assess:
+    """Return a function from raw samples to the findings about them, for the provenance."""
+
+    def assessed(samples: JointSamples) -> dict[str, Any]:
+        found = examine(evidence_of(samples, recording))
+        serious = [each.to_json() for each in found if each.severity != Severity.NOTE]
+        entries = {FINDINGS: serious, N_NOTES: len(found) - len(serious)}
+        return {name: value for name, value in entries.items() if value}
+
+    return assessed

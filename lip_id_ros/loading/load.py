@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 import os
@@ -14,8 +15,10 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
+from lip_id_ros.dataset.provenance import COPIES, ELECTED
 from lip_id_ros.errors import ConfigError, DataError, shortened, SourceError
-from lip_id_ros.loading.election import elect_preprocessing, ELECTED
+from lip_id_ros.loading.election import elect_preprocessing
+from lip_id_ros.preprocessing.description import Assess
 from lip_id_ros.preprocessing.pipeline import at_most, preprocess
 from lip_id_ros.preprocessing.smoothing import longest_step
 from lip_id_ros.progress import Progress, silent
@@ -27,13 +30,9 @@ from lip_id_ros.recording.timing import gap_starts
 from lip_id_ros.settings import AUTO, Config, override, PreprocessingSettings
 
 PathLike = str | os.PathLike[str]
-Watch = Callable[[JointSamples], object]
 
 ROUNDING = 1e-6
 """Of sums of times [s]."""
-
-COPIES = 'copies'
-"""Provenance: source, samples and repeated samples where an earlier source has them too."""
 
 Part = Dataset | JointSamples
 
@@ -42,7 +41,7 @@ def load_dataset(
     sources: PathLike | Sequence[PathLike],
     settings: Config | None = None,
     progress: Progress = silent,
-    watch: Watch = lambda samples: None,
+    assess: Assess = lambda samples: {},
     training_share: float = 1.0,
 ) -> Dataset:
     """
@@ -61,8 +60,9 @@ def load_dataset(
         are read before the first is preprocessed.
     progress : callable
         Called with the number of messages read.
-    watch : callable
-        Called with the raw samples of every recording before they are preprocessed.
+    assess : callable
+        Gets the raw samples of every recording before they are preprocessed; returns more entries
+        for its source in the provenance.
     training_share : float
         First share of the recordings that `cutoff_hz: auto` may look at; the rest is held out.
 
@@ -87,7 +87,7 @@ def load_dataset(
     paths = _paths(sources)
     if not paths:
         raise SourceError('at least one recording or data set is needed, but none was named.')
-    loading = _Loading(settings, progress, watch, is_alone=len(paths) == 1)
+    loading = _Loading(settings, progress, assess, is_alone=len(paths) == 1)
     parts: Iterable[Part] = loading.parts(paths)
     if settings.preprocessing.cutoff_hz == AUTO:
         parts = list(parts)
@@ -95,7 +95,8 @@ def load_dataset(
         settings = loading.elect(recordings, training_share)
     data = concatenate(list(loading.datasets(parts)))
     if loading.copies:
-        data = replace(data, provenance={**data.provenance, COPIES: loading.copies})
+        copies = [*data.provenance.get(COPIES, ()), *loading.copies]
+        data = replace(data, provenance={**data.provenance, COPIES: copies})
     return at_most(data, settings.preprocessing)
 
 
@@ -114,9 +115,10 @@ class _Loading:
     """Loads sources one after another and leaves out what an earlier one holds already."""
 
     def __init__(
-        self, settings: Config, progress: Progress, watch: Watch, *, is_alone: bool
+        self, settings: Config, progress: Progress, assess: Assess, *, is_alone: bool
     ) -> None:
-        self._settings, self._progress, self._watch = settings, progress, watch
+        self._settings, self._progress, self._assess = settings, progress, assess
+        self._assessed = deque[Mapping[str, Any]]()  # of raw samples, until they are preprocessed
         self._is_alone = is_alone  # nothing to compare with
         self._seen = RepeatedSamples()
         self._repeating: set[str] = set()
@@ -147,7 +149,7 @@ class _Loading:
 
     def _raw(self, samples: JointSamples) -> JointSamples:
         samples = samples.with_joints(self._bound(samples.joint_names))
-        self._watch(samples)
+        self._assessed.append(self._assess(samples))
         fresh = self._fresh(samples.source, samples.joint_names, samples.position, samples.effort)
         if not fresh.all():
             self._repeating.add(samples.source)
@@ -167,13 +169,14 @@ class _Loading:
                 yield part
                 continue
             self._progress('preprocessing', 0, 0)
+            assessed = self._assessed.popleft()
             try:
                 data = preprocess(part, settings, self._settings.recording)
             except DataError:
                 if part.source not in self._repeating:
                     raise
             else:
-                yield with_report(data, self._report)
+                yield noted(noted(data, assessed), self._report)
 
     def _data_set(self, path: PathLike) -> Iterator[Dataset]:
         data, recording = Dataset.load(path), self._settings.recording
@@ -231,7 +234,7 @@ def elected_config(
     """
     Elect the preprocessing of recordings by the first share of them.
 
-    Returns settings with numbers in the place of `auto`, and figures for the provenance.
+    Returns settings with numbers in the place of `auto`, and an entry for sources' provenance.
 
     LipIdError: see `lip_id_ros.loading.election.elect_preprocessing`.
 
@@ -240,14 +243,14 @@ def elected_config(
     some = _first_share(recordings, training_share, longest)
     elected = elect_preprocessing(some, config.preprocessing, config.recording, progress)
     changed = replace(config, preprocessing=elected.preprocessing, recording=elected.recording)
-    return changed, elected.report
+    return changed, {ELECTED: elected.report}
 
 
-def with_report(data: Dataset, report: Mapping[str, Any]) -> Dataset:
-    """Note in the provenance of a recording how its preprocessing was elected."""
-    if not report:
+def noted(data: Dataset, entries: Mapping[str, Any]) -> Dataset:
+    """Add entries to each source in the provenance of recordings."""
+    if not entries:
         return data
-    sources = [{**source, ELECTED: dict(report)} for source in data.provenance['sources']]
+    sources = [{**source, **entries} for source in data.provenance['sources']]
     return replace(data, provenance={**data.provenance, 'sources': sources})
 
 

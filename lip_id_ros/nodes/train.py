@@ -247,7 +247,7 @@ class TrainNode(NodeBase):
             self.get_logger().error(f'{job.task} failed: {job.error}')
         elif job.state == 'done':
             self.get_logger().info(f'{job.task} done: {job.result["path"]}')
-            for kind in ('rescue', 'left_out', 'findings', 'cautions'):
+            for kind in ('rescue', 'left_out', 'cautions'):
                 for sentence in job.result.get(kind, ()):
                     self.get_logger().warning(sentence)
 

@@ -84,8 +84,8 @@ def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
     with pytest.raises(LipIdError, match=r'^a dataset is running; wait until ~/status shows'):
         jobs.start(task, [samples(500)])
     result = dict(work.result())
-    findings = result.pop('findings')
-    assert findings[0].startswith('warning short: the recording lasts 4.99 s')
+    cautions = result.pop('cautions')
+    assert cautions[0].startswith('warning short: the recording lasts 4.99 s')
     data = Dataset.load(tmp_path / 'data.npz')
     source = data.provenance['sources'][0]
     assert result == {

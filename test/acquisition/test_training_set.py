@@ -10,7 +10,7 @@ import pytest
 from lip_id_ros.acquisition import recording_file
 from lip_id_ros.acquisition.job_process import training_set
 from lip_id_ros.errors import DataError
-from lip_id_ros.evaluation.recording_health import RecordingHealth
+from lip_id_ros.evaluation import data_remarks
 from lip_id_ros.progress import silent
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.bag_writer import JointStateTrack
@@ -86,13 +86,18 @@ def test_what_is_used_is_shown_raw_and_judged(tmp_path: Path) -> None:
     stuck = samples(500)
     stuck.effort[:, 1] = 0.0
     bag = keep(tmp_path / 'b.mcap', samples(500, 2000))
-    findings = RecordingHealth(RECORDING)
-    training_set([samples(1), stuck], [str(bag)], CONFIG, silent, findings)
-    assert any(
-        text.startswith('error effort_constant: the effort of b') for text in findings.lines
-    )
-    assert not any(
-        text.startswith('error effort_constant: the effort of a') for text in findings.lines
+    data = training_set([samples(1), stuck], [str(bag)], CONFIG, silent).dataset
+    (constant,) = (text for text in data_remarks(data.provenance) if 'effort_constant' in text)
+    assert constant.startswith('error effort_constant: the effort of b')
+    assert constant.endswith(' In the recording.')
+
+
+def test_what_a_bag_repeats_of_the_live_recording_is_noted(tmp_path: Path) -> None:
+    bags = [str(keep(tmp_path / name, samples(500, 2000))) for name in ('a.mcap', 'b.mcap')]
+    data = training_set([samples(500)], bags, CONFIG, silent).dataset
+    (copy,) = (text for text in data_remarks(data.provenance) if 'repeat an earlier' in text)
+    assert (
+        copy == f'500 of 500 samples of {bags[1]} repeat an earlier recording and were left out.'
     )
 
 

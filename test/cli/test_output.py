@@ -19,7 +19,6 @@ from lip_id_ros.cli import main, output, show
 from lip_id_ros.cli.main import one_line
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import fit_cautions
-from lip_id_ros.evaluation.recording_health import serious_lines
 from lip_id_ros.model import InverseDynamicsModel
 
 Capture = pytest.CaptureFixture[str]
@@ -130,20 +129,6 @@ def test_findings_of_one_kind_share_a_line(capsys: Capture) -> None:
         'warning slow: b is slow; hurry.',
         'warning slow: a is slow; hurry. Likewise b, c. In all recordings: 6 times.',
         'no findings',
-    ]
-
-
-def test_a_fit_tells_notes_by_their_number() -> None:
-    health = {
-        'findings': [
-            {'code': 'slow', 'severity': 'warning', 'joint': 'a', 'text': 'a is slow; hurry.'},
-            {'code': 'stale', 'severity': 'note', 'joint': '', 'text': 'stale; leave it.'},
-        ]
-    }
-    assert serious_lines(2 * health['findings']) == [
-        'warning slow: a is slow; hurry.',
-        'warning slow: a is slow; hurry.',
-        'Notes not shown here: 2; see them with lip_id inspect of the recording.',
     ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 from pathlib import Path
+from typing import Any
 
 from evaluation.models import QUICK, small_model, training
 from evaluation.stubs import Knowing
@@ -13,19 +14,18 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.evaluation import (
+    data_remarks,
     evaluate,
     fit_cautions,
     no_better_than_mean,
     run,
     score,
 )
-from lip_id_ros.evaluation.cautions import summary_cautions
-from lip_id_ros.evaluation.recording_health import finding_lines, RecordingHealth
+from lip_id_ros.evaluation.cautions import finding_lines, summary_cautions
 from lip_id_ros.evaluation.report import Labels, write_report
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.fit_checks import with_checks
-from lip_id_ros.recording import JointSamples
 
 NAMES = ('shoulder', 'elbow', 'wrist')
 
@@ -131,17 +131,44 @@ def test_findings_without_a_joint_are_counted() -> None:
     assert lines == ['warning short: it is so. In all recordings: 4 times.']
 
 
-def recording(seconds: float) -> JointSamples:
-    t = np.arange(0.0, seconds, 0.02)
-    phase = np.outer(t, [1.0, 1.7]) * 3.0
-    rows = np.sin(phase)
-    return JointSamples(t, rows, 3.0 * np.cos(phase) * [1.0, 1.7], 5.0 * rows, ('a', 'b'))
+def provenance(lengths: tuple[float, ...], *findings: dict[str, str]) -> dict[str, Any]:
+    return {
+        'sources': [
+            {
+                'source': f'run{number}',
+                'samples': round(50.0 * seconds),
+                'rate_hz': 50.0,
+                'findings': findings,
+                'notes_of_health': 1,
+            }
+            for number, seconds in enumerate(lengths, start=1)
+        ]
+    }
 
 
 @pytest.mark.parametrize(('lengths', 'short'), [((18.0,) * 7, False), ((18.0, 18.0), True)])
 def test_short_recordings_are_long_together(lengths: tuple[float, ...], short: bool) -> None:
-    health = RecordingHealth()
-    for seconds in lengths:
-        health(recording(seconds))
-    assert all(any(f['code'] == 'short' for f in each['findings']) for each in health.found)
-    assert any('warning short' in line for line in health.lines) == short
+    lines = data_remarks(provenance(lengths, finding('short', '')))
+    assert any('warning short' in line for line in lines) == short
+
+
+def test_findings_about_several_recordings_name_them() -> None:
+    slow = [finding('slow', joint) for joint in 'ab']
+    assert data_remarks(provenance((99.0,), *slow)) == [
+        'warning slow: a is so.',
+        'warning slow: b is so.',
+        'Notes not shown here: 1; see them with lip_id inspect of the recording.',
+    ]
+    assert data_remarks(provenance((99.0, 99.0), *slow)) == [
+        'warning slow: a is so. Likewise b. In run1, run2.',
+        'Notes not shown here: 2; see them with lip_id inspect of the recording.',
+    ]
+    (line, _) = data_remarks(provenance((99.0,) * 20, *slow))
+    assert line.endswith(', run11, run12 and 8 more.')
+
+
+def test_an_evaluation_of_training_data_is_a_caution_of_its_fit() -> None:
+    model, data = small_model(), training()
+    judged = evaluate(model, data)
+    assert judged.cautions
+    assert fit_cautions(model, judged)[-1] in judged.cautions

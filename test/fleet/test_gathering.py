@@ -102,7 +102,10 @@ def test_a_recording_of_seven_joints_takes_less_than_300_kilobytes() -> None:
 
 
 def test_what_is_stored_comes_back() -> None:
-    survey = survey_of(DATA, 'name', 'robot', ('warning: one',))
+    finding = {'code': 'slow', 'severity': 'warning', 'joint': 'a', 'text': 'a is slow.'}
+    noted = {'sources': [{'source': 'log', 'findings': [finding]}]}
+    survey = survey_of(replace(DATA, provenance=noted), 'name', 'robot')
+    assert survey.health == ('warning slow: a is slow.',)
     back = Survey.from_bytes(survey.to_bytes())
     for name, value in vars(survey).items():
         np.testing.assert_array_equal(getattr(back, name), value)

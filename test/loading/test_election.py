@@ -11,7 +11,8 @@ import pytest
 
 from benchmarks._simulated_recordings import N_JOINTS, simulated, SimulatedRecording
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.loading import election_lines, load_dataset, with_elected
+from lip_id_ros.evaluation import data_remarks
+from lip_id_ros.loading import load_dataset, with_elected
 from lip_id_ros.loading.delay_election import fewest
 from lip_id_ros.loading.election import CUTOFFS_HZ, elect_preprocessing, Elected
 from lip_id_ros.loading.load import _first_share
@@ -142,7 +143,7 @@ def test_what_is_held_out_does_not_matter(tmp_path: Path) -> None:
     assert reports[0]['elected'] == reports[1]['elected']
     assert (
         'Preprocessing selected by cross-validation: cut-off'
-        in election_lines({'sources': reports})[0]
+        in data_remarks({'sources': reports})[0]
     )
     again = with_elected(config, {'sources': reports})
     assert again.preprocessing.cutoff == reports[0]['preprocessing']['cutoff_hz']
@@ -169,7 +170,7 @@ def test_few_samples_keep_the_usual_cutoff(tmp_path: Path) -> None:
     data = load_dataset(log(tmp_path / 'short.csv', 0.0, 150), Config(preprocessing=ELECTING))
     (source,) = data.provenance['sources']
     assert source['preprocessing']['cutoff_hz'] == PreprocessingSettings().cutoff
-    assert 'too few to select' in election_lines(data.provenance)[0]
+    assert 'too few to select' in data_remarks(data.provenance)[0]
 
 
 def test_mixed_settings_are_refused(tmp_path: Path) -> None:

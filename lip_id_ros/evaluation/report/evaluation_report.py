@@ -9,7 +9,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from lip_id_ros.evaluation.cautions import no_better_than_mean
+from lip_id_ros.evaluation.cautions import evaluation_cautions
 from lip_id_ros.evaluation.metrics import Evaluation, Outcome
 from lip_id_ros.evaluation.report import figures
 from lip_id_ros.evaluation.report.figures import Band
@@ -77,7 +77,7 @@ def write_report(
     text = page(
         labels.title,
         labels.facts,
-        [*no_better_than_mean(evaluation.joint_names, evaluation.nmse_percent), *labels.warnings],
+        [*evaluation_cautions(evaluation), *labels.warnings],
         [error_table(evaluation)],
         notes(evaluation),
         pictures,
