@@ -21,6 +21,9 @@ from lip_id_ros.friction.terms import DriveState, FREE
 OVERLAP = 0.75
 """Width of a step, in distances of steps."""
 
+NARROWEST = 1e-12
+"""Least width of a step [rad, m, rad/s or m/s]."""
+
 
 @dataclass(frozen=True)
 class _Curve:
@@ -42,7 +45,7 @@ class _Curve:
 
     def __post_init__(self) -> None:
         """Check the steps; ValueError where there are none."""
-        if not (-np.inf < self.low < self.high < np.inf and self.count >= 2):
+        if not (self.count >= 2 and NARROWEST <= self.breadth < np.inf):
             raise ValueError('a curve that has no steps')
 
     @property

@@ -21,6 +21,13 @@ from lip_id_ros.friction.terms import DriveState, FREE, FrictionTerm, smooth_sig
 WIDTH_STEP = 1e-2
 """Of the logarithm of a width, for its slope."""
 
+LARGEST, MOST = 1e9, 1000
+"""No parameter of a term in a file is larger; none that is an integer."""
+
+INTEGERS = ('count', 'harmonic')
+LOWEST = {'width': 1e-9, 'acceleration': 1e-9, 'displacement': 1e-9, 'smoothing': 0.0}
+"""Least values of parameters that divide, or that cannot be negative."""
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -129,10 +136,13 @@ class DriveTerm:
         joints = tuple(int(joint) for joint in entry['joints'])
         ratios = tuple(float(ratio) for ratio in entry['ratios'])
         shares = tuple(float(share) for share in entry.get('shares', ()))
-        if not joints or len(joints) != len(ratios) or not set(joints) <= set(range(n_joints)):
+        known = all(0 <= joint < n_joints for joint in joints)
+        if not joints or len(joints) != len(ratios) or not known:
             raise ValueError('joints and ratios of a drive do not fit')
         if shares and len(shares) != len(joints):
             raise ValueError('joints and shares of a drive do not fit')
+        if not np.abs([*ratios, *shares]).max() <= LARGEST:
+            raise ValueError('ratios or shares of a drive that no drive has')
         of_drive = {each.name for each in fields(Drive)}
         rest = {name: value for name, value in entry.items() if name not in of_drive}
         return cls(Drive(joints, ratios, shares), _term_from_json(rest))
@@ -242,4 +252,16 @@ def _term_from_json(entry: dict[str, float | str]) -> FrictionTerm:
             f'a friction term of this version was expected, but the file has {entry}; '
             'fit the model again.'
         )
+    for name, value in parameters.items():
+        _check_parameter(name, value)
     return kind(**parameters)
+
+
+def _check_parameter(name: str, value: Any) -> None:
+    """Raise ValueError where the parameter of a term is none that a fit gives."""
+    integer = name in INTEGERS
+    known = type(value) is int or (type(value) is float and not integer)
+    lowest, largest = (1, MOST) if integer else (-LARGEST, LARGEST)
+    lowest = LOWEST.get(name, lowest)
+    if not known or not lowest <= value <= largest:
+        raise ValueError(f'the {name} of a friction term is {value}')

@@ -20,7 +20,7 @@ class Dahl:
 
     Dahl 1968; Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 1994. An arm that stands
     is held by what is left of its last motion. The term is the difference to the smooth sign of
-    the velocity: nothing where the past is not known.
+    the velocity: nothing of single states.
 
     Parameters
     ----------

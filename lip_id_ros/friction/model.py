@@ -12,7 +12,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError, ShapeError
-from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SignWidth
+from lip_id_ros.friction.drives import Drive, DriveTerm, LARGEST, LoadTorque, SignWidth
 from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.primitives import LOAD
 from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
@@ -268,7 +268,7 @@ class FrictionModel:
         """
         variance, load = np.zeros_like(dq), np.zeros_like(dq)
         for part, place in zip(self.basis.terms, self.basis.slices, strict=True):
-            if isinstance(part.term, Dahl):
+            if isinstance(part.term, Dahl) and len(part.drive.joints) == 1:
                 (joint,) = part.drive.joints
                 state = part.drive.state(q, dq, ddq, load, self.basis.rise_time)
                 size = self.coefficients[place] * part.term.unknown_std(state, share[:, joint])
@@ -326,8 +326,10 @@ class FrictionModel:
             rise_time = float(entry.get('rise_time', 0.0))
             if not 0.0 <= rise_time < np.inf:
                 raise ValueError('a rise time that is no time')
+            if not (np.abs(coefficients) <= LARGEST).all():
+                raise ValueError('coefficients that no friction has')
             return cls(FrictionBasis(n_joints, terms, rise_time), coefficients)
-        except (KeyError, TypeError, ValueError, ShapeError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError, ShapeError) as error:
             raise ModelError(
                 f'friction terms with coefficients were expected, but the file is damaged '
                 f'({error}); fit the model again.'

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IntArray
@@ -10,6 +12,11 @@ from lip_id_ros.numba_jit import jit
 
 LONGEST_GAP_S = 0.5
 """Time without samples after which nothing is known of the friction's state [s]."""
+
+BEFORE_S = 0.25
+"""Time for which a joint is taken to have had the velocity with which a path begins [s]."""
+
+TURN = 2.0 * np.pi
 
 ALIGNED, AGREE = 0.3, 0.5
 """
@@ -30,63 +37,109 @@ root mean square.
 """
 
 
-def dahl_states(q: Array, begins: BoolArray, start: Array | None = None) -> Array:
+def dahl_states(steps: Steps, start: Array | None = None) -> Array:
     """
     Return the states of Dahl's friction along a path, shape (N, n, D), between -1 and 1.
 
     dz/dx = (1 - z sign(dx)) / delta in the displacement x (Dahl, The Aerospace Corporation
     TOR-0158, 1968) has a closed form between samples, so that neither rates nor the noise of
-    velocities matter. 0 where a path begins, since nothing is known there.
+    velocities matter.
 
     Parameters
     ----------
-    q : array, shape (N, n)
-    begins : bool array, shape (N,)
-        Samples that do not continue the one before.
+    steps : Steps
     start : array, shape (n, D), optional
-        State at the first sample.
+        State before the first step; without one, the first sample begins a path.
 
     """
-    first = np.zeros((q.shape[1], len(DISPLACEMENTS))) if start is None else start
-    return np.asarray(_dahl(np.ascontiguousarray(q), begins, first, np.array(DISPLACEMENTS)))
+    shape = steps.size.shape[1], len(DISPLACEMENTS)
+    before = np.zeros(shape) if start is None else start
+    return np.asarray(_dahl(steps.size, steps.begins, before, np.array(DISPLACEMENTS)))
 
 
-def unknown_share(q: Array, begins: BoolArray) -> Array:
+def unknown_share(steps: Steps) -> Array:
     """Return how much of each of `dahl_states` is still that of an unknown start, (N, n, D)."""
-    lengths = np.abs(np.diff(q, axis=0, prepend=q[:1]))
-    begins = begins | ~np.isfinite(lengths).all(axis=1)
-    lengths[begins] = 0.0
+    lengths = np.abs(steps.size)
     travelled = np.cumsum(lengths, axis=0)
-    since = np.maximum.accumulate(np.where(begins, np.arange(len(q)), 0))
-    return np.asarray(np.exp(-(travelled - travelled[since])[..., None] / np.array(DISPLACEMENTS)))
+    first = np.maximum.accumulate(
+        np.where(steps.begins, np.arange(len(lengths))[:, None], 0), axis=0
+    )
+    since = travelled - np.take_along_axis(travelled - lengths, first, axis=0)
+    return np.asarray(np.exp(-since[..., None] / np.array(DISPLACEMENTS)))
 
 
 @jit
-def _dahl(q: Array, begins: BoolArray, start: Array, displacements: Array) -> Array:
-    out = np.zeros((*q.shape, len(displacements)))
-    out[0] = start
-    for t in range(1, len(q)):
-        if begins[t]:
-            continue
-        for j in range(q.shape[1]):
-            dx = q[t, j] - q[t - 1, j]
-            if not np.isfinite(dx):
-                continue  # nothing is known after it
-            sign = np.sign(dx)
+def _dahl(size: Array, begins: BoolArray, before: Array, displacements: Array) -> Array:
+    out = np.empty((*size.shape, len(displacements)))
+    for t in range(len(size)):
+        for j in range(size.shape[1]):
+            sign = np.sign(size[t, j])
             for d in range(len(displacements)):
-                rest = np.exp(-abs(dx) / displacements[d])
-                out[t, j, d] = sign + (out[t - 1, j, d] - sign) * rest
+                state = 0.0
+                if not begins[t, j]:
+                    state = out[t - 1, j, d] if t > 0 else before[j, d]
+                out[t, j, d] = sign + (state - sign) * np.exp(-abs(size[t, j]) / displacements[d])
     return out
+
+
+class Steps(NamedTuple):
+    """
+    The displacements of joints along a path.
+
+    Where a path begins nothing is known but the velocity: a joint is as if it had moved with it
+    for `BEFORE_S`, so that one in motion has the friction of its sign, and one that rests has any.
+
+    Attributes
+    ----------
+    size : array, shape (N, n)
+        From the sample before [rad or m].
+    begins : bool array, shape (N, n)
+        Samples of joints before which nothing is known.
+
+    """
+
+    size: Array
+    begins: BoolArray
+
+    @classmethod
+    def of(cls, q: Array, dq: Array, begins: BoolArray, revolute: BoolArray) -> Steps:
+        """
+        Return the steps between samples.
+
+        Parameters
+        ----------
+        q, dq : arrays, shape (N, n)
+        begins : bool array, shape (N,)
+            Samples that do not continue the one before.
+        revolute : bool array, shape (n,)
+            Joints whose angles may be reported up to whole turns.
+
+        """
+        size = unwrapped(np.diff(q, axis=0, prepend=q[:1]), revolute)
+        unknown = begins[:, None] | ~np.isfinite(size)
+        before = np.where(np.isfinite(dq), BEFORE_S * dq, 0.0)
+        return cls(np.where(unknown, before, size), unknown)
+
+    @classmethod
+    def unknown(cls, shape: tuple[int, ...]) -> Steps:
+        """Return the steps of single states, of which nothing is known."""
+        return cls(np.zeros(shape), np.ones(shape, dtype=np.bool_))
+
+
+def unwrapped(steps: Array, revolute: BoolArray) -> Array:
+    """Return steps of joints (..., n) without the whole turns of those that are revolute."""
+    return np.where(revolute, steps - TURN * np.round(steps / TURN), steps)
 
 
 def begins_of_times(t: Array, segment: Array | IntArray) -> BoolArray:
     """Mark the samples that do not continue the one before, shape (N,), by times [s]."""
     steps = np.diff(t)
-    gaps = (np.diff(segment) != 0) | ~((steps > 0.0) & (steps <= LONGEST_GAP_S))
+    # equal stamps are those of a coarse clock
+    gaps = (np.diff(segment) != 0) | ~((steps >= 0.0) & (steps <= LONGEST_GAP_S))
     return np.concatenate([np.ones(1, dtype=np.bool_), gaps])
 
 
-def begins_of_states(q: Array, dq: Array, ddq: Array) -> BoolArray | None:
+def begins_of_states(q: Array, dq: Array, ddq: Array, revolute: BoolArray) -> BoolArray | None:
     """
     Mark the rows that do not continue the one before, shape (N,), where times are not known.
 
@@ -97,13 +150,14 @@ def begins_of_states(q: Array, dq: Array, ddq: Array) -> BoolArray | None:
     Parameters
     ----------
     q, dq, ddq : arrays, shape (N, n)
+    revolute : bool array, shape (n,)
 
     """
     if len(q) < 2:
         return None
     speed = np.sqrt(np.mean(dq**2, axis=0))
     scale = np.where(speed > 0.0, speed, np.inf)
-    dx, dv = np.diff(q, axis=0) / scale, np.diff(dq, axis=0) / scale
+    dx, dv = unwrapped(np.diff(q, axis=0), revolute) / scale, np.diff(dq, axis=0) / scale
     v, a = ((0.5 * (x[1:] + x[:-1])) / scale for x in (dq, ddq))
     rests = np.abs(v).max(axis=1) < AT_REST
     with np.errstate(divide='ignore', invalid='ignore'):

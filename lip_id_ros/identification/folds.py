@@ -13,9 +13,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lip_id_ros.arrays import Array, BoolArray, IndexArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.sample_selection import evenly
+from lip_id_ros.numba_jit import jit
 
 NEAR = 0.1
 """
@@ -23,58 +24,146 @@ Largest distance of a state to that of an earlier pass, in standard deviations o
 velocities times the root of their number.
 """
 
+STEP, FARTHEST = 0.5 * NEAR, 5.0 * NEAR
+"""
+Distance of states that are traced, where samples are closer; samples are farther apart at low
+rates, by at most so much from the middle of two of them to a state that may be between.
+"""
+
 STILL = 0.05
 """A joint that moves less, as a share of the one that moves most, distinguishes no states."""
 
-PAST_S = 0.5
-"""Time that a motion must be away for to come back [s]."""
+PAST_S, GONE = 0.5, 5
+"""Time, and number of traced states, that a motion must be away for to come back [s]."""
 
 AT_REST = 0.01
 """An arm rests below this share of the root mean square of its speed."""
 
-MOST_TRACED, MOST_PATH, BETWEEN = 1000, 3000, 4
-"""Samples that are traced; those of the path they are compared with, and points for each."""
+MOST_TRACED = 100_000
+"""States that are traced; of more, so many evenly chosen."""
 
 
 def recurrent_folds(dataset: Dataset, count: int) -> IndexArray:
     """Return the fold of every sample, shape (N,): at most `count`, each with as much new."""
     if count == 1:
         return np.zeros(dataset.n_samples, dtype=np.intp)
-    rows = evenly(dataset.n_samples, MOST_TRACED)
-    first = first_passes(dataset, rows)
+    first = first_passes(dataset)
     new = np.unique(first)
-    fold = np.searchsorted(new, first) * min(count, new.size) // new.size
-    return np.asarray(fold[_nearest(rows, np.arange(dataset.n_samples))], dtype=np.intp)
+    number = np.searchsorted(new, first)
+    return np.asarray(number * min(count, new.size) // new.size, dtype=np.intp)
 
 
-def first_passes(dataset: Dataset, rows: IndexArray) -> IndexArray:
+def first_passes(dataset: Dataset) -> IndexArray:
     """
-    Return the number of the row that each of some rows repeats, shape (M,); its own if none.
+    Return the number of the sample that each sample repeats, shape (N,); its own if none.
 
     Of several passes that of the first. Passes are sampled at different places, so that states are
-    compared with points between samples.
+    compared with the lines between those of a path.
 
     """
-    at = _path_rows(dataset, rows)
-    states = _states(dataset)
-    path, t = (_interpolated(values, at) for values in (states, dataset.t))
-    recording = dataset.recording[np.floor(at).astype(np.intp)]
-    number = _nearest(rows, at)
-    rests = _rests(dataset)[rows]
-    near = cKDTree(path).query_ball_point(states[rows], NEAR, return_sorted=True)
-    first = np.arange(rows.size)
-    for i, (row, points) in enumerate(zip(rows, near, strict=True)):
-        earlier = np.asarray(points)[: np.searchsorted(points, np.searchsorted(at, row))]
-        gone = np.diff(t[earlier], append=dataset.t[row]) > PAST_S
-        gone |= np.diff(recording[earlier], append=dataset.recording[row]) != 0
-        past = earlier[: int(np.flatnonzero(gone)[-1]) + 1 if gone.any() else 0]
-        past = past[number[past] < i]
-        if past.size:
-            distances = np.square(path[past] - states[row]).sum(axis=1)
-            first[i] = first[number[past[np.argmin(distances)]]]
-        elif i and rests[i] and rests[i - 1]:
-            first[i] = first[i - 1]
-    return first
+    path = _Path(dataset)
+    origin = path.origins()
+    own = np.arange(dataset.n_samples)
+    number = path.number(own)
+    repeats = origin[number] != path.rows[number]
+    first = np.where(repeats, origin[number], own)
+    rests = _rests(dataset)
+    follows = rests & np.concatenate([[False], rests[:-1]]) & ~repeats
+    # a rest is one sample, repeated
+    first[follows] = first[np.maximum.accumulate(np.where(follows, 0, own))[follows]]
+    return np.asarray(first[first])
+
+
+class _Path:
+    """
+    States along the samples, no closer than `STEP`.
+
+    Attributes
+    ----------
+    rows : int array, shape (P,)
+        Samples that they are of.
+
+    """
+
+    def __init__(self, dataset: Dataset) -> None:
+        states = _states(dataset)
+        rows = np.flatnonzero(_apart(states, dataset.segment, STEP))
+        self.rows = rows = rows[evenly(rows.size, MOST_TRACED)]
+        self._states, self._t, self._recording = (
+            states[rows],
+            dataset.t[rows],
+            dataset.recording[rows],
+        )
+        steps = np.linalg.norm(np.diff(self._states, axis=0), axis=1)
+        joined = (np.diff(dataset.segment[rows]) == 0) & (steps < 2.0 * FARTHEST)
+        self._joined = np.concatenate([[False], joined, [False]])
+        half = 0.5 * np.quantile(steps[joined], 0.95) if joined.any() else 0.0
+        self._reach = float(np.hypot(NEAR, min(half, FARTHEST)))
+
+    def origins(self) -> IndexArray:
+        """Return the sample that each state repeats, shape (P,); its own if none."""
+        self._origin, self._new = self.rows.copy(), np.ones(self.rows.size, dtype=np.bool_)
+        self._trace(0, self.rows.size)
+        return self._origin
+
+    def _trace(self, start: int, end: int) -> None:
+        """Trace some states among themselves: the later half to what is new in the first."""
+        if end - start <= GONE:
+            return
+        middle = (start + end) // 2
+        self._trace(start, middle)
+        earlier = start + np.flatnonzero(self._new[start:middle])
+        later = middle + np.flatnonzero(self._new[middle:end])
+        if later.size:
+            tree = cKDTree(self._states[earlier], balanced_tree=False, compact_nodes=False)
+            distance, nearest = tree.query(self._states[later], distance_upper_bound=self._reach)
+            found = np.isfinite(distance)
+            self._assign(later[found], earlier[nearest[found]])
+            self._trace(middle, end)
+
+    def _assign(self, later: IndexArray, earlier: IndexArray) -> None:
+        """Give states the origin that is nearest, if it is near and the motion has been away."""
+        away = (self._t[later] - self._t[earlier] > PAST_S) & (later - earlier >= GONE)
+        away |= self._recording[later] != self._recording[earlier]
+        later, earlier = later[away], earlier[away]
+        states = self._states[later]
+        before, after = (self._from_line(states, earlier + k) for k in (-1, 0))
+        distance, origin = np.where(before[0] < after[0], before, after)
+        near = distance < NEAR
+        later, earlier, origin = later[near], earlier[near], origin[near].astype(np.intp)
+        is_new = self._new[self.number(origin)]
+        self._origin[later] = np.where(is_new, origin, self.rows[earlier])
+        self._new[later] = False
+
+    def _from_line(self, states: Array, first: IndexArray) -> Array:
+        """Return distances of states, (M, d), from lines to the next; nearest samples: (2, M)."""
+        joined = self._joined[first + 1]
+        low = np.maximum(first, 0)
+        high = np.where(joined, low + 1, low)
+        along = self._states[high] - self._states[low]
+        square = np.maximum(np.sum(along**2, axis=1), 1e-300)
+        share = np.sum((states - self._states[low]) * along, axis=1) / square
+        share = np.clip(share, 0.0, 1.0)
+        distance = np.linalg.norm(states - self._states[low] - share[:, None] * along, axis=1)
+        sample = np.round(self.rows[low] + share * (self.rows[high] - self.rows[low]))
+        return np.array([np.where(first >= 0, distance, np.inf), sample])
+
+    def number(self, samples: IndexArray) -> IndexArray:
+        """Return the number of the state that stands for samples."""
+        return np.searchsorted(self.rows, samples, side='right') - 1
+
+
+@jit
+def _apart(states: Array, segment: IntArray, least: float) -> BoolArray:
+    """Mark the states that begin a segment, or are so far from the one marked before, (N,)."""
+    out, last = np.zeros(len(states), dtype=np.bool_), 0
+    for i in range(len(states)):
+        square = 0.0
+        for k in range(states.shape[1]):
+            square += (states[i, k] - states[last, k]) ** 2
+        if i == 0 or segment[i] != segment[i - 1] or square >= least * least:
+            out[i], last = True, i
+    return out
 
 
 def _rests(dataset: Dataset) -> BoolArray:
@@ -89,27 +178,4 @@ def _states(dataset: Dataset) -> Array:
     for values in (dataset.q, dataset.dq):
         std = values.std(axis=0)
         parts.append(values / np.maximum(np.maximum(std, STILL * std.max()), 1e-12))
-    return np.asarray(np.hstack(parts) / np.sqrt(2 * dataset.n_joints))
-
-
-def _path_rows(dataset: Dataset, rows: IndexArray) -> Array:
-    """Return fractional numbers of the rows of a path, with points between those of a motion."""
-    known = np.union1d(rows, evenly(dataset.n_samples, MOST_PATH))
-    steps = np.linspace(0.0, 1.0, BETWEEN, endpoint=False)
-    between = known[:-1, None] + np.diff(known)[:, None] * steps
-    joined = dataset.segment[known[1:]] == dataset.segment[known[:-1]]
-    joined &= np.diff(dataset.t[known]) < PAST_S
-    between[~joined] = known[:-1, None][~joined]
-    return np.append(between.ravel(), known[-1])
-
-
-def _interpolated(values: Array, at: Array) -> Array:
-    low = np.floor(at).astype(np.intp)
-    high = np.minimum(low + 1, len(values) - 1)
-    share = (at - low).reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray((1.0 - share) * values[low] + share * values[high])
-
-
-def _nearest(rows: IndexArray, at: Array | IndexArray) -> IndexArray:
-    """Return the number of the row that is nearest to each place."""
-    return np.searchsorted(0.5 * (rows[1:] + rows[:-1]), at)
+    return np.ascontiguousarray(np.hstack(parts) / np.sqrt(2 * dataset.n_joints))

@@ -14,7 +14,8 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, runs
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import GUARD
-from lip_id_ros.friction.paths import begins_of_times, dahl_states
+from lip_id_ros.friction.paths import begins_of_times, dahl_states, Steps
+from lip_id_ros.joint_types import is_prismatic
 
 QUANTILE = 0.9
 FARTHEST_MOTION, FARTHEST_TORQUE = 20.0, 6.0
@@ -88,8 +89,9 @@ def remembering(dataset: Dataset) -> Dataset:
     """Return samples with the states of Dahl's friction, while none of them are left out."""
     if dataset.dahl_states is not None:
         return dataset
-    states = dahl_states(dataset.q, begins_of_times(dataset.t, dataset.segment))
-    return replace(dataset, dahl_states=states)
+    begins = begins_of_times(dataset.t, dataset.segment)
+    steps = Steps.of(dataset.q, dataset.dq, begins, ~is_prismatic(dataset.joint_types))
+    return replace(dataset, dahl_states=dahl_states(steps))
 
 
 def moving(dataset: Dataset) -> Dataset:

@@ -19,9 +19,11 @@ from lip_id_ros.friction.paths import (
     begins_of_states,
     begins_of_times,
     dahl_states,
+    Steps,
     unknown_share,
 )
 from lip_id_ros.joint_history import JointHistory, UNKNOWN
+from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.kernels import TorquePosterior
 from lip_id_ros.model import serialization
 from lip_id_ros.model.arm_deviation import ArmDeviation
@@ -161,7 +163,7 @@ class InverseDynamicsModel:
         ----------
         q, dq, ddq : array-likes, shape (N, n)
         t : array-like, shape (N,), optional
-            Times [s]; a motion ends where they do not increase, or by more than 0.5 s. Without
+            Times [s]; a motion ends where they go back, or forward by more than 0.5 s. Without
             them it ends where a row does not follow from the velocities of the one before.
         return_std : bool
             Whether to compute standard deviations: of noiseless and of measured torques, and of
@@ -178,7 +180,7 @@ class InverseDynamicsModel:
         if self._memory is not None:
             at, rate, change = x
             load = np.zeros_like(at)
-            remembered = self._memory.torque(at, rate, change, load, _history(x, t))
+            remembered = self._memory.torque(at, rate, change, load, self._history(x, t))
             parts.tau[:] += remembered
             parts.friction[:] += remembered
         potential = parts.potential - self._potential_offset if self.has_potential else None
@@ -349,11 +351,27 @@ class InverseDynamicsModel:
 
     def running_memory(self) -> RunningMemory | None:
         """Return what friction with a memory adds to `query` along a stream; None without one."""
-        return None if self._memory is None else RunningMemory(self._memory)
+        return None if self._memory is None else RunningMemory(self._memory, self._revolute)
 
     @property
     def _memory(self) -> FrictionModel | None:
         return None if self.arm is None else self.arm.friction.remembering
+
+    @cached_property
+    def _revolute(self) -> BoolArray:
+        return np.asarray(~is_prismatic(self.joint_types))
+
+    def _history(self, states: Sequence[Array], t: ArrayLike | None) -> JointHistory:
+        """Return what rows show of the past of those after them."""
+        steps = self._steps(states, t)
+        return UNKNOWN if steps is None else JointHistory(dahl=dahl_states(steps))
+
+    def _steps(self, states: Sequence[Array], t: ArrayLike | None) -> Steps | None:
+        """Return the displacements of rows q, dq, ddq; None where they are single states."""
+        begins = _begins(states, t, self._revolute)
+        if begins is None:
+            return None
+        return Steps.of(states[0], states[1], begins, self._revolute)
 
     @cached_property
     def _mean(self) -> ArmMean | ProcessMean:
@@ -384,9 +402,8 @@ class InverseDynamicsModel:
         if self.remainder is not None:
             self._remainder_deviation.add_to(std, q, dq, ddq)
         if self._memory is not None:
-            begins = _begins((q, dq, ddq), t)
-            begins = np.ones(len(q), dtype=np.bool_) if begins is None else begins
-            share = unknown_share(q, begins)
+            steps = self._steps((q, dq, ddq), t)
+            share = unknown_share(Steps.unknown(q.shape) if steps is None else steps)
             std = np.hypot(std, self._memory.unknown_std(q, dq, ddq, share))
         return std
 
@@ -407,16 +424,11 @@ class InverseDynamicsModel:
         return out
 
 
-def _history(states: Sequence[Array], t: ArrayLike | None) -> JointHistory:
-    """Return what rows show of the past of those after them."""
-    begins = _begins(states, t)
-    return UNKNOWN if begins is None else JointHistory(dahl=dahl_states(states[0], begins))
-
-
-def _begins(states: Sequence[Array], t: ArrayLike | None) -> BoolArray | None:
+def _begins(states: Sequence[Array], t: ArrayLike | None, revolute: BoolArray) -> BoolArray | None:
     """Mark the rows of states q, dq, ddq that do not continue the one before, shape (N,)."""
     if t is None:
-        return begins_of_states(*states)
+        q, dq, ddq = states
+        return begins_of_states(q, dq, ddq, revolute)
     try:
         times = _numbers(t).astype(np.float64)
     except (TypeError, ValueError) as error:

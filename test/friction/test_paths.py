@@ -9,7 +9,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.friction.paths import begins_of_states, begins_of_times, dahl_states, unknown_share
+from lip_id_ros.friction.paths import (
+    BEFORE_S,
+    begins_of_states,
+    begins_of_times,
+    dahl_states,
+    Steps,
+    unknown_share,
+)
 from lip_id_ros.joint_history import DISPLACEMENTS
 
 
@@ -29,10 +36,20 @@ def only_first(count: int) -> BoolArray:
     return np.asarray(np.arange(count) == 0)
 
 
+def turning(joints: int) -> BoolArray:
+    return np.ones(joints, dtype=np.bool_)
+
+
+def steps_of(q: Array, begins: BoolArray | None = None, dq: Array | None = None) -> Steps:
+    """Return the steps of joints that begin at rest, unless velocities are given."""
+    begins = only_first(len(q)) if begins is None else begins
+    return Steps.of(q, np.zeros_like(q) if dq is None else dq, begins, turning(q.shape[1]))
+
+
 def test_the_state_is_that_of_the_differential_equation() -> None:
     t = np.linspace(0.0, 3.0, 3000)
     q = 0.004 * np.sin(2.0 * t) + 0.001 * np.sin(7.0 * t)
-    states = dahl_states(q[:, None], only_first(t.size))[:, 0]
+    states = dahl_states(steps_of(q[:, None]))[:, 0]
     for displacement, found in zip(DISPLACEMENTS, states.T, strict=True):
 
         def slope(s: float, z: Array, d: float = displacement) -> Array:
@@ -49,7 +66,7 @@ def test_samples_between_two_of_one_direction_change_nothing(seed: int) -> None:
     steps = np.random.default_rng(seed).uniform(0.0, 0.01, 40)
     q = np.cumsum(steps)[:, None]
     some = np.r_[0, 5:40:5]
-    dense, thin = (dahl_states(x, only_first(len(x))) for x in (q, q[some]))
+    dense, thin = (dahl_states(steps_of(x)) for x in (q, q[some]))
     np.testing.assert_allclose(dense[some], thin, atol=1e-12)
 
 
@@ -57,36 +74,74 @@ def test_samples_between_two_of_one_direction_change_nothing(seed: int) -> None:
 @settings(max_examples=20)
 def test_what_is_not_known_is_what_another_start_would_change(seed: int) -> None:
     q = np.cumsum(np.random.default_rng(seed).normal(0.0, 0.003, (60, 2)), axis=0)
-    begins = only_first(60)
-    known, share = dahl_states(q, begins), unknown_share(q, begins)
+    known, share = dahl_states(steps_of(q)), unknown_share(steps_of(q))
     # a start after a long motion forwards, whose state is 1
-    before = np.vstack([q[:1] - 10.0, q])
-    started = dahl_states(before, only_first(61))[1:]
+    before = np.vstack([q[:1] - 3.0, q])
+    started = dahl_states(steps_of(before))[1:]
     np.testing.assert_allclose(started, known + share, atol=1e-9)
     assert np.abs(known).max() <= 1.0
 
 
-def test_nothing_is_known_where_a_path_begins() -> None:
+def test_nothing_is_known_where_a_path_begins_at_rest() -> None:
     _, q, _, _ = path(0)
     begins = only_first(len(q))
     begins[100] = True
-    states = dahl_states(q, begins)
+    states = dahl_states(steps_of(q, begins))
     assert not states[[0, 100]].any()
-    assert np.array_equal(states[100:], dahl_states(q[100:], only_first(len(q) - 100)))
+    assert np.array_equal(states[100:], dahl_states(steps_of(q[100:])))
+
+
+def test_a_path_that_begins_in_motion_has_moved_before() -> None:
+    _, q, dq, _ = path(0)
+    begins = only_first(len(q))
+    begins[100] = True
+    started = Steps.of(q, dq, begins, turning(3))
+    moved = np.vstack([q[100] - BEFORE_S * dq[100], q[100:]])
+    np.testing.assert_allclose(
+        dahl_states(started)[100:], dahl_states(steps_of(moved))[1:], atol=1e-12
+    )
+    share = unknown_share(steps_of(moved))[1:]
+    np.testing.assert_allclose(unknown_share(started)[100:], share, atol=1e-12)
+    fast = np.abs(dq[100]) > 0.1
+    np.testing.assert_allclose(dahl_states(started)[100, fast, 0], np.sign(dq[100, fast]))
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20)
+def test_whole_turns_of_reported_angles_change_nothing(seed: int) -> None:
+    _, q, dq, ddq = path(seed)
+    q = 6.0 * q
+    wrapped = (q + np.pi) % (2.0 * np.pi) - np.pi
+    assert np.abs(np.diff(wrapped, axis=0)).max() > 3.0
+    plain, same = (Steps.of(x, dq, only_first(len(x)), turning(3)) for x in (q, wrapped))
+    np.testing.assert_allclose(dahl_states(same), dahl_states(plain), atol=1e-9)
+    np.testing.assert_allclose(unknown_share(same), unknown_share(plain), atol=1e-9)
+    rates = 6.0 * dq, 6.0 * ddq
+    begins = begins_of_states(wrapped, *rates, turning(3))
+    expected = begins_of_states(q, *rates, turning(3))
+    assert begins is not None
+    assert expected is not None
+    assert np.array_equal(begins, expected)
+
+
+def test_slides_have_no_turns() -> None:
+    q = np.array([[3.0, 3.0], [-3.0, -3.0]])
+    slides = Steps.of(q, 0.0 * q, only_first(2), np.array([True, False]))
+    np.testing.assert_allclose(slides.size[1], [2.0 * np.pi - 6.0, -6.0])
 
 
 @pytest.mark.parametrize('joints', [1, 2, 6])
 def test_rows_that_follow_from_velocities_are_one_motion(joints: int) -> None:
     _, q, dq, ddq = path(1, joints=joints)
-    begins = begins_of_states(q, dq, ddq)
+    begins = begins_of_states(q, dq, ddq, turning(q.shape[1]))
     assert begins is not None
     assert np.flatnonzero(begins).tolist() == [0]
 
 
 def test_a_motion_ends_where_positions_jump() -> None:
     first, second = path(2), path(3)
-    rows = (np.vstack([a, b]) for a, b in zip(first[1:], second[1:], strict=True))
-    begins = begins_of_states(*rows)
+    q, dq, ddq = (np.vstack([a, b]) for a, b in zip(first[1:], second[1:], strict=True))
+    begins = begins_of_states(q, dq, ddq, turning(3))
     assert begins is not None
     assert np.flatnonzero(begins).tolist() == [0, 300]
 
@@ -95,17 +150,18 @@ def test_a_motion_ends_where_positions_jump() -> None:
 def test_states_in_no_order_are_single(joints: int) -> None:
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        _, *states = path(seed, joints=joints)
+        _, q, dq, ddq = path(seed, joints=joints)
         order = rng.permutation(300)
-        assert begins_of_states(*(x[order] for x in states)) is None
-        assert begins_of_states(*rng.standard_normal((3, 300, joints))) is None
+        assert begins_of_states(q[order], dq[order], ddq[order], turning(joints)) is None
+        q, dq, ddq = rng.standard_normal((3, 300, joints))
+        assert begins_of_states(q, dq, ddq, turning(joints)) is None
 
 
 def test_an_arm_that_stands_goes_on() -> None:
     _, q, dq, ddq = path(4)
     held = np.tile(q[-1:], (50, 1)), np.zeros((50, 3)), np.zeros((50, 3))
-    rows = (np.vstack([a, b]) for a, b in zip((q, dq, ddq), held, strict=True))
-    begins = begins_of_states(*rows)
+    q, dq, ddq = (np.vstack([a, b]) for a, b in zip((q, dq, ddq), held, strict=True))
+    begins = begins_of_states(q, dq, ddq, turning(3))
     assert begins is not None
     assert begins.sum() == 1
 
@@ -114,3 +170,8 @@ def test_a_gap_in_time_or_a_new_segment_ends_a_motion() -> None:
     t = np.array([0.0, 0.1, 0.2, 0.9, 1.0, 0.5, 0.6])
     segment = np.array([0, 0, 1, 1, 1, 1, 1])
     assert np.flatnonzero(begins_of_times(t, segment)).tolist() == [0, 2, 3, 5]
+
+
+def test_equal_stamps_of_a_coarse_clock_end_no_motion() -> None:
+    t = np.floor(0.1 * np.arange(100.0)) * 0.01
+    assert np.flatnonzero(begins_of_times(t, np.zeros(100))).tolist() == [0]

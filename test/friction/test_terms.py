@@ -286,6 +286,30 @@ def test_a_file_keeps_the_term(term: FrictionTerm) -> None:
     np.testing.assert_array_equal(again.coefficients, model.coefficients)
 
 
+ONE = {'joints': [0], 'ratios': [1.0]}
+HOSTILE: list[dict[str, object]] = [
+    {'term': 'Viscous', 'ratios': [float('nan')]},
+    {'term': 'Viscous', 'joints': [float('inf')]},
+    {'term': 'Coulomb', 'width': 0.0},
+    {'term': 'Coulomb', 'width': -1.0},
+    {'term': 'Coulomb', 'width': float('nan')},
+    {'term': 'Coulomb', 'width': 1e300},
+    {'term': 'Coulomb', 'width': '1'},
+    {'term': 'Coulomb', 'width': True},
+    {'term': 'Coulomb', 'width': [1]},
+    {'term': 'Presliding', 'width': 0.1, 'acceleration': 0.0},
+    {'term': 'Stribeck', 'width': 0.1, 'smoothing': -1.0},
+    {'term': 'Ripple', 'harmonic': 0.5},
+    {'term': 'Ripple', 'harmonic': 10**12},
+    {'term': 'Dahl', 'width': 0.1, 'displacement': 1e-12},
+    {'term': 'Dahl', 'width': 0.1, 'displacement': float('nan')},
+    {'term': 'PositionCurve', 'low': 0.0, 'high': 1.0, 'count': 10**12},
+    {'term': 'PositionCurve', 'low': 0.0, 'high': 1e-300, 'count': 8},
+    {'term': 'VelocityCurve', 'low': 0.0, 'high': float('inf'), 'count': 8},
+]
+"""Parameters that divide by zero, are none, or take all memory."""
+
+
 def damaged(**changes: object) -> dict[str, object]:
     return {**coupled().to_json(), **changes}
 
@@ -305,6 +329,9 @@ def damaged(**changes: object) -> dict[str, object]:
         damaged(terms=[{'term': 'Coulomb', 'joints': [0], 'ratios': [1.0]}]),
         damaged(terms=[{'term': 'Viscous', 'joints': [0], 'ratios': []}]),
         damaged(terms=None),
+        damaged(n_joints=float('inf')),
+        damaged(coefficients=[0.5, 1e300, 0.1, 0.0]),
+        *(damaged(terms=[{**ONE, **changes}]) for changes in HOSTILE),
     ],
 )
 def test_damaged_files_are_refused_in_a_sentence(entry: dict[str, object]) -> None:

@@ -9,9 +9,9 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.identification.folds import first_passes, recurrent_folds
+from lip_id_ros.identification.folds import first_passes, NEAR, PAST_S, recurrent_folds
 
-RATE_HZ = 20.0
+RATE_HZ, PERIOD_S = 20.0, 6.53
 
 
 def sinusoids(phase: Array, seed: int, joints: int = 4) -> tuple[Array, Array]:
@@ -24,24 +24,31 @@ def sinusoids(phase: Array, seed: int, joints: int = 4) -> tuple[Array, Array]:
     return q.sum(axis=0), slope.sum(axis=0)
 
 
-def moved(period_s: float, seconds: float, seed: int = 0, drift: float = 0.0) -> Dataset:
+def moved(
+    period_s: float, seconds: float, seed: int = 0, drift: float = 0.0, rate_hz: float = RATE_HZ
+) -> Dataset:
     """Return a periodic motion whose period grows by a share at every pass."""
-    t = np.arange(0.0, seconds, 1.0 / RATE_HZ)
+    t = np.arange(0.0, seconds, 1.0 / rate_hz)
     phase = 2.0 * np.pi * t / period_s * (1.0 - 0.5 * drift * t / period_s)
     q, slope = sinusoids(phase, seed)
     dq = slope * np.gradient(phase, t)[:, None]
     return Dataset.from_arrays(q, dq, np.gradient(dq, t, axis=0), np.zeros_like(q), t=t)
 
 
-@pytest.mark.parametrize('drift', [0.0, 0.02])
-def test_a_later_pass_is_in_the_fold_of_the_first(drift: float) -> None:
-    data, period = moved(6.53, 40.0, drift=drift), 6.53
-    fold = recurrent_folds(data, 6)
-    phase = (data.t / period * (1.0 - 0.5 * drift * data.t / period)) % 1.0
-    first = data.t < period
-    expected = np.interp(phase, data.t[first] / period, np.arange(first.sum()), period=1.0)
+@pytest.mark.parametrize(
+    ('rate_hz', 'seconds', 'drift'),
+    [(20.0, 40.0, 0.0), (20.0, 40.0, 0.02), (10.0, 3600.0, 0.0), (1000.0, 30.0, 0.0)],
+)
+def test_a_later_pass_is_in_the_fold_of_the_first(
+    rate_hz: float, seconds: float, drift: float
+) -> None:
+    data = moved(PERIOD_S, seconds, drift=drift, rate_hz=rate_hz)
+    fold, passes = recurrent_folds(data, 6), data.t / PERIOD_S
+    phase = (passes * (1.0 - 0.5 * drift * passes)) % 1.0
+    first = passes < 1.0
+    expected = np.interp(phase, passes[first], np.arange(first.sum()), period=1.0)
     same = fold == fold[np.round(expected).astype(int) % first.sum()]
-    assert same.mean() > 0.9  # but for samples at the borders of folds
+    assert same.mean() > 0.95  # but for samples at the borders of folds
     assert np.unique(fold[first]).size == 6
 
 
@@ -83,8 +90,29 @@ def test_every_sample_has_a_fold_and_every_fold_a_sample(
     assert fold.max() < count
 
 
-def test_a_first_pass_is_its_own_and_earlier() -> None:
-    data = moved(5.0, 30.0)
-    first = first_passes(data, np.arange(data.n_samples))
+@settings(max_examples=20)
+@given(st.floats(2.0, 50.0), st.floats(2.0, 100.0))
+def test_a_first_pass_is_its_own_and_earlier(period: float, rate_hz: float) -> None:
+    data = moved(period, 30.0, rate_hz=rate_hz)
+    first = first_passes(data)
     assert np.all(first <= np.arange(first.size))
     assert np.all(first[first] == first)
+
+
+def test_samples_repeat_what_a_plain_search_finds_near() -> None:
+    """Every state that is new is far from all those of an earlier time, and no other is."""
+    data = moved(PERIOD_S, 25.0)
+    first, own = first_passes(data), np.arange(data.n_samples)
+    states = np.hstack([data.q / data.q.std(axis=0), data.dq / data.dq.std(axis=0)])
+    states /= np.sqrt(states.shape[1])
+    distance = np.linalg.norm(states[:, None] - states, axis=2)
+    earlier = data.t[:, None] - data.t > 4.0 * PAST_S
+    nearest = np.where(earlier, distance, np.inf).min(axis=1)
+    assert np.all(nearest[first == own] > 0.8 * NEAR)
+    assert np.all(distance[own, first][first < own] < 2.0 * NEAR)
+    assert np.mean(first < own) > 0.7
+
+
+def test_an_arm_that_moves_on_within_a_second_repeats_nothing() -> None:
+    data = moved(300.0, 20.0)
+    assert np.array_equal(first_passes(data), np.arange(data.n_samples))

@@ -67,6 +67,45 @@ def test_rows_of_one_motion_need_no_times(model: InverseDynamicsModel) -> None:
     assert np.abs(remembered(model, states)).max() > 0.1 * STRENGTH
 
 
+def test_a_motion_that_is_under_way_has_coulomb_friction_from_its_first_row(
+    model: InverseDynamicsModel,
+) -> None:
+    t, (q, dq, ddq) = motion(model)
+    single = [model.query(*rows).tau[0] for rows in zip(q[:5], dq[:5], ddq[:5], strict=True)]
+    found = model.predict(q[:5], dq[:5], ddq[:5], t[:5]).tau[:, 0]
+    np.testing.assert_allclose(found, single, atol=1e-3 * STRENGTH)
+    std = model.standard_deviation(q[:5], dq[:5], ddq[:5], t[:5]).tau[:, 0]
+    assert np.all(std < 1e-3 * STRENGTH)
+
+
+@pytest.mark.parametrize('step_s', [1.0, 0.53])
+def test_a_stream_of_few_states_has_coulomb_friction(
+    model: InverseDynamicsModel, step_s: float
+) -> None:
+    _, states = motion(model)
+    memory = model.running_memory()
+    assert memory is not None
+    fast = np.flatnonzero(np.abs(states[1][:, 0]) > 0.3)[::7]
+    for k, row in enumerate(np.stack(states, axis=1)[fast]):
+        assert abs(memory.torque(row, k * step_s)[0]) < 1e-3 * STRENGTH  # beside that of its sign
+
+
+def test_angles_that_are_reported_within_a_turn_are_the_same_motion(
+    model: InverseDynamicsModel,
+) -> None:
+    t, (q, dq, ddq) = motion(model)
+    wrapped = np.where(q > 0.5, q - 2.0 * np.pi, q)
+    plain, turned = (remembered(model, (x, dq, ddq), t) for x in (q, wrapped))
+    np.testing.assert_allclose(turned, plain, atol=1e-6)
+
+
+def test_stamps_of_a_coarse_clock_are_one_motion(model: InverseDynamicsModel) -> None:
+    t, states = motion(model)
+    coarse = np.floor(t / 0.1) * 0.1
+    plain = remembered(model, states, t)
+    np.testing.assert_array_equal(remembered(model, states, coarse), plain)
+
+
 def test_single_states_have_the_friction_of_an_unknown_past(model: InverseDynamicsModel) -> None:
     _, states = motion(model)
     order = np.random.default_rng(0).permutation(len(states[0]))
@@ -103,6 +142,8 @@ def test_a_stream_that_was_silent_begins_anew(model: InverseDynamicsModel) -> No
     still = np.stack([rows[-1, 0], 0.0 * rows[-1, 0], 0.0 * rows[-1, 0]])
     assert abs(memory.torque(still, t[-1] + 0.01)[0]) > 0.9 * STRENGTH
     assert not memory.torque(still, t[-1] + 2.0 * LONGEST_GAP_S).any()
+    memory.torque(rows[-1], 100.0)
+    assert memory.torque(still, 100.1).any()
     memory.torque(rows[-1], 100.0)
     assert not memory.torque(still, 99.0).any()  # a clock that was set back
 
