@@ -23,6 +23,8 @@ if TYPE_CHECKING:
         SourceError,
     )
     from lip_id_ros.evaluation import evaluate, Evaluation, fit_cautions
+    from lip_id_ros.excitation.planning import design_motion, ExcitingMotion
+    from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, SearchSettings
     from lip_id_ros.identification import fit
     from lip_id_ros.loading.examined import load_dataset
     from lip_id_ros.model import InverseDynamicsModel, Prediction
@@ -42,16 +44,21 @@ _HOMES = {
     'DataError': 'errors',
     'Dataset': 'dataset',
     'Evaluation': 'evaluation',
+    'ExcitationConfig': 'excitation.settings',
+    'ExcitingMotion': 'excitation.planning',
     'FitError': 'errors',
     'FitSettings': 'settings',
     'InverseDynamicsModel': 'model',
     'LipIdError': 'errors',
     'ModelError': 'errors',
     'Prediction': 'model',
+    'MotionSettings': 'excitation.settings',
     'PreprocessingSettings': 'settings',
     'RecordingSettings': 'settings',
+    'SearchSettings': 'excitation.settings',
     'ShapeError': 'errors',
     'SourceError': 'errors',
+    'design_motion': 'excitation.planning',
     'evaluate': 'evaluation',
     'fit': 'identification',
     'fit_cautions': 'evaluation',
@@ -66,17 +73,22 @@ __all__ = [
     'DataError',
     'Dataset',
     'Evaluation',
+    'ExcitationConfig',
+    'ExcitingMotion',
     'FitError',
     'FitSettings',
     'InverseDynamicsModel',
     'LipIdError',
     'ModelError',
+    'MotionSettings',
     'Prediction',
     'PreprocessingSettings',
     'RecordingSettings',
+    'SearchSettings',
     'ShapeError',
     'SourceError',
     '__version__',
+    'design_motion',
     'evaluate',
     'fit',
     'fit_cautions',

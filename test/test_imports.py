@@ -80,6 +80,7 @@ PARTS = {
         ),
         *('rigid_body', 'settings'),
     },
+    'excitation': {'description', 'recording', 'rigid_body', 'settings'},
     'fleet': {
         *('dataset', 'evaluation', 'friction', 'identification', 'linear_algebra', 'model'),
         *('loading', 'preprocessing', 'recording', 'rigid_body', 'settings'),

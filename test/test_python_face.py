@@ -33,6 +33,8 @@ def calls() -> dict[str, Callable[[Any], object]]:
     """Return the public functions by name, each a function of one of its arguments."""
     data, some = training(), np.zeros((4, 3))
     found: dict[str, Callable[[Any], object]] = {
+        'design_motion': lip.design_motion,
+        'design_motion urdf': partial(lip.design_motion, None),
         'load_dataset': lip.load_dataset,
         'load_dataset settings': partial(lip.load_dataset, 'run.csv'),
         'read_config': lip.read_config,

@@ -15,6 +15,7 @@ from lip_id_ros.cli import (
     dataset,
     demo,
     evaluate,
+    excite,
     export,
     fit,
     inspect,
@@ -24,7 +25,7 @@ from lip_id_ros.cli import (
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.escaping import printable
 
-VERBS = (demo, inspect, fit, evaluate, predict, dataset, export, payload, bench, cache)
+VERBS = (*(demo, excite, inspect, fit, evaluate, predict, dataset, export, payload, bench, cache),)
 FAILED = 1
 INTERRUPTED = 130  # as shells report a program ended by Ctrl-C
 START = """\

@@ -20,7 +20,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.description import is_text
 from lip_id_ros.description.robot import Body, moved, RobotDescription, rotation_to, transform
 from lip_id_ros.errors import DataError
-from lip_id_ros.files import require_regular_file
+from lip_id_ros.files import path_text, require_regular_file
 from lip_id_ros.joint_types import is_prismatic, PRISMATIC, REVOLUTE
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS, STANDARD_GRAVITY
 
@@ -49,17 +49,21 @@ def load_description(
     DataError if it is no URDF, or not of this arm.
 
     """
-    text = os.fspath(source)
+    return parse_description(*urdf_text(source), joint_names, joint_types)
+
+
+def urdf_text(source: str | os.PathLike[str]) -> tuple[str, str]:
+    """Return the text of a URDF, and where it comes from; raises what `load_description` does."""
+    text = path_text(source)
     if is_text(text):
-        return parse_description(text, 'robot_description', joint_names, joint_types)
+        return text, 'robot_description'
     require_regular_file(source)
     if os.path.getsize(source) > MOST_BYTES:
         raise DataError(f'{text} is not a URDF: it has more than {MOST_BYTES} bytes.')
     try:
-        content = Path(source).read_bytes().decode()  # keeps the ends of lines
+        return Path(source).read_bytes().decode(), text  # keeps the ends of lines
     except UnicodeDecodeError as error:
         raise DataError(f'{text} is not a URDF in UTF-8 ({error}); give another file.') from error
-    return parse_description(content, text, joint_names, joint_types)
 
 
 def parse_description(
@@ -75,6 +79,16 @@ def parse_description(
     description = reader.description(text.lstrip(), joint_names, joint_types)
     _require_metres(description)
     return description
+
+
+def moving_joints(text: str, place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """
+    Return names and types of the joints of a URDF that move by themselves, from the base on.
+
+    `place`: where it comes from, for messages. DataError if it is no URDF.
+
+    """
+    return _Reader(parsed(text, place), place).moving_joints()
 
 
 def _require_metres(description: RobotDescription) -> None:
@@ -180,6 +194,17 @@ class _Reader:
             to_axis=to_axis,
             before=before,
         )
+
+    def moving_joints(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return names and types of the joints that move by themselves, from the base on."""
+        waiting = [link for link in self._below if link not in self._above]
+        found: dict[str, str] = {}
+        while waiting:
+            for joint in self._below.get(waiting.pop(0), []):
+                if joint.get('type') in KINDS and joint.find('mimic') is None:
+                    found[joint.get('name', '')] = KINDS[joint.get('type', '')]
+                waiting.append(self._end(joint, 'child'))
+        return tuple(found), tuple(found.values())
 
     def _joint(self, name: str, kind: str) -> ET.Element:
         movable = [x for x, joint in self._joints.items() if joint.get('type') in KINDS]

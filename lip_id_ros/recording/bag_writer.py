@@ -72,7 +72,51 @@ class JointStateTrack:
         )
 
 
-Track = NumberTrack | JointStateTrack
+@dataclass(frozen=True)
+class JointTrajectoryTrack:
+    """
+    One JointTrajectory, received at time zero.
+
+    `times_from_start`, shape (N,) [s]. `positions`, `velocities`, `accelerations`, shape (N, n).
+
+    """
+
+    topic: str
+    joint_names: Sequence[str]
+    times_from_start: Array
+    positions: Array
+    velocities: Array
+    accelerations: Array
+    start_ns: ClassVar[int] = 0
+    message_type: ClassVar[str] = 'trajectory_msgs/msg/JointTrajectory'
+
+    @property
+    def t(self) -> Array:
+        """Times [s] at which messages are received."""
+        return np.zeros(1)
+
+    def message(self, types: Mapping[str, Any], stamp_ns: int, row: int) -> Any:
+        """Return the message; its stamp is zero: the motion may start at once."""
+        time = types['builtin_interfaces/msg/Time'](sec=0, nanosec=0)
+        points = [
+            types['trajectory_msgs/msg/JointTrajectoryPoint'](
+                *(_row(values, at) for values in self._states),
+                effort=np.empty(0),
+                time_from_start=types['builtin_interfaces/msg/Duration'](
+                    *divmod(round(1e9 * seconds), 10**9)
+                ),
+            )
+            for at, seconds in enumerate(self.times_from_start.tolist())
+        ]
+        header = types['std_msgs/msg/Header'](stamp=time, frame_id='')
+        return types[self.message_type](header, list(self.joint_names), points)
+
+    @property
+    def _states(self) -> tuple[Array, Array, Array]:
+        return self.positions, self.velocities, self.accelerations
+
+
+Track = NumberTrack | JointStateTrack | JointTrajectoryTrack
 
 
 def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:

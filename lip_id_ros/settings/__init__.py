@@ -6,6 +6,7 @@ from lip_id_ros.settings.sections import (
     flatten,
     override,
     read_config,
+    read_sections,
     sections,
 )
 from lip_id_ros.settings.settings import (
@@ -43,6 +44,7 @@ __all__ = [
     'override',
     'parameters_of',
     'read_config',
+    'read_sections',
     'rows',
     'sections',
     'setting',

@@ -103,20 +103,25 @@ def read_config(path: str | os.PathLike[str]) -> Config:
         If the file cannot be read.
 
     """
+    return read_sections(path, Config())
+
+
+def read_sections(path: str | os.PathLike[str], defaults: Sections) -> Sections:
+    """Read settings of any gathering as `read_config` does, with the same errors."""
     origin = path_text(path)
     content = load_yaml(path)
     if content is None:
-        return Config()
+        return defaults
     nested = {
         section: _mapping(values, origin, f'settings under {section!r}')
         for section, values in _mapping(content, origin, 'sections').items()
     }
-    return override_sections(Config(), nested, origin)
+    return override_sections(defaults, nested, origin)
 
 
-def example_yaml(config: Any) -> str:
+def example_yaml(config: Any, what: str = 'a fit') -> str:
     """Return a YAML file of settings, each with its description, unit and range."""
-    blocks = ['# Settings of a fit; leave out what you do not change.']
+    blocks = [f'# Settings of {what}; leave out what you do not change.']
     for section, settings in sections(config).items():
         lines = [f'# {(type(settings).__doc__ or "").strip()}', f'{section}:']
         for row in rows(type(settings)):

@@ -42,6 +42,7 @@ def named(text: str) -> set[str]:
     'verb',
     [
         'demo',
+        'excite',
         'fit',
         'evaluate',
         'dataset',

@@ -7,9 +7,10 @@ from pathlib import Path
 from description.test_urdf import ARMS
 from hypothesis import given
 from hypothesis import strategies as st
+import numpy as np
 import pytest
 
-from lip_id_ros.description.limits import effort_limits
+from lip_id_ros.description.limits import effort_limits, joint_ranges
 from lip_id_ros.errors import DataError
 
 EFFORTS = st.floats(1e-3, 1e6)
@@ -75,3 +76,24 @@ def test_a_joint_that_is_not_there_once_is_refused(times: int) -> None:
     text = robot(*[joint('a', '<limit effort="5"/>')] * times)
     with pytest.raises(DataError, match=f"the joint 'a' once, but has it {times} times; publish"):
         effort_limits(text, '/robot_description', ('a',))
+
+
+def test_ranges_of_joints_have_nan_where_there_is_no_limit() -> None:
+    text = robot(
+        joint('a', '<limit lower="-1" upper="2.5" velocity="0" effort="5"/>'),
+        '<joint name="b" type="continuous"><limit velocity="3"/></joint>',
+        joint('c', ''),
+    )
+    found = joint_ranges(text, 'arm.urdf', ('b', 'a', 'c'))
+    np.testing.assert_array_equal(found.lower, [-np.pi, -1.0, np.nan])
+    np.testing.assert_array_equal(found.upper, [np.pi, 2.5, np.nan])
+    np.testing.assert_array_equal(found.velocity, [3.0, np.nan, np.nan])
+    np.testing.assert_array_equal(found.effort, [np.nan, 5.0, np.nan])
+
+
+def test_limits_that_are_no_numbers_and_joints_that_are_not_there_are_refused() -> None:
+    text = robot(joint('a', '<limit lower="-1" upper="wide" velocity="1" effort="5"/>'))
+    with pytest.raises(DataError, match=r"""<limit upper="..."> of joint 'a' in u was expected"""):
+        joint_ranges(text, 'u', ('a',))
+    with pytest.raises(DataError, match="the joint 'b' once, but has it 0 times"):
+        joint_ranges(text, 'u', ('b',))

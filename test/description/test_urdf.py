@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.description.robot import rotation_to
-from lip_id_ros.description.urdf import load_description, parse_description
+from lip_id_ros.description.urdf import load_description, moving_joints, parse_description
 from lip_id_ros.errors import DataError, SourceError
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
@@ -145,3 +145,11 @@ def test_a_file_too_large_for_a_description_is_refused(tmp_path: Path) -> None:
         file.truncate(10**9)
     with pytest.raises(DataError, match=r'is not a URDF: it has more than \d+ bytes'):
         load_description(tmp_path / 'arm.urdf', ('a',), ('revolute',))
+
+
+def test_joints_that_move_by_themselves_come_from_the_base_on() -> None:
+    assert moving_joints(SMALL, 'u') == (('a', 'b'), ('revolute', 'prismatic'))
+    with_mimic = SMALL.replace('</robot>', MIMIC)
+    assert moving_joints(with_mimic, 'u') == (('a', 'b'), ('revolute', 'prismatic'))
+    with pytest.raises(DataError, match='u is not a URDF'):
+        moving_joints('<arm/>', 'u')

@@ -1,0 +1,1 @@
+"""Motions that teach: periodic motions within limits from which an arm is learned best."""

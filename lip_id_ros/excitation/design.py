@@ -1,0 +1,120 @@
+"""The search for the motion with the smallest criterion within limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.excitation.scaling import LimitedMotions
+from lip_id_ros.excitation.series import basis, evenly, FourierMotion
+from lip_id_ros.excitation.settings import SearchSettings
+from lip_id_ros.progress import Progress, silent
+
+RATE, DECAY, SQUARE_DECAY = 0.08, 0.8, 0.95
+"""Of the ascent (Kingma and Ba, Adam, ICLR 2015), in standard deviations of random numbers."""
+
+
+class Criterion(Protocol):
+    """What a motion is judged by; smaller is better."""
+
+    @property
+    def n_samples(self) -> int:
+        """States, evenly spaced over a motion, that it needs."""
+
+    def __call__(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
+        """Return the criterion at states (N, n), and its gradient by them, shape (3, N, n)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """
+    A designed motion, with the motions that it was chosen from.
+
+    `criterion`: of the motion. `random_criteria`, shape (draws,): of random ones within the same
+    limits.
+
+    """
+
+    motion: FourierMotion
+    criterion: float
+    random_criteria: Array
+
+
+class _Problem:
+    """Criterion of a motion as a function of the free numbers of its shape."""
+
+    def __init__(self, motions: LimitedMotions, criterion: Criterion) -> None:
+        self._motions, self._criterion = motions, criterion
+        example = motions.motion(np.zeros(motions.shape))
+        duration, harmonics = example.duration, example.harmonics
+        times = evenly(duration, criterion.n_samples)
+        self._basis = [basis(times, duration, harmonics, order) for order in range(3)]
+
+    def value_and_gradient(self, x: Array) -> tuple[float, Array]:
+        motion, pullback = self._motions.with_pullback(x)
+        q, dq, ddq = (each @ motion.coefficients.T for each in self._basis)
+        value, slopes = self._criterion(q + motion.posture, dq, ddq)
+        by_coefficients = sum(
+            slope.T @ each for slope, each in zip(slopes, self._basis, strict=True)
+        )
+        return value, pullback(np.asarray(by_coefficients))
+
+
+def design(
+    motions: LimitedMotions,
+    criterion: Criterion,
+    settings: SearchSettings | None = None,
+    progress: Progress = silent,
+) -> Design:
+    """
+    Return the best motion that the search finds; the same seed gives the same motion.
+
+    Random motions are drawn, and the best of them are improved by the gradient.
+
+    """
+    chosen = settings or SearchSettings()
+    problem = _Problem(motions, criterion)
+    rng = np.random.default_rng(chosen.seed)
+    draws = [motions.random(rng) for _ in range(chosen.draws)]
+    values = np.array([problem.value_and_gradient(x)[0] for x in draws])
+    order = np.argsort(values)[: chosen.starts]
+    total, found = len(order) * chosen.steps, []
+    for number, row in enumerate(order):
+
+        def report(step: int, before: int = number * chosen.steps) -> None:
+            progress('design', before + step, total)
+
+        found.append(_improved(problem, draws[row], chosen.steps, report))
+    value, x = min(found, key=lambda each: each[0])
+    return Design(motions.motion(x), value, values)
+
+
+class _Report(Protocol):
+    def __call__(self, step: int) -> None:
+        """Take the number of steps that are done."""
+
+
+def _improved(problem: _Problem, x: Array, steps: int, report: _Report) -> tuple[float, Array]:
+    """Return the smallest criterion on the way of the descent, and its numbers."""
+    value, slope = problem.value_and_gradient(x)
+    best = value, x
+    mean, square = np.zeros_like(x), np.zeros_like(x)
+    for step in range(1, steps + 1):
+        mean = DECAY * mean + (1.0 - DECAY) * slope
+        square = SQUARE_DECAY * square + (1.0 - SQUARE_DECAY) * slope**2
+        ahead = mean / (1.0 - DECAY**step)
+        size = np.sqrt(square / (1.0 - SQUARE_DECAY**step)) + 1e-12
+        x = x - RATE * _slowing(step, steps) * ahead / size
+        value, slope = problem.value_and_gradient(x)
+        if value < best[0]:
+            best = value, x
+        report(step)
+    return best
+
+
+def _slowing(step: int, steps: int) -> float:
+    """Return the share of the rate: it falls to zero at the end, along a cosine."""
+    return 0.5 + 0.5 * float(np.cos(np.pi * (step - 1) / steps))

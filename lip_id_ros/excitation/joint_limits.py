@@ -1,0 +1,137 @@
+"""Limits of the joints of an arm, from settings and a URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.description.limits import joint_ranges, JointRanges
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.excitation.settings import MotionSettings
+
+SECONDS_TO_FULL_VELOCITY = 0.25
+SECONDS_TO_FULL_ACCELERATION = 0.1
+"""What limits of acceleration and jerk follow from, where none is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """
+    Limits of a motion, each shape (n,).
+
+    `lower`, `upper`: positions [rad or m]. `velocity`, `acceleration`, `jerk`: largest absolute
+    values, per s, s^2 and s^3. `torque`: of predicted torques [N m or N]; None for no limit.
+    ConfigError, which names joint and limit, where one leaves no motion.
+
+    """
+
+    joint_names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    torque: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name, low, high in zip(self.joint_names, self.lower, self.upper, strict=True):
+            if not low < high:
+                raise ConfigError(
+                    f'joint {name!r} needs a range of positions, but its lower limit is {low:g} '
+                    f'and its upper limit {high:g}; correct motion.lower and motion.upper.'
+                )
+        for what in ('velocity', 'acceleration', 'jerk', 'torque'):
+            values = getattr(self, what)
+            if values is not None and not np.all(values > 0.0):
+                worst = int(np.argmin(values))
+                raise ConfigError(
+                    f'the {what} of joint {self.joint_names[worst]!r} needs a limit above 0, but '
+                    f'it is {values[worst]:g}; correct it in the settings.'
+                )
+
+    @property
+    def derivatives(self) -> tuple[Array, Array, Array]:
+        """Largest velocities, accelerations and jerks."""
+        return self.velocity, self.acceleration, self.jerk
+
+    def require_posture(self, posture: Array) -> None:
+        """Refuse a posture that is not between the limits of position, by a ConfigError."""
+        for name, q, low, high in zip(
+            self.joint_names, posture, self.lower, self.upper, strict=True
+        ):
+            if not low < q < high:
+                raise ConfigError(
+                    f'the posture of joint {name!r} must be between its position limits '
+                    f'{low:g} and {high:g}, but is {q:g}; move it, or widen motion.lower and '
+                    'motion.upper.'
+                )
+
+
+def limits_from(
+    settings: MotionSettings,
+    joint_names: Sequence[str],
+    description: tuple[str, str] | None = None,
+) -> JointLimits:
+    """
+    Return the limits of settings, and where they have none a share of those of a URDF.
+
+    `description`: its text, and where it comes from.
+
+    ConfigError if a limit is in neither, or there are too many or too few numbers; DataError if
+    the URDF is none or lacks a joint.
+
+    """
+    n, share = len(joint_names), settings.share
+    ranges = None if description is None else joint_ranges(*description, joint_names)
+    middle, half = _range(ranges, n)
+    velocity = _given(settings, 'velocity', n, share * _of(ranges, 'velocity', n))
+    acceleration = _given(settings, 'acceleration', n, velocity / SECONDS_TO_FULL_VELOCITY)
+    torque = share * _of(ranges, 'effort', n)
+    if settings.torque_limits or not np.isnan(torque).any():
+        torque = _given(settings, 'torque_limits', n, torque)
+    return JointLimits(
+        tuple(joint_names),
+        lower=_given(settings, 'lower', n, middle - share * half),
+        upper=_given(settings, 'upper', n, middle + share * half),
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=_given(settings, 'jerk', n, acceleration / SECONDS_TO_FULL_ACCELERATION),
+        torque=None if np.isnan(torque).any() else torque,
+    )
+
+
+def posture_from(settings: MotionSettings, limits: JointLimits) -> Array:
+    """Return the posture of the settings, or the middle of the ranges, shape (n,)."""
+    middle = 0.5 * (limits.lower + limits.upper)
+    posture = _given(settings, 'posture', len(middle), middle)
+    limits.require_posture(posture)
+    return posture
+
+
+def _range(ranges: JointRanges | None, n: int) -> tuple[Array, Array]:
+    low, high = _of(ranges, 'lower', n), _of(ranges, 'upper', n)
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
+def _of(ranges: JointRanges | None, field: str, n: int) -> Array:
+    return np.full(n, np.nan) if ranges is None else np.array(getattr(ranges, field))
+
+
+def _given(settings: MotionSettings, field: str, n: int, otherwise: Array) -> Array:
+    """Return the numbers of a setting, one per joint, or others where it is empty."""
+    values = getattr(settings, field)
+    if len(values) not in (0, 1, n):
+        raise ConfigError(
+            f'motion.{field} needs one number, or one for each of {n} joints, but has '
+            f'{len(values)}; correct it.'
+        )
+    found = np.broadcast_to(np.array(values), n).copy() if values else otherwise
+    if np.isnan(found).any():
+        raise ConfigError(
+            f'motion.{field} is needed, because no URDF has that limit of every joint; give it in '
+            'the settings, or give a URDF that has it.'
+        )
+    return np.asarray(found, dtype=np.float64)

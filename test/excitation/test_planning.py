@@ -1,0 +1,145 @@
+"""From settings to a motion and its files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from excitation.cases import ARM
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+import yaml
+
+import lip_id_ros as lip
+from lip_id_ros.excitation.trajectory_file import is_motion
+
+QUICK = lip.ExcitationConfig(
+    lip.MotionSettings(duration_s=4.0, rate_hz=50.0),
+    lip.SearchSettings(draws=4, starts=2, steps=15),
+)
+
+
+@pytest.fixture(scope='module')
+def found() -> lip.ExcitingMotion:
+    return lip.design_motion(QUICK, ARM)
+
+
+def test_a_designed_motion_is_better_than_all_that_it_was_chosen_from(
+    found: lip.ExcitingMotion,
+) -> None:
+    assert found.design.criterion < found.design.random_criteria.min()
+    to_mean, to_best = found.gains
+    assert to_mean < to_best < 1.0
+
+
+def test_the_same_seed_gives_the_same_motion(found: lip.ExcitingMotion) -> None:
+    again = lip.design_motion(QUICK, ARM)
+    np.testing.assert_array_equal(again.motion.coefficients, found.motion.coefficients)
+    search = replace(QUICK.search, seed=1)
+    other = lip.design_motion(replace(QUICK, search=search), ARM)
+    assert np.abs(other.motion.coefficients - found.motion.coefficients).max() > 0.01
+
+
+def test_joints_and_limits_are_those_of_the_urdf(found: lip.ExcitingMotion) -> None:
+    assert found.joint_names == ('turn', 'lift', 'slide')
+    assert found.joint_types == ('revolute', 'revolute', 'prismatic')
+    np.testing.assert_allclose(found.limits.velocity, 0.9 * np.array([2.0, 1.0, 0.4]))
+    low, high = found.position_ends
+    assert np.all(low >= found.limits.lower)
+    assert np.all(high <= found.limits.upper)
+
+
+def test_progress_comes_to_its_end() -> None:
+    reports: list[tuple[str, int, int]] = []
+    lip.design_motion(QUICK, ARM, lambda *report: reports.append(report))
+    assert reports == [('design', step, 30) for step in range(1, 31)]
+
+
+def test_joints_without_a_urdf_need_names_and_limits() -> None:
+    with pytest.raises(lip.ConfigError, match=r'motion\.joints must name the joints from base'):
+        lip.design_motion(QUICK)
+    named = replace(QUICK.motion, joints=('a', 'b'), lower=(-1.0,), upper=(1.0,), velocity=(1.0,))
+    found = lip.design_motion(replace(QUICK, motion=named))
+    assert found.joint_names == ('a', 'b')
+
+
+def test_joints_that_are_no_arm_of_the_urdf_are_refused() -> None:
+    motion = replace(QUICK.motion, joints=('lift', 'turn'))
+    with pytest.raises(lip.DataError, match="joint 'turn' was expected to be carried by"):
+        lip.design_motion(replace(QUICK, motion=motion), ARM)
+    motion = replace(QUICK.motion, joints=('lift', 'elbow'))
+    with pytest.raises(lip.DataError, match="joint 'elbow' of the data is not among the joints"):
+        lip.design_motion(replace(QUICK, motion=motion), ARM)
+
+
+def test_settings_may_be_a_file(tmp_path: Path, found: lip.ExcitingMotion) -> None:
+    path = tmp_path / 'excite.yaml'
+    path.write_text(
+        'motion: {duration_s: 4.0, rate_hz: 50}\nsearch: {draws: 4, starts: 2, steps: 15}\n'
+    )
+    again = lip.design_motion(path, ARM)
+    np.testing.assert_array_equal(again.motion.coefficients, found.motion.coefficients)
+
+
+def test_yaml_is_the_message(tmp_path: Path, found: lip.ExcitingMotion) -> None:
+    path = tmp_path / 'motion.yaml'
+    found.save(path)
+    message = yaml.safe_load(path.read_text())
+    assert is_motion(path)
+    assert message['joint_names'] == list(found.joint_names)
+    check_points(
+        found,
+        [tuple(point[name] for name in NAMES) for point in message['points']],
+        [
+            point['time_from_start']['sec'] + 1e-9 * point['time_from_start']['nanosec']
+            for point in message['points']
+        ],
+    )
+
+
+NAMES = ('positions', 'velocities', 'accelerations')
+
+
+def check_points(
+    found: lip.ExcitingMotion, states: list[tuple[list[float], ...]], times: list[float]
+) -> None:
+    expected = found.trajectory
+    assert len(times) == 201
+    np.testing.assert_allclose(times, expected.t, atol=1e-9)
+    for values, name in zip(np.array(states).transpose(1, 0, 2), ('q', 'dq', 'ddq'), strict=True):
+        np.testing.assert_array_equal(values, getattr(expected, name))
+
+
+def test_bag_has_the_message(tmp_path: Path, found: lip.ExcitingMotion) -> None:
+    path = tmp_path / 'motion.mcap'
+    found.save(path)
+    assert is_motion(path)
+    with AnyReader([path]) as bag:
+        ((connection, _, raw),) = bag.messages()
+        message: Any = bag.deserialize(raw, connection.msgtype)
+    assert connection.topic == '/joint_trajectory'
+    assert message.joint_names == list(found.joint_names)
+    check_points(
+        found,
+        [tuple(getattr(point, name) for name in NAMES) for point in message.points],
+        [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points],
+    )
+
+
+def test_csv_has_a_column_for_each_signal_of_each_joint(
+    tmp_path: Path, found: lip.ExcitingMotion
+) -> None:
+    path = tmp_path / 'motion.csv'
+    found.save(path)
+    assert is_motion(path)
+    header = path.read_text().splitlines()[0].split(',')
+    assert header[:5] == ['t', 'q_turn', 'q_lift', 'q_slide', 'dq_turn']
+    table = np.loadtxt(path, delimiter=',', skiprows=1)
+    np.testing.assert_array_equal(table, np.column_stack(found.trajectory[1:]))
+
+
+def test_other_suffixes_are_refused(found: lip.ExcitingMotion) -> None:
+    with pytest.raises(lip.ConfigError, match=r'as \.yaml, \.csv, \.mcap, but m\.txt ends othe'):
+        found.save('m.txt')
