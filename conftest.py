@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hypothesis import HealthCheck, settings
+from programs import installed
 import pytest
 
 ROOT = Path(__file__).resolve().parent
@@ -87,6 +88,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: _group(item) not in long)
     marked = [item for item in items if item.get_closest_marker('ros')]
     if marked and (reason := _no_ros()):
+        for item in marked:
+            item.add_marker(pytest.mark.skip(reason=reason))
+    marked = [item for item in items if item.get_closest_marker('ros2_control')]
+    if marked and not installed('controller_manager', 'ros2_control_node'):
+        reason = 'needs ros2_control_node; where there is g++ make setup compiles it'
         for item in marked:
             item.add_marker(pytest.mark.skip(reason=reason))
 

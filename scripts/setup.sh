@@ -173,6 +173,22 @@ LIP_ID_ROS_OFFLINE=1 make test' scripts/install_jazzy.sh "$deps"
   finished jazzy "$stamp"
 }
 
+# programs that the wheel lacks; without a compiler the tests that need them are skipped
+build_programs() {
+  [ "$ros" = wheel ] || return 0
+  if ! command -v g++ >/dev/null; then
+    say 'without g++ there are no ros2_control_node and robot_state_publisher; their tests are skipped'
+    return
+  fi
+  local stamp
+  stamp="$(cat "$deps/jazzy.stamp") $(g++ -dumpfullversion) $(digest scripts/jazzy_programs/*)"
+  current jazzy/lib/controller_manager/ros2_control_node "$stamp" && return
+  say 'ros2_control_node and robot_state_publisher, from libraries of Jazzy'
+  attempt 'compiling programs of ROS' 'Mend what the log names, then repeat make setup.' \
+    scripts/jazzy_programs/build.sh "$deps"
+  finished jazzy/lib/controller_manager/ros2_control_node "$stamp"
+}
+
 # links to the sources are enough: only what lists or names files needs a new build
 build() {
   local stamp
@@ -231,6 +247,7 @@ choose_python
 install_packages
 precompile
 install_jazzy
+build_programs
 printf '%s\n' "$ros" >"$deps/ros"
 build
 install_test_packages

@@ -16,3 +16,10 @@ def run(*command: str | Path, **environment: str) -> subprocess.CompletedProcess
         env=os.environ | environment,
         check=False,
     )
+
+
+def installed(package: str, name: str) -> Path | None:
+    """Return a program of a ROS package, from where `ros2 run` takes it; None if it is absent."""
+    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
+    places = (Path(prefix) / 'lib' / package / name for prefix in prefixes)
+    return next((place for place in places if place.is_file()), None)

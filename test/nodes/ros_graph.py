@@ -14,7 +14,9 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState, GetState
+from programs import installed
 import psutil
+import pytest
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.context import Context
@@ -30,6 +32,7 @@ from lip_id_ros.nodes import messages, qos, running
 
 ROOT = Path(__file__).resolve().parents[2]
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
+BECOME = 'import os, sys; os.execv(sys.argv[1], sys.argv[1:])'
 SIMULATED = ('simulated_panda', 'simulated_arm', 'reference')
 
 
@@ -156,6 +159,12 @@ class Client:
         self._await_discovery(lambda: self.node.get_publishers_info_by_topic(topic))
         return messages
 
+    def forget(self, topic: str) -> None:
+        """Have the next `listen` wait for another publisher."""
+        subscription = self._subscriptions.pop(topic)
+        task = self.node.executor.create_task(self.node.destroy_subscription, subscription)
+        wait_until(task.done, 'the end of a subscription')
+
     def await_topic(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> list[Any]:
         """Collect the messages of a topic whose publisher may come later."""
         messages = self.received.setdefault(topic, [])
@@ -274,6 +283,13 @@ class Graph:
         process = Process(name, self.folder, self.environment, arguments)
         self.processes.append(process)
         return process
+
+    def start_installed(self, package: str, name: str, arguments: list[str]) -> Process:
+        """Start a program of a ROS package; the test is skipped where it is absent."""
+        program = installed(package, name)
+        if program is None:
+            pytest.skip(f'needs the program {name} of {package}; with g++ make setup compiles it')
+        return self.start_program(name, ['-c', BECOME, str(program), *arguments])
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 import json
-import os
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -16,7 +15,6 @@ pytest.importorskip('pinocchio')
 from builtin_interfaces.msg import Time
 from export.arms import random_arm
 import numpy as np
-from ros_libraries import built
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -32,16 +30,6 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 NAME = 'robot_state_publisher'
-RUN = 'import os, sys; os.execv(sys.argv[1], sys.argv[1:])'
-
-
-def program(folder: Path) -> Path:
-    """Return that of ROS, or one that is made of its library."""
-    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
-    programs = (Path(prefix) / 'lib' / NAME / NAME for prefix in prefixes)
-    found = next((path for path in programs if path.is_file()), None)
-    source = Path(__file__).parent / 'state_publisher.cpp'
-    return found or built(source, folder, f'{NAME}_node', 'rclcpp', 'rcutils')
 
 
 def pose(arm: ArmDescription, i: int, q: float) -> tuple[Array, Array]:
@@ -69,7 +57,7 @@ def test_it_publishes_the_frames_of_the_arm(ros: tuple[Graph, Client], tmp_path:
     content = {'/**': {'ros__parameters': {'robot_description': text}}}
     parameters.write_text(json.dumps(content))
     arguments = ['--ros-args', '--params-file', str(parameters)]
-    graph.start_program(NAME, ['-c', RUN, str(program(tmp_path)), *arguments])
+    graph.start_installed(NAME, NAME, arguments)
     descriptions = client.await_topic(String, '/robot_description', qos.LATCHED)
     frames = client.await_topic(TFMessage, '/tf')
     states = client.speak(JointState, '/joint_states')
