@@ -80,7 +80,9 @@ PARTS = {
         ),
         *('rigid_body', 'settings'),
     },
-    'excitation': {'description', 'recording', 'rigid_body', 'settings'},
+    'excitation': {
+        *('dataset', 'description', 'friction', 'model', 'recording', 'rigid_body', 'settings'),
+    },
     'fleet': {
         *('dataset', 'evaluation', 'friction', 'identification', 'linear_algebra', 'model'),
         *('loading', 'preprocessing', 'recording', 'rigid_body', 'settings'),

@@ -14,6 +14,10 @@ import pytest
 
 import lip_id_ros as lip
 
+LIMITS = lip.ExcitationConfig(
+    lip.MotionSettings(lower=(-1.0,), upper=(1.0,), velocity=(1.0,)),
+    lip.SearchSettings(draws=1, steps=0),
+)
 MASKED = np.ma.masked_array(np.zeros((4, 3), int), mask=np.eye(4, 3, dtype=bool))
 STRANGE = {
     'none': None,
@@ -35,6 +39,8 @@ def calls() -> dict[str, Callable[[Any], object]]:
     found: dict[str, Callable[[Any], object]] = {
         'design_motion': lip.design_motion,
         'design_motion urdf': partial(lip.design_motion, None),
+        'design_motion model': lambda value: lip.design_motion(None, None, value),
+        'design_motion targets': partial(lip.design_motion, LIMITS, None, small_model()),
         'load_dataset': lip.load_dataset,
         'load_dataset settings': partial(lip.load_dataset, 'run.csv'),
         'read_config': lip.read_config,

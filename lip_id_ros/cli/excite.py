@@ -18,6 +18,8 @@ examples:
                                                           limits of the URDF
   lip_id excite --config excite.yaml -o motion.yaml -o motion.csv -o motion.mcap
                                                           limits and posture from a file
+  lip_id excite --after arm.npz --urdf arm.urdf -o next.yaml
+                                                          what the model does not know yet
 
 The motion starts and ends at rest at the posture. Try it in simulation, and watch its first run
 with a hand at the emergency stop: walls and the arm's own links are not known.
@@ -46,6 +48,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='settings in YAML, see config/excite.yaml (default settings)',
     )
+    parser.add_argument(
+        '--after',
+        type=arguments.source,
+        metavar='MODEL',
+        help='model of what has been learned already: the motion teaches what is still unknown',
+    )
+    parser.add_argument(
+        '--targets',
+        type=arguments.source,
+        metavar='SOURCE',
+        help='recording of motions whose torques will be wanted of the model',
+    )
     arguments.add_joints(parser)
     arguments.add_seed(parser)
     arguments.add_force(parser)
@@ -53,14 +67,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Design, write and show."""
-    from lip_id_ros.cli import output
+    from lip_id_ros.cli import models, output
+    from lip_id_ros.errors import ConfigError
     from lip_id_ros.evaluation.tables import show, show_lines
     from lip_id_ros.excitation.planning import design_motion
     from lip_id_ros.excitation.settings import ExcitationConfig
     from lip_id_ros.excitation.trajectory_file import is_motion, writer_for
     from lip_id_ros.settings import override, read_sections
 
-    inputs = [*filter(None, [args.urdf, args.config])]
+    inputs = [*filter(None, [args.urdf, args.config, args.after, args.targets])]
+    if args.targets is not None and args.after is None:
+        raise ConfigError('--targets needs a model that the torques are wanted of; add --after.')
     output.check_distinct(*args.output)
     for path in args.output:
         output.check_file(path, inputs, is_motion, 'a motion', args.force)
@@ -72,10 +89,16 @@ def run(args: argparse.Namespace) -> None:
     given = {name: value for name, value in chosen.items() if value is not None}
     config = override(config, given, 'the command line')
     with output.progress_display() as progress:
-        found = design_motion(config, args.urdf, progress)
+        model = None if args.after is None else models.load(args.after)
+        targets = None
+        if model is not None and args.targets is not None:
+            targets = models.load_for(model, [args.targets], None, progress)
+        found = design_motion(config, args.urdf, model, targets, progress)
     console = output.console()
     show(motion_table(found), console)
     show_lines(gain_lines(found), console)
+    for table in learning_tables(found):
+        show(table, console)
     for path in args.output:
         found.save(path)
     show_lines([f'Written: {path}' for path in args.output], console)
@@ -104,11 +127,38 @@ def motion_table(found: ExcitingMotion) -> Table:
     return Table(title, header, rows)
 
 
+def learning_tables(found: ExcitingMotion) -> list[Table]:
+    """Return what was unknown before the motion and will be after it; nothing without a model."""
+    from lip_id_ros.evaluation.tables import Table
+    from lip_id_ros.export.friction_table import friction_table
+    from lip_id_ros.joint_types import TORQUE_UNITS
+
+    if found.learning is None:
+        return []
+    torque, gravity = found.learning.torque_std, found.learning.gravity_std
+    rows = [
+        (f'{name} [{TORQUE_UNITS[kind]}]', *(f'{x:.3g}' for x in (*torque[:, j], *gravity[:, j])))
+        for j, (name, kind) in enumerate(zip(found.joint_names, found.joint_types, strict=True))
+    ]
+    header = ('', 'torque, before', 'after', 'gravity, before', 'after')
+    torques = Table('Standard deviations of torques where they are wanted', header, rows)
+    tables = (friction_table(model) for model in (found.learning.before, found.learning.after))
+    terms = [
+        (old.joint, old.term, f'{old.value:.4g}', f'{old.std:.2g}', f'{new.std:.2g}', old.unit)
+        for old, new in zip(*tables, strict=True)
+    ]
+    columns = ('', 'term', 'coefficient', 'deviation before', 'after', 'unit')
+    return [torques, Table('Friction', columns, terms)]
+
+
 def gain_lines(found: ExcitingMotion) -> list[str]:
     """Return sentences on the expected error beside random motions."""
     to_mean, to_best = found.gains
-    return [
+    lines = [
         f'Expected squared error of torques after it: {to_mean:.2f} of that after random motions '
         f'within the same limits, {to_best:.2f} of that after the best of '
         f'{len(found.design.random_criteria)}.'
     ]
+    if found.learning is not None and found.limits.torque is None:
+        lines.append('Torques have no limit here; give motion.torque_limits, or a URDF.')
+    return lines

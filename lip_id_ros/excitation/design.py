@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -43,20 +44,54 @@ class Design:
     random_criteria: Array
 
 
+Penalty = Callable[[Array, Array, Array], tuple[float, Array]]
+"""What states beyond a limit cost, and its gradient as that of a `Criterion`."""
+
+
+def _unchanged(motion: FourierMotion) -> FourierMotion:
+    return motion
+
+
+@dataclass(frozen=True)
+class Hold:
+    """
+    Limits that a motion keeps beside those of its joints.
+
+    `penalties`: of states beyond them, for the search. `held`: what makes a motion that keeps
+    them. `nearly_held`: the same in less time, for the random motions that it is compared with.
+
+    """
+
+    penalties: tuple[Penalty, ...] = ()
+    held: Callable[[FourierMotion], FourierMotion] = _unchanged
+    nearly_held: Callable[[FourierMotion], FourierMotion] = _unchanged
+
+
 class _Problem:
     """Criterion of a motion as a function of the free numbers of its shape."""
 
-    def __init__(self, motions: LimitedMotions, criterion: Criterion) -> None:
-        self._motions, self._criterion = motions, criterion
+    def __init__(
+        self, motions: LimitedMotions, criterion: Criterion, penalties: Sequence[Penalty]
+    ) -> None:
+        self._motions, self._criterion, self._penalties = motions, criterion, penalties
+        self.projected = motions.projected
         example = motions.motion(np.zeros(motions.shape))
         duration, harmonics = example.duration, example.harmonics
         times = evenly(duration, criterion.n_samples)
         self._basis = [basis(times, duration, harmonics, order) for order in range(3)]
 
+    def criterion_of(self, motion: FourierMotion) -> float:
+        """Return the criterion of a motion, without penalties."""
+        q, dq, ddq = (each @ motion.coefficients.T for each in self._basis)
+        return self._criterion(q + motion.posture, dq, ddq)[0]
+
     def value_and_gradient(self, x: Array) -> tuple[float, Array]:
         motion, pullback = self._motions.with_pullback(x)
         q, dq, ddq = (each @ motion.coefficients.T for each in self._basis)
         value, slopes = self._criterion(q + motion.posture, dq, ddq)
+        for penalty in self._penalties:
+            more, by_states = penalty(q + motion.posture, dq, ddq)
+            value, slopes = value + more, slopes + by_states
         by_coefficients = sum(
             slope.T @ each for slope, each in zip(slopes, self._basis, strict=True)
         )
@@ -68,6 +103,7 @@ def design(
     criterion: Criterion,
     settings: SearchSettings | None = None,
     progress: Progress = silent,
+    hold: Hold | None = None,
 ) -> Design:
     """
     Return the best motion that the search finds; the same seed gives the same motion.
@@ -76,7 +112,8 @@ def design(
 
     """
     chosen = settings or SearchSettings()
-    problem = _Problem(motions, criterion)
+    limits = hold or Hold()
+    problem = _Problem(motions, criterion, limits.penalties)
     rng = np.random.default_rng(chosen.seed)
     draws = [motions.random(rng) for _ in range(chosen.draws)]
     values = np.array([problem.value_and_gradient(x)[0] for x in draws])
@@ -88,8 +125,12 @@ def design(
             progress('design', before + step, total)
 
         found.append(_improved(problem, draws[row], chosen.steps, report))
-    value, x = min(found, key=lambda each: each[0])
-    return Design(motions.motion(x), value, values)
+    _, x = min(found, key=lambda each: each[0])
+    motion = limits.held(motions.motion(x))
+    drawn = (limits.nearly_held(motions.motion(x)) for x in draws)
+    return Design(
+        motion, problem.criterion_of(motion), np.array([problem.criterion_of(x) for x in drawn])
+    )
 
 
 class _Report(Protocol):
@@ -107,7 +148,7 @@ def _improved(problem: _Problem, x: Array, steps: int, report: _Report) -> tuple
         square = SQUARE_DECAY * square + (1.0 - SQUARE_DECAY) * slope**2
         ahead = mean / (1.0 - DECAY**step)
         size = np.sqrt(square / (1.0 - SQUARE_DECAY**step)) + 1e-12
-        x = x - RATE * _slowing(step, steps) * ahead / size
+        x = problem.projected(x - RATE * _slowing(step, steps) * ahead / size)
         value, slope = problem.value_and_gradient(x)
         if value < best[0]:
             best = value, x

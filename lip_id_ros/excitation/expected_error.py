@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from lip_id_ros.arrays import Array
 
@@ -62,12 +62,12 @@ class ExpectedError:
 
     def shares(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the share of each joint's variance that is left after a motion, shape (n,)."""
-        inverse = self._covariance(self._rows(q, dq, ddq))
+        inverse = self._covariance(_rows(self._learner, q, dq, ddq))
         return np.asarray(np.einsum('jrs,rs->j', self._moments, inverse))
 
     def __call__(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
         """Return the criterion and its gradient by q, dq and ddq, shape (3, N, n)."""
-        rows = self._rows(q, dq, ddq)
+        rows = _rows(self._learner, q, dq, ddq)
         inverse = self._covariance(rows)
         shares = np.einsum('jrs,rs->j', self._moments, inverse)
         n = len(shares)
@@ -77,15 +77,49 @@ class ExpectedError:
         value = float(np.mean(np.log(shares)))
         return value, self._learner.pullback(weights, q, dq, ddq)
 
-    def _rows(self, q: Array, dq: Array, ddq: Array) -> Array:
-        whitened = self._learner.jacobian(q, dq, ddq) @ self._learner.root
-        return np.asarray(whitened / self._learner.noise[:, None])
+    def root_after(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return a root of the covariance of the coordinates after a motion, shape (p, r)."""
+        lower, _ = _factor(_rows(self._learner, q, dq, ddq), self._each)
+        return np.asarray(solve_triangular(np.tril(lower), self._learner.root.T, lower=True).T)
 
     def _covariance(self, rows: Array) -> Array:
         """Return A^-1, shape (r, r)."""
-        flat = rows.reshape(-1, rows.shape[2])
-        unit = np.eye(flat.shape[1])
-        return np.asarray(cho_solve(cho_factor(unit + self._each * flat.T @ flat), unit))
+        return np.asarray(cho_solve(_factor(rows, self._each), np.eye(rows.shape[2])))
+
+
+def _rows(learner: Learner, q: Array, dq: Array, ddq: Array) -> Array:
+    """Return J S in standard deviations of the noise, shape (N, n, r)."""
+    return np.asarray(learner.jacobian(q, dq, ddq) @ learner.root / learner.noise[:, None])
+
+
+def _factor(rows: Array, each: float) -> tuple[Array, bool]:
+    """Return the Cholesky factor of A where every state is measured so many times."""
+    flat = rows.reshape(-1, rows.shape[2])
+    lower, is_lower = cho_factor(np.eye(flat.shape[1]) + each * flat.T @ flat, lower=True)
+    return np.asarray(lower), bool(is_lower)
+
+
+class Information:
+    """
+    Criterion of a motion: minus the mean log of the eigenvalues of A, its information.
+
+    The classical choice (D-optimality), which asks for no target.
+
+    """
+
+    def __init__(self, learner: Learner, measurements: float, n_samples: int) -> None:
+        self._learner, self.n_samples = learner, n_samples
+        self._each = measurements / n_samples
+
+    def __call__(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
+        """Return the criterion and its gradient by q, dq and ddq, shape (3, N, n)."""
+        rows = _rows(self._learner, q, dq, ddq)
+        factor = _factor(rows, self._each)
+        size = rows.shape[2]
+        value = -2.0 * float(np.sum(np.log(np.diagonal(factor[0])))) / size
+        by_rows = -2.0 * self._each / size * rows @ cho_solve(factor, np.eye(size))
+        weights = by_rows @ self._learner.root.T / self._learner.noise[:, None]
+        return value, self._learner.pullback(weights, q, dq, ddq)
 
 
 class MeanCriterion:

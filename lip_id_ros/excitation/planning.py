@@ -1,39 +1,42 @@
-"""From settings and a robot description to a designed motion."""
+"""From settings, a robot description and a model to a designed motion."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import os
 from typing import Any
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import moving_joints, parse_description, urdf_text
-from lip_id_ros.errors import ConfigError, shortened
-from lip_id_ros.excitation.design import Design, design
-from lip_id_ros.excitation.expected_error import ExpectedError, MeanCriterion
+from lip_id_ros.errors import ConfigError, DataError, ModelError, shortened
+from lip_id_ros.excitation.criteria import (
+    first_criterion,
+    measurements,
+    next_criterion,
+    usual_targets,
+)
+from lip_id_ros.excitation.design import Design, design, Hold
+from lip_id_ros.excitation.expected_error import States
 from lip_id_ros.excitation.joint_limits import JointLimits, limits_from, posture_from
+from lip_id_ros.excitation.known_arm import KnownArm
+from lip_id_ros.excitation.learning import Learning
 from lip_id_ros.excitation.scaling import LimitedMotions, peaks
 from lip_id_ros.excitation.series import FourierMotion
 from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings
-from lip_id_ros.excitation.targets import random_targets
+from lip_id_ros.excitation.torque_limits import TorqueLimits
 from lip_id_ros.excitation.trajectory_file import sampled, Trajectory, writer_for
-from lip_id_ros.excitation.unknown_arms import unknown_arm
 from lip_id_ros.joint_types import REVOLUTE
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import read_sections
 
-ARMS = 4
-"""That an unknown arm may be, over which the criterion is averaged."""
-
-INDEPENDENT_HZ = 100.0
-"""Rate of independent measurements of torques; noise of drives is seldom white beyond."""
-
 FINE_PER_S = 200.0
 
-LEAST_SAMPLES, SAMPLES_PER_HARMONIC = 120, 24
-"""States at which a criterion is evaluated."""
+MOST_TARGETS = 600
+"""States of a data set that a motion is designed for."""
 
 PathLike = str | os.PathLike[str]
 
@@ -44,7 +47,8 @@ class ExcitingMotion:
     A designed motion with the limits that it keeps.
 
     `joint_names`, `joint_types`: from base to tip. `design`: the motion, its criterion, and those
-    of random motions within the same limits. `rate`: at which it is written [Hz].
+    of random motions within the same limits. `rate`: at which it is written [Hz]. `learning`: what
+    a model will have learned from it; None where there is no model.
 
     """
 
@@ -53,6 +57,7 @@ class ExcitingMotion:
     limits: JointLimits
     design: Design
     rate: float
+    learning: Learning | None = None
 
     @property
     def motion(self) -> FourierMotion:
@@ -77,7 +82,12 @@ class ExcitingMotion:
 
     @property
     def gains(self) -> tuple[float, float]:
-        """Expected squared error in that of random motions: of their mean, and of the best."""
+        """
+        Expected squared error in that of random motions: of their mean, and of the best.
+
+        Where information was asked for: the same of variances of parameters, as geometric means.
+
+        """
         ratios = np.exp(self.design.criterion - self.design.random_criteria)
         return float(1.0 / np.mean(1.0 / ratios)), float(ratios.max())
 
@@ -99,16 +109,23 @@ class ExcitingMotion:
 def design_motion(
     settings: ExcitationConfig | PathLike | None = None,
     urdf: PathLike | None = None,
+    model: InverseDynamicsModel | None = None,
+    targets: Dataset | None = None,
     progress: Progress = silent,
 ) -> ExcitingMotion:
     """
-    Design a first motion: its states are spread over what the limits allow.
+    Design a motion from which an arm is learned well.
 
     Parameters
     ----------
     settings : ExcitationConfig or path of a YAML file, optional
         Without limits of positions and velocities, those of the URDF are needed.
     urdf : path or text of a URDF, optional
+    model : InverseDynamicsModel, optional
+        What is known of the arm already. Its torques stay within limits, where there are any.
+    targets : Dataset, optional
+        States at which torques will be wanted of the model; without it, those of random motions
+        within the limits.
     progress : callable
         Called with stage, steps done, and steps in all.
 
@@ -121,40 +138,65 @@ def design_motion(
     ConfigError
         If a setting is wrong, a limit is missing or leaves no motion.
     DataError
-        If the URDF is none, or not of this arm.
+        If the URDF is none, or not of this arm; if the targets are not.
+    ModelError
+        If the model is not one of rigid links.
     OSError, SourceError
         If a file cannot be read.
 
     """
     config = _config(settings)
     description = None if urdf is None else urdf_text(urdf)
+    if model is not None:
+        config = _of_model(config, model)
     names, types = _joints(config.motion, description)
     limits = limits_from(config.motion, names, description)
     posture = posture_from(config.motion, limits)
     motions = LimitedMotions(limits, posture, config.motion.duration_s, config.motion.harmonics)
-    criterion = _first_criterion(config, motions, limits, types)
-    found = design(motions, criterion, config.search, progress)
-    return ExcitingMotion(names, types, limits, found, config.motion.rate_hz)
+    if model is None:
+        criterion = first_criterion(config, motions, limits, types)
+        found = design(motions, criterion, config.search, progress)
+        return ExcitingMotion(names, types, limits, found, config.motion.rate_hz)
+    assert model.arm is not None, 'models without an arm have been refused'
+    learner, types = KnownArm(model.arm), model.joint_types
+    states = usual_targets(config, motions) if targets is None else _states(targets, model)
+    criterion = next_criterion(config, learner, states)
+    hold = Hold() if limits.torque is None else _hold(TorqueLimits(model, limits), posture)
+    found = design(motions, criterion, config.search, progress, hold)
+    learning = Learning(model, states, found.motion, measurements(config))
+    return ExcitingMotion(names, types, limits, found, config.motion.rate_hz, learning)
 
 
-def _first_criterion(
-    config: ExcitationConfig,
-    motions: LimitedMotions,
-    limits: JointLimits,
-    types: tuple[str, ...],
-) -> MeanCriterion:
-    """Return the mean expected error over some arms that this one may be."""
-    rng = np.random.default_rng([config.search.seed, 1])
-    targets = random_targets(motions, rng)
-    measurements = config.motion.duration_s * INDEPENDENT_HZ
-    arms = [unknown_arm(limits, types, targets, rng) for _ in range(ARMS)]
-    return MeanCriterion(
-        [ExpectedError(arm, targets, measurements, _samples(config)) for arm in arms]
-    )
+def _hold(torques: TorqueLimits, posture: Array) -> Hold:
+    torques.require_posture(posture)
+    return Hold((torques.penalty,), torques.held, torques.nearly_held)
 
 
-def _samples(config: ExcitationConfig) -> int:
-    return max(LEAST_SAMPLES, SAMPLES_PER_HARMONIC * config.motion.harmonics)
+def _of_model(config: ExcitationConfig, model: Any) -> ExcitationConfig:
+    """Return the settings for the joints of a model of rigid links."""
+    if not isinstance(model, InverseDynamicsModel) or model.arm is None:
+        kind = model.kernel if isinstance(model, InverseDynamicsModel) else shortened(model)
+        raise ModelError(
+            f'a motion is designed for a model of rigid links (articulated), not for {kind}; fit '
+            'one, or leave the model out.'
+        )
+    if config.motion.joints not in ((), model.joint_names):
+        raise ConfigError(
+            f'motion.joints must be those of the model, {", ".join(model.joint_names)}, but are '
+            f'{", ".join(config.motion.joints)}; leave them out.'
+        )
+    return replace(config, motion=replace(config.motion, joints=model.joint_names))
+
+
+def _states(targets: Any, model: InverseDynamicsModel) -> States:
+    """Return some states of a data set of the model's joints."""
+    if not isinstance(targets, Dataset):
+        raise DataError(
+            f'targets of a motion must be a Dataset, not {shortened(targets)}; use load_dataset.'
+        )
+    chosen = targets.with_joints(model.joint_names)
+    rows = np.linspace(0, chosen.n_samples - 1, min(MOST_TARGETS, chosen.n_samples)).astype(int)
+    return chosen.q[rows], chosen.dq[rows], chosen.ddq[rows]
 
 
 def _config(settings: Any) -> ExcitationConfig:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from lip_id_ros.settings import setting, Settings
 
+ERROR, INFORMATION = 'error', 'information'
 LARGEST = 1e6
 LONGEST_S = 3600.0
 
@@ -70,6 +71,12 @@ class MotionSettings(Settings):
 class SearchSettings(Settings):
     """The search for the best motion."""
 
+    criterion: str = setting(
+        ERROR,
+        'What is best where there is a model: the least expected error of torques, or the most '
+        'information on its parameters (D-optimality).',
+        choices=(ERROR, INFORMATION),
+    )
     draws: int = setting(30, 'Random motions, of which the best are improved.', minimum=1)
     starts: int = setting(3, 'How many of them are improved.', minimum=1)
     steps: int = setting(150, 'Steps of the ascent of each.', minimum=0)

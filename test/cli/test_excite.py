@@ -6,6 +6,7 @@ from pathlib import Path
 
 from cli.conftest import Capture, lip_id
 from excitation.cases import ARM
+from excitation.test_next_motion import model
 import pytest
 
 from lip_id_ros.cli import main
@@ -13,7 +14,9 @@ from lip_id_ros.excitation.settings import ExcitationConfig
 from lip_id_ros.settings import example_yaml, read_sections
 
 ROOT = Path(__file__).resolve().parents[2]
-QUICK = 'motion: {duration_s: 2}\nsearch: {draws: 3, starts: 1, steps: 4}\n'
+QUICK = (
+    'motion: {duration_s: 2, torque_limits: [10000]}\nsearch: {draws: 3, starts: 1, steps: 4}\n'
+)
 
 
 @pytest.fixture
@@ -62,6 +65,21 @@ def test_a_demand_that_leaves_no_motion_gets_a_sentence(files: Path, capsys: Cap
         "lip_id: error: the posture of joint 'lift' must be between its position limits -0.85 and "
         '1.85, but is 3; move it, or widen motion.lower and motion.upper.\n'
     )
+
+
+def test_after_a_model_it_shows_what_was_unknown_and_will_be(files: Path, capsys: Capture) -> None:
+    model().save(files / 'arm.npz')
+    begin = ('excite', '--urdf', 'arm.urdf', '--config', 'excite.yaml')
+    lip_id(*begin, '--after', 'arm.npz', '-o', 'next.csv')
+    shown = capsys.readouterr().out
+    assert 'Standard deviations of torques where they are wanted' in shown
+    assert 'slide [N]' in shown
+    assert 'deviation before' in shown
+    assert 'Coulomb' in shown
+    assert (files / 'next.csv').exists()
+
+    assert main([*begin, '--targets', 'next.csv', '-o', 'other.csv']) == 1
+    assert '--targets needs a model' in capsys.readouterr().err
 
 
 def test_the_file_of_settings_is_current() -> None:

@@ -53,7 +53,7 @@ def test_joints_and_limits_are_those_of_the_urdf(found: lip.ExcitingMotion) -> N
 
 def test_progress_comes_to_its_end() -> None:
     reports: list[tuple[str, int, int]] = []
-    lip.design_motion(QUICK, ARM, lambda *report: reports.append(report))
+    lip.design_motion(QUICK, ARM, progress=lambda *report: reports.append(report))
     assert reports == [('design', step, 30) for step in range(1, 31)]
 
 

@@ -1,0 +1,89 @@
+"""What a posterior would learn from a motion, and gradients of that."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rigid_body.arms import ARMS, random_bodies, random_chain
+
+from lip_id_ros.excitation.expected_error import ExpectedError
+from lip_id_ros.excitation.known_arm import KnownArm
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, LoadViscous, Offset, Stribeck, Viscous
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.rigid_body.placement_pullback import placement_pullback
+from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
+
+WIDTH = 0.3
+
+
+def posterior(arm: str, rng: np.random.Generator, loaded: bool) -> ArmPosterior:
+    """Draw an arm with friction, and a covariance of all its coordinates."""
+    n = len(arm)
+    chain = random_chain(arm, rng)
+    chain = chain._replace(
+        rotations=np.ascontiguousarray(chain.rotations),
+        translations=np.ascontiguousarray(chain.translations),
+    )
+    terms = [
+        DriveTerm(Drive.of_joint(joint), term)
+        for joint in range(n)
+        for term in (Viscous(), Coulomb(WIDTH), Offset())
+    ]
+    terms.append(DriveTerm(Drive.of_joint(n - 1), Stribeck(WIDTH)))
+    if loaded:
+        terms += [
+            DriveTerm(Drive.of_joint(0), LoadCoulomb(WIDTH)),
+            DriveTerm(Drive.of_joint(n - 1), LoadViscous()),
+        ]
+    if n > 1:
+        terms.append(DriveTerm(Drive((1, 0), (1.0, 0.5)), Coulomb(WIDTH)))
+    basis = FrictionBasis(n, tuple(terms), rise_time=0.02)
+    friction = FrictionModel(basis, rng.uniform(0.1, 0.3, basis.size))
+    size = 17 * n + basis.with_sign_widths().size
+    return ArmPosterior(
+        chain,
+        random_bodies(n, rng),
+        friction,
+        TorqueNoise.constant(rng.uniform(0.1, 0.2, n)),
+        0.1 * rng.standard_normal((size, 12)),
+    )
+
+
+@pytest.mark.parametrize('arm', ARMS)
+def test_gradients_of_placement_derivatives_are_those_of_differences(arm: str) -> None:
+    rng = np.random.default_rng(len(arm))
+    known = posterior(arm, rng, loaded=False)
+    n, h = len(arm), 1e-6
+    states, weights = rng.standard_normal((3, 5, n)), rng.standard_normal((5, n, 6 * n))
+    found = placement_pullback(known.chain, known.links, weights, *states)
+    for which in range(3):
+        for joint in range(n):
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = states.copy()
+                moved[which, :, joint] += sign * h
+                slopes = placement_derivatives(known.chain, known.links, *moved)
+                ends.append(np.sum(weights * slopes.reshape(weights.shape), axis=(1, 2)))
+            expected = (ends[0] - ends[1]) / (2.0 * h)
+            np.testing.assert_allclose(found[which, :, joint], expected, rtol=1e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize('loaded', [False, True])
+@pytest.mark.parametrize('arm', ARMS)
+def test_gradients_of_the_criterion_are_those_of_differences(arm: str, loaded: bool) -> None:
+    rng = np.random.default_rng(10 + len(arm))
+    learner = KnownArm(posterior(arm, rng, loaded))
+    targets = rng.standard_normal((3, 30, len(arm)))
+    states = rng.standard_normal((3, 8, len(arm)))
+    criterion = ExpectedError(learner, (targets[0], targets[1], targets[2]), 40.0, 8)
+    _, gradient = criterion(*states)
+    h = 1e-6
+    for _ in range(3):
+        direction = rng.standard_normal(states.shape)
+        ahead, back = (criterion(*(states + sign * h * direction))[0] for sign in (1, -1))
+        np.testing.assert_allclose(
+            np.sum(gradient * direction), (ahead - back) / (2.0 * h), rtol=1e-4, atol=1e-6
+        )

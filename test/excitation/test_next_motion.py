@@ -1,0 +1,176 @@
+"""Motions that are designed for an arm that has been learned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+from excitation.cases import ARM
+import numpy as np
+import pytest
+from rigid_body.arms import random_bodies
+
+import lip_id_ros as lip
+from lip_id_ros.description.urdf import parse_description
+from lip_id_ros.excitation.expected_error import ExpectedError, Information
+from lip_id_ros.excitation.known_arm import KnownArm
+from lip_id_ros.excitation.series import FourierMotion
+from lip_id_ros.excitation.torque_limits import DEVIATIONS, TorqueLimits
+from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.model.effort_calibration import EffortCalibration
+
+NAMES, TYPES = ('turn', 'lift', 'slide'), ('revolute', 'revolute', 'prismatic')
+CALIBRATION = (EffortCalibration.identity(3),)
+QUICK = lip.ExcitationConfig(
+    lip.MotionSettings(duration_s=4.0, torque_limits=(1e4,), velocity=(2.0, 2.0, 0.5)),
+    lip.SearchSettings(draws=4, starts=2, steps=15),
+)
+
+
+@cache
+def model() -> InverseDynamicsModel:
+    """Return an arm whose links and friction are known to some tenths, its places better."""
+    rng = np.random.default_rng(4)
+    links = random_bodies(3, rng)
+    basis = plain_friction(3, np.full(3, 0.1))
+    friction = FrictionModel(basis, rng.uniform(0.2, 0.5, basis.size))
+    sizes = [np.full(18, 0.01), 0.3 * np.abs(links).ravel() + 0.01, np.full(basis.size, 0.2)]
+    chain = parse_description(ARM, 'arm.urdf', NAMES, TYPES).chain
+    noise = TorqueNoise.constant(np.array([0.2, 0.2, 0.3]))
+    arm = ArmPosterior(chain, links, friction, noise, np.diag(np.concatenate(sizes)))
+    still = np.zeros((3, 3))
+    return InverseDynamicsModel(
+        NAMES, TYPES, np.zeros(3), (still, still), np.ones(3), 1, CALIBRATION, arm
+    )
+
+
+@cache
+def found() -> lip.ExcitingMotion:
+    return lip.design_motion(QUICK, ARM, model())
+
+
+def test_a_model_is_taught_more_than_by_random_motions() -> None:
+    assert found().joint_types == TYPES
+    to_mean, to_best = found().gains
+    assert to_mean < to_best < 1.0
+
+
+def test_what_is_expected_after_is_what_the_criterion_says() -> None:
+    learning = found().learning
+    assert learning is not None
+    arm = model().arm
+    assert arm is not None
+    error = ExpectedError(KnownArm(arm), learning.targets, learning.measurements, 300)
+    t = np.linspace(0.0, 4.0, 300, endpoint=False)
+    shares = error.shares(*found().motion.sample(t))
+    before, after = learning.torque_std
+    np.testing.assert_allclose((after / before) ** 2, shares, rtol=1e-3)
+    assert np.all(learning.gravity_std[1] < learning.gravity_std[0] + 1e-12)
+    np.testing.assert_array_equal(learning.after.predict(*ZERO).tau, model().predict(*ZERO).tau)
+
+
+ZERO = np.zeros((3, 1, 3))
+
+
+def test_predicted_torques_keep_their_limits_with_three_deviations() -> None:
+    free = used(found().motion, 1.0)
+    tight = (*(0.6 * free).tolist(),)
+    limits = np.array(tight)
+    at_rest = np.abs(model().predict(*rest()).tau) + 3.0 * model().torque_std(*rest())
+    assert np.all(at_rest < limits), 'the posture of this test must be possible'
+    settings = replace(QUICK, motion=replace(QUICK.motion, torque_limits=tight))
+    held = lip.design_motion(settings, ARM, model())
+    shares = used(held.motion, limits)
+    assert shares.max() <= 1.0
+    assert shares.max() > 0.8
+    assert held.gains[0] < 1.0
+
+
+def rest() -> np.ndarray:
+    state = np.zeros((3, 1, 3))
+    state[0] = found().motion.posture
+    return state
+
+
+def used(motion: FourierMotion, limits: np.ndarray | float) -> np.ndarray:
+    """Return the largest shares of limits at 10 kHz, shape (n,)."""
+    states = motion.sample(motion.times(1e4))
+    size = np.abs(model().predict(*states).tau) + DEVIATIONS * model().torque_std(*states)
+    return np.asarray((size / limits).max(axis=0))
+
+
+def test_a_posture_that_cannot_be_held_is_refused() -> None:
+    motion = replace(QUICK.motion, torque_limits=(1e4, 0.01, 1e4))
+    with pytest.raises(lip.ConfigError, match=r"joint 'lift' needs .* more than its limit 0\.01;"):
+        lip.design_motion(replace(QUICK, motion=motion), ARM, model())
+
+
+def test_the_penalty_has_the_gradient_of_differences() -> None:
+    rng = np.random.default_rng(0)
+    states = rng.uniform(0.1, 1.0, (3, 6, 3))
+    limits = replace(found().limits, torque=np.array([2.0, 2.0, 2.0]))
+    torques = TorqueLimits(model(), limits)
+    value, gradient = torques.penalty(*states)
+    assert value > 1.0
+    # deviations are taken as they are: only the mean moves
+    arm = model().arm
+    assert arm is not None
+    still = replace(arm, covariance_root=np.zeros_like(arm.covariance_root))
+    torques = TorqueLimits(replace(model(), arm=still), limits)
+    _, gradient = torques.penalty(*states)
+    direction, h = rng.standard_normal(states.shape), 1e-6
+    ahead, back = (torques.penalty(*(states + sign * h * direction))[0] for sign in (1, -1))
+    np.testing.assert_allclose(np.sum(gradient * direction), (ahead - back) / (2 * h), rtol=1e-4)
+
+
+def test_information_has_the_gradient_of_differences() -> None:
+    arm = model().arm
+    assert arm is not None
+    criterion = Information(KnownArm(arm), 50.0, 6)
+    states = np.random.default_rng(1).uniform(0.1, 1.0, (3, 6, 3))
+    _, gradient = criterion(*states)
+    direction, h = np.random.default_rng(2).standard_normal(states.shape), 1e-6
+    ahead, back = (criterion(*(states + sign * h * direction))[0] for sign in (1, -1))
+    np.testing.assert_allclose(np.sum(gradient * direction), (ahead - back) / (2 * h), rtol=1e-4)
+
+
+def test_each_criterion_is_best_by_its_own_measure() -> None:
+    arm = model().arm
+    assert arm is not None
+    information = replace(QUICK, search=replace(QUICK.search, criterion='information'))
+    other = lip.design_motion(information, ARM, model())
+    measure = Information(KnownArm(arm), 400.0, 300)
+    values = [
+        measure(*each.motion.sample(np.linspace(0.0, 4.0, 300, endpoint=False)))[0]
+        for each in (other, found())
+    ]
+    assert values[0] < values[1]
+    learning = found().learning
+    assert learning is not None
+    error = ExpectedError(KnownArm(arm), learning.targets, 400.0, 300)
+    values = [
+        error(*each.motion.sample(np.linspace(0.0, 4.0, 300, endpoint=False)))[0]
+        for each in (found(), other)
+    ]
+    assert values[0] < values[1]
+
+
+def test_targets_are_states_of_a_data_set() -> None:
+    rng = np.random.default_rng(3)
+    q, dq, ddq = rng.uniform(0.1, 0.2, (3, 700, 3))
+    data = lip.Dataset.from_arrays(q, dq, ddq, q, joint_names=NAMES[::-1], joint_types=TYPES[::-1])
+    learning = lip.design_motion(QUICK, ARM, model(), data).learning
+    assert learning is not None
+    assert learning.targets[0].shape == (600, 3)
+    np.testing.assert_array_equal(learning.targets[0][0], q[0, ::-1])
+    with pytest.raises(lip.DataError, match='targets of a motion must be a Dataset, not 3; use'):
+        lip.design_motion(QUICK, ARM, model(), 3)  # type: ignore[arg-type]
+
+
+def test_joints_are_those_of_the_model() -> None:
+    motion = replace(QUICK.motion, joints=('turn', 'lift'))
+    with pytest.raises(lip.ConfigError, match=r'must be those of the model, turn, lift, slide, '):
+        lip.design_motion(replace(QUICK, motion=motion), ARM, model())
