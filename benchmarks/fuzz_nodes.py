@@ -119,7 +119,12 @@ def parameters_of(model: str, folder: str) -> dict[str, dict[str, str]]:
     joints, limits = json.dumps(NAMES), json.dumps(LIMITS)
     gains = {'stiffness': '[10.0, 10.0]', 'damping': '[1.0, 1.0]'}
     return {
-        'serve': {'model_path': model, 'joints': joints, 'torque_limits': limits},
+        'serve': {
+            'model_path': model,
+            'accept_unproven': 'true',
+            'joints': joints,
+            'torque_limits': limits,
+        },
         'train': {
             'record_on_start': 'true',
             'unsaved_path': f'{folder}/unsaved.mcap',

@@ -27,6 +27,7 @@ from lip_id_ros.evaluation import (
     fit_cautions,
     matched,
 )
+from lip_id_ros.evaluation.held_out import judged
 from lip_id_ros.export.payload import (
     attached,
     inertias,
@@ -103,13 +104,15 @@ def _fit(
         training, held_out = data.split(1.0 - request['holdout'])
     training = for_training(training, config.preprocessing, config.fit.kernel)
     model = fit(training, config.fit, progress)
-    judged = None if held_out is None else evaluate(model, held_out, progress)
+    evaluation = None
+    if held_out is not None:
+        model, evaluation = judged(model, training, held_out, progress)
     saved = _save(model.save, request['path'], progress)
     return {
         **saved,
         'summary': model.summary,
-        'cautions': fit_cautions(model, judged),
-        'holdout': judged and judged.to_json(),
+        'cautions': fit_cautions(model, evaluation),
+        'holdout': evaluation and evaluation.to_json(),
     }
 
 

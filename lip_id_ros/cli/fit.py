@@ -57,7 +57,8 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.errors import LipIdError
-    from lip_id_ros.evaluation import evaluate, fit_cautions
+    from lip_id_ros.evaluation import fit_cautions
+    from lip_id_ros.evaluation.held_out import judged
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
     from lip_id_ros.identification import fit
@@ -76,7 +77,7 @@ def run(args: argparse.Namespace) -> None:
         training = for_training(training, config.preprocessing, config.fit.kernel)
         model = fit(training, config.fit, progress)
         if args.holdout is not None:
-            evaluation = evaluate(model, held_out, progress)
+            model, evaluation = judged(model, training, held_out, progress)
         rescue = write_or_rescue(output.destination(args.output), model.save)
     console = output.console(args.output)
     show.fitted(model, console)

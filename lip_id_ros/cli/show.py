@@ -36,12 +36,14 @@ UNSEEN = (
     'it on another recording.'
 )
 RANGES, HEALTH, KINEMATICS, FRICTION = 'ranges', 'health', 'kinematics', 'friction'
+LEFT_OUT = 'left_out_distance'
 NOTES, RECORDINGS = 'notes', 'recordings'
 NO_RECORDINGS = 'No topic has joint samples: sensor_msgs/JointState, or the state of a controller.'
 IN_OTHER_WORDS = (
     *('covariance_inflation', 'denavit_hartenberg', 'descents', 'elected_meeting_axes'),
     *('elected_twists_deg', 'friction', 'friction_between_recordings', 'halves_agree'),
-    *('inertia_min_eigenvalue', 'inertia_not_pd_percent', 'noise_std', 'outliers', 'remainder'),
+    *('inertia_min_eigenvalue', 'inertia_not_pd_percent', 'motion_s', 'new_motion_s', 'noise_std'),
+    *('outliers', 'remainder'),
     *('searches_agreed', 'unexplained_left_out', 'unexplained_percent', 'unpredicted_left_out'),
 )
 """What of a fit is shown by tables, by its effect, or by a caution; JSON has it as it is."""
@@ -55,8 +57,21 @@ DEFAULTS = {'recording': RecordingSettings(), 'preprocessing': PreprocessingSett
 def fitted(model: InverseDynamicsModel, console: Console, origin: str = '') -> None:
     """Show what a fit found; `origin` comes before the number of samples."""
     show(_joint_table(model, origin), console)
+    show_lines(motion_lines(model), console)
     if model.arm is not None:
         _show_links(model, console)
+
+
+def motion_lines(model: InverseDynamicsModel) -> list[str]:
+    """Return how much of the motion was new, and how far its left-out parts were from the rest."""
+    summary, known = model.summary, model.known_states
+    if known is None or 'new_motion_s' not in summary:
+        return []
+    return [
+        f'New motion: {summary["new_motion_s"]:.3g} of {summary["motion_s"]:.3g} s. Parts of it '
+        f'that were left out were {known.left_out:.2g} standard deviations from the rest, which '
+        'is a novelty of 1.'
+    ]
 
 
 def _joint_table(model: InverseDynamicsModel, origin: str) -> Table:
@@ -113,6 +128,7 @@ def described_model(model: InverseDynamicsModel) -> dict[str, Any]:
         'joints': list(model.joint_names),
         'joint_types': list(model.joint_types),
         'has_potential_energy': model.has_potential,
+        LEFT_OUT: None if model.known_states is None else model.known_states.left_out,
         'provenance': dict(model.provenance),
         **links,
         'fit': dict(model.summary),
@@ -124,7 +140,7 @@ def inspected_model(
 ) -> None:
     """Show the description of a model, and what its fit found as tables."""
     fit = {name: value for name, value in description['fit'].items() if name not in IN_OTHER_WORDS}
-    hidden = dict.fromkeys((KINEMATICS, FRICTION, 'remainder'))
+    hidden = dict.fromkeys((KINEMATICS, FRICTION, LEFT_OUT, 'remainder'))
     described({**description, **hidden, 'fit': fit}, console)
     fitted(model, console)
     if rows := [Coefficient(**each).cells() for each in description.get(FRICTION, ())]:

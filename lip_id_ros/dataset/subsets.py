@@ -28,14 +28,25 @@ def farthest_points(points: Array, count: int) -> IndexArray:
         return np.arange(len(points))
     deviation = points.std(axis=0)
     scaled = (points - points.mean(axis=0)) / np.where(deviation > 0.0, deviation, 1.0)
-    chosen = [int(np.argmin((scaled**2).sum(axis=1)))]
-    distance = ((scaled - scaled[chosen[0]]) ** 2).sum(axis=1)
+    return covering_points(scaled, count)
+
+
+def covering_points(points: Array, count: int, near: float = 0.0) -> IndexArray:
+    """
+    Choose points of shape (N, d) until none is farther than `near` from one of them.
+
+    Each is the farthest from those before (Gonzalez 1985); the first is the nearest to zero.
+    Returns increasing row numbers, at most `count`.
+
+    """
+    chosen = [int(np.argmin((points**2).sum(axis=1)))]
+    squares = ((points - points[chosen[0]]) ** 2).sum(axis=1)
     for _ in range(count - 1):
-        farthest = int(np.argmax(distance))
-        if distance[farthest] == 0.0:
+        farthest = int(np.argmax(squares))
+        if squares[farthest] <= near**2:
             break
         chosen.append(farthest)
-        np.minimum(distance, ((scaled - scaled[farthest]) ** 2).sum(axis=1), out=distance)
+        np.minimum(squares, ((points - points[farthest]) ** 2).sum(axis=1), out=squares)
     return np.sort(np.array(chosen, dtype=np.intp))
 
 

@@ -10,6 +10,7 @@ from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.metrics import Evaluation
 from lip_id_ros.evaluation.tables import percent
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.proof import missing_proof
 from lip_id_ros.settings import PreprocessingSettings
 
 MOST_LINES = 2
@@ -23,6 +24,9 @@ MOST_EPISODES = 6
 
 MOST_NAMES = 12
 """Recordings of a group in one sentence, at most."""
+
+MOSTLY_NEW, LITTLE_S = 0.5, 20.0
+"""A motion repeats itself below this share of new motion, and shows little below that time [s]."""
 
 USELESS_PERCENT = 90.0
 """A joint whose nMSE reaches this is predicted no better than by the mean of its torque."""
@@ -43,8 +47,15 @@ def fit_cautions(model: InverseDynamicsModel, evaluation: Evaluation | None = No
     texts = [
         *data_remarks(model.provenance),
         *summary_cautions(model.joint_names, model.summary),
+        *_proof(model),
     ]
     return texts if evaluation is None else [*texts, *evaluation_cautions(evaluation)]
+
+
+def _proof(model: InverseDynamicsModel) -> list[str]:
+    """Return what a model lacks to be served, in a sentence."""
+    lack = missing_proof(model)
+    return [f'serve refuses this model unless accept_unproven is true: {lack}.'] if lack else []
 
 
 def data_remarks(provenance: Mapping[str, Any]) -> list[str]:
@@ -80,6 +91,7 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
             f'{these} and {others} contradict each other, as if another load were at the last '
             'link: fit them apart.'
         )
+    texts += _repetition(summary)
     texts += _disturbances(joint_names, summary.get('disturbances', ()))
     if ignored := summary.get('ignored_settings'):
         texts.append(
@@ -99,6 +111,17 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
             'the noise. Torques are not affected; do not invert M(q).'
         )
     return [str(text) for text in texts]
+
+
+def _repetition(summary: Mapping[str, Any]) -> list[str]:
+    """Return a sentence where a motion was recorded again and again, and little else."""
+    every, new = (summary.get(name, 0.0) for name in ('motion_s', 'new_motion_s'))
+    if new >= MOSTLY_NEW * every or new >= LITTLE_S:
+        return []
+    return [
+        f'The motion repeats itself: only {new:.2g} of {every:.3g} s are new, and errors on other '
+        'motions may be much larger; record other motions too, not the same one for longer.'
+    ]
 
 
 def _listed(names: Sequence[str]) -> str:

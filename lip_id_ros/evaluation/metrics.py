@@ -13,6 +13,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import cutoffs_hz, Dataset
 from lip_id_ros.errors import DataError, ModelError
 from lip_id_ros.evaluation.training_data import training_data_warnings
+from lip_id_ros.identification.folds import at_rest
 from lip_id_ros.model import (
     DynamicsModel,
     InverseDynamicsModel,
@@ -81,6 +82,9 @@ class Outcome:
     within_two_std_percent : ndarray, shape (n,), or None
         Share of measured torques within two standard deviations of a measurement; None where the
         model is no arm, or efforts were low-passed otherwise than those of its fit.
+    novelty : float or None
+        Median distance of the samples in motion to the training data, in that of left-out ones;
+        None where the model does not know.
     cautions : tuple of str
         Sentences where the data are, or may be, training data.
 
@@ -90,6 +94,7 @@ class Outcome:
     prediction: TorquePrediction
     smallest_eigenvalue: Array | None = None
     within_two_std_percent: Array | None = None
+    novelty: float | None = None
     cautions: tuple[str, ...] = ()
 
     @property
@@ -164,7 +169,16 @@ def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Ou
     joined = _joined(predictions)
     covered = _within_two_std(model, dataset, joined.tau)
     cautions = tuple(training_data_warnings(model, dataset))
-    return Outcome(dataset, joined, smallest, covered, cautions)
+    return Outcome(dataset, joined, smallest, covered, novelty_of(model, dataset), cautions)
+
+
+def novelty_of(model: TorqueModel, dataset: Dataset) -> float | None:
+    """Return the median novelty of samples in motion; None where the model knows no states."""
+    if not isinstance(model, InverseDynamicsModel) or model.known_states is None:
+        return None
+    moving = ~at_rest(dataset)
+    some = dataset.select(np.flatnonzero(moving)) if moving.any() else dataset
+    return float(np.median(model.novelty(some.q, some.dq, some.ddq)))
 
 
 def _within_two_std(model: TorqueModel, dataset: Dataset, tau: Array) -> Array | None:
@@ -246,6 +260,7 @@ class Evaluation:
     inertia_min_eigenvalue : float or None
         Smallest eigenvalue of that matrix over all samples [kg m^2 or kg].
     within_two_std_percent : tuple of float or None
+    novelty : float or None
     cautions : tuple of str
         As in `Outcome`.
 
@@ -263,6 +278,7 @@ class Evaluation:
     inertia_not_pd_percent: float | None = None
     inertia_min_eigenvalue: float | None = None
     within_two_std_percent: tuple[float, ...] | None = None
+    novelty: float | None = None
     cautions: tuple[str, ...] = ()
 
     @property
@@ -284,6 +300,7 @@ class Evaluation:
             'inertia_not_pd_percent': self.inertia_not_pd_percent,
             'inertia_min_eigenvalue': self.inertia_min_eigenvalue,
             'within_two_std_percent': covered and list(covered),
+            'novelty': self.novelty,
         }
 
 
@@ -347,6 +364,7 @@ def score(outcome: Outcome) -> Evaluation:
         inertia_not_pd_percent=not_pd,
         inertia_min_eigenvalue=smallest,
         within_two_std_percent=None if covered is None else tuple(covered.tolist()),
+        novelty=outcome.novelty,
         cautions=outcome.cautions,
     )
 

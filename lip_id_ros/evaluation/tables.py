@@ -15,6 +15,7 @@ from rich.text import Text
 from lip_id_ros.escaping import printable
 from lip_id_ros.evaluation.metrics import Evaluation
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
+from lip_id_ros.model.known_states import novelty_in_words
 
 if TYPE_CHECKING:
     from lip_id_ros.evaluation.rollout import Rollouts
@@ -126,6 +127,12 @@ def notes(evaluation: Evaluation) -> list[str]:
         texts.append(
             'Within 2 std: share of measured torques within two standard deviations of the '
             'prediction; 95 % are expected, fewer on motions unlike those that were learned.'
+        )
+    if evaluation.novelty is not None:
+        texts.append(
+            f'Novelty {evaluation.novelty:.2g}: these motions are '
+            f'{novelty_in_words(evaluation.novelty)}; 1 is as far from the training data as parts '
+            'of them were from the rest when they were left out.'
         )
     if evaluation.inertia_not_pd_percent is None:
         return texts

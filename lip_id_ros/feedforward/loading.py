@@ -14,7 +14,10 @@ from lip_id_ros.feedforward.deviations import Deviations
 from lip_id_ros.feedforward.settings import make_rules, require_consistent, ServeSettings
 from lip_id_ros.files import require_regular_file
 from lip_id_ros.model import DynamicsModel, EffortCalibration, InverseDynamicsModel
+from lip_id_ros.model.known_states import KnownStates
+from lip_id_ros.model.proof import missing_proof
 from lip_id_ros.model.running_memory import RunningMemory
+from lip_id_ros.model.serialization import contradictions
 from lip_id_ros.signals.joints import require_joints
 
 MOST_BYTES = 2**30
@@ -83,13 +86,15 @@ class LoadedModel:
     """
     A model, ready to be served.
 
-    `calibration`: of the effort that it was fitted to. `file`, or None: where it was loaded from.
+    `calibration`: of the effort that it was fitted to. `known_states`, or None: that it was fitted
+    to. `file`, or None: where it was loaded from.
     `deviations`, or None: where standard deviations are asked for. `memory`, or None: of friction.
 
     """
 
     model: DynamicsModel
     calibration: EffortCalibration
+    known_states: KnownStates | None = None
     file: ModelFile | None = None
     deviations: Deviations | None = None
     memory: RunningMemory | None = None
@@ -113,13 +118,15 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
 
     `settings`: the file, and whether standard deviations are needed. `joints`: joints that it must
     have, in any order; empty for any. OSError if the file cannot be opened; LipIdError if it is
-    not a model, or its joints are not those expected.
+    not a model, its joints are not those expected, or it is not proven.
 
     """
     file = ModelFile(settings.model_path)
     try:
         model = file.load()
         require_joints(model.joint_names, joints, settings.model_path)
+        if not settings.accept_unproven:
+            require_proof(model, settings.model_path)
         rest = np.zeros((1, model.n_joints))
         model.query(rest[0], rest[0], rest[0])
         model.predict(rest, rest, rest)
@@ -130,7 +137,19 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
         file.close()
         raise
     memory = model.running_memory()
-    return LoadedModel(model, model.effort_calibration, file, deviations, memory)
+    known = model.known_states
+    return LoadedModel(model, model.effort_calibration, known, file, deviations, memory)
+
+
+def require_proof(model: InverseDynamicsModel, path: str) -> None:
+    """Refuse a model that is not proven; ModelError says what it lacks."""
+    with contradictions(path):
+        lack = missing_proof(model)
+    if lack is not None:
+        raise ModelError(
+            f'{path} must be a model that is proven on unseen motion, but {lack}, or set '
+            'accept_unproven to true where nobody can be hurt.'
+        )
 
 
 def load_successor(settings: ServeSettings, before: LoadedModel) -> LoadedModel:

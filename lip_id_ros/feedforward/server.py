@@ -121,6 +121,14 @@ class ServedArm:
         """Predict the parts of the torque at one state of shape (3, n), arrays (1, n)."""
         return self._model.predict(*state[:, np.newaxis])
 
+    def novelty(self, state: Array) -> float | None:
+        """Return how far a state (3, n) is from the training data; None where that is unknown."""
+        if self.loaded.known_states is None:
+            return None
+        with np.errstate(all='ignore'):
+            found = float(self.loaded.known_states.novelty(*state[:, np.newaxis])[0])
+        return round(found, 3) if np.isfinite(found) else None
+
     def _with_gravity(self, predicted: Query | Prediction) -> Array:
         """Return torques, without gravity where the robot adds its own."""
         if self.shaper.rules.gravity:
@@ -219,7 +227,7 @@ class Server:
     def _forget_stream(self) -> None:
         self._fed_at = -np.inf  # no reference is expected before the first
         self._stale = False
-        self._position: Array | None = None
+        self._state: Array | None = None
         self._measured: MeasuredState | None = None
         self._measured_at = -np.inf
         self._source = (False, False)
@@ -253,7 +261,7 @@ class Server:
         except Exception as error:
             self.counts.references.refuse_for(error)
             raise
-        self._fed_at, self._position, self._stale = now, served.state[0], False
+        self._fed_at, self._state, self._stale = now, served.state, False
         self.counts.references.used['samples'] += 1
         return served
 
@@ -303,7 +311,8 @@ class Server:
             arm.shaper.begin()
         self._stale, self._source = True, source
         with np.errstate(all='ignore'):
-            return arm.safe_torque(measured.q if measured else self._position, now)
+            seen = None if self._state is None else self._state[0]
+            return arm.safe_torque(measured.q if measured else seen, now)
 
     def silence(self, now: float) -> float:
         """Return the time since the last answered reference [s], 0 while none is expected."""
@@ -321,8 +330,15 @@ class Server:
         return {
             'enabled': self.enabled,
             'joint_names': list(self.joint_names),
+            'novelty': self._novelty(),
             **self.counts.values(),
         }
+
+    def _novelty(self) -> float | None:
+        """Return that of the last sample, computed when it is asked for."""
+        if self._arm is None or self._state is None:
+            return None
+        return self._arm.novelty(self._state)
 
     def judge(self, failure: str, now: float) -> tuple[Level, str]:
         """Judge in a sentence what came since the last call; `failure` is that of a reload."""

@@ -58,6 +58,13 @@ class ServeSettings(Settings):
         'The model among payload_models that answers; empty for that of model_path. A change '
         'loads nothing, and torques are ramped to.',
     )
+    accept_unproven: bool = setting(
+        False,
+        'Serve models too that were not judged on motion that they had not seen, or predict no '
+        'better there than the mean of a torque; configure and reload_model refuse them '
+        'otherwise.',
+        applies=ON_LOAD,
+    )
     joints: tuple[str, ...] = setting(
         (),
         'Joints that the model must have, in any order, and that every list here is given for; '

@@ -18,6 +18,7 @@ from lip_id_ros.fleet.survey import merged
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.identify import prediction_noise, squares_of_signs
 from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.novelty import known_states, motion_report
 from lip_id_ros.identification.posterior import fit_of, posterior_of, SAMPLES
 from lip_id_ros.identification.remainder_election import conditioned_remainder, elect_processes
 from lip_id_ros.identification.sample_selection import plausible
@@ -95,6 +96,7 @@ def model_of(
         'unpredicted_left_out': (unpredicted / fitter.torque_std**2).tolist(),
         'remainder': remainder.joints.tolist() if remainder else [],
         'noise_std': arm.noise.std.tolist(),
+        **motion_report(placed.dataset),
     }
     model = _assembled(placed, surveys, arm, remainder, report)
     return with_checks(model, placed.dataset.q, placed.dataset.tau)
@@ -184,6 +186,7 @@ def _assembled(
         effort_calibrations=effort_calibrations({'sources': calibrated}, names),
         arm=arm,
         remainder=remainder,
+        known_states=known_states(placed.dataset),
         summary=report,
         provenance={'sources': sources, 'n_samples_available': int(counts.sum())},
     )

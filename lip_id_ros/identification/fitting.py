@@ -18,6 +18,7 @@ from lip_id_ros.gp import fit_process
 from lip_id_ros.identification.arm_fit import Described
 from lip_id_ros.identification.arm_prior import DescriptionSettings
 from lip_id_ros.identification.identify import Identified, identify, LEAST_SAMPLES_PER_JOINT
+from lip_id_ros.identification.novelty import known_states, motion_report
 from lip_id_ros.identification.posterior import ranges_of
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.effort_calibration import effort_calibrations
@@ -75,6 +76,7 @@ def fit(
     parts, report = _fitted(dataset, settings, progress)
     report['seconds_total'] = round(time.monotonic() - started, 3)
     process = parts.get('process')
+    report |= motion_report(dataset)
     report['ignored_settings'] = _ignored(settings, OF_ARMS if process else OF_PROCESSES)
     model = InverseDynamicsModel(
         joint_names=dataset.joint_names,
@@ -84,6 +86,7 @@ def fit(
         largest_torque=np.abs(dataset.tau).max(axis=0),
         n_samples=len(process.states) if process else dataset.n_samples,
         effort_calibrations=effort_calibrations(dataset.provenance, dataset.joint_names),
+        known_states=known_states(dataset),
         summary=report,
         provenance={**dataset.provenance, 'n_samples_available': dataset.n_samples},
         **parts,

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.numba_jit import jit
 
@@ -53,6 +53,27 @@ def recurrent_folds(dataset: Dataset, count: int) -> IndexArray:
     return np.asarray(number * min(count, new.size) // new.size, dtype=np.intp)
 
 
+def motion_s(dataset: Dataset) -> tuple[float, float]:
+    """Return for how long an arm moves, and for how long it does what it did not before [s]."""
+    lasts, is_first = _moves(dataset)
+    return float(lasts.sum()), float(lasts[is_first].sum())
+
+
+def new_motion_s(known: Dataset, other: Dataset) -> float:
+    """Return for how long an arm moves in a data set as it does not in one that is known [s]."""
+    lasts, is_first = _moves(concatenate([known, other]))
+    is_first[: known.n_samples] = False
+    return float(lasts[is_first].sum())
+
+
+def _moves(dataset: Dataset) -> tuple[Array, BoolArray]:
+    """Return how long an arm moves at each sample [s], and which repeat nothing, both (N,)."""
+    is_first = first_passes(dataset) == np.arange(dataset.n_samples)
+    half = np.where(np.diff(dataset.segment) == 0, 0.5 * np.diff(dataset.t), 0.0)
+    lasts = np.append(half, 0.0) + np.append(0.0, half)
+    return np.where(at_rest(dataset), 0.0, lasts), is_first
+
+
 def first_passes(dataset: Dataset) -> IndexArray:
     """
     Return the number of the sample that each sample repeats, shape (N,); its own if none.
@@ -67,7 +88,7 @@ def first_passes(dataset: Dataset) -> IndexArray:
     number = path.number(own)
     repeats = origin[number] != path.rows[number]
     first = np.where(repeats, origin[number], own)
-    rests = _rests(dataset)
+    rests = at_rest(dataset)
     follows = rests & np.concatenate([[False], rests[:-1]]) & ~repeats
     # a rest is one sample, repeated
     first[follows] = first[np.maximum.accumulate(np.where(follows, 0, own))[follows]]
@@ -166,7 +187,7 @@ def _apart(states: Array, segment: IntArray, least: float) -> BoolArray:
     return out
 
 
-def _rests(dataset: Dataset) -> BoolArray:
+def at_rest(dataset: Dataset) -> BoolArray:
     """Mark the samples of an arm that stands, shape (N,)."""
     speed = np.linalg.norm(dataset.dq, axis=1)
     return np.asarray(speed < AT_REST * np.sqrt(np.mean(speed**2)))

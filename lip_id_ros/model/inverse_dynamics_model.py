@@ -30,6 +30,7 @@ from lip_id_ros.model.arm_deviation import ArmDeviation
 from lip_id_ros.model.arm_mean import ArmMean
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.effort_calibration import EffortCalibration
+from lip_id_ros.model.known_states import KnownStates
 from lip_id_ros.model.process_mean import ProcessMean
 from lip_id_ros.model.remainder import Remainder
 from lip_id_ros.model.remainder_deviation import RemainderDeviation
@@ -73,6 +74,8 @@ class InverseDynamicsModel:
         Gaussian processes of torques that the arm does not explain.
     process : TorquePosterior or None
         Gaussian processes on energies, friction and residual, in place of an arm.
+    known_states : KnownStates or None
+        Training states that cover the others; None in files that were written without.
     summary : mapping
         JSON-able: a report of the fit.
     provenance : mapping
@@ -90,6 +93,7 @@ class InverseDynamicsModel:
     arm: ArmPosterior | None = None
     remainder: Remainder | None = None
     process: TorquePosterior | None = None
+    known_states: KnownStates | None = None
     summary: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
@@ -282,6 +286,24 @@ class InverseDynamicsModel:
         known = potential if self.has_potential else None
         return StandardDeviation(tau, np.hypot(tau, noise), kinetic, known)
 
+    def novelty(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+        """
+        Return how far N joint states are from the training data, shape (N,).
+
+        1 is as far as left-out training states in motion were from the rest, 2 is twice as far. It
+        orders motions, not single samples; not a number where the file has no training states.
+
+        Raises
+        ------
+        ShapeError
+            If the shapes are not (N, n) with the model's n.
+
+        """
+        states = self._checked(q, dq, ddq)
+        if self.known_states is None:
+            return np.full(len(states[0]), np.nan)
+        return self.known_states.novelty(*states)
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """
         Write the model into one npz file, whole or not at all.
@@ -324,6 +346,7 @@ class InverseDynamicsModel:
                     header['effort_calibrations'], types
                 ),
                 **{name: header[name] for name in ('summary', 'provenance')},
+                known_states=serialization.known_states_from(arrays, types),
                 **serialization.parts_from(arrays, header, types),
             )
 
@@ -332,6 +355,7 @@ class InverseDynamicsModel:
         low, high = self.training_range
         arrays: Arrays = {'training_low': low, 'training_high': high}
         entries = serialization.put_parts(self.arm, self.remainder, self.process, arrays)
+        serialization.put_known_states(self.known_states, arrays)
         return arrays, {
             'joint_names': list(self.joint_names),
             'joint_types': list(self.joint_types),

@@ -29,6 +29,7 @@ from lip_id_ros.kernels import (
 from lip_id_ros.kernels.program import unit_weights, with_potential_after
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.effort_calibration import EffortCalibration
+from lip_id_ros.model.known_states import KnownStates
 from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.chain import NO_COUPLINGS, ROTOR
@@ -40,6 +41,7 @@ from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 REMAINDER = ('x', 'lengths', 'noise', 'variance', 'left_out_std', 'alpha', 'friction')
 CONTRADICTIONS = (AttributeError, IndexError, KeyError, TypeError, ValueError, LipIdError)
 NOISE = ('std', 'ratio', 'velocity', 'stuck', 'width')
+KNOWN_STATES = ('known_states', 'known_scale', 'known_left_out')
 INPUTS = ('centre', 'scale', 'sign_width')
 
 LARGEST = 1e9
@@ -240,6 +242,31 @@ def remainder_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str
     inputs = Inputs(revolute, *(arrays[f'remainder_{name}'] for name in INPUTS))
     own = {name: arrays[f'remainder_{name}'].astype(np.float64) for name in REMAINDER}
     return Remainder(inputs=inputs, replaces=replaces, **own)
+
+
+def put_known_states(known: KnownStates | None, arrays: Arrays) -> None:
+    """Add the arrays of training states that are kept, where there are some."""
+    if known is not None:
+        values = known.states.astype(np.float16), known.scale, np.array([known.left_out])
+        arrays |= dict(zip(KNOWN_STATES, values, strict=True))
+
+
+def known_states_from(arrays: Arrays, types: Sequence[str]) -> KnownStates | None:
+    """
+    Return the training states of a file; None where it has none.
+
+    KeyError, TypeError, ValueError, LipIdError if they contradict each other.
+
+    """
+    if not any(name in arrays for name in KNOWN_STATES):
+        return None
+    width = 3 * len(types)
+    count = len(arrays['known_states'])
+    expect(arrays, dict(zip(KNOWN_STATES, ((count, width), (width,), (1,)), strict=True)))
+    require(count > 0, 'known_states, of which there are none')
+    require_positive(arrays, 'known_scale', 'known_left_out')
+    states, scale, left_out = (arrays[name].astype(np.float64) for name in KNOWN_STATES)
+    return KnownStates(states, scale, float(left_out[0]))
 
 
 def put_process(process: TorquePosterior, arrays: Arrays) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from evaluation.models import QUICK, small_model, training
 from evaluation.stubs import Knowing
+from model.models import random_model
 import numpy as np
 import pytest
 from simulation.pendulums import swing
@@ -26,6 +27,8 @@ from lip_id_ros.evaluation.report import Labels, write_report
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.fit_checks import with_checks
+from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
+from lip_id_ros.model.proof import with_held_out
 
 NAMES = ('shoulder', 'elbow', 'wrist')
 
@@ -95,6 +98,23 @@ def test_errors_on_left_out_blocks_count_where_they_exceed_the_noise(
 def test_searches_that_did_not_agree_are_a_caution(agreed: bool, count: int) -> None:
     cautions = summary_cautions(NAMES, {'searches_agreed': agreed})
     assert len([text for text in cautions if 'placements of the joints ended' in text]) == count
+
+
+@pytest.mark.parametrize(
+    ('every', 'new', 'count'), [(60.0, 6.5, 1), (60.0, 31.0, 0), (300.0, 21.0, 0), (5.0, 5.0, 0)]
+)
+def test_a_motion_that_repeats_itself_is_a_caution(every: float, new: float, count: int) -> None:
+    cautions = summary_cautions(NAMES, {'motion_s': every, 'new_motion_s': new})
+    assert len([text for text in cautions if 'only 6.5 of 60 s are new' in text]) == count
+
+
+def test_what_is_missing_to_serve_a_model_is_a_caution() -> None:
+    short = {'motion_s': 1.0, 'new_motion_s': 1.0, 'unexplained_percent': [1.0] * 3}
+    model = replace(random_model(ARTICULATED), summary=short)
+    (text,) = fit_cautions(model)
+    assert text.startswith('serve refuses this model unless accept_unproven is true: its rec')
+    proven = with_held_out(model, [1.0, 2.0, 3.0], 5.0)
+    assert fit_cautions(proven) == []
 
 
 @pytest.mark.parametrize(('agree', 'count'), [(True, 0), (False, 1)])

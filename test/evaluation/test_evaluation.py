@@ -32,6 +32,7 @@ KEYS = {
     'inertia_not_pd_percent',
     'inertia_min_eigenvalue',
     'within_two_std_percent',
+    'novelty',
 }
 
 
@@ -93,6 +94,20 @@ def test_indefinite_inertia_is_reported() -> None:
     assert evaluation.inertia_not_pd_percent == 100.0
     assert evaluation.inertia_min_eigenvalue == pytest.approx(-0.02)
     assert 'positive definite at 0 % of the samples only' in notes(evaluation)[1]
+
+
+def test_novelty_is_that_of_motion() -> None:
+    data, model = swing(1), random_model(ARTICULATED)
+    every = model.novelty(data.q, data.dq, data.ddq)
+    rest = np.arange(data.n_samples) < data.n_samples // 3
+    stopped = replace(data, dq=np.where(rest[:, None], 0.0, data.dq))
+    evaluation = score(run(model, stopped))
+    assert evaluation.novelty == pytest.approx(np.median(every[~rest]))
+    assert evaluation.to_json()['novelty'] == evaluation.novelty
+    assert any(f'Novelty {evaluation.novelty:.2g}: ' in each for each in notes(evaluation))
+    unknown = score(run(replace(model, known_states=None), stopped))
+    assert unknown.novelty is None
+    assert not any('Novelty' in each for each in notes(unknown))
 
 
 def test_json_holds_the_documented_keys_and_no_nan() -> None:

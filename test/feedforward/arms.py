@@ -13,6 +13,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.model import EffortCalibration, Prediction, Query
+from lip_id_ros.model.known_states import KnownStates
 
 NAMES = ('a', 'b')
 
@@ -68,7 +69,8 @@ class Sum:
 def arm(factor: float = 1.0, reach: float = 1e6) -> LoadedModel:
     """Return an arm that was trained on -reach to reach."""
     model, one = Sum(factor, reach=reach), np.ones(len(NAMES))
-    return LoadedModel(model, EffortCalibration(one, 0 * one))
+    near_zero = KnownStates(np.zeros((1, 3 * len(NAMES))), np.ones(3 * len(NAMES)), 2.0)
+    return LoadedModel(model, EffortCalibration(one, 0 * one), near_zero)
 
 
 def point(q: Sequence[float], dq: Sequence[float], ddq: Sequence[float], t: float = 0.0) -> Any:

@@ -79,7 +79,12 @@ def test_an_unknown_deviation_is_beyond_the_limit(tmp_path: Path) -> None:
     path = str(tmp_path / 'model.npz')
     model.save(path)
     settings = ServeSettings(
-        model_path=path, std_policy='zero', std_limits=(1e9,), ramp_s=0.0, range_policy='off'
+        accept_unproven=True,
+        model_path=path,
+        std_policy='zero',
+        std_limits=(1e9,),
+        ramp_s=0.0,
+        range_policy='off',
     )
     arm = load_model(settings, ())
     assert arm.deviations is not None

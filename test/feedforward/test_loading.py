@@ -24,7 +24,8 @@ from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.feedforward.shaping import TrainingRange
 from lip_id_ros.model import InverseDynamicsModel
 
-MODEL = random_model('recursive')
+JUDGED = {'motion_s': 9.0, 'new_motion_s': 9.0, 'unexplained_percent': [9.0] * 3}
+MODEL = replace(random_model('recursive'), summary=JUDGED)
 JOINTS = MODEL.joint_names
 
 
@@ -52,6 +53,42 @@ def test_a_loaded_model_answers_as_its_file(settings: ServeSettings) -> None:
 def test_a_model_of_other_joints_is_refused(settings: ServeSettings) -> None:
     with pytest.raises(ModelError, match=r'must be a model of the joints a, b, but has joint_1,'):
         load_model(settings, ('a', 'b'))
+
+
+def test_a_model_that_is_not_proven_is_refused(settings: ServeSettings) -> None:
+    before = len(os.listdir('/proc/self/fd'))
+    for changed, lack in (
+        ({'new_motion_s': 5.0}, 'its recording has 1 s of motion that is not repeated'),
+        (
+            {'unexplained_percent': [9.0, 200.0, 9.0]},
+            'better than the mean .* joint_2 \\(200 %\\)',
+        ),
+        (
+            {'unexplained_percent': None},
+            'its file does not say on what motion it was judged; fit again',
+        ),
+    ):
+        replace(MODEL, summary={**JUDGED, **changed}).save(settings.model_path)
+        sentence = (
+            f'npz must be a model that is proven on unseen motion, but .*{lack}.*, or set acc'
+        )
+        with pytest.raises(ModelError, match=sentence):
+            load_model(settings, JOINTS)
+        stop({'': load_model(replace(settings, accept_unproven=True), JOINTS)})
+    assert len(os.listdir('/proc/self/fd')) == before
+
+
+def test_a_payload_that_is_not_proven_is_refused(settings: ServeSettings, tmp_path: Path) -> None:
+    loaded = str(tmp_path / 'loaded.npz')
+    replace(MODEL, summary={}).save(loaded)
+    with pytest.raises(ModelError, match=r'loaded\.npz must be a model that is proven'):
+        load_models(replace(settings, payload_models=(loaded,)), None)
+
+
+def test_a_judgement_that_makes_no_sense_is_an_error_of_the_file(settings: ServeSettings) -> None:
+    replace(MODEL, summary={**JUDGED, 'held_out': 'yes'}).save(settings.model_path)
+    with pytest.raises(ModelError, match='contradicts itself'):
+        load_model(settings, JOINTS)
 
 
 def test_a_successor_has_its_joints_in_the_same_order(settings: ServeSettings) -> None:

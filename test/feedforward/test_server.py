@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 from typing import Any
 
 from feedforward.arms import arm, NAMES, point
@@ -41,6 +42,19 @@ def test_sample_is_answered_in_the_order_of_the_model() -> None:
     assert answer.query.kinetic == 25.0
     assert server.values()['answered'] == {'samples': 1, 'plans': 0, 'measured': 0}
     assert counted(server) == {'limited': 1}
+
+
+def test_novelty_is_that_of_the_last_sample() -> None:
+    """The one training state is zero, and left-out ones were at a distance of two."""
+    server = serving()
+    assert server.values()['novelty'] is None
+    server.sample(['b', 'a'], [point([3, 2], [0, 0], [0, 0])], 0.0)
+    server.sample(['b', 'a'], [point([0, 6], [8, 0], [0, 0])], 0.1)
+    assert server.values()['novelty'] == 5.0
+    server.sample(['b', 'a'], [point([0, 1e200], [0, 0], [0, 0])], 0.2)
+    assert server.values()['novelty'] is None
+    server.use(replace(arm(), known_states=None), ServeSettings(**PLAIN))
+    assert server.values()['novelty'] is None
 
 
 def test_plan_is_answered_in_the_order_of_its_message() -> None:

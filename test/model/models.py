@@ -20,6 +20,7 @@ from lip_id_ros.kernels.program import without_potential
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
+from lip_id_ros.model.known_states import KnownStates, stored_states
 from lip_id_ros.model.remainder import (
     correlation,
     Inputs,
@@ -107,7 +108,14 @@ def of_arm(
         effort_calibrations=(EffortCalibration(0.5 + rng.random(n), rng.normal(size=n)),),
         arm=arm,
         remainder=remainder,
+        known_states=random_known_states(n, rng),
     )
+
+
+def random_known_states(n: int, rng: np.random.Generator) -> KnownStates:
+    """Return states that are kept of training data of n joints."""
+    states = stored_states(rng.normal(size=(6, 3 * n)))
+    return KnownStates(states, 0.5 + rng.random(3 * n), 0.5 + rng.random())
 
 
 def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior:

@@ -79,6 +79,21 @@ def test_round_trip(member: str, terms: bool, path: Path) -> None:
     assert os.listdir(path.parent) == [path.name]
 
 
+def test_novelty_is_in_the_file(path: Path) -> None:
+    model = random_model(ARTICULATED)
+    model.save(path)
+    x = random_states(5, model.n_joints, np.random.default_rng(3))
+    novelty = InverseDynamicsModel.load(path).novelty(*x)
+    assert novelty.min() > 0.0
+    np.testing.assert_array_equal(novelty, model.novelty(*x))
+
+
+def test_a_file_without_training_states_is_read(path: Path) -> None:
+    replace(random_model(ARTICULATED), known_states=None).save(path)
+    loaded = InverseDynamicsModel.load(path)
+    assert np.isnan(loaded.novelty(*np.zeros((3, 2, loaded.n_joints)))).all()
+
+
 def test_round_trip_without_potential(path: Path) -> None:
     model = random_model_without_potential('lip')
     model.save(path)

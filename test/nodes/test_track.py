@@ -43,7 +43,7 @@ HORIZON = 2.0
 def panda_model(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Model of two joints of the simulated Panda, learned in closed loop."""
     experiment = Experiment(
-        horizon=4.0,
+        horizon=6.0,  # less motion proves nothing
         amplitudes=(),
         preprocessing=PreprocessingSettings(cutoff_hz=12.5, max_samples=120),
         fit=FitSettings(subset=60, iterations=15),
