@@ -29,6 +29,7 @@ from lip_id_ros.export.friction_table import Coefficient, friction_table, HEADER
 from lip_id_ros.export.kinematics import model_kinematics, UNIDENTIFIED
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.rigid_body.couplings import coupling_texts
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 UNSEEN = (
@@ -47,7 +48,7 @@ IN_OTHER_WORDS = (
     *('searches_agreed', 'unexplained_left_out', 'unexplained_percent', 'unpredicted_left_out'),
 )
 """What of a fit is shown by tables, by its effect, or by a caution; JSON has it as it is."""
-SKETCH = 'sketch'
+SKETCH, COUPLED = 'sketch', 'coupled_positions'
 UNITS = '[rad or m, s]; effort as recorded, tau in N m or N'
 INDENT = '  '
 MOST_BESIDE = 3
@@ -113,6 +114,10 @@ def _remainder_joints(model: InverseDynamicsModel) -> list[str]:
     return [name for name, has in pairs if has]
 
 
+def _couplings(model: InverseDynamicsModel) -> list[str]:
+    return [] if model.arm is None else coupling_texts(model.arm.chain, model.joint_names)
+
+
 def described_model(model: InverseDynamicsModel) -> dict[str, Any]:
     """Return the description of a model, as JSON."""
     links = {}
@@ -120,6 +125,7 @@ def described_model(model: InverseDynamicsModel) -> dict[str, Any]:
         links = {
             'remainder': _remainder_joints(model),
             KINEMATICS: kinematics.to_json(),
+            COUPLED: _couplings(model),
             FRICTION: [each._asdict() for each in friction_table(model)],
         }
     return {
@@ -140,7 +146,7 @@ def inspected_model(
 ) -> None:
     """Show the description of a model, and what its fit found as tables."""
     fit = {name: value for name, value in description['fit'].items() if name not in IN_OTHER_WORDS}
-    hidden = dict.fromkeys((KINEMATICS, FRICTION, LEFT_OUT, 'remainder'))
+    hidden = dict.fromkeys((KINEMATICS, FRICTION, LEFT_OUT, 'remainder', COUPLED))
     described({**description, **hidden, 'fit': fit}, console)
     fitted(model, console)
     if rows := [Coefficient(**each).cells() for each in description.get(FRICTION, ())]:

@@ -11,6 +11,7 @@ from lip_id_ros.evaluation.metrics import Evaluation
 from lip_id_ros.evaluation.tables import percent
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.proof import missing_proof
+from lip_id_ros.rigid_body.couplings import coupling_texts
 from lip_id_ros.settings import PreprocessingSettings
 
 MOST_LINES = 2
@@ -46,6 +47,7 @@ def fit_cautions(model: InverseDynamicsModel, evaluation: Evaluation | None = No
         )
     texts = [
         *data_remarks(model.provenance),
+        *coupling_remarks(model),
         *summary_cautions(model.joint_names, model.summary),
         *_proof(model),
     ]
@@ -56,6 +58,17 @@ def _proof(model: InverseDynamicsModel) -> list[str]:
     """Return what a model lacks to be served, in a sentence."""
     lack = missing_proof(model)
     return [f'serve refuses this model unless accept_unproven is true: {lack}.'] if lack else []
+
+
+def coupling_remarks(model: InverseDynamicsModel) -> list[str]:
+    """Return a sentence on reported positions that are not those of a serial chain."""
+    if model.arm is None or not model.arm.chain.couplings.size:
+        return []
+    listed = '; '.join(coupling_texts(model.arm.chain, model.joint_names))
+    return [
+        f'Reported positions are coupled ({listed}): such a joint moves by its position plus the '
+        'ratio times that of the other joint. If that is not so, fit with fit.coupling none.'
+    ]
 
 
 def data_remarks(provenance: Mapping[str, Any]) -> list[str]:

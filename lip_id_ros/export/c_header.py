@@ -35,6 +35,7 @@ from lip_id_ros.friction.primitives import (
     STEP_AT,
     VELOCITY,
 )
+from lip_id_ros.rigid_body.couplings import couplings_of
 
 TEMPLATE = 'dynamics.h.in'
 REMARKS = (
@@ -74,10 +75,25 @@ def to_c_header(arm: ArmDescription) -> str:
         ),
         potential=_number(arm.reference_potential()),
         friction='\n'.join(_friction(arm)),
+        **_coupling(arm),
     )
 
 
 INDENT = '   '
+_MOTIONS = ('q', 'dq', 'ddq')
+
+COUPLING = """\
+/*
+ * Reported positions are coupled. A joint moves by its own and a share of another one:
+{said}
+ */
+static inline void {prefix}_joints_of(const double *x, double *out) {{
+  int i;
+  for (i = 0; i < {n}; i++) out[i] = x[i];
+{added}
+}}
+
+"""
 
 
 def identifier(name: str) -> str:
@@ -107,6 +123,27 @@ def _link(arm: ArmDescription, i: int) -> str:
         _number(links[10]),
     )
     return '    {' + ',\n     '.join(fields) + '}'
+
+
+def _coupling(arm: ArmDescription) -> dict[str, str]:
+    """Return what differs where reported positions are coupled: rotors turn with these."""
+    couplings = couplings_of(arm.chain.couplings)
+    if not couplings:
+        none = dict.fromkeys(('coupling', 'declared', 'motions', 'shares'), '')
+        return {**none, **{f'{x[:-1]}p': x for x in _MOTIONS}}
+    names = [_safe([printable(name)])[0] for name in arm.joint_names]
+    said = '\n'.join(f' *   {names[j]} {ratio:+g} {names[k]}' for j, k, ratio in couplings)
+    added = '\n'.join(f'  out[{j}] += {_number(ratio)} * x[{k}];' for j, k, ratio in couplings)
+    shares = ''.join(
+        f'    if (i == {j}) tau[{k}] += {_number(ratio)} * own;\n' for j, k, ratio in couplings
+    )
+    return {
+        'coupling': COUPLING.format(said=said, prefix=arm.name, n=arm.n_joints, added=added),
+        'motions': ''.join(f'  {arm.name}_joints_of({x}, {x[:-1]}p);\n' for x in _MOTIONS),
+        'declared': f'  double p[{arm.n_joints}], dp[{arm.n_joints}], ddp[{arm.n_joints}];\n',
+        'shares': shares,
+        **{f'{x[:-1]}p': f'{x[:-1]}p' for x in _MOTIONS},
+    }
 
 
 def _friction(arm: ArmDescription) -> list[str]:

@@ -21,6 +21,7 @@ from lip_id_ros.export.text import split_friction, term_name
 from lip_id_ros.friction.drives import DriveTerm
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.rigid_body.chain import ROTOR
+from lip_id_ros.rigid_body.couplings import coupling_matrix
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
 COMPILERS = ('cc', 'gcc', 'clang')
@@ -143,13 +144,15 @@ def check_mjcf(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agr
     # The Coulomb torque is a constraint there, which takes the sign from the solver.
     model.opt.disableflags |= off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT | off.mjDSBL_CONTACT
     data = mujoco.MjData(model)
-    found = np.empty_like(tau)
-    for t, (q, dq, ddq) in enumerate(zip(*states, strict=True)):
+    found, matrix = np.empty_like(tau), coupling_matrix(arm.chain)
+    for t, (q, dq, ddq) in enumerate(zip(*(states @ matrix.T), strict=True)):
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(model, data)
-        found[t] = data.qfrc_inverse
-    found += model.dof_frictionloss * _smooth_signs(arm, states)
-    left_out = split_friction(arm, mjcf.FRICTION).left_out
+        found[t] = data.qfrc_inverse @ matrix
+    split = split_friction(arm, mjcf.FRICTION)
+    coulomb = np.array([own.get('Coulomb', 0.0) for own in split.values])
+    found += coulomb * _smooth_signs(arm, states)
+    left_out = split.left_out
     return _agreement('MuJoCo', found, arm, tau, states, left_out)
 
 

@@ -29,6 +29,7 @@ from lip_id_ros.export.urdf import to_urdf
 from lip_id_ros.export.urdf_template import noted_template
 from lip_id_ros.files import write_whole
 from lip_id_ros.model import DynamicsModel
+from lip_id_ros.rigid_body.couplings import coupling_texts
 
 
 class Format(NamedTuple):
@@ -45,9 +46,9 @@ class Format(NamedTuple):
     friction: Collection[str] | None
 
 
-HEADER = 'c'
+HEADER, URDF = 'c', 'urdf'
 FORMATS = {
-    'urdf': Format(to_urdf, check_urdf, urdf.FRICTION),
+    URDF: Format(to_urdf, check_urdf, urdf.FRICTION),
     'mjcf': Format(to_mjcf, check_mjcf, mjcf.FRICTION),
     HEADER: Format(to_c_header, check_c_header, None),
 }
@@ -126,11 +127,12 @@ def formatted(name: str, exported: Exported, template: Template | None = None) -
 
     """
     form = FORMATS[name]
-    if exported.arm.chain.couplings.size:
+    if exported.arm.chain.couplings.size and name == URDF:
+        arm = exported.arm
         raise ModelError(
-            'an arm whose reported positions are those of its joints was expected, but those of '
-            f'{exported.arm.name} are coupled, which no file of another program can have yet; use '
-            'the model itself.'
+            'joints whose reported positions are their own were expected, since URDF knows no '
+            f'others, but those of the arm are coupled ({_listed(arm)}); export --mjcf or --c, '
+            'which have the coupling.'
         )
     if name == HEADER and exported.remainder is not None:
         raise ModelError(
@@ -141,3 +143,7 @@ def formatted(name: str, exported: Exported, template: Template | None = None) -
     if template is not None:
         form, exported = template.form, replace(exported, arm=exported.in_model_frames)
     return Formatted(name.upper(), form, exported, form.text(exported.arm))
+
+
+def _listed(arm: ArmDescription) -> str:
+    return ', '.join(coupling_texts(arm.chain, arm.joint_names))

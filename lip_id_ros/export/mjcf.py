@@ -8,6 +8,7 @@ here, with all digits, and MuJoCo's `MjSpec` reads and compiles it before anyone
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 import xml.etree.ElementTree as ET
 
@@ -18,7 +19,6 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import LipIdError, ModelError
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import (
-    FrictionSplit,
     header_lines,
     left_out_remark,
     number,
@@ -35,6 +35,7 @@ from lip_id_ros.export.urdf import (
     RADIUS,
 )
 from lip_id_ros.rigid_body.chain import ROTOR
+from lip_id_ros.rigid_body.couplings import coupling_matrix
 
 FRICTION = ('viscous', 'quadratic viscous', 'Coulomb', 'joint spring')
 """Terms of friction that MJCF can express: damping, frictionloss, stiffness."""
@@ -51,6 +52,11 @@ START = 'middle'
 """Key from which a simulation may begin, within all ranges."""
 SHOWN = {'contype': '0', 'conaffinity': '0', 'group': '2', 'mass': '0'}
 DARK = '0.25 0.3 0.35 1'
+COUPLED = (
+    'coupled positions: the joints here are those of the links. A recorded position that is '
+    'another one is the length of the tendon whose name ends with _drive; its motor, rotor and '
+    'friction pull there.'
+)
 REMARKS = (
     'friction: damping is viscous friction (a second number: in proportion to the square of the '
     'velocity), frictionloss the Coulomb torque, stiffness a spring of the joint; armature is the '
@@ -71,7 +77,11 @@ def to_mjcf(arm: ArmDescription) -> str:
 
     """
     friction = split_friction(arm, FRICTION)
-    remarks = (*REMARKS, *left_out_remark(arm, friction.left_out.basis.terms, 'MJCF'))
+    remarks = (
+        *REMARKS,
+        *([COUPLED] if arm.chain.couplings.size else []),
+        *left_out_remark(arm, friction.left_out.basis.terms, 'MJCF'),
+    )
     root = ET.Element('mujoco', {'model': arm.name})
     ET.SubElement(root, 'compiler', COMPILER)
     option = {'gravity': numbers(arm.chain.gravity), 'integrator': 'implicitfast'}
@@ -79,14 +89,19 @@ def to_mjcf(arm: ArmDescription) -> str:
     world = ET.SubElement(root, 'worldbody')
     ET.SubElement(world, 'light', {'pos': '0 0 3', 'dir': '0 0 -1', 'directional': 'true'})
     parent = ET.SubElement(world, 'body', {'name': base_name(arm.joint_names)})
-    actuators = ET.Element('actuator')
-    for i in range(arm.n_joints):
-        parent = _body(parent, arm, i, friction)
-        name = arm.joint_names[i]
-        ET.SubElement(actuators, 'motor', {'name': f'{name}_motor', 'joint': name})
-    root.append(actuators)
+    actuators, tendons = ET.Element('actuator'), ET.Element('tendon')
+    matrix = coupling_matrix(arm.chain)
+    for i, reported in enumerate(np.linalg.inv(matrix)):
+        name, drive = arm.joint_names[i], _drive(arm, i, friction.values[i])
+        is_coupled = np.count_nonzero(reported) > 1
+        parent = _body(parent, arm, i, {} if is_coupled else drive)
+        moved = {'tendon': f'{name}_drive'} if is_coupled else {'joint': name}
+        ET.SubElement(actuators, 'motor', {'name': f'{name}_motor', **moved})
+        if is_coupled:
+            tendons.append(_tendon(moved['tendon'], arm.joint_names, reported, drive))
+    root.extend([tendons, actuators] if len(tendons) else [actuators])
     middle = 0.5 * (arm.ranges.q_min + arm.ranges.q_max)
-    key = {'name': START, 'qpos': numbers(middle)}
+    key = {'name': START, 'qpos': numbers(matrix @ middle)}
     ET.SubElement(ET.SubElement(root, 'keyframe'), 'key', key)
     text = xml_text(root, header_lines(arm, remarks))
     compiled(text)
@@ -122,7 +137,7 @@ def import_mujoco() -> Any:
     return mujoco
 
 
-def _body(parent: ET.Element, arm: ArmDescription, i: int, friction: FrictionSplit) -> ET.Element:
+def _body(parent: ET.Element, arm: ArmDescription, i: int, drive: dict[str, str]) -> ET.Element:
     x, y, z, w = Rotation.from_matrix(arm.chain.rotations[i]).as_quat(canonical=True)
     place = {'pos': numbers(arm.chain.translations[i]), 'quat': numbers([w, x, y, z])}
     body = ET.SubElement(parent, 'body', {'name': link_name(arm.joint_names[i]), **place})
@@ -130,7 +145,9 @@ def _body(parent: ET.Element, arm: ArmDescription, i: int, friction: FrictionSpl
     entries = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     inertial = {'pos': numbers(centre), 'mass': number(mass), 'fullinertia': numbers(entries)}
     ET.SubElement(body, 'inertial', inertial)
-    ET.SubElement(body, 'joint', _joint(arm, i, friction.values[i]))
+    kind = 'slide' if arm.chain.prismatic[i] else 'hinge'
+    joint = {'name': arm.joint_names[i], 'type': kind, 'axis': '0 0 1'}
+    ET.SubElement(body, 'joint', {**joint, **drive})
     end = arm.chain.translations[i + 1] if i + 1 < arm.n_joints else np.zeros(3)
     _show(body, arm.chain.prismatic[i], end)
     return body
@@ -148,15 +165,25 @@ def _show(body: ET.Element, prismatic: bool, end: Array) -> None:
         ET.SubElement(body, 'geom', {**capsule, 'size': number(RADIUS), **SHOWN})
 
 
-def _joint(arm: ArmDescription, i: int, friction: dict[str, float]) -> dict[str, str]:
+def _tendon(
+    name: str, joints: Sequence[str], reported: Array, drive: dict[str, str]
+) -> ET.Element:
+    """Return a tendon as long as the reported position of a joint, a sum over joints, (n,)."""
+    at_zero = {'springlength': '0'} if 'stiffness' in drive else {}
+    tendon = ET.Element('fixed', {'name': name, **drive, **at_zero})
+    for joint, share in zip(joints, reported, strict=True):
+        if share != 0.0:
+            ET.SubElement(tendon, 'joint', {'joint': joint, 'coef': number(share)})
+    return tendon
+
+
+def _drive(arm: ArmDescription, i: int, friction: dict[str, float]) -> dict[str, str]:
+    """Return the range, rotor and friction of a drive, as attributes of a joint or tendon."""
     viscous, square, coulomb, spring = (friction.get(term, 0.0) for term in FRICTION)
-    joint = {
-        'name': arm.joint_names[i],
-        'type': 'slide' if arm.chain.prismatic[i] else 'hinge',
-        'axis': '0 0 1',
+    drive = {
         'range': numbers([arm.ranges.q_min[i], arm.ranges.q_max[i]]),
         'armature': number(arm.links[i, ROTOR]),
         'damping': numbers([viscous, square] if square > 0.0 else [viscous]),
         'frictionloss': number(coulomb),
     }
-    return {**joint, 'stiffness': number(spring)} if spring > 0.0 else joint
+    return {**drive, 'stiffness': number(spring)} if spring > 0.0 else drive

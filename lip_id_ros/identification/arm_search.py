@@ -105,14 +105,14 @@ class ArmSearch:
             If the data are not finite in units of the noise.
 
         """
-        samples, described = self._samples(SEARCH_SAMPLES), self.fitter.prior.chain
+        samples, described = self.search_samples(), self.fitter.prior.chain
         if described is not None:
             return calibration_at(described, samples)
         return calibrate(samples, FEW_SAMPLES, seed, progress)
 
     def recalibrated(self, calibration: Calibration) -> Calibration:
         """Refine placements that were found in other samples, or with other terms."""
-        samples, described = self._samples(SEARCH_SAMPLES), self.fitter.prior.chain
+        samples, described = self.search_samples(), self.fitter.prior.chain
         if described is not None:
             return calibration_at(described, samples)
         return refine(samples, FEW_SAMPLES, calibration)
@@ -128,6 +128,10 @@ class ArmSearch:
         return np.concatenate(
             [placements_residual(placements, self.samples(dataset.select(rows))) for rows in parts]
         )
+
+    def search_samples(self) -> Samples:
+        """Return the samples of the search."""
+        return self._samples(SEARCH_SAMPLES)
 
     def _samples(self, count: int) -> Samples:
         return self.samples(self.fitter.some(count))
@@ -177,11 +181,11 @@ def find_placements(
     if not (is_large & (np.log(found.noise_std / probed.noise_std) > PROBE)).any():
         return search, found
     other = sprung.calibrated(seed, progress)
-    gain = _log_left_out(fitter, found) - _log_left_out(fitter, other)
+    gain = log_left_out(fitter, found) - log_left_out(fitter, other)
     return (sprung, other) if gain >= LEAST_GAIN else (search, found)
 
 
-def _log_left_out(fitter: ArmFitter, found: Calibration) -> float:
+def log_left_out(fitter: ArmFitter, found: Calibration) -> float:
     """Return the mean logarithm of the joints' left-out residuals, with elected friction."""
     # a curve over the position would make up for wrong placements
     elected = fitter.elected(found.placements.chain, named_candidates)

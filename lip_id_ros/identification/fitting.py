@@ -25,7 +25,7 @@ from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.model.fit_checks import with_checks
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.rigid_body.couplings import read_couplings, rows_of
+from lip_id_ros.rigid_body.couplings import NO_COUPLING, read_couplings, rows_of
 from lip_id_ros.rigid_body.denavit_hartenberg import PARAMETERS, table, UNITS, with_standard_frames
 from lip_id_ros.settings import FitSettings
 
@@ -100,7 +100,7 @@ def _fitted(
     """Return the parts of the model, and a report."""
     few = dataset.n_samples < LEAST_SAMPLES_PER_JOINT * dataset.n_joints
     couplings = known_couplings(settings, dataset.joint_names)
-    if couplings.size and (few or settings.kernel != ARTICULATED):
+    if couplings is not None and (few or settings.kernel != ARTICULATED):
         raise ConfigError(
             f'fit.coupling is of the links of an articulated fit to at least '
             f'{LEAST_SAMPLES_PER_JOINT * dataset.n_joints} samples, but fit.kernel is '
@@ -166,9 +166,12 @@ def _kinematics(found: Identified) -> dict[str, list[float]]:
     return {name: (np.round(each, 5) + 0.0).tolist() for name, each in report.items()}
 
 
-def known_couplings(settings: FitSettings, joint_names: Sequence[str]) -> Array:
-    """Return the couplings of positions that the settings name, (k, 3); ConfigError if wrong."""
-    return rows_of(read_couplings(settings.coupling, joint_names))
+def known_couplings(settings: FitSettings, joint_names: Sequence[str]) -> Array | None:
+    """Return the couplings of positions that the settings name, (k, 3); None to search for."""
+    if not settings.coupling:
+        return None
+    texts = () if settings.coupling == (NO_COUPLING,) else settings.coupling
+    return rows_of(read_couplings(texts, joint_names))
 
 
 def described_arm(

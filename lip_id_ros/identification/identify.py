@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.noise import estimate_noise, sticking_noise, TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
+from lip_id_ros.identification.coupling_search import find_couplings
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
 from lip_id_ros.identification.disturbances import (
     Episode,
@@ -42,6 +43,8 @@ from lip_id_ros.model.remainder_mean import RemainderMean
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body.chain import NO_COUPLINGS
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg
+
+Find = Callable[[ArmFitter, int, Progress], tuple[ArmSearch, Calibration]]
 
 STAGE = 'links and friction'
 STEPS = 4
@@ -122,7 +125,7 @@ def identify(
     progress: Progress = silent,
     described: Described | None = None,
     robots: Sequence[str] | None = None,
-    couplings: Array = NO_COUPLINGS,
+    couplings: Array | None = None,
 ) -> Identified:
     """
     Identify chain, links and friction of an arm.
@@ -139,8 +142,9 @@ def identify(
         searched for.
     robots : sequence of str, optional
         Robot of every number of a recording.
-    couplings : array, shape (k, 3)
-        Of positions, as in `Chain`, that are known.
+    couplings : array, shape (k, 3), optional
+        Of positions, as in `Chain`; they are searched for where neither they nor a robot
+        description is given.
 
     Raises
     ------
@@ -150,9 +154,10 @@ def identify(
     """
     # Products this small gain nothing from more threads of their own.
     with threadpool_limits(1):
-        return _identified(
-            ArmFitter(dataset, described, robots, couplings), seed, progress, described
-        )
+        known = NO_COUPLINGS if couplings is None else couplings
+        fitter = ArmFitter(dataset, described, robots, known)
+        find = find_placements if described or couplings is not None else _find_arm
+        return _identified(fitter, find, seed, progress, described)
 
 
 def prediction_noise(
@@ -204,13 +209,13 @@ def _of_single_states(dataset: Dataset, fit: ArmFit, noise: TorqueNoise) -> Torq
 
 
 def _identified(
-    fitter: ArmFitter, seed: int, progress: Progress, described: Described | None
+    fitter: ArmFitter, find: Find, seed: int, progress: Progress, described: Described | None
 ) -> Identified:
     dataset = remembering(fitter.dataset)
     rows = without_long_rests(dataset)
     if rows.size < dataset.n_samples:  # a long recording is not copied for nothing
         dataset = dataset.select(rows)
-    search, calibration, disturbances = _calibrated(fitter.of(dataset), seed, progress)
+    search, calibration, disturbances = _calibrated(fitter.of(dataset), find, seed, progress)
     fitter, agree = search.fitter, halves_agree(search, calibration)
     fit = _fitted(fitter, calibration, progress)
     fit, arm, solution, total = posterior(fitter, fit)
@@ -239,15 +244,20 @@ def _identified(
     )
 
 
+def _find_arm(fitter: ArmFitter, seed: int, progress: Progress) -> tuple[ArmSearch, Calibration]:
+    """Find placements and coupled positions."""
+    return find_couplings(*find_placements(fitter, seed, progress), seed, progress)
+
+
 def _calibrated(
-    fitter: ArmFitter, seed: int, progress: Progress
+    fitter: ArmFitter, find: Find, seed: int, progress: Progress
 ) -> tuple[ArmSearch, Calibration, list[Episode]]:
     """Find the placements, and leave out the samples that nothing explains."""
     dataset = fitter.dataset
     if not (kept := measured(dataset)).all():
         dataset = dataset.select(np.flatnonzero(kept))
     fitter = fitter.of(dataset.select(np.flatnonzero(plausible(dataset))))
-    found = _without_outliers(*find_placements(fitter, seed, progress))
+    found = _without_outliers(*find(fitter, seed, progress))
     search, calibration, disturbances = without_disturbances(*found)
     if disturbances:
         search, calibration = _without_outliers(search, calibration)

@@ -108,7 +108,7 @@ def calibrate(samples: Samples, few: int, seed: int, progress: Progress) -> Cali
         If the data are not finite in units of the noise.
 
     """
-    coarse = _coarse_noise(samples)
+    coarse = coarse_noise(samples)
     some = few_of(samples, few)
     # Products this small gain nothing from more threads of their own.
     with threadpool_limits(1), ThreadPoolExecutor(SEARCHES) as pool:
@@ -135,7 +135,7 @@ def refine(samples: Samples, few: int, found: Calibration) -> Calibration:
 
 def calibration_at(chain: Chain, samples: Samples) -> Calibration:
     """Return the calibration of an arm whose placements are given."""
-    noise_std, floor = _coarse_noise(samples), least_noise(samples.tau)
+    noise_std, floor = coarse_noise(samples), least_noise(samples.tau)
     for _ in range(REFINEMENTS):
         problem = PlacementProblem(samples, noise_std)
         placements = problem.at(chain.rotations, chain.translations)
@@ -155,7 +155,8 @@ def least_noise(tau: Array) -> Array:
     return np.maximum(FINEST * torque_size(tau), RESOLUTION * rms)
 
 
-def _coarse_noise(samples: Samples) -> Array:
+def coarse_noise(samples: Samples) -> Array:
+    """Return the residuals that the search is in units of, shape (n,) [N m or N]."""
     return np.maximum(COARSE * torque_size(samples.tau), least_noise(samples.tau))
 
 

@@ -21,6 +21,9 @@ from lip_id_ros.rigid_body.chain import Chain, NO_COUPLINGS
 LEAST_DETERMINANT = 1e-3
 """Of C: below it reported positions hardly say where the joints are."""
 
+NO_COUPLING = 'none'
+"""Of the setting: positions are those of the joints, and nothing is searched for."""
+
 FORM = 'a coupling is "joint ratio other_joint", such as "joint_3 -1 joint_2"'
 
 

@@ -184,7 +184,7 @@ def _chain(old: Chain, base: Pose, links: Pose) -> Chain:
     to_parent = axes[:-1].transpose(0, 2, 1)
     translations = (to_parent @ np.diff(origins, axis=0)[:, :, None])[:, :, 0]
     gravity = base.axes.T @ old.gravity
-    return Chain(to_parent @ axes[1:], translations, old.prismatic, gravity)
+    return old._replace(rotations=to_parent @ axes[1:], translations=translations, gravity=gravity)
 
 
 def _standard_poses(chain: Chain, old: Pose) -> tuple[Pose, Pose]:

@@ -166,7 +166,8 @@ class FitSettings(Settings):
         (),
         'Reported positions that are not those of a serial chain, each as "joint ratio '
         'other_joint": the joint moves by its position plus the ratio times that of the other '
-        'joint, as "joint_3 -1 joint_2" of a parallelogram.',
+        'joint, as "joint_3 -1 joint_2" of a parallelogram. Empty: they are searched for where no '
+        'description is given; "none": there are none.',
     )
     description: str = setting(
         '',

@@ -9,6 +9,7 @@ from typing import Any
 
 from evaluation.models import QUICK, small_model, training
 from evaluation.stubs import Knowing
+from kernels.cases import R
 from model.models import random_model
 import numpy as np
 import pytest
@@ -31,6 +32,13 @@ from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.model.proof import with_held_out
 
 NAMES = ('shoulder', 'elbow', 'wrist')
+
+
+def test_coupled_positions_are_said() -> None:
+    model = random_model(ARTICULATED, types=(R, R, R), remainder=False)
+    (text,) = [each for each in fit_cautions(model) if 'coupled' in each]
+    assert text.startswith('Reported positions are coupled (joint_3 -0.7 joint_2): such a joint')
+    assert not [each for each in fit_cautions(random_model('lip')) if 'coupled' in each]
 
 
 def test_joints_predicted_no_better_than_by_their_mean_are_named() -> None:
@@ -111,10 +119,10 @@ def test_a_motion_that_repeats_itself_is_a_caution(every: float, new: float, cou
 def test_what_is_missing_to_serve_a_model_is_a_caution() -> None:
     short = {'motion_s': 1.0, 'new_motion_s': 1.0, 'unexplained_percent': [1.0] * 3}
     model = replace(random_model(ARTICULATED), summary=short)
-    (text,) = fit_cautions(model)
+    *_, text = fit_cautions(model)
     assert text.startswith('serve refuses this model unless accept_unproven is true: its rec')
     proven = with_held_out(model, [1.0, 2.0, 3.0], 5.0)
-    assert fit_cautions(proven) == []
+    assert not [each for each in fit_cautions(proven) if 'serve' in each]
 
 
 @pytest.mark.parametrize(('agree', 'count'), [(True, 0), (False, 1)])

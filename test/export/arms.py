@@ -30,7 +30,10 @@ from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.remainder import Inputs, Remainder
 from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.couplings import Coupling, rows_of
 from lip_id_ros.simulation.arm import panda_urdf
+
+COUPLED = 'coupled'
 
 EXTRA: tuple[FrictionTerm, ...] = (
     Stribeck(0.05),
@@ -98,8 +101,18 @@ def random_arm(kinds: str, seed: int = 0) -> ArmDescription:
     return describe(f'arm_{kinds}', chain, random_bodies(len(kinds), rng), seed)
 
 
+def coupled_arm() -> ArmDescription:
+    """Return an arm some of whose reported positions are coupled, one of them twice."""
+    rng = np.random.default_rng(4)
+    couplings = Coupling(2, 1, -1.0), Coupling(3, 2, 0.5), Coupling(3, 0, 0.2)
+    chain = random_chain('RRRR', rng)._replace(couplings=rows_of(couplings))
+    return describe(COUPLED, chain, random_bodies(4, rng))
+
+
 def arm_of(name: str) -> ArmDescription:
     """Return an arm by name."""
+    if name == COUPLED:
+        return coupled_arm()
     return panda() if name == 'panda' else random_arm(name)
 
 

@@ -9,7 +9,7 @@ import re
 import shutil
 import subprocess
 
-from export.arms import arm_of, random_arm
+from export.arms import arm_of, COUPLED, random_arm
 import numpy as np
 import pytest
 
@@ -77,7 +77,7 @@ def build(folder: Path, compiler: str, *arguments: str) -> None:
     assert ran.returncode == 0, ran.stderr
 
 
-@pytest.mark.parametrize('name', ['panda', 'RPRPRR', 'P'])
+@pytest.mark.parametrize('name', ['panda', 'RPRPRR', 'P', COUPLED])
 def test_every_function(name: str, tmp_path: Path) -> None:
     if name == 'panda':
         pytest.importorskip('pinocchio')

@@ -6,14 +6,14 @@ from dataclasses import replace
 import importlib.util
 import shutil
 
-from export.arms import arm_of, random_arm
+from export.arms import arm_of, COUPLED, random_arm
 import numpy as np
 import pytest
 
 from lip_id_ros.errors import LipIdError, ModelError
-from lip_id_ros.export.arm import ArmDescription
+from lip_id_ros.export.arm import ArmDescription, Exported
 from lip_id_ros.export.check import Agreement, COMPILERS
-from lip_id_ros.export.formats import FORMATS
+from lip_id_ros.export.formats import FORMATS, formatted
 from lip_id_ros.rigid_body.chain import ROTOR, STANDARD_GRAVITY
 
 pytest.importorskip('pinocchio')
@@ -44,6 +44,18 @@ def test_readers_give_the_torques_of_the_arm(arm: str, name: str) -> None:
     found = agreement(name, arm_of(arm))
     assert found.difference.max() < 1e-12
     assert found.n_states == 10_000
+
+
+@pytest.mark.parametrize('name', ['mjcf', 'c'])
+def test_formats_that_have_coupled_positions(name: str) -> None:
+    pytest.importorskip('mujoco')
+    assert agreement(name, arm_of(COUPLED)).difference.max() < 1e-12
+
+
+def test_urdf_has_no_coupled_positions() -> None:
+    arm = arm_of(COUPLED)
+    with pytest.raises(ModelError, match=r'coupled \(joint_3 -1 joint_2, joint_4 0.5 joint_3, '):
+        formatted('urdf', Exported(arm, arm, None))
 
 
 @EACH_FORMAT

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from export.arms import random_arm
+from export.arms import arm_of, COUPLED, random_arm
 import numpy as np
 import pytest
 
 from lip_id_ros.errors import ModelError
 from lip_id_ros.export.mjcf import compiled, to_mjcf
 from lip_id_ros.rigid_body.chain import ROTOR
+from lip_id_ros.rigid_body.couplings import coupling_matrix
 from lip_id_ros.rigid_body.regressor import kinetic_regressor, potential_regressor
 
 mujoco = pytest.importorskip('mujoco')
@@ -46,6 +47,23 @@ def test_energies_are_those_of_the_arm() -> None:
     np.testing.assert_allclose(np.diff(potential), np.diff(expected), atol=1e-10)
     expected = kinetic_regressor(arm.chain, q, dq) @ arm.links.ravel()
     np.testing.assert_allclose(kinetic, expected, rtol=1e-10)
+
+
+def test_tendons_of_coupled_positions() -> None:
+    """They are as long as the reported positions, and have the rotors and friction there."""
+    arm = arm_of(COUPLED)
+    text = to_mjcf(arm)
+    assert 'coupled positions: the joints here are those of the links' in ' '.join(text.split())
+    model = compiled(text)
+    assert [model.tendon(k).name for k in range(2)] == ['joint_3_drive', 'joint_4_drive']
+    data = mujoco.MjData(model)
+    q = arm.ranges.random_states(1, np.random.default_rng(0))[0, 0]
+    data.qpos[:] = coupling_matrix(arm.chain) @ q
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.ten_length, q[2:], atol=1e-12)
+    np.testing.assert_array_equal(model.tendon_armature, arm.links[2:, ROTOR])
+    np.testing.assert_array_equal(model.dof_armature, [*arm.links[:2, ROTOR], 0.0, 0.0])
+    np.testing.assert_allclose(model.tendon_range[:, 0], arm.ranges.q_min[2:])
 
 
 def test_it_can_be_simulated() -> None:

@@ -12,7 +12,12 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification import arm_fit, geometry_election, placement_search
+from lip_id_ros.identification import (
+    arm_fit,
+    coupling_search,
+    geometry_election,
+    placement_search,
+)
 from lip_id_ros.identification.arm_problem import ArmProblem
 from lip_id_ros.identification.identify import identify
 from lip_id_ros.identification.kinematic_calibration import PlacementProblem
@@ -23,14 +28,19 @@ def most_of_placements() -> int:
     Both searches to their last batch, without springs, with them probed, and with them.
 
     Refinements of few and of all samples are done after each of the three, and once more without
-    outliers.
+    outliers. Couplings of two joints are tried, judged and searched with, one after the other.
 
     """
     search = placement_search
     descents = search.SEARCHES * (search.STARTS + search.MOST_BATCHES * search.ROUNDS)
     # one more evaluation a round, for its noise
     refined = (search.CANDIDATES + search.FINALISTS) * search.MORE_EVALUATIONS + 2
-    return 2 * descents * search.EVALUATIONS + search.REFINEMENTS * 4 * refined
+    couplings = coupling_search
+    trials = len(couplings.FIRST_RATIOS) + len(couplings.RATIOS) + 1
+    tried = trials * couplings.MINIMA * couplings.EVALUATIONS
+    judged = 2 * couplings.FOLDS * search.MORE_EVALUATIONS + search.REFINEMENTS * 2 * refined
+    of_couplings = couplings.MOST * (tried + judged + descents * search.EVALUATIONS)
+    return 2 * descents * search.EVALUATIONS + search.REFINEMENTS * 4 * refined + of_couplings
 
 
 def most_of_arms() -> int:

@@ -1,0 +1,94 @@
+"""Couplings of positions: found where they are, and not where they are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gp.arms import dataset_of, noise_of
+from gp.chains import ChainArm, R, random_arm
+import numpy as np
+import pytest
+
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_search import ArmSearch, find_placements
+from lip_id_ros.identification.coupling_search import (
+    find_couplings,
+    predicts_better,
+    promising,
+    with_coupling,
+)
+from lip_id_ros.identification.fitting import fit
+from lip_id_ros.progress import silent
+from lip_id_ros.rigid_body.couplings import Coupling, couplings_of, rows_of
+from lip_id_ros.settings import FitSettings
+
+TYPES = (R, R, R, R)
+PARALLELOGRAM, WRIST = Coupling(2, 1, -1.0), Coupling(3, 2, 0.5)
+
+
+def arm_of(*couplings: Coupling, seed: int) -> ChainArm:
+    arm = random_arm(TYPES, seed)
+    return replace(arm, chain=arm.chain._replace(couplings=rows_of(couplings)))
+
+
+def recording(arm: ChainArm, noise: float = 0.01, efforts: np.ndarray | None = None) -> Dataset:
+    motion = arm.motion(400, seed=0)
+    tau = arm.torque(*motion)
+    if efforts is not None:
+        tau = tau @ efforts.T
+    return dataset_of(arm, motion, tau + noise_of(tau, noise))
+
+
+def found(data: Dataset) -> tuple[Coupling, ...]:
+    search, _ = find_couplings(*find_placements(ArmFitter(data), 0, silent), 0, silent)
+    return couplings_of(search.fitter.couplings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    'couplings', [(PARALLELOGRAM,), (WRIST,), (Coupling(1, 0, 0.5), Coupling(3, 2, -1.0))]
+)
+def test_couplings_are_found(couplings: tuple[Coupling, ...]) -> None:
+    assert sorted(found(recording(arm_of(*couplings, seed=3)))) == sorted(couplings)
+
+
+@pytest.mark.slow
+def test_no_coupling_is_invented_in_noise() -> None:
+    """Residuals of a tenth are far more than a serial chain would be sure of."""
+    assert found(recording(arm_of(seed=3), noise=0.1)) == ()
+
+
+@pytest.mark.slow
+def test_efforts_of_coupled_motors_are_no_coupled_positions() -> None:
+    """The positions are those of the joints, the efforts those of the motors."""
+    efforts = np.eye(4)
+    efforts[2, 3] = 1.0
+    assert found(recording(arm_of(seed=3), efforts=efforts)) == ()
+
+
+@pytest.mark.slow
+def test_an_arm_whose_residuals_are_small_is_not_searched() -> None:
+    search = ArmSearch(ArmFitter(recording(arm_of(seed=3), noise=1e-3)))
+    assert promising(search, search.calibrated(0, silent)) is None
+
+
+@pytest.mark.slow
+def test_a_wrong_coupling_predicts_left_out_motions_worse() -> None:
+    search = ArmSearch(ArmFitter(recording(arm_of(PARALLELOGRAM, seed=3))))
+    serial = search.calibrated(0, silent)
+    for ratio, is_better in ((-1.0, True), (0.5, False)):
+        other = with_coupling(search, PARALLELOGRAM._replace(ratio=ratio))
+        assert predicts_better(other, other.recalibrated(serial), search, serial) == is_better
+
+
+@pytest.mark.slow
+def test_default_fits_search_and_others_do_not() -> None:
+    arm = arm_of(PARALLELOGRAM, seed=3)
+    data, motion = recording(arm, noise=1e-3), arm.motion(200, seed=1)
+    tau = arm.torque(*motion)
+    models = [fit(data), fit(data, FitSettings(coupling=('none',)))]
+    couplings = [couplings_of(each.arm.chain.couplings) for each in models if each.arm]
+    assert couplings == [(PARALLELOGRAM,), ()]
+    coupled, serial = (np.square(each.predict(*motion).tau - tau).mean() for each in models)
+    assert coupled < 1e-4 * np.square(tau).mean() < serial
