@@ -137,8 +137,8 @@ def formatted(name: str, exported: Exported, template: Template | None = None) -
     if name == HEADER and exported.remainder is not None:
         raise ModelError(
             f'the C header has links and friction only, but the model also has '
-            f'{exported.remainder}; fit with more data, or export --urdf or --mjcf, which leave '
-            'that out.'
+            f'{exported.remainder}; fit with fit.terms: named, which leaves such processes '
+            'out of the fit, or export --urdf or --mjcf, which leave that out.'
         )
     if template is not None:
         form, exported = template.form, replace(exported, arm=exported.in_model_frames)

@@ -30,7 +30,7 @@ from lip_id_ros.friction.model import FrictionBasis
 from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
 from lip_id_ros.identification.arm_fit import ArmFitter, Described
 from lip_id_ros.identification.fitting import described_arm
-from lip_id_ros.identification.identify import LEAST_SAMPLES_PER_JOINT
+from lip_id_ros.identification.identify import LEAST_SAMPLES_PER_JOINT, PROCESSES
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.posterior import is_linear, SAMPLES
 from lip_id_ros.identification.recording_factors import RecordingFactors
@@ -200,7 +200,8 @@ class _Fit:
         key = digest('placements', self._settings, some, names, settings, content)
         if (placed := self._passes.restored(PlacedArm, key)) is None:
             placed, solution = place(surveys, names, settings, described, self._passes.progress)
-            placed = with_processes(placed, solution, surveys, described)
+            if settings.terms == PROCESSES:
+                placed = with_processes(placed, solution, surveys, described)
             self._passes.keep(key, placed)
         return placed, described
 

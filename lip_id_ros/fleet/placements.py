@@ -216,7 +216,8 @@ def place(
     for number, stages in enumerate(ROUNDS):
         robots = [each.group for each in kept]
         stage = _named(progress, stages)
-        found = identify(data, settings.seed, stage, described, robots, couplings)
+        arm = described, robots, couplings, settings.terms
+        found = identify(data, settings.seed, stage, *arm)
         if len(kept) == 1:
             break
         rms = found.solution.recordings.residual_rms

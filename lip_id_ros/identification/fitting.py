@@ -37,7 +37,7 @@ ROUNDING = 1e-9
 """Share of the largest torque below which a change is none."""
 
 OF_PROCESSES = ('friction', 'subset', 'max_samples', 'iterations', 'prior_precision')
-OF_ARMS = ('seed',)
+OF_ARMS = ('seed', 'terms')
 """Settings that only fits of Gaussian processes, and only fits of arms, use."""
 
 WITHOUT_LINKS = 'recursive'
@@ -116,7 +116,8 @@ def _fitted(
         )
     if settings.kernel == ARTICULATED and not few:
         described = described_arm(dataset.joint_names, dataset.joint_types, settings)
-        found = identify(dataset, settings.seed, progress, described, couplings=couplings)
+        terms = settings.terms
+        found = identify(dataset, settings.seed, progress, described, None, couplings, terms)
         report = fit_report(found, settings)
         if described is not None:
             report['description'] = description_report(found, described[0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,8 @@ from lip_id_ros.identification.disturbances import (
     halves_agree,
     without_disturbances,
 )
+from lip_id_ros.identification.friction_candidates import candidates, named_candidates
+from lip_id_ros.identification.friction_election import Offered
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.placement_deviations import table_deviations
@@ -48,6 +50,14 @@ Find = Callable[[ArmFitter, int, Progress], tuple[ArmSearch, Calibration]]
 
 STAGE = 'links and friction'
 STEPS = 4
+
+PROCESSES, NAMED, FRICTION = 'processes', 'named', 'friction'
+OFFERS: Mapping[str, Offered] = {
+    PROCESSES: candidates,
+    NAMED: candidates,
+    FRICTION: named_candidates,
+}
+"""Friction terms on offer, by what may be beside the links: a value of the setting `fit.terms`."""
 
 LEAST_SAMPLES_PER_JOINT = 2
 """With fewer samples placements fit anything, and mean nothing."""
@@ -126,6 +136,7 @@ def identify(
     described: Described | None = None,
     robots: Sequence[str] | None = None,
     couplings: Array | None = None,
+    terms: str = PROCESSES,
 ) -> Identified:
     """
     Identify chain, links and friction of an arm.
@@ -145,6 +156,8 @@ def identify(
     couplings : array, shape (k, 3), optional
         Of positions, as in `Chain`; they are searched for where neither they nor a robot
         description is given.
+    terms : str
+        What may be beside the links, a key of `OFFERS`.
 
     Raises
     ------
@@ -157,7 +170,7 @@ def identify(
         known = NO_COUPLINGS if couplings is None else couplings
         fitter = ArmFitter(dataset, described, robots, known)
         find = find_placements if described or couplings is not None else _find_arm
-        return _identified(fitter, find, seed, progress, described)
+        return _identified(fitter, find, seed, progress, described, terms)
 
 
 def prediction_noise(
@@ -209,7 +222,12 @@ def _of_single_states(dataset: Dataset, fit: ArmFit, noise: TorqueNoise) -> Torq
 
 
 def _identified(
-    fitter: ArmFitter, find: Find, seed: int, progress: Progress, described: Described | None
+    fitter: ArmFitter,
+    find: Find,
+    seed: int,
+    progress: Progress,
+    described: Described | None,
+    terms: str,
 ) -> Identified:
     dataset = remembering(fitter.dataset)
     rows = without_long_rests(dataset)
@@ -217,9 +235,9 @@ def _identified(
         dataset = dataset.select(rows)
     search, calibration, disturbances = _calibrated(fitter.of(dataset), find, seed, progress)
     fitter, agree = search.fitter, halves_agree(search, calibration)
-    fit = _fitted(fitter, calibration, progress)
+    fit = _fitted(fitter, calibration, OFFERS[terms], progress)
     fit, arm, solution, total = posterior(fitter, fit)
-    remainder = elect_remainder(fitter, fit)
+    remainder = elect_remainder(fitter, fit) if terms == PROCESSES else None
     arm = replace(arm, noise=prediction_noise(fitter, fit, arm.noise, remainder))
     kinematics_std = table_deviations(total, solution, known_of(fitter, fit))
     progress(STAGE, STEPS, STEPS)
@@ -275,15 +293,17 @@ def _without_outliers(
     return search, search.recalibrated(calibration)
 
 
-def _fitted(fitter: ArmFitter, calibration: Calibration, progress: Progress) -> ArmFit:
+def _fitted(
+    fitter: ArmFitter, calibration: Calibration, offered: Offered, progress: Progress
+) -> ArmFit:
     """Elect friction and geometry, and fit placements, links and friction together."""
     progress(STAGE, 0, STEPS)
-    elected = fitter.elected(calibration.placements.chain)
+    elected = fitter.elected(calibration.placements.chain, offered)
     progress(STAGE, 1, STEPS)
     fit = fitter.best_start([each.chain for each in calibration.candidates], elected)
     progress(STAGE, 2, STEPS)
     # Loads and placements are better known by now.
-    fit = fitter.with_friction(fit, fitter.elected(fit.chain))
+    fit = fitter.with_friction(fit, fitter.elected(fit.chain, offered))
     fit = fitter.refined(fitter.some(MOST_SAMPLES), fit)
     progress(STAGE, 3, STEPS)
     return fit if fitter.is_described else elect_geometry(fitter, fit)

@@ -149,8 +149,16 @@ class FitSettings(Settings):
         'articulated',
         'The model: an arm of rigid links with friction, whose joints are located by the fit, '
         'with a Gaussian process for the residual where it helps (articulated), or a kernel on '
-        'energies alone, to which the settings below apply, all but the seed.',
+        'energies alone, to which the settings below apply, all but terms and seed.',
         choices=('articulated', 'lip', 'recursive'),
+    )
+    terms: str = setting(
+        'processes',
+        'What may be beside the links of an arm where left-out motion asks for it: friction of '
+        'forms in the literature alone (friction); also memory, and curves over the position or '
+        'the velocity of a joint (named); also Gaussian processes, which no exported file has '
+        '(processes).',
+        choices=('processes', 'named', 'friction'),
     )
     friction: bool = setting(True, 'Add friction per joint, linear in dq and sign(dq).')
     subset: int = setting(

@@ -170,6 +170,8 @@ def test_a_remainder_is_left_out_of_urdf_and_refused_in_c(
     assert 'Left out: ' in (tmp_path / 'a.urdf').read_text()
     both = '--urdf', str(tmp_path / 'b.urdf'), '--c', str(tmp_path / 'a.h')
     assert main(['export', str(path), *both]) == 1
-    assert 'the C header has links and friction only' in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert 'the C header has links and friction only' in error
+    assert 'fit with fit.terms: named' in error
     assert not (tmp_path / 'a.h').exists()
     assert not (tmp_path / 'b.urdf').exists()  # all files or none

@@ -13,7 +13,13 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import FitError
-from lip_id_ros.identification.identify import Identified, identify
+from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
+from lip_id_ros.identification.identify import (
+    FRICTION,
+    Identified,
+    identify,
+    NAMED,
+)
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 
 NOISE = 1e-3
@@ -187,11 +193,27 @@ def test_a_spring_between_joints_has_a_process_beside_the_links() -> None:
 
     motion, unseen = arm.motion(120, seed=0), arm.motion(100, seed=1)
     tau = torque(*motion)
-    found = identify(dataset_of(arm, motion, tau + noise_of(tau)))
+    data = dataset_of(arm, motion, tau + noise_of(tau))
+    found = identify(data)
     assert found.remainder is not None
     assert found.remainder.joints.any()
     assert not found.remainder.replaces.any()
     assert_predicts(found, unseen, torque(*unseen), 0.06)
+    assert identify(data, terms=NAMED).remainder is None
+
+
+@pytest.mark.slow
+def test_curves_are_left_out_where_the_setting_says_friction_alone() -> None:
+    arm = random_arm((R, R), seed=4)
+    motion = arm.motion(120, seed=0)
+    tau = arm.torque(*motion) + 5.0 * np.sin(3.0 * motion[1] / motion[1].std(axis=0))
+    data = dataset_of(arm, motion, tau + noise_of(tau))
+    curves = [
+        any(isinstance(each.term, PositionCurve | VelocityCurve) for each in basis.terms)
+        for terms in (NAMED, FRICTION)
+        for basis in [identify(data, terms=terms).arm.friction.basis]
+    ]
+    assert curves == [True, False]
 
 
 @pytest.mark.filterwarnings('ignore::RuntimeWarning')
