@@ -23,17 +23,17 @@ from benchmarks._closed_loop import (
     Tracking,
 )
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring import external_torques, Thresholds
 from lip_id_ros.monitoring.detection import CUTOFF_HZ
-from lip_id_ros.preprocessing import for_training, preprocess
+from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.signals.filters import high_pass
 from lip_id_ros.simulation import SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 from lip_id_ros.simulation.panda_drives import panda_setup, Setup
+from lip_id_ros.workflow.fit import fit
 
 EVERY = 10  # the observer runs at 100 Hz
 FIRST, APART, LASTS = 1.0, 2.0, 0.5  # contacts [s]
@@ -120,8 +120,7 @@ def measure(
 def learned(setup: Setup, runs: Sequence[Tracking], settings: FitSettings) -> InverseDynamicsModel:
     """Fit the arm to measured motions."""
     samples = [JointSamples(run.t, run.q, run.dq, run.tau, setup.arm.joint_names) for run in runs]
-    recorded = preprocess(samples, PREPROCESSING)
-    return fit(for_training(recorded, PREPROCESSING, settings.kernel), settings)
+    return fit(preprocess(samples, PREPROCESSING), settings)
 
 
 def move(

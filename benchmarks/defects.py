@@ -20,14 +20,12 @@ from benchmarks._closed_loop import FrictionalArm
 from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation.cautions import summary_cautions
 from lip_id_ros.health import evidence_of, examine
-from lip_id_ros.identification import fit
-from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
-from lip_id_ros.preprocessing import for_training, preprocess
+from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.settings import PreprocessingSettings
 from lip_id_ros.simulation.arm import MOTION, panda, SimulatedArm
 from lip_id_ros.simulation.torque_controlled import JointFriction
 from lip_id_ros.simulation.trajectories import MotionLimits, SinusoidTrajectory
+from lip_id_ros.workflow.fit import fit
 
 RATE_HZ, SECONDS = 100.0, 60.0
 POSITION_NOISE, VELOCITY_NOISE, EFFORT_NOISE = 1e-5, 2e-3, 0.05
@@ -277,7 +275,6 @@ def found(samples: JointSamples) -> set[str]:
 
 def cautions(samples: JointSamples) -> set[str]:
     """Return what a fit reports: parts of known sentences, and other sentences whole."""
-    data = for_training(preprocess(samples), PreprocessingSettings(), ARTICULATED)
-    model = fit(data)
+    model = fit(preprocess(samples))
     cautions = summary_cautions(model.joint_names, model.summary)
     return {next((part for part in CAUTIONS.values() if part in text), text) for text in cautions}

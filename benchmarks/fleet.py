@@ -27,8 +27,9 @@ from benchmarks._panda import half_ranges
 from lip_id_ros.arrays import Array
 from lip_id_ros.fleet.cache import FolderCache
 from lip_id_ros.fleet.engines import Engine, Keep, LocalEngine, Outcome, RayEngine
-from lip_id_ros.fleet.fit import fit_fleet, STATISTICS, SURVEY
+from lip_id_ros.fleet.fit import fit_fleet, STATISTICS
 from lip_id_ros.fleet.passes import Cache
+from lip_id_ros.fleet.recordings import SURVEY
 from lip_id_ros.fleet.report import write_fleet_report
 from lip_id_ros.fleet.results import FITTED, FleetResult
 from lip_id_ros.fleet.sources import find, StoredRecording

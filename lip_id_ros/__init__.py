@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from lip_id_ros.evaluation import evaluate, Evaluation, fit_cautions
     from lip_id_ros.excitation.planning import design_motion, ExcitingMotion
     from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, SearchSettings
-    from lip_id_ros.identification import fit
     from lip_id_ros.loading.examined import load_dataset
     from lip_id_ros.model import InverseDynamicsModel, Prediction
     from lip_id_ros.settings import (
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
         read_config,
         RecordingSettings,
     )
+    from lip_id_ros.workflow.fit import fit
 
 __version__ = '0.1.0'
 
@@ -60,7 +60,7 @@ _HOMES = {
     'SourceError': 'errors',
     'design_motion': 'excitation.planning',
     'evaluate': 'evaluation',
-    'fit': 'identification',
+    'fit': 'workflow.fit',
     'fit_cautions': 'evaluation',
     'load_dataset': 'loading.examined',
     'read_config': 'settings',

@@ -84,8 +84,12 @@ PARTS = {
         *('dataset', 'description', 'friction', 'model', 'recording', 'rigid_body', 'settings'),
     },
     'fleet': {
-        *('dataset', 'evaluation', 'friction', 'identification', 'linear_algebra', 'model'),
-        *('loading', 'preprocessing', 'recording', 'rigid_body', 'settings'),
+        *('dataset', 'evaluation', 'export', 'friction', 'identification', 'linear_algebra'),
+        *('loading', 'model', 'preprocessing', 'recording', 'rigid_body', 'settings'),
+    },
+    'workflow': {
+        *('dataset', 'evaluation', 'export', 'fleet', 'identification', 'loading', 'model'),
+        *('preprocessing', 'settings'),
     },
     'signals': {'model', 'recording'},
     'control': {'model', 'recording', 'settings', 'signals'},

@@ -18,14 +18,14 @@ from benchmarks._closed_loop import (
     Tracking,
 )
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.preprocessing import for_training, preprocess
+from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import GrowingCosine
 from lip_id_ros.simulation.panda_drives import Setup
+from lip_id_ros.workflow.fit import fit
 
 LEARNED, NOMINAL, INFORMED = 'learned', 'nominal', 'nominal with friction'
 
@@ -102,12 +102,11 @@ def run_experiment(
 
 
 def recorded(run: Tracking, setup: Setup, experiment: Experiment) -> Dataset:
-    """Prepare what the sensors measured as `lip_id fit` prepares a recording."""
+    """Preprocess what the sensors measured."""
     samples = JointSamples(
         run.t, run.q, run.dq, run.tau, setup.arm.joint_names, source='the simulated run'
     )
-    prepared = preprocess(samples, experiment.preprocessing)
-    return for_training(prepared, experiment.preprocessing, experiment.fit.kernel)
+    return preprocess(samples, experiment.preprocessing)
 
 
 def trials(

@@ -20,34 +20,19 @@ from lip_id_ros.acquisition.job import SAVING
 from lip_id_ros.acquisition.recording_file import receive
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError, LipIdError
-from lip_id_ros.evaluation import (
-    data_remarks,
-    evaluate,
-    evaluation_cautions,
-    fit_cautions,
-    matched,
-)
-from lip_id_ros.evaluation.held_out import judged
-from lip_id_ros.export.payload import (
-    attached,
-    inertias,
-    mass_cautions,
-    payload_in_flange,
-    remainder_cautions,
-    require_links,
-    to_yaml,
-)
+from lip_id_ros.evaluation import data_remarks, matched
+from lip_id_ros.export.payload import inertias, require_links, to_yaml
 from lip_id_ros.files import write_or_rescue, write_whole
-from lip_id_ros.identification import fit
-from lip_id_ros.identification.payload import identify_payload
 from lip_id_ros.loading.examined import findings_of, load_dataset
 from lip_id_ros.loading.load import elected_config, noted
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.preprocessing import for_training, preprocess
+from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.pipeline import at_most
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import AUTO, Config, override
+from lip_id_ros.workflow.fit import learn
+from lip_id_ros.workflow.payload import find_payload
 
 SHOWN = ('source', 'samples', 'dropped')
 """What of a source's provenance is worth a look in ~/status."""
@@ -99,20 +84,13 @@ def _fit(
     data: Dataset, request: dict[str, Any], config: Config, progress: Progress
 ) -> dict[str, Any]:
     """Fit and save; judge by what is held out, where that is asked for."""
-    training, held_out = data, None
-    if request['holdout'] > 0.0:
-        training, held_out = data.split(1.0 - request['holdout'])
-    training = for_training(training, config.preprocessing, config.fit.kernel)
-    model = fit(training, config.fit, progress)
-    evaluation = None
-    if held_out is not None:
-        model, evaluation = judged(model, training, held_out, progress)
-    saved = _save(model.save, request['path'], progress)
+    learned = learn(data, config, request['holdout'], progress)
+    saved = _save(learned.model.save, request['path'], progress)
     return {
         **saved,
-        'summary': model.summary,
-        'cautions': fit_cautions(model, evaluation),
-        'holdout': evaluation and evaluation.to_json(),
+        'summary': learned.model.summary,
+        'cautions': learned.cautions,
+        'holdout': learned.evaluation and learned.evaluation.to_json(),
     }
 
 
@@ -120,13 +98,10 @@ def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict
     """Identify the payload of an arm whose model is known, and save it."""
     model = InverseDynamicsModel.load(request['model'])
     require_links(model, request['model'])
-    data = matched(data, model)
-    found = identify_payload(model, data)
-    flange = request['flange']
-    shown = payload_in_flange(found, *flange)
+    flange, rescued = request['flange'], []
+    found = find_payload(model, matched(data, model), flange)
+    shown = found.payload
     text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], flange)
-    loaded, rescued = attached(model, found), []
-    judged = evaluate(loaded, data)
     figures = {
         'mass': shown.mass,
         'mass_std': shown.mass_std,
@@ -135,17 +110,12 @@ def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict
         'inertia_about_centre_of_mass': inertias(shown),
     }
     if request['payload_model']:
-        rescued = _save(loaded.save, request['payload_model'], progress)['rescue']
+        rescued = _save(found.model.save, request['payload_model'], progress)['rescue']
     saved = _save(lambda place: write_whole(place, text.encode()), request['path'], progress)
     return {
         **saved,
         'rescue': [*saved['rescue'], *rescued],
-        'cautions': [
-            *data_remarks(data.provenance),
-            *mass_cautions(shown),
-            *remainder_cautions(model),
-            *evaluation_cautions(judged),
-        ],
+        'cautions': found.cautions,
         'payload': figures,
     }
 

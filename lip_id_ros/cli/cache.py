@@ -27,6 +27,7 @@ KINDS = {
     'surveys': 'survey',
     'placements': 'placements',
     'statistics': 'statistics',
+    'selected preprocessing': 'preprocessing',
     'recordings that cannot be used': REFUSAL,
 }
 """Results of this version of the code, as they are shown, by their kind."""

@@ -75,7 +75,12 @@ def run(args: argparse.Namespace) -> None:
     sources = ', '.join(args.sources)
     rollouts = None
     with output.progress_display() as progress:
-        dataset = models.load_for(model, args.sources, args.config, progress)
+        if args.rollout:
+            dataset, every = models.load_with_every_sample(
+                model, args.sources, args.config, progress
+            )
+        else:
+            dataset = models.load_for(model, args.sources, args.config, progress)
         if args.last is not None:
             _, dataset = dataset.split(1.0 - args.last)
             sources += f', the last {100 * args.last:g} %'
@@ -83,7 +88,6 @@ def run(args: argparse.Namespace) -> None:
         evaluation = score(outcome)
         warnings = copy_cautions(dataset.provenance)
         if args.rollout:
-            every = models.load_every_sample(model, args.sources, args.config, progress)
             rollouts = _rollouts(model, _from_first(every, dataset), args.urdf)
             warnings += _not_simulated(model) + rollout_cautions(rollouts, model.joint_names)
         if args.report:

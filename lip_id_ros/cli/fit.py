@@ -51,43 +51,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
-    if fleet.is_asked(args):
-        fleet.run(args)
-        return
     from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.errors import LipIdError
-    from lip_id_ros.evaluation import fit_cautions
-    from lip_id_ros.evaluation.held_out import judged
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
-    from lip_id_ros.identification import fit
-    from lip_id_ros.loading.examined import load_dataset
-    from lip_id_ros.preprocessing import for_training
+    from lip_id_ros.workflow.fit import learn_from, Learned
 
+    several = fleet.is_asked(args)
     inputs = [*args.sources, *filter(None, [args.urdf, args.config])]
+    if several:
+        fleet.check(args, inputs)
     output.check_file(args.output, inputs, is_model, 'a model', args.force)
     config = models.fit_config(args)
-    evaluation = None
+    origin, remarks = '', list[str]()
     with output.progress_display() as progress:
-        share = 1.0 - (args.holdout or 0.0)
-        training = load_dataset(args.sources, config, progress, share)
-        if args.holdout is not None:
-            training, held_out = training.split(share)
-        training = for_training(training, config.preprocessing, config.fit.kernel)
-        model = fit(training, config.fit, progress)
-        if args.holdout is not None:
-            model, evaluation = judged(model, training, held_out, progress)
-        rescue = write_or_rescue(output.destination(args.output), model.save)
-    console = output.console(args.output)
-    show.fitted(model, console)
-    if evaluation is not None:
+        if several:
+            result = fleet.learn(args, config, progress)
+            learned = Learned(result.model, result.evaluation)
+            origin, remarks = fleet.origin(result), fleet.others(result)
+        else:
+            learned = learn_from(args.sources, config, args.holdout or 0.0, progress)
+        rescue = write_or_rescue(output.destination(args.output), learned.model.save)
+    console = output.console(args.output, args.report)
+    show.fitted(learned.model, console, origin)
+    if learned.evaluation is not None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
-        show.evaluated(evaluation, title, console)
-        where = shlex.join(['lip_id', 'evaluate', args.output, *args.sources])
-        show_lines([f'Plots: {where} --last {args.holdout:g} --report DIR'], console)
-    show_lines(fit_cautions(model, evaluation), console)
-    if evaluation is None:
+        show.evaluated(learned.evaluation, title, console)
+        if not several:
+            where = shlex.join(['lip_id', 'evaluate', args.output, *args.sources])
+            show_lines([f'Plots: {where} --last {args.holdout:g} --report DIR'], console)
+    show_lines([*remarks, *learned.cautions], console)
+    if several:
+        show_lines(fleet.write_report(args, result), console)
+    if learned.evaluation is None:
         show_lines([show.UNSEEN], console)
     if rescue is not None:
         raise LipIdError(rescue)

@@ -8,18 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lip_id_ros.cli import arguments
-from lip_id_ros.errors import ConfigError, LipIdError
+from lip_id_ros.errors import ConfigError
 
 if TYPE_CHECKING:
     from lip_id_ros.fleet.engines import Engine
     from lip_id_ros.fleet.results import FleetResult
+    from lip_id_ros.progress import Progress
+    from lip_id_ros.settings import Config
 
 LOCAL, RAY = 'local', 'ray'
 OPTIONS = ('engine', 'address', 'jobs', 'group_by', 'cache', 'report')
-UNSEEN = (
-    'Only data that the model has not seen show how good it is: evaluate it on a recording that '
-    'is not among these.'
-)
 JOBS_PER_PROCESSOR = 8
 MOST_LISTED = 20
 """Recordings that are listed with their reasons; the report has all."""
@@ -81,46 +79,55 @@ def is_asked(args: argparse.Namespace) -> bool:
     return False
 
 
-def run(args: argparse.Namespace) -> None:
-    """Fit, save and show."""
-    from lip_id_ros.checked_file import is_model
-    from lip_id_ros.cli import models, output
-    from lip_id_ros.evaluation import fit_cautions
-    from lip_id_ros.evaluation.tables import show_lines
-    from lip_id_ros.files import write_or_rescue
+def check(args: argparse.Namespace, inputs: list[str]) -> None:
+    """Refuse what belongs to the other engine, and a page in the place of something else."""
+    from lip_id_ros.cli import output
+
+    _check_engine(args)
+    output.check_distinct(args.output, args.report)
+    output.check_file(args.report, inputs, _is_report, 'a report', args.force)
+
+
+def learn(args: argparse.Namespace, config: Config, progress: Progress) -> FleetResult:
+    """Fit recording by recording, and judge by what is held out."""
     from lip_id_ros.fleet.cache import default_folder, FolderCache
     from lip_id_ros.fleet.fit import fit_fleet
     from lip_id_ros.fleet.sources import find
-    from lip_id_ros.settings import AUTO
 
-    _check(args)
-    inputs = [*args.sources, *filter(None, (args.config, args.urdf))]
-    output.check_distinct(args.output, args.report)
-    output.check_file(args.output, inputs, is_model, 'a model', args.force)
-    output.check_file(args.report, inputs, _is_report, 'a report', args.force)
-    config = models.fit_config(args)
-    if config.preprocessing.cutoff_hz == AUTO:
-        raise ConfigError(
-            'preprocessing.cutoff_hz must be a number where recordings are fitted one by one, not '
-            'auto; find it with a fit of one recording, without --jobs and the options beside it.'
-        )
     sources = find(args.sources, args.group_by)
     cache = FolderCache(args.cache or default_folder())
-    with _engine(args) as engine, output.progress_display() as progress:
-        result = fit_fleet(sources, config, engine, cache, progress)
-    rescue = write_or_rescue(output.destination(args.output), result.model.save)
-    console = output.console(args.output, args.report)
-    _show(result, console)
-    show_lines(fit_cautions(result.model), console)
-    if args.report is not None:
-        from lip_id_ros.fleet.report import write_fleet_report  # brings matplotlib
+    with _engine(args) as engine:
+        return fit_fleet(sources, config, engine, cache, progress, args.holdout or 0.0)
 
-        write_fleet_report(output.destination(args.report), result, Path(args.output).name)
-        show_lines([f'Report: {args.report}'], console)
-    show_lines([UNSEEN], console)
-    if rescue is not None:
-        raise LipIdError(rescue)
-    show_lines([f'Written: {args.output}'], console)
+
+def origin(result: FleetResult) -> str:
+    """Return how many of the recordings are in the fit, for a title."""
+    from lip_id_ros.fleet.results import FITTED
+
+    n_fitted = sum(each.status == FITTED for each in result.recordings)
+    return f'{n_fitted} of {len(result.recordings)} recordings, '
+
+
+def others(result: FleetResult) -> list[str]:
+    """Return a line for each recording that is not in the fit."""
+    from lip_id_ros.fleet.results import FITTED
+
+    left_out = [each for each in result.recordings if each.status != FITTED]
+    lines = [f'{each.name} {each.status}: {each.reason}' for each in left_out[:MOST_LISTED]]
+    if len(left_out) > MOST_LISTED:
+        lines.append(f'{len(left_out) - MOST_LISTED} more are in the report (--report).')
+    return lines
+
+
+def write_report(args: argparse.Namespace, result: FleetResult) -> list[str]:
+    """Write the page that is asked for; return a line about it."""
+    if args.report is None:
+        return []
+    from lip_id_ros.cli import output
+    from lip_id_ros.fleet.report import write_fleet_report  # brings matplotlib
+
+    write_fleet_report(output.destination(args.report), result, Path(args.output).name)
+    return [f'Report: {args.report}']
 
 
 def _is_report(path: Path) -> bool:
@@ -129,13 +136,7 @@ def _is_report(path: Path) -> bool:
     return is_report(path)
 
 
-def _check(args: argparse.Namespace) -> None:
-    """Refuse what belongs to other fits or to the other engine."""
-    if args.holdout is not None:
-        raise ConfigError(
-            '--holdout belongs to a fit that loads all recordings together, but an option for '
-            'several recordings was given too; leave out --holdout, and evaluate other recordings.'
-        )
+def _check_engine(args: argparse.Namespace) -> None:
     if args.address is not None and args.engine != RAY:
         raise ConfigError(
             '--address names a Ray cluster, but the engine is local; give --engine ray.'
@@ -160,20 +161,3 @@ def _engine(args: argparse.Namespace) -> Engine:
     if args.engine == RAY:
         return RayEngine(args.address, args.jobs)
     return LocalEngine(args.jobs or 1)
-
-
-def _show(result: FleetResult, console: object) -> None:
-    from rich.console import Console
-
-    from lip_id_ros.cli import show
-    from lip_id_ros.evaluation.tables import show_lines
-    from lip_id_ros.fleet.results import FITTED
-
-    assert isinstance(console, Console)
-    n_fitted = sum(each.status == FITTED for each in result.recordings)
-    show.fitted(result.model, console, f'{n_fitted} of {len(result.recordings)} recordings, ')
-    left_out = [each for each in result.recordings if each.status != FITTED]
-    lines = [f'{each.name} {each.status}: {each.reason}' for each in left_out[:MOST_LISTED]]
-    if len(left_out) > MOST_LISTED:
-        lines.append(f'{len(left_out) - MOST_LISTED} more are in the report (--report).')
-    show_lines(lines, console)

@@ -11,13 +11,12 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError, missing_joints
 from lip_id_ros.evaluation import fit_cautions, matched
 from lip_id_ros.loading import load_dataset, with_elected
+from lip_id_ros.loading.examined import load_dataset as load_dataset_examined
+from lip_id_ros.loading.load import load_each, settings_of
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.serialization import contradictions
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config, override, read_config, RecordingSettings
-
-SECTIONS = ('recording', 'preprocessing')
-EVERY_SAMPLE = {'preprocessing.decimate': 1, 'preprocessing.max_samples': 0}
 
 
 def load(path: str) -> InverseDynamicsModel:
@@ -50,12 +49,21 @@ def load_for(
     return matched(load_dataset(sources, _config_of(model, path), progress), model)
 
 
-def load_every_sample(
+def load_examined(
     model: InverseDynamicsModel, sources: list[str], path: str | None, progress: Progress
 ) -> Dataset:
-    """Read recordings as `load_for` does, without leaving out samples between others."""
-    config = override(_config_of(model, path), EVERY_SAMPLE, 'every sample')
-    return matched(load_dataset(sources, config, progress), model)
+    """Read recordings as `load_for` does, to learn from them: with findings about them."""
+    return matched(load_dataset_examined(sources, _config_of(model, path), progress), model)
+
+
+def load_with_every_sample(
+    model: InverseDynamicsModel, sources: list[str], path: str | None, progress: Progress
+) -> tuple[Dataset, Dataset]:
+    """Read recordings as `load_for` does, also without leaving out samples between others."""
+    config = _config_of(model, path)
+    every = replace(config.preprocessing, decimate=1, max_samples=0)
+    chosen, whole = load_each(sources, config, (config.preprocessing, every), progress)
+    return matched(chosen, model), matched(whole, model)
 
 
 def fit_config(args: argparse.Namespace) -> Config:
@@ -77,7 +85,7 @@ def chosen_config(path: str | None, chosen: Mapping[str, Any]) -> Config:
 
 
 def _config_of(model: InverseDynamicsModel, path: str | None) -> Config:
-    config = _of_fit(model) if path is None else read_config(path)
+    config = settings_of(model.provenance) if path is None else read_config(path)
     config = with_elected(config, model.provenance)
     return replace(config, recording=_recording_of(model, config.recording))
 
@@ -94,14 +102,3 @@ def _recording_of(model: InverseDynamicsModel, recording: RecordingSettings) -> 
         if len(values) == len(named):  # else preprocessing refuses them
             ordered[field] = tuple(values[column] for column in columns)
     return replace(recording, joints=model.joint_names, joint_types=model.joint_types, **ordered)
-
-
-def _of_fit(model: InverseDynamicsModel) -> Config:
-    sources = model.provenance.get('sources', [])
-    recordings = [source for source in sources if all(name in source for name in SECTIONS)]
-    values = {
-        f'{section}.{name}': value
-        for section in (SECTIONS if recordings else ())
-        for name, value in recordings[0][section].items()
-    }
-    return override(Config(), values, 'the settings of the fit')

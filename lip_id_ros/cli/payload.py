@@ -69,20 +69,11 @@ def run(args: argparse.Namespace) -> None:
     """Find the payload, show it, and write what is asked for."""
     from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output
-    from lip_id_ros.evaluation import evaluate, evaluation_cautions
     from lip_id_ros.evaluation.tables import show_lines
-    from lip_id_ros.export.payload import (
-        attached,
-        is_payload,
-        mass_cautions,
-        payload_in_flange,
-        remainder_cautions,
-        require_links,
-        to_yaml,
-    )
+    from lip_id_ros.export.payload import is_payload, require_links, to_yaml
     from lip_id_ros.files import write_whole
-    from lip_id_ros.identification.payload import identify_payload
     from lip_id_ros.model import InverseDynamicsModel
+    from lip_id_ros.workflow.payload import find_payload
 
     inputs = [args.model, *args.sources]
     output.check_distinct(args.yaml, args.output)
@@ -91,20 +82,17 @@ def run(args: argparse.Namespace) -> None:
     model = InverseDynamicsModel.load(args.model)
     require_links(model, args.model)
     with output.progress_display() as progress:
-        dataset = models.load_for(model, args.sources, args.config, progress)
-    found = identify_payload(model, dataset)
-    shown = payload_in_flange(found, *args.flange)
+        dataset = models.load_examined(model, args.sources, args.config, progress)
+    found = find_payload(model, dataset, args.flange)
     console = output.console(args.yaml, args.output)
-    _show(shown, console)
-    loaded = attached(model, found)
-    judged = evaluation_cautions(evaluate(loaded, dataset))
-    show_lines([*mass_cautions(shown), *remainder_cautions(model), *judged], console)
+    _show(found.payload, console)
+    show_lines(found.cautions, console)
     if args.yaml is not None:
-        text = to_yaml(shown, args.sources, args.flange)
+        text = to_yaml(found.payload, args.sources, args.flange)
         write_whole(output.destination(args.yaml), text.encode())
         show_lines([f'Written: {args.yaml}'], console)
     if args.output is not None:
-        loaded.save(output.destination(args.output))
+        found.model.save(output.destination(args.output))
         show_lines([f'Written: {args.output}'], console)
 
 

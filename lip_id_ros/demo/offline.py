@@ -20,9 +20,7 @@ from lip_id_ros.cli.output import progress_display
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.demo.reporting import REPORT, report, run_demo
 from lip_id_ros.evaluation import Evaluation, run
-from lip_id_ros.identification import fit
 from lip_id_ros.loading import load_dataset
-from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import Config
 from lip_id_ros.simulation import (
     make_dataset,
@@ -35,6 +33,7 @@ from lip_id_ros.simulation import (
     write_bag,
 )
 from lip_id_ros.simulation.arm import MOTION, N_JOINTS
+from lip_id_ros.workflow.fit import learn_from
 
 RATE_HZ = 100.0
 POSITION_NOISE = 2e-5  # rad
@@ -82,9 +81,7 @@ def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
     with progress_display() as progress:
         training = record(output / TRAINING_BAG, TRAINING_SEED, size)
         test = record(output / TEST_BAG, TEST_SEED, size)
-        recorded = load_dataset([training.bag], config, progress)
-        chosen = for_training(recorded, config.preprocessing, config.fit.kernel)
-        model = fit(chosen, config.fit, progress)
+        model = learn_from([training.bag], config, progress=progress).model
         model.save(output / MODEL)
         unseen = test.with_truth(load_dataset([test.bag], config, progress))
         facts = (

@@ -186,14 +186,8 @@ def no_better_than_mean(
     """
     Return a warning where a model predicts a torque no better than the torque's mean would.
 
-    Parameters
-    ----------
-    joint_names : sequence of str, n of them
-    nmse_percent : sequence of float or None
-        Mean squared error per joint in percent of the variance of the torque; nan or None where
-        the torque is constant. Empty where it is unknown.
-    subject : str
-        Begins the sentence.
+    `nmse_percent`: mean squared error per joint in percent of the variance of the torque; nan or
+    None where the torque is constant. Empty where it is unknown. `subject`: begins the sentence.
 
     """
     useless = [

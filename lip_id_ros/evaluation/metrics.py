@@ -36,14 +36,8 @@ def nmse_percent(estimate: Array, truth: Array) -> Array:
     """
     Compute the normalised mean squared error, 100 mean((estimate - truth)^2) / var(truth).
 
-    Parameters
-    ----------
-    estimate, truth : ndarray, shape (N,) or (N, n)
-
-    Returns
-    -------
-    ndarray, shape () or (n,)
-        Percent; nan where the truth is constant.
+    `estimate`, `truth`, shape (N,) or (N, n). Returns percent, shape () or (n,); nan
+    where the truth is constant.
 
     """
     return _relative(np.mean(np.square(estimate - truth), axis=0), truth)
@@ -71,22 +65,13 @@ class Outcome:
     """
     Predictions beside the samples that they are for.
 
-    Attributes
-    ----------
-    dataset : Dataset
-        N samples.
-    prediction : TorquePrediction
-        At the same N samples.
-    smallest_eigenvalue : ndarray, shape (N,), or None
-        Of the predicted inertia matrix [kg m^2 or kg]; None where the model has none.
-    within_two_std_percent : ndarray, shape (n,), or None
-        Share of measured torques within two standard deviations of a measurement; None where the
-        model is no arm, or efforts were low-passed otherwise than those of its fit.
-    novelty : float or None
-        Median distance of the samples in motion to the training data, in that of left-out ones;
-        None where the model does not know.
-    cautions : tuple of str
-        Sentences where the data are, or may be, training data.
+    `dataset`: N samples. `prediction`: at the same N samples. `smallest_eigenvalue`, shape (N,):
+    of the predicted inertia matrix [kg m^2 or kg]; None where the model has none.
+    `within_two_std_percent`, shape (n,): share of measured torques within two standard deviations
+    of a measurement; None where the model is no arm, or efforts were low-passed otherwise than
+    those of its fit. `novelty`: median distance of the samples in motion to the training data, in
+    that of left-out ones; None where the model does not know. `cautions`: sentences where the data
+    are, or may be, training data.
 
     """
 
@@ -108,12 +93,8 @@ def matched(dataset: Dataset, model: TorqueModel | Dataset) -> Dataset:
     """
     Return a data set with the joints of a model, in its order.
 
-    Raises
-    ------
-    DataError
-        If a joint of the model is missing.
-    ModelError
-        If a joint has another type than the model's, or only one of both leaves gravity out.
+    DataError if a joint of the model is missing. ModelError if a joint has another type than the
+    model's, or only one of both leaves gravity out.
 
     """
     ordered = dataset.with_joints(model.joint_names)
@@ -146,13 +127,8 @@ def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Ou
     """
     Predict torques, energies and, where the model has them, inertia matrix and coverage.
 
-    Parameters
-    ----------
-    model : TorqueModel
-    dataset : Dataset
-        Of the model's joints, in its order.
-    progress : Progress
-        Called after every block of samples.
+    `dataset`: of the model's joints, in its order. `progress`: called after every block of
+    samples.
 
     """
     predictions: list[TorquePrediction] = []
@@ -200,13 +176,8 @@ def standard_deviation(
     """
     Compute the standard deviations of torques and energies at every sample.
 
-    Parameters
-    ----------
-    model : DynamicsModel
-    dataset : Dataset
-        Of the model's joints, in its order.
-    progress : Progress
-        Called after every block of samples.
+    `dataset`: of the model's joints, in its order. `progress`: called after every block of
+    samples.
 
     """
     blocks = [
@@ -248,8 +219,8 @@ class Evaluation:
         Per joint; nan where the torque is constant.
     rmse : tuple of float
         Per joint [N m or N].
-    torque_std : tuple of float
-        Standard deviation of the reference torques [N m or N].
+    torque_mean, torque_std : tuple of float
+        Mean and standard deviation of the reference torques [N m or N].
     against_truth : bool
         Whether the reference is the true torques of a simulation, or the measured ones.
     kinetic_nmse_percent, potential_nmse_percent : float or None
@@ -271,6 +242,7 @@ class Evaluation:
     n_samples: int
     nmse_percent: tuple[float, ...]
     rmse: tuple[float, ...]
+    torque_mean: tuple[float, ...]
     torque_std: tuple[float, ...]
     against_truth: bool
     kinetic_nmse_percent: float | None
@@ -357,6 +329,7 @@ def score(outcome: Outcome) -> Evaluation:
         n_samples=dataset.n_samples,
         nmse_percent=tuple(nmse_percent(estimate.tau, reference).tolist()),
         rmse=tuple(rmse(estimate.tau, reference).tolist()),
+        torque_mean=tuple(np.mean(reference, axis=0).tolist()),
         torque_std=tuple(np.std(reference, axis=0).tolist()),
         against_truth=dataset.tau_noiseless is not None,
         kinetic_nmse_percent=kinetic,

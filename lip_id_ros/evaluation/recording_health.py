@@ -27,17 +27,9 @@ class RecordingHealth:
     """
     Examines the raw samples of every recording, as `describe` reads them.
 
-    Parameters
-    ----------
-    recording : RecordingSettings, optional
-        Joint types, and the meaning of efforts.
-    keep_samples : bool
-        Whether the samples are plotted later, which needs all of them in memory.
-
-    Attributes
-    ----------
-    seen : list of (Evidence, dict)
-        Samples and health of each recording, where they are kept.
+    `recording`: joint types, and the meaning of efforts. `keep_samples`: whether the samples are
+    plotted later, which needs all of them in memory. `seen`: samples and health of each recording,
+    where they are kept.
 
     """
 

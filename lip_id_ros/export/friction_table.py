@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from lip_id_ros.friction.conservative_terms import Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
 from lip_id_ros.friction.drives import DriveTerm, LoadTorque, SharedFriction
 from lip_id_ros.friction.hysteresis import Dahl
+from lip_id_ros.friction.model import FrictionBasis
 from lip_id_ros.joint_types import PRISMATIC
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body import LINK_PARAMETERS
@@ -69,25 +70,33 @@ def friction_table(model: InverseDynamicsModel) -> tuple[Coefficient, ...]:
     basis = arm.friction.basis
     first = len(arm.links) * (DIRECTIONS + LINK_PARAMETERS)
     std = np.linalg.norm(arm.covariance_root[first : first + basis.size], axis=1)
-    labels = [label for part in basis.terms for label in _labels(part, model)]
+    names = labels(basis, model.joint_names, model.joint_types)
     found = (
         Coefficient(joint, term, value, deviation, unit)
         for (joint, term, unit), value, deviation in zip(
-            labels, arm.friction.coefficients.tolist(), std.tolist(), strict=True
+            names, arm.friction.coefficients.tolist(), std.tolist(), strict=True
         )
     )
     return tuple(sorted(found, key=lambda each: model.joint_names.index(each.joint)))
 
 
-def _labels(part: DriveTerm, model: InverseDynamicsModel) -> list[tuple[str, str, str]]:
-    """Return joint, term and unit of each coefficient of a term."""
+def labels(
+    basis: FrictionBasis, joint_names: Sequence[str], joint_types: Sequence[str]
+) -> list[tuple[str, str, str]]:
+    """Return joint, term and unit of each coefficient of friction."""
+    return [label for part in basis.terms for label in _labels(part, joint_names, joint_types)]
+
+
+def _labels(
+    part: DriveTerm, joint_names: Sequence[str], joint_types: Sequence[str]
+) -> list[tuple[str, str, str]]:
     joint = part.drive.efforts[0][0]
-    others = [model.joint_names[k] for k in part.drive.joints if k != joint]
+    others = [joint_names[k] for k in part.drive.joints if k != joint]
     name = part.term.name + f' coupled with {" and ".join(others)}' * bool(others)
-    linear = model.joint_types[joint] == PRISMATIC
+    linear = joint_types[joint] == PRISMATIC
     return [
         (
-            model.joint_names[joint],
+            joint_names[joint],
             f'{name}, {more}' if more else name,
             unit.replace('N m', 'N').replace('rad', 'm') if linear else unit,
         )

@@ -55,10 +55,7 @@ class FolderCache:
     An entry is written whole or not at all; a damaged one is removed and counts as absent. Where
     the folder cannot be written, a warning is logged and the fit goes on.
 
-    Parameters
-    ----------
-    folder : path
-        Made where it does not exist; entries lie in a folder of the code's version.
+    `folder`: made where it does not exist; entries lie in a folder of the code's version.
 
     """
 
@@ -105,17 +102,8 @@ class Entry:
     """
     One file of a cache.
 
-    Attributes
-    ----------
-    path : Path
-    kind : str
-        Of the result.
-    size : int
-        [bytes]
-    used : float
-        When it was last written or read [s since 1970].
-    is_current : bool
-        Whether this version of the code made it and reads it.
+    `kind`: of the result. `size`: [bytes]. `used`: when it was last written or read [s since
+    1970]. `is_current`: whether this version of the code made it and reads it.
 
     """
 

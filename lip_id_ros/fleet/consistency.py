@@ -49,12 +49,8 @@ def disagreement(
     """
     Return two groups of recordings that contradict each other, the smaller first; None if none do.
 
-    Parameters
-    ----------
-    surveys : sequence of Survey
-        Of one recording there is nothing to compare.
-    around : Linearisation
-        Of the fit to all; the friction of every part is eliminated.
+    `surveys`: of one recording there is nothing to compare. `around`: of the fit to all; the
+    friction of every part is eliminated.
 
     """
     if len(surveys) < 2:
@@ -87,11 +83,8 @@ class _Changes:
     """
     Normal equations of changes of the last link, by parts of recordings and joints.
 
-    Attributes
-    ----------
-    normal, right, squares, counts : arrays, shapes (U, n, 10, 10), (U, n, 10), (U, n), (U, n)
-        Squares of residuals without a change, and numbers of samples.
-    noise_std : array, shape (n,)
+    `normal`, `right`, `squares`, `counts`, shapes (U, n, 10, 10), (U, n, 10), (U, n), (U, n):
+    squares of residuals without a change, and numbers of samples. `noise_std`, shape (n,).
 
     """
 

@@ -45,14 +45,8 @@ class Outcome:
     """
     Result of one item.
 
-    Attributes
-    ----------
-    value : object
-        Of the function; None where it failed.
-    reason : str
-        Why it failed; empty where it did not.
-    is_final : bool
-        Whether it would fail again in the same way: the item itself is refused.
+    `value`: of the function; None where it failed. `reason`: why it failed; empty where it did
+    not. `is_final`: whether it would fail again in the same way: the item itself is refused.
 
     """
 
@@ -76,14 +70,8 @@ class Engine(AbstractContextManager['Engine'], Protocol):
         """
         Return the outcomes in the order of the items.
 
-        Parameters
-        ----------
-        function : callable
-            Of a module, so that other processes can import it.
-        items : sequence
-        progress : callable
-        keep : callable
-            Called in this process with the number of an item and its value as soon as it has one.
+        `function`: of a module, so that other processes can import it. `keep`: called in this
+        process with the number of an item and its value as soon as it has one.
 
         """
 
@@ -92,10 +80,7 @@ class LocalEngine(Engine):
     """
     Runs in this process, or in several on this machine, each with one thread.
 
-    Parameters
-    ----------
-    jobs : int
-        Number of processes; with 1 it is this one, which has no other to die in its place.
+    `jobs`: number of processes; with 1 it is this one, which has no other to die in its place.
 
     """
 
@@ -226,18 +211,10 @@ class RayEngine(Engine):
     """
     Runs as tasks of a Ray cluster; Ray repeats a task whose worker or machine dies.
 
-    Parameters
-    ----------
-    address : str, optional
-        Of a running cluster, as `ray.init` takes it; by default one is started on this machine.
-    jobs : int, optional
-        Number of workers of that; by default one for each processor.
-
-    Raises
-    ------
-    ConfigError
-        If Ray is not installed, or no cluster answers at the address; from `map`, if a worker has
-        another version of the code.
+    `address`: of a running cluster, as `ray.init` takes it; by default one is started on this
+    machine. `jobs`: number of workers of that; by default one for each processor. ConfigError if
+    Ray is not installed, or no cluster answers at the address; from `map`, if a worker has another
+    version of the code.
 
     """
 

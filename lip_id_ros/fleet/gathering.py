@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.fleet.parts import first_part
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.recording_factors import gather, RecordingFactors
 from lip_id_ros.identification.sample_selection import explained, moving, plausible, remembering
@@ -14,21 +15,21 @@ from lip_id_ros.settings import Config
 
 
 def gathered_from(
-    path: str | os.PathLike[str], around: Linearisation, blocks: int, config: Config
+    path: str | os.PathLike[str],
+    around: Linearisation,
+    blocks: int,
+    config: Config,
+    share: float = 1.0,
 ) -> RecordingFactors:
     """
     Read a recording and gather its statistics; raises what `load_dataset` raises.
 
-    Parameters
-    ----------
-    path : path
-    around : Linearisation
-    blocks : int
-        In which the statistics are kept apart.
-    config : Config
+    `blocks`: in which the statistics are kept apart. `share`: first share of the samples that is
+    learned from.
 
     """
     data = load_dataset(path, config).with_joints(around.joint_names)
+    data = first_part(data, share)
     data = for_training(data, config.preprocessing, config.fit.kernel)
     return gather_kept(data, around, blocks)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 import json
 from typing import Any
@@ -45,13 +45,7 @@ def with_processes(
     """
     Elect the joints that have a Gaussian process beside links and friction, or instead of them.
 
-    Parameters
-    ----------
-    placed : PlacedArm
-    solution : Solution
-        Of the reservoirs.
-    surveys : sequence of Survey
-    described : tuple of RobotDescription and DescriptionSettings, optional
+    `solution`: of the reservoirs.
 
     """
     excluded = dict(placed.excluded)
@@ -70,18 +64,8 @@ def model_of(
     """
     Return the model of a fleet.
 
-    Parameters
-    ----------
-    placed : PlacedArm
-    solution : Solution
-    around : Linearisation
-        Where it was linear.
-    surveys : sequence of Survey
-        Of the recordings in the fit.
-    fitter : ArmFitter
-        To the samples of the first pass.
-    described : tuple of RobotDescription and DescriptionSettings, optional
-        That the first pass had.
+    `around`: where it was linear. `surveys`: of the recordings in the fit. `fitter`: to the
+    samples of the first pass. `described`: that the first pass had.
 
     """
     fit = _fit(placed, solution)
@@ -100,6 +84,13 @@ def model_of(
     }
     model = _assembled(placed, surveys, arm, remainder, report)
     return with_checks(model, placed.dataset.q, placed.dataset.tau)
+
+
+def with_entries(model: InverseDynamicsModel, entries: Mapping[str, Any]) -> InverseDynamicsModel:
+    """Add entries to the provenance of the first recording, whose settings those of all are."""
+    first, *others = model.provenance['sources']
+    sources = [{**first, **entries}, *others]
+    return replace(model, provenance={**model.provenance, 'sources': sources})
 
 
 def _report(placed: PlacedArm, solution: Solution, surveys: Sequence[Survey]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import json
 from typing import Any, Protocol, TypeVar
 
 from lip_id_ros.errors import DataError
-from lip_id_ros.fleet.engines import Engine
+from lip_id_ros.fleet.engines import Engine, Outcome
 from lip_id_ros.fleet.results import Refusal
 from lip_id_ros.packable import Packable
 from lip_id_ros.progress import Progress
@@ -49,16 +49,7 @@ class Cache(Protocol):
 
 @dataclass(frozen=True)
 class Passes:
-    """
-    Runs passes: results that the cache has are taken from there, the others from the engine.
-
-    Attributes
-    ----------
-    engine : Engine
-    cache : Cache
-    progress : callable
-
-    """
+    """Runs passes: results that the cache has are taken from there, the others from the engine."""
 
     engine: Engine
     cache: Cache
@@ -75,23 +66,9 @@ class Passes:
         """
         Run a function for each of many items; those that it refuses are not tried again.
 
-        Parameters
-        ----------
-        kind : type
-            Of its results.
-        function : callable
-        items : sequence
-        keys : sequence of str
-            Under which the cache has the result of each item.
-        stage : str
-            Name of the pass for progress.
-
-        Returns
-        -------
-        results : dict
-            By number of the item.
-        reasons : dict
-            Why there is no result, by number of the item.
+        `kind`: of its results. `keys`: under which the cache has the result of each item. `stage`:
+        name of the pass for progress. Returns results, and why there is none of the other
+        items, both by number of the item.
 
         """
         results, reasons = dict[int, Kept](), dict[int, str]()
@@ -105,10 +82,7 @@ class Passes:
         def keep(place: int, value: Kept) -> None:
             self.keep(keys[rest[place]], value)
 
-        def progress(_: str, done: int, total: int) -> None:
-            self.progress(stage, done, total)
-
-        outcomes = self.engine.map(function, [items[k] for k in rest], progress, keep)
+        outcomes = self.map(function, [items[k] for k in rest], stage, keep)
         for k, outcome in zip(rest, outcomes, strict=True):
             if outcome.value is not None:
                 results[k] = outcome.value
@@ -117,6 +91,20 @@ class Passes:
             if outcome.is_final:
                 self.keep(keys[k], Refusal(outcome.reason))
         return results, reasons
+
+    def map(
+        self,
+        function: Callable[[Any], Any],
+        items: Sequence[Any],
+        stage: str,
+        keep: Callable[[int, Any], None] = lambda place, value: None,
+    ) -> list[Outcome]:
+        """Return the outcomes of a function for each of many items, in their order."""
+
+        def progress(_: str, done: int, total: int) -> None:
+            self.progress(stage, done, total)
+
+        return self.engine.map(function, items, progress, keep)
 
     def keep(self, key: str, value: Packable) -> None:
         """Keep a result under a key."""

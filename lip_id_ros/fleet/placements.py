@@ -72,25 +72,14 @@ class PlacedArm(Packable):
     """
     Outcome of the first pass, as plain arrays and texts.
 
-    Attributes
-    ----------
-    joint_names, joint_types : tuple of str
-    rotations, translations, gravity, couplings, links : arrays
-        Of the chain, and parameters of the links, (n, 11).
-    friction : str
-        JSON: terms and coefficients.
-    noise_std, noise_ratio, noise_velocity : arrays, shape (n,)
-        Of the samples of the fit.
-    twists, meets, rigid
-        Of the geometry that was elected.
-    report : str
-        JSON: summary of the identification.
-    excluded : tuple of pairs of str
-        Key and reason of the recordings that contradict the fleet.
-    processes : tuple of n tuples
-        Fields of the Gaussian process of every joint; empty where it has none.
-    t, q, dq, ddq, tau, low_passed_sign, dahl_states, segment, recording, gravity_compensated
-        Samples that the arm was identified with.
+    `rotations`, `translations`, `gravity`, `couplings`, `links`: of the chain, and parameters of
+    the links, (n, 11). `friction`: JSON: terms and coefficients. `noise_std`, `noise_ratio`,
+    `noise_velocity`, shape (n,): of the samples of the fit. `twists`, `meets`, `rigid`: of the
+    geometry that was elected. `report`: JSON: summary of the identification. `excluded`: key and
+    reason of the recordings that contradict the fleet. `processes`: fields of the Gaussian process
+    of every joint; empty where it has none. `t`, `q`, `dq`, `ddq`, `tau`, `low_passed_sign`,
+    `dahl_states`, `segment`, `recording`, `gravity_compensated`: samples that the arm was
+    identified with.
 
     """
 
@@ -184,30 +173,10 @@ def place(
     """
     Identify an arm with the reservoirs of its recordings.
 
-    Parameters
-    ----------
-    surveys : sequence of Survey
-        Of one kind of arm.
-    joint_names : sequence of str
-        From base to tip.
-    settings : FitSettings
-    described : tuple of RobotDescription and DescriptionSettings, optional
-        Prior of placements and links.
-    progress : callable
-
-    Returns
-    -------
-    placed : PlacedArm
-        Without processes.
-    solution : Solution
-        Links and friction of these reservoirs.
-
-    Raises
-    ------
-    ConfigError
-        If the settings have couplings of positions that are not those of joints.
-    FitError
-        If the data are not finite in units of the noise.
+    `surveys`: of one kind of arm. `joint_names`: from base to tip. `described`: prior of
+    placements and links. Returns the arm without processes, and the solution of these reservoirs.
+    ConfigError if the settings have couplings of positions that are not those of joints. FitError
+    if the data are not finite in units of the noise.
 
     """
     kept, excluded = chosen(surveys), dict[str, str]()
@@ -254,13 +223,8 @@ def contradictions(rms: Array, kept: BoolArray, joint_names: Sequence[str]) -> d
     """
     Return which recordings contradict the fleet, and why.
 
-    Parameters
-    ----------
-    rms : array, shape (R, n)
-        Residuals of every recording with its own friction [N m or N].
-    kept : bool array, shape (R,)
-        Recordings that the fleet has been fitted to, which the others are compared with.
-    joint_names : sequence of str
+    `rms`, shape (R, n): residuals of every recording with its own friction [N m or N]. `kept`,
+    shape (R,): recordings that the fleet has been fitted to, which the others are compared with.
 
     """
     known = np.isfinite(rms).all(axis=1)

@@ -16,7 +16,7 @@ from lip_id_ros.escaping import for_page, printable
 from lip_id_ros.evaluation.cautions import fit_cautions
 from lip_id_ros.evaluation.report.page import MAKER, STYLE
 from lip_id_ros.files import write_whole
-from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult
+from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult, HELD_OUT
 
 FIRST_CLOCK_S = 1e8
 """Times before this are of no clock that knows the time of day: logs begin at zero."""
@@ -28,18 +28,8 @@ def write_fleet_report(
     """
     Write the page, which needs no network.
 
-    Parameters
-    ----------
-    path : path
-        File to be written or replaced.
-    result : FleetResult
-    name : str
-        Of the model, for the title.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
+    `path`: file to be written or replaced. `name`: of the model, for the title. OSError if the
+    file cannot be written.
 
     """
     write_whole(path, _page(result, f'{name}: several recordings').encode())
@@ -66,13 +56,13 @@ def _data(result: FleetResult) -> dict[str, Any]:
     number_of = {group: number for number, group in enumerate(groups)}
     return {
         'joints': _texts(result.model.joint_names),
-        'warnings': _texts(fit_cautions(result.model)),
+        'warnings': _texts(fit_cautions(result.model, result.evaluation)),
         'noise': result.noise_std.tolist(),
         'terms': _texts(result.friction_names),
         'betweenRecordings': np.nan_to_num(result.deviation_of_recordings).tolist(),
         'betweenRobots': np.nan_to_num(result.deviation_of_groups).tolist(),
         'groups': _texts(groups),
-        'statuses': [FITTED, EXCLUDED, FAILED],
+        'statuses': [FITTED, EXCLUDED, FAILED, HELD_OUT],
         'names': _texts(each.name for each in recordings),
         'group': [number_of[each.group] for each in recordings],
         'status': [each.status for each in recordings],

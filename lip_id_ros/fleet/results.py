@@ -7,11 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.evaluation import Evaluation
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.packable import Packable
 
-FITTED, EXCLUDED, FAILED = 'fitted', 'excluded', 'failed'
-"""Status of a recording: in the fit, left out since it contradicts the fleet, or unreadable."""
+FITTED, EXCLUDED, FAILED, HELD_OUT = 'fitted', 'excluded', 'failed', 'held out'
+"""
+Status of a recording: in the fit, left out since it contradicts the fleet, unreadable, or kept to
+judge the fit by.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,42 +31,17 @@ class Survey(Packable):
     """
     What the first pass keeps of a recording.
 
-    Attributes
-    ----------
-    key : str
-        Fingerprint of the content: copies of a recording have the same.
-    name : str
-        Where it was read from.
-    group : str
-        Robot.
-    joint_names, joint_types : tuple of str
-    gravity_compensated : bool
-    t : array, shape (m,)
-        Times of the reservoir, some samples that cover the motion [s].
-    q, dq, ddq, tau, low_passed_sign : arrays, shape (m, n)
-        The reservoir; signs only where the data set has them.
-    dahl_states : array, shape (m, n, D)
-    segment : int array, shape (m,)
-    n_samples : int
-        Of the recording, after preprocessing.
-    rate_hz : float
-        Of the messages; 0 where it is not known.
-    seconds : float
-        From the first sample to the last, without gaps between segments.
-    start_s : float
-        Time of the first message [s].
-    health : tuple of str
-        Warnings and errors, a line each.
-    low, high : arrays, shape (3, n)
-        Ranges of q, dq, ddq.
-    largest_torque : array, shape (n,)
-        [N m or N].
-    mean_q : array, shape (n,)
-        [rad or m].
-    provenance : str
-        JSON: the source's entry in the provenance of its data set.
-    temperature : float
-        Mean of the recording [degrees Celsius]; not a number where no topic has it.
+    `key`: fingerprint of the content: copies of a recording have the same. `name`: where it was
+    read from. `group`: robot. `t`, shape (m,): times of the reservoir, some samples that cover the
+    motion [s]. `q`, `dq`, `ddq`, `tau`, `low_passed_sign`, shape (m, n): the reservoir; signs only
+    where the data set has them. `dahl_states`, shape (m, n, D). `segment`, shape (m,).
+    `n_samples`: of the recording, after preprocessing. `rate_hz`: of the messages; 0 where it is
+    not known. `seconds`: from the first sample to the last, without gaps between segments.
+    `start_s`: time of the first message [s]. `health`: warnings and errors, a line each. `low`,
+    `high`, shape (3, n): ranges of q, dq, ddq. `largest_torque`, shape (n,): [N m or N]. `mean_q`,
+    shape (n,): [rad or m]. `provenance`: JSON: the source's entry in the provenance of its data
+    set. `temperature`: mean of the recording [degrees Celsius]; not a number where no topic has
+    it.
 
     """
 
@@ -99,22 +78,11 @@ class RecordingResult:
     """
     Result of a fleet's fit for one recording.
 
-    Attributes
-    ----------
-    name, group : str
-    status : str
-        `FITTED`, `EXCLUDED` or `FAILED`.
-    reason : str
-        Why it is not in the fit; empty where it is.
-    n_samples : int
-    rate_hz, seconds, start_s, temperature : float
-        As in `Survey`; not a number where it could not be read.
-    health : tuple of str
-    residual_rms : array, shape (n,)
-        With the links of the fleet and the friction of this recording [N m or N].
-    friction, friction_std : arrays, shape (K,)
-        Coefficients in this recording, in the order of `FleetResult.friction_names`, and their
-        standard deviations.
+    `status`: `FITTED`, `EXCLUDED`, `FAILED` or `HELD_OUT`. `reason`: why it is not in the fit;
+    empty where it is. `rate_hz`, `seconds`, `start_s`, `temperature`: as in `Survey`; not a number
+    where it could not be read. `residual_rms`, shape (n,): with the links of the fleet and the
+    friction of this recording [N m or N]. `friction`, `friction_std`, shape (K,): coefficients in
+    this recording, in the order of `FleetResult.friction_names`, and their standard deviations.
 
     """
 
@@ -138,18 +106,12 @@ class FleetResult:
     """
     Model of a fleet, and what each recording contributes.
 
-    Attributes
-    ----------
-    model : InverseDynamicsModel
-    recordings : tuple of RecordingResult
-        In the order of the sources.
-    friction_names : tuple of str
-        Of the K coefficients: joint and term.
-    noise_std : array, shape (n,)
-        Of links with the friction of each recording, without Gaussian processes [N m or N].
-    deviation_of_recordings, deviation_of_groups : arrays, shape (K,)
-        Standard deviations of the coefficients between recordings of a robot, and between robots;
-        0 where they are not estimated.
+    `recordings`: in the order of the sources. `friction_names`: of the K coefficients: joint, term
+    and unit. `noise_std`, shape (n,): of links with the friction of each recording, without
+    Gaussian processes [N m or N]. `deviation_of_recordings`, `deviation_of_groups`, shape (K,):
+    standard deviations of the coefficients between recordings of a robot, and between robots; 0
+    where they are not estimated. `evaluation`: of the model on what was held out, where anything
+    was.
 
     """
 
@@ -159,3 +121,4 @@ class FleetResult:
     noise_std: Array
     deviation_of_recordings: Array
     deviation_of_groups: Array
+    evaluation: Evaluation | None = None

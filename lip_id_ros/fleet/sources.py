@@ -48,15 +48,8 @@ class StoredRecording:
     """
     A recording somewhere.
 
-    Attributes
-    ----------
-    name : str
-        Address: a path, or a URL without credentials.
-    group : str
-        Robot; empty where recordings are not grouped.
-    files : tuple of StoredFile
-        Those of a bag that is a folder are in it.
-    is_folder : bool
+    `name`: address: a path, or a URL without credentials. `group`: robot; empty where recordings
+    are not grouped. `files`: those of a bag that is a folder are in it.
 
     """
 
@@ -87,13 +80,8 @@ class StoredRecording:
 
         A remote one is copied into a folder for temporary files and removed afterwards.
 
-        Raises
-        ------
-        TransferError
-            If there is no space for it, the connection broke `ATTEMPTS` times, or a file has
-            changed since it was found.
-        OSError
-            If a file does not exist or must not be read.
+        TransferError if there is no space for it, the connection broke `ATTEMPTS` times, or a file
+        has changed since it was found. OSError if a file does not exist or must not be read.
 
         """
         if '://' not in self.name:
@@ -118,22 +106,12 @@ def find(patterns: Sequence[str], group_by: str | None = None) -> list[StoredRec
     """
     Return the recordings that patterns name, in the order of their addresses, each once.
 
-    Parameters
-    ----------
-    patterns : sequence of str
-        Paths, patterns such as ``bags/**/*.mcap``, and URLs such as ``s3://bucket/arm7/``. A
-        folder with a metadata.yaml is one bag; of any other folder, all that is in it is taken.
-    group_by : str, optional
-        A regular expression with one group, which is searched for in the address, or
-        ``metadata:KEY`` for an entry of custom_data in the metadata.yaml of a bag.
-
-    Raises
-    ------
-    SourceError
-        If a pattern names no recording.
-    ConfigError
-        If `group_by` cannot be used, or a recording has no such group, or no file system is known
-        for a URL.
+    `patterns`: paths, patterns such as ``bags/**/*.mcap``, and URLs such as ``s3://bucket/arm7/``.
+    A folder with a metadata.yaml is one bag; of any other folder, all that is in it is taken.
+    `group_by`: a regular expression with one group, which is searched for in the address, or
+    ``metadata:KEY`` for an entry of custom_data in the metadata.yaml of a bag. SourceError if a
+    pattern names no recording. ConfigError if `group_by` cannot be used, or a recording has no
+    such group, or no file system is known for a URL.
 
     """
     group_of = _grouping(group_by)

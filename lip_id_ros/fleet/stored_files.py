@@ -47,14 +47,8 @@ class StoredFile:
     """
     A file somewhere.
 
-    Attributes
-    ----------
-    url : str
-        With credentials, where it has some.
-    size : int or None
-        [bytes]; None where the store does not tell it.
-    mark : str
-        Changes with the content.
+    `url`: with credentials, where it has some. `size`: [bytes]; None where the store does not tell
+    it. `mark`: changes with the content.
 
     """
 
@@ -89,12 +83,8 @@ def fetch(file: StoredFile, target: Path, sleep: Callable[[float], None] = time.
     """
     Copy a remote file; after a broken connection go on from where it broke.
 
-    Raises
-    ------
-    TransferError
-        If it broke `ATTEMPTS` times, the disk is full, or the file is not the one that was found.
-    FileNotFoundError, PermissionError
-        If there is no such file, or it must not be read.
+    TransferError if it broke `ATTEMPTS` times, the disk is full, or the file is not the one that
+    was found. FileNotFoundError, PermissionError if there is no such file, or it must not be read.
 
     """
     system, path = fsspec.core.url_to_fs(file.url)

@@ -17,6 +17,7 @@ from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.dataset.provenance import FINDINGS
 from lip_id_ros.evaluation.cautions import data_remarks
+from lip_id_ros.fleet.parts import first_part
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.identification.posterior import ranges_of
 from lip_id_ros.identification.sample_selection import covering, evenly, moving, remembering
@@ -44,28 +45,24 @@ MOST_TEXT = 20_000
 """Characters of a provenance that is kept."""
 
 
-def survey(path: str | os.PathLike[str], name: str, group: str, config: Config) -> Survey:
+def survey(
+    path: str | os.PathLike[str], name: str, group: str, config: Config, share: float = 1.0
+) -> Survey:
     """
     Read a recording and keep what finding the placements needs; raises what `load_dataset` raises.
 
-    Parameters
-    ----------
-    path : path
-        Of a recording of any kind.
-    name : str
-        Under which people know it.
-    group : str
-        Robot.
-    config : Config
+    `path`: of a recording of any kind. `name`: under which people know it. `group`: robot.
+    `share`: first share of the samples that is looked at.
 
     """
     examined, contents = findings_of(config.recording), list[str]()
 
     def assess(samples: JointSamples) -> Mapping[str, Any]:
-        contents.append(_content(samples))
+        contents.append(_content(samples.rows(slice(0, round(share * samples.n_samples)))))
         return examined(samples)
 
     data = load_dataset(path, config, assess=assess)
+    data = first_part(data, share)
     data = for_training(data, config.preprocessing, config.fit.kernel)
     found = survey_of(data, name, group)
     if contents:  # of what was read: processors round differently what is computed
@@ -144,11 +141,7 @@ def merged(surveys: Sequence[Survey], joint_names: Sequence[str]) -> Dataset:
     """
     Join the reservoirs of recordings of one arm, `MOST_MERGED` samples at most.
 
-    Parameters
-    ----------
-    surveys : sequence of Survey
-        In the order of their keys, so that the order of the sources plays no role.
-    joint_names : sequence of str
+    `surveys`: in the order of their keys, so that the order of the sources plays no role.
 
     """
     most = max(MOST_MERGED // len(surveys), 1)
@@ -186,12 +179,8 @@ def sorted_of_one_arm(surveys: Sequence[Survey]) -> tuple[list[int], dict[int, s
     """
     Sort surveys by key, and leave out copies and those that have other joints than most.
 
-    Returns
-    -------
-    kept : list of int
-        Numbers of the surveys in the order of their keys.
-    left_out : dict
-        Reason by number of the survey.
+    Returns the numbers of the surveys that are kept, in the order of their keys, and the reason of
+    each of the others by its number.
 
     """
     kinds = Counter(map(_kind, surveys))

@@ -47,31 +47,9 @@ WITHOUT_LINKS = 'recursive'
 def fit(
     dataset: Dataset, settings: FitSettings | None = None, progress: Progress = silent
 ) -> InverseDynamicsModel:
-    """
-    Fit a model to a data set.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        In the order of time.
-    settings : FitSettings, optional
-        With the kernel 'articulated', the default, an arm is identified; every other kernel is a
-        Gaussian process on energies.
-    progress : callable
-
-    Raises
-    ------
-    ConfigError
-        If a robot description is given to another model than an articulated one.
-    DataError
-        If there are too few samples, a torque never changes, or the robot description is of
-        another arm.
-    FitError
-        If the data are not finite, or a Gram matrix cannot be factorised.
-
-    """
+    """Fit a model to all samples of a data set; raises what `lip_id_ros.workflow.fit.fit` does."""
     settings = FitSettings() if settings is None else settings
-    _check(dataset, settings)
+    check(dataset, settings)
     started = time.monotonic()
     parts, report = _fitted(dataset, settings, progress)
     report['seconds_total'] = round(time.monotonic() - started, 3)
@@ -210,7 +188,8 @@ def _twists(found: Identified) -> list[float | None]:
     return [None if np.isnan(twist) else round(float(twist)) for twist in twists]
 
 
-def _check(dataset: Dataset, settings: FitSettings) -> None:
+def check(dataset: Dataset, settings: FitSettings) -> None:
+    """Refuse what no model can be fitted to, as `fit` does."""
     if not isinstance(dataset, Dataset):
         raise DataError(
             f'a fit needs a Dataset, not {type(dataset).__name__}; use load_dataset for files and '

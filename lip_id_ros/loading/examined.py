@@ -23,10 +23,35 @@ def load_dataset(
     training_share: float = 1.0,
 ) -> Dataset:
     """
-    Load bags and data sets as `lip_id_ros.loading.load.load_dataset` does, and examine recordings.
+    Load bags and data sets and join them, each with segments of its own, and examine recordings.
 
     Errors and warnings of `lip_id inspect` are in the provenance, and cautions of a fit to the
-    data. The other parameters, and the errors, are those of that function.
+    data. Samples that an earlier source holds too are left out and noted there as well: a copy of
+    a recording must not be on both sides of a split.
+
+    Parameters
+    ----------
+    sources : path or sequence of paths
+        Bags and CSV logs are preprocessed by the settings; data sets (.npz, or .csv with
+        accelerations) are taken as they are, but for the choice of joints and `max_samples`.
+    settings : Config
+        Sections `recording` and `preprocessing` are used. With `cutoff_hz: auto` all recordings
+        are read before the first is preprocessed.
+    progress : callable
+        Called with the number of messages read.
+    training_share : float
+        First share of the recordings that `cutoff_hz: auto` may look at; the rest is held out.
+
+    Raises
+    ------
+    SourceError
+        If a source is no recording or holds no usable joint samples, or there is none.
+    ConfigError
+        If a setting does not fit the joints.
+    DataError
+        If a source is damaged or too short, or they have different joints.
+    OSError
+        If a source does not exist or cannot be opened.
 
     """
     recording = settings.recording if isinstance(settings, Config) else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -31,10 +30,16 @@ from lip_id_ros.settings import AUTO, Config, override, PreprocessingSettings
 
 PathLike = str | os.PathLike[str]
 
+SECTIONS = ('recording', 'preprocessing')
+"""Settings in the provenance of a recording."""
+
 ROUNDING = 1e-6
 """Of sums of times [s]."""
 
-Part = Dataset | JointSamples
+Raw = tuple[JointSamples, Mapping[str, Any]]
+"""Samples before preprocessing, and entries for their source in the provenance."""
+
+Part = Dataset | Raw
 
 
 def load_dataset(
@@ -50,32 +55,9 @@ def load_dataset(
     Samples that an earlier source holds too are left out and noted in the provenance: a copy of a
     recording must not be on both sides of a split.
 
-    Parameters
-    ----------
-    sources : path or sequence of paths
-        Bags and CSV logs are preprocessed by the settings; data sets (.npz, or .csv with
-        accelerations) are taken as they are, but for the choice of joints and `max_samples`.
-    settings : Config
-        Sections `recording` and `preprocessing` are used. With `cutoff_hz: auto` all recordings
-        are read before the first is preprocessed.
-    progress : callable
-        Called with the number of messages read.
-    assess : callable
-        Gets the raw samples of every recording before they are preprocessed; returns more entries
-        for its source in the provenance.
-    training_share : float
-        First share of the recordings that `cutoff_hz: auto` may look at; the rest is held out.
-
-    Raises
-    ------
-    SourceError
-        If a source is no recording or holds no usable joint samples, or there is none.
-    ConfigError
-        If a setting does not fit the joints.
-    DataError
-        If a source is damaged or too short, or they have different joints.
-    OSError
-        If a source does not exist or cannot be opened.
+    `assess`: gets the raw samples of every recording before they are preprocessed; returns more
+    entries for its source in the provenance. The other parameters, and the errors, are those of
+    `lip_id_ros.loading.examined.load_dataset`.
 
     """
     settings = Config() if settings is None else settings
@@ -84,20 +66,33 @@ def load_dataset(
             f'the settings of load_dataset must be a Config, not {type(settings).__name__}; '
             'write Config(recording=..., preprocessing=...), or use read_config.'
         )
-    paths = _paths(sources)
-    if not paths:
-        raise SourceError('at least one recording or data set is needed, but none was named.')
-    loading = _Loading(settings, progress, assess, is_alone=len(paths) == 1)
-    parts: Iterable[Part] = loading.parts(paths)
+    loading = _Loading(_paths(sources), settings, progress, assess)
+    parts: Iterable[Part] = loading.parts()
     if settings.preprocessing.cutoff_hz == AUTO:
         parts = list(parts)
-        recordings = [part for part in parts if isinstance(part, JointSamples)]
-        settings = loading.elect(recordings, training_share)
-    data = concatenate(list(loading.datasets(parts)))
-    if loading.copies:
-        copies = [*data.provenance.get(COPIES, ()), *loading.copies]
-        data = replace(data, provenance={**data.provenance, COPIES: copies})
-    return at_most(data, settings.preprocessing)
+        settings = loading.elect(_recordings(parts), training_share)
+    return loading.joined(parts, settings.preprocessing)
+
+
+def load_each(
+    sources: PathLike | Sequence[PathLike],
+    settings: Config,
+    preprocessing: Sequence[PreprocessingSettings],
+    progress: Progress = silent,
+) -> list[Dataset]:
+    """Load as `load_dataset` does, with each of some preprocessing settings, and read once."""
+    loading = _Loading(_paths(sources), settings, progress)
+    parts = list(loading.parts())
+    return [loading.joined(parts, each) for each in preprocessing]
+
+
+def read_raw(source: PathLike, settings: Config) -> list[JointSamples]:
+    """Return the recordings of a source before preprocessing, none of a data set."""
+    return _recordings(_Loading([source], settings, silent).parts())
+
+
+def _recordings(parts: Iterable[Part]) -> list[JointSamples]:
+    return [part[0] for part in parts if not isinstance(part, Dataset)]
 
 
 def _paths(sources: Any) -> list[PathLike]:
@@ -108,6 +103,8 @@ def _paths(sources: Any) -> list[PathLike]:
             raise SourceError(
                 f'a source must be a path, not {shortened(path)}; pass one path, or a list.'
             )
+    if not paths:
+        raise SourceError('at least one recording or data set is needed, but none was named.')
     return paths
 
 
@@ -115,21 +112,25 @@ class _Loading:
     """Loads sources one after another and leaves out what an earlier one holds already."""
 
     def __init__(
-        self, settings: Config, progress: Progress, assess: Assess, *, is_alone: bool
+        self,
+        paths: Sequence[PathLike],
+        settings: Config,
+        progress: Progress,
+        assess: Assess = lambda samples: {},
     ) -> None:
-        self._settings, self._progress, self._assess = settings, progress, assess
-        self._assessed = deque[Mapping[str, Any]]()  # of raw samples, until they are preprocessed
-        self._is_alone = is_alone  # nothing to compare with
+        self._paths, self._settings = paths, settings
+        self._progress, self._assess = progress, assess
+        self._is_alone = len(paths) == 1  # nothing to compare with
         self._seen = RepeatedSamples()
         self._repeating: set[str] = set()
         self._joints: tuple[str, ...] = ()  # to which values per joint belong
         self._report: dict[str, Any] = {}
-        self.copies: list[dict[str, Any]] = []
+        self._copies: list[dict[str, Any]] = []
 
-    def parts(self, paths: Sequence[PathLike]) -> Iterator[Part]:
+    def parts(self) -> Iterator[Part]:
         """Yield raw samples and data sets in the order of the sources, none of them twice."""
         recording = self._settings.recording
-        for is_bag, some in groupby(paths, _is_bag):
+        for is_bag, some in groupby(self._paths, _is_bag):
             if is_bag:
                 for samples in read_sources(list(some), recording, self._progress):
                     yield self._raw(samples)
@@ -147,13 +148,13 @@ class _Loading:
         self._joints = self._joints or tuple(joint_names)
         return self._joints if set(self._joints) == set(joint_names) else tuple(joint_names)
 
-    def _raw(self, samples: JointSamples) -> JointSamples:
+    def _raw(self, samples: JointSamples) -> Raw:
         samples = samples.with_joints(self._bound(samples.joint_names))
-        self._assessed.append(self._assess(samples))
+        assessed = self._assess(samples)
         fresh = self._fresh(samples.source, samples.joint_names, samples.position, samples.effort)
         if not fresh.all():
             self._repeating.add(samples.source)
-        return samples.select(fresh)
+        return samples.select(fresh), assessed
 
     def elect(self, recordings: Sequence[JointSamples], share: float) -> Config:
         """Elect the preprocessing of all recordings by the first share of them."""
@@ -161,19 +162,28 @@ class _Loading:
         self._settings, self._report = elected
         return self._settings
 
-    def datasets(self, parts: Iterable[Part]) -> Iterator[Dataset]:
-        """Preprocess raw samples; bags side by side may give one data set together."""
-        settings = replace(self._settings.preprocessing, max_samples=0)
+    def joined(self, parts: Iterable[Part], preprocessing: PreprocessingSettings) -> Dataset:
+        """Preprocess raw samples and join all parts, of which copies are noted."""
+        data = concatenate(list(self._datasets(parts, preprocessing)))
+        if self._copies:
+            copies = [*data.provenance.get(COPIES, ()), *self._copies]
+            data = replace(data, provenance={**data.provenance, COPIES: copies})
+        return at_most(data, preprocessing)
+
+    def _datasets(
+        self, parts: Iterable[Part], preprocessing: PreprocessingSettings
+    ) -> Iterator[Dataset]:
+        settings = replace(preprocessing, max_samples=0)
         for part in parts:
             if isinstance(part, Dataset):
                 yield part
                 continue
+            samples, assessed = part
             self._progress('preprocessing', 0, 0)
-            assessed = self._assessed.popleft()
             try:
-                data = preprocess(part, settings, self._settings.recording)
+                data = preprocess(samples, settings, self._settings.recording)
             except DataError:
-                if part.source not in self._repeating:
+                if samples.source not in self._repeating:
                     raise
             else:
                 yield noted(noted(data, assessed), self._report)
@@ -198,7 +208,7 @@ class _Loading:
         repeated = self._seen.repeated(joint_names, *signals)
         if repeated.any():
             count = int(repeated.sum())
-            self.copies.append({'source': source, 'samples': len(repeated), 'repeated': count})
+            self._copies.append({'source': source, 'samples': len(repeated), 'repeated': count})
         fresh: BoolArray = ~repeated
         return fresh
 
@@ -254,6 +264,19 @@ def noted(data: Dataset, entries: Mapping[str, Any]) -> Dataset:
     return replace(data, provenance={**data.provenance, 'sources': sources})
 
 
+def settings_of(provenance: Mapping[str, Any]) -> Config:
+    """Return the settings of the first source that was preprocessed, else the default ones."""
+    for source in provenance.get('sources', ()):
+        if isinstance(source, Mapping) and all(name in source for name in SECTIONS):
+            values = {
+                f'{section}.{name}': value
+                for section in SECTIONS
+                for name, value in source[section].items()
+            }
+            return override(Config(), values, 'the settings of the training data')
+    return Config()
+
+
 def with_elected(config: Config, provenance: Mapping[str, Any]) -> Config:
     """
     Put the settings elected for training data, or a model, in the place of `cutoff_hz: auto`.
@@ -264,7 +287,7 @@ def with_elected(config: Config, provenance: Mapping[str, Any]) -> Config:
     if config.preprocessing.cutoff_hz != AUTO:
         return config
     for source in provenance.get('sources', ()):
-        if 'preprocessing' in source and 'recording' in source:
+        if all(name in source for name in SECTIONS):
             names = ('cutoff_hz', 'derivative')
             chosen = {f'preprocessing.{name}': source['preprocessing'][name] for name in names}
             chosen['recording.effort_delay_s'] = source['recording'].get('effort_delay_s', ())

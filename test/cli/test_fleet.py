@@ -41,7 +41,7 @@ def test_a_fleet_is_fitted_kept_and_reported(bags: Path, here: Path, capsys: Cap
     assert '4 of 5 recordings' in first.out
     assert 'empty failed: ' in first.out
     assert 'Written: arm.npz' in first.out
-    assert '--holdout' not in first.out  # which a fit to a fleet refuses
+    assert 'fit with --holdout, or evaluate' in first.out
     assert 'recordings read' in first.err
     page = Path('fleet.html').read_text()
     assert page.startswith('<!DOCTYPE html>')
@@ -58,6 +58,14 @@ def test_a_fleet_is_fitted_kept_and_reported(bags: Path, here: Path, capsys: Cap
     assert again.arm is not None
     assert (again.arm.links == model.arm.links).all()
 
+    capsys.readouterr()
+    lip_id(*command, '--jobs', '2', '--holdout', '0.4')
+    held_out = capsys.readouterr().out
+    assert 'Held out: the last 40 % of the samples' in held_out
+    assert '3 of 5 recordings' in held_out
+    assert 'run3 held out: the fit is judged by it' in held_out
+    assert 'fitted on samples of the same recording' in held_out  # of which one was cut
+
     lip_id('cache', '--cache', 'kept', '--prune', 'outdated')
     assert '0 removed, ' in capsys.readouterr().out
     lip_id('cache', '--cache', 'kept', '--prune', 'refused')
@@ -71,10 +79,6 @@ def test_a_fleet_is_fitted_kept_and_reported(bags: Path, here: Path, capsys: Cap
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
-        (
-            ['--jobs', '2', '--holdout', '0.3'],
-            '--holdout belongs to a fit that loads all recordings',
-        ),
         (['--address', 'auto'], '--address names a Ray cluster, but the engine is local'),
         (['--engine', 'ray', '--address', 'auto', '--jobs', '2'], '--jobs is for engines on this'),
         (['--group-by', 'robot'], '--group-by must have one group in parentheses'),

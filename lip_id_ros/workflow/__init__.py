@@ -1,0 +1,1 @@
+"""What every entrance does with recordings: load, hold out, fit, judge, caution."""
