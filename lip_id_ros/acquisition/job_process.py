@@ -23,8 +23,9 @@ from lip_id_ros.errors import DataError, LipIdError
 from lip_id_ros.evaluation import data_remarks, matched
 from lip_id_ros.export.payload import inertias, require_links, to_yaml
 from lip_id_ros.files import write_or_rescue, write_whole
+from lip_id_ros.loading.data_settings import elected_config
 from lip_id_ros.loading.examined import findings_of, load_dataset
-from lip_id_ros.loading.load import elected_config, noted
+from lip_id_ros.loading.load import noted
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.pipeline import at_most

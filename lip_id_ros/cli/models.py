@@ -11,8 +11,9 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError, missing_joints
 from lip_id_ros.evaluation import fit_cautions, matched
 from lip_id_ros.loading import load_dataset, with_elected
+from lip_id_ros.loading.data_settings import settings_of
 from lip_id_ros.loading.examined import load_dataset as load_dataset_examined
-from lip_id_ros.loading.load import load_each, settings_of
+from lip_id_ros.loading.load import load_each
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.serialization import contradictions
 from lip_id_ros.progress import Progress

@@ -23,14 +23,12 @@ from lip_id_ros.identification.posterior import fit_of, posterior_of, SAMPLES
 from lip_id_ros.identification.remainder_election import conditioned_remainder, elect_processes
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.identification.solution import Solution
+from lip_id_ros.loading.data_settings import SECTIONS
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.model.fit_checks import with_checks
 from lip_id_ros.model.remainder import Remainder
-
-SECTIONS = ('recording', 'preprocessing')
-"""Settings in the provenance of a recording."""
 
 OF_HEALTH = (FINDINGS, N_NOTES, 'samples', 'rate_hz')
 """Entries of it that the cautions of a fit are about."""

@@ -8,7 +8,8 @@ import json
 from typing import Any
 
 from lip_id_ros.fleet.passes import digest, Passes, Source
-from lip_id_ros.loading.load import elected_config, read_raw, SECTIONS
+from lip_id_ros.loading.data_settings import elected_config, SECTIONS
+from lip_id_ros.loading.load import read_raw
 from lip_id_ros.packable import Packable
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import AUTO, Config, flatten, override, PreprocessingSettings

@@ -10,8 +10,9 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import Evaluation, fit_cautions
 from lip_id_ros.evaluation.held_out import judged
 from lip_id_ros.identification.fitting import check
+from lip_id_ros.loading.data_settings import settings_of
 from lip_id_ros.loading.examined import load_dataset
-from lip_id_ros.loading.load import PathLike, settings_of
+from lip_id_ros.loading.load import PathLike
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import Progress, silent

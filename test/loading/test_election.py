@@ -13,9 +13,9 @@ from benchmarks._simulated_recordings import N_JOINTS, simulated, SimulatedRecor
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation import data_remarks
 from lip_id_ros.loading import load_dataset, with_elected
+from lip_id_ros.loading.data_settings import first_share
 from lip_id_ros.loading.delay_election import fewest
 from lip_id_ros.loading.election import CUTOFFS_HZ, elect_preprocessing, Elected
-from lip_id_ros.loading.load import _first_share
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.smoothing import resample, resample_early
 from lip_id_ros.recording import JointSamples
@@ -159,9 +159,9 @@ def test_the_first_share_is_one_of_time() -> None:
     values = np.zeros((t.size, 1))
     samples = JointSamples(t, values, values, values, ('a',))
     for share, last in ((0.2, 20.0), (0.5, 50.0), (0.8, 1080.0), (1.0, t[-1])):
-        (first,) = _first_share([samples], share)
+        (first,) = first_share([samples], share)
         assert first.t[-1] == pytest.approx(last, abs=0.02)
-    first, second = _first_share([samples.rows(slice(0, 4000)), samples], 0.5)
+    first, second = first_share([samples.rows(slice(0, 4000)), samples], 0.5)
     assert second.t[-1] == pytest.approx(30.0, abs=0.02)
     assert first.n_samples == 4000
 
