@@ -14,7 +14,7 @@ from lip_id_ros.cli import arguments, models, output
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import matched
 from lip_id_ros.evaluation.tables import show, show_lines
-from lip_id_ros.loading import load_dataset, with_elected
+from lip_id_ros.loading import load_dataset, with_selected
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config
@@ -129,7 +129,7 @@ def _cases(args: argparse.Namespace, config: Config, progress: Progress) -> list
 def _tests(
     sources: list[str], train: Dataset, config: Config, progress: Progress
 ) -> dict[str, Dataset]:
-    config = with_elected(config, train.provenance)
+    config = with_selected(config, train.provenance)
     recording = replace(config.recording, joints=train.joint_names)
     names = [os.path.basename(os.path.normpath(source)) for source in sources]
     labels = names if len(set(names)) == len(names) else sources

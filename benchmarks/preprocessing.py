@@ -1,7 +1,7 @@
 """
-Usual and elected preprocessing of real recordings: ``python -m benchmarks preprocessing``.
+Usual and selected preprocessing of real recordings: ``python -m benchmarks preprocessing``.
 
-Each is elected and fitted on 70 % of a recording. Both predict the efforts of the other 30 %, at
+Each is selected and fitted on 70 % of a recording. Both predict the efforts of the other 30 %, at
 the same times and with the same low-pass: far above the motion, and at 2 Hz, below all cut-offs.
 ``--seeds 20`` counts the delays that are recovered in simulated recordings instead.
 accuracy.md has both.
@@ -21,9 +21,9 @@ from benchmarks._real import ARMS, RawRecordings, SPLITS
 from benchmarks._simulated_recordings import N_JOINTS, simulated
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification import fit
-from lip_id_ros.loading.delay_election import REACH_S
-from lip_id_ros.loading.election import CUTOFFS_HZ, elect_preprocessing, HIGHEST
+from lip_id_ros.loading.delay_selection import REACH_S
 from lip_id_ros.loading.left_out_torques import target, uniform_segments
+from lip_id_ros.loading.preprocessing_selection import CUTOFFS_HZ, HIGHEST, select_preprocessing
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.pipeline import smooth
@@ -54,7 +54,7 @@ def main(arguments: list[str]) -> int:
             raw = ARMS[arm].raw_split(args.data, unseen)
             ratios.append(_compared(f'{arm}, {unseen} 30 %', *raw))
     wide, slow = np.exp(np.log(np.array(ratios)).mean(axis=0))
-    print(f'geometric mean of elected / usual: {wide:.3f}, below {SLOW_HZ:g} Hz {slow:.3f}')
+    print(f'geometric mean of selected / usual: {wide:.3f}, below {SLOW_HZ:g} Hz {slow:.3f}')
     return 0
 
 
@@ -74,26 +74,26 @@ def _counted(seeds: int) -> None:
 def _delays(seed: int, true: Array) -> Array:
     samples = simulated(seed, true).samples
     auto = PreprocessingSettings(cutoff_hz=AUTO)
-    found = elect_preprocessing([samples], auto, RecordingSettings()).recording.effort_delay_s
+    found = select_preprocessing([samples], auto, RecordingSettings()).recording.effort_delay_s
     return np.array(found or np.zeros(N_JOINTS))
 
 
 def _compared(title: str, train: RawRecordings, test: RawRecordings) -> tuple[float, float]:
     usual = PreprocessingSettings(), train.recording
     auto = replace(usual[0], cutoff_hz=AUTO)
-    elected = elect_preprocessing(train.samples, auto, train.recording)
-    other = elected.preprocessing, elected.recording
-    cutoff, delays = elected.preprocessing.cutoff, elected.recording.effort_delay_s
+    selected = select_preprocessing(train.samples, auto, train.recording)
+    other = selected.preprocessing, selected.recording
+    cutoff, delays = selected.preprocessing.cutoff, selected.recording.effort_delay_s
     shown = ' '.join(f'{1e3 * delay:.1f}' for delay in delays) or 'none'
-    print(f'{title}: {cutoff:g} Hz, {elected.preprocessing.derivative}, delays [ms] {shown}')
+    print(f'{title}: {cutoff:g} Hz, {selected.preprocessing.derivative}, delays [ms] {shown}')
     if other == usual:
         print('  the usual settings')
         return 1.0, 1.0
     before, after = (_errors(each, train, test) for each in (usual, other))
     for name, one, two in zip(('all', f'below {SLOW_HZ:g} Hz'), before, after, strict=True):
-        print(f'  {name}: usual {np.round(one, 3)}, elected {np.round(two, 3)}')
+        print(f'  {name}: usual {np.round(one, 3)}, selected {np.round(two, 3)}')
     ratio = [float(np.exp(np.log(b / a).mean())) for a, b in zip(before, after, strict=True)]
-    print(f'  elected / usual: {ratio[0]:.3f}, below {SLOW_HZ:g} Hz {ratio[1]:.3f}', flush=True)
+    print(f'  selected / usual: {ratio[0]:.3f}, below {SLOW_HZ:g} Hz {ratio[1]:.3f}', flush=True)
     return ratio[0], ratio[1]
 
 

@@ -23,7 +23,7 @@ from lip_id_ros.errors import DataError, LipIdError
 from lip_id_ros.evaluation import data_remarks, matched
 from lip_id_ros.export.payload import inertias, require_links, to_yaml
 from lip_id_ros.files import write_or_rescue, write_whole
-from lip_id_ros.loading.data_settings import elected_config
+from lip_id_ros.loading.data_settings import selected_config
 from lip_id_ros.loading.examined import findings_of, load_dataset
 from lip_id_ros.loading.load import noted
 from lip_id_ros.model import InverseDynamicsModel
@@ -198,7 +198,7 @@ def training_set(
     """
     report: dict[str, Any] = {}
     if sections and config.preprocessing.cutoff_hz == AUTO:
-        config, report = elected_config(sections, config, training_share, progress)
+        config, report = selected_config(sections, config, training_share, progress)
     live, left_out = _of_sections(sections, config)
     live = [noted(data, report) for data in live]
     if not live and not bags:

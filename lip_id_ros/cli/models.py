@@ -10,7 +10,7 @@ from typing import Any
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError, missing_joints
 from lip_id_ros.evaluation import fit_cautions, matched
-from lip_id_ros.loading import load_dataset, with_elected
+from lip_id_ros.loading import load_dataset, with_selected
 from lip_id_ros.loading.data_settings import settings_of
 from lip_id_ros.loading.examined import load_dataset as load_dataset_examined
 from lip_id_ros.loading.load import load_each
@@ -87,7 +87,7 @@ def chosen_config(path: str | None, chosen: Mapping[str, Any]) -> Config:
 
 def _config_of(model: InverseDynamicsModel, path: str | None) -> Config:
     config = settings_of(model.provenance) if path is None else read_config(path)
-    config = with_elected(config, model.provenance)
+    config = with_selected(config, model.provenance)
     return replace(config, recording=_recording_of(model, config.recording))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 COPIES = 'copies'
 """Source, samples and repeated samples where an earlier source has them too."""
 
-ELECTED = 'elected'
+SELECTED = 'elected'
 """Of a source: how its preprocessing was selected."""
 
 FINDINGS = 'findings'

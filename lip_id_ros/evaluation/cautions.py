@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeGuard
 
-from lip_id_ros.dataset.provenance import COPIES, ELECTED, FINDINGS, N_NOTES
+from lip_id_ros.dataset.provenance import COPIES, FINDINGS, N_NOTES, SELECTED
 from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.metrics import Evaluation
 from lip_id_ros.evaluation.tables import percent
@@ -73,7 +73,7 @@ def coupling_remarks(model: InverseDynamicsModel) -> list[str]:
 
 def data_remarks(provenance: Mapping[str, Any]) -> list[str]:
     """Return what the provenance of a data set or model has about its recordings, in sentences."""
-    return [*_findings(provenance), *copy_cautions(provenance), *_elections(provenance)]
+    return [*_findings(provenance), *copy_cautions(provenance), *_selections(provenance)]
 
 
 def evaluation_cautions(evaluation: Evaluation) -> list[str]:
@@ -259,9 +259,9 @@ def _alike(alike: Sequence[Mapping[str, Any]]) -> list[str]:
     return [' '.join([texts[0], *more])]
 
 
-def _elections(provenance: Mapping[str, Any]) -> list[str]:
-    """Return in sentences what was elected for the recordings of a data set or model, and why."""
-    reports = [source[ELECTED] for source in provenance.get('sources', ()) if ELECTED in source]
+def _selections(provenance: Mapping[str, Any]) -> list[str]:
+    """Return in sentences what was selected for the recordings of a data set or model, and why."""
+    reports = [source[SELECTED] for source in provenance.get('sources', ()) if SELECTED in source]
     if not reports:
         return []
     report = reports[0]

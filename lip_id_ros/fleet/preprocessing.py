@@ -8,7 +8,7 @@ import json
 from typing import Any
 
 from lip_id_ros.fleet.passes import digest, Passes, Source
-from lip_id_ros.loading.data_settings import elected_config, SECTIONS
+from lip_id_ros.loading.data_settings import SECTIONS, selected_config
 from lip_id_ros.loading.load import read_raw
 from lip_id_ros.packable import Packable
 from lip_id_ros.recording import JointSamples
@@ -58,7 +58,7 @@ def selected(
     found = passes.restored(SelectedPreprocessing, key)
     if found is None:
         raw = [part for each, share in some for part in _first(each, share, config)]
-        chosen, entries = elected_config(raw, config, 1.0, passes.progress)
+        chosen, entries = selected_config(raw, config, 1.0, passes.progress)
         if chosen.recording.effort_delay_s and not chosen.recording.joints:
             # so that they are those of the same joints in recordings of another order
             recording = replace(chosen.recording, joints=joint_names)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.dataset.provenance import ELECTED
+from lip_id_ros.dataset.provenance import SELECTED
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.loading.election import elect_preprocessing
+from lip_id_ros.loading.preprocessing_selection import select_preprocessing
 from lip_id_ros.preprocessing.smoothing import longest_step
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples
@@ -25,25 +25,25 @@ ROUNDING = 1e-6
 """Of sums of times [s]."""
 
 
-def elected_config(
+def selected_config(
     recordings: Sequence[JointSamples],
     config: Config,
     training_share: float,
     progress: Progress = silent,
 ) -> tuple[Config, dict[str, Any]]:
     """
-    Elect the preprocessing of recordings by the first share of them.
+    Select the preprocessing of recordings by the first share of them.
 
     Returns settings with numbers in the place of `auto`, and an entry for sources' provenance.
 
-    LipIdError: see `lip_id_ros.loading.election.elect_preprocessing`.
+    LipIdError: see `lip_id_ros.loading.preprocessing_selection.select_preprocessing`.
 
     """
     longest = config.preprocessing.max_gap_s
     some = first_share(recordings, training_share, longest)
-    elected = elect_preprocessing(some, config.preprocessing, config.recording, progress)
-    changed = replace(config, preprocessing=elected.preprocessing, recording=elected.recording)
-    return changed, {ELECTED: elected.report}
+    selected = select_preprocessing(some, config.preprocessing, config.recording, progress)
+    changed = replace(config, preprocessing=selected.preprocessing, recording=selected.recording)
+    return changed, {SELECTED: selected.report}
 
 
 def settings_of(provenance: Mapping[str, Any]) -> Config:
@@ -59,9 +59,9 @@ def settings_of(provenance: Mapping[str, Any]) -> Config:
     return Config()
 
 
-def with_elected(config: Config, provenance: Mapping[str, Any]) -> Config:
+def with_selected(config: Config, provenance: Mapping[str, Any]) -> Config:
     """
-    Put the settings elected for training data, or a model, in the place of `cutoff_hz: auto`.
+    Put the settings selected for training data, or a model, in the place of `cutoff_hz: auto`.
 
     ConfigError if none of its sources was preprocessed.
 

@@ -16,7 +16,7 @@ from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.dataset.provenance import COPIES
 from lip_id_ros.errors import ConfigError, DataError, shortened, SourceError
-from lip_id_ros.loading.data_settings import elected_config
+from lip_id_ros.loading.data_settings import selected_config
 from lip_id_ros.preprocessing.description import Assess
 from lip_id_ros.preprocessing.pipeline import at_most, preprocess
 from lip_id_ros.progress import Progress, silent
@@ -62,7 +62,7 @@ def load_dataset(
     parts: Iterable[Part] = loading.parts()
     if settings.preprocessing.cutoff_hz == AUTO:
         parts = list(parts)
-        settings = loading.elect(_recordings(parts), training_share)
+        settings = loading.select(_recordings(parts), training_share)
     return loading.joined(parts, settings.preprocessing)
 
 
@@ -148,10 +148,10 @@ class _Loading:
             self._repeating.add(samples.source)
         return samples.select(fresh), assessed
 
-    def elect(self, recordings: Sequence[JointSamples], share: float) -> Config:
-        """Elect the preprocessing of all recordings by the first share of them."""
-        elected = elected_config(recordings, self._settings, share, self._progress)
-        self._settings, self._report = elected
+    def select(self, recordings: Sequence[JointSamples], share: float) -> Config:
+        """Select the preprocessing of all recordings by the first share of them."""
+        selected = selected_config(recordings, self._settings, share, self._progress)
+        self._settings, self._report = selected
         return self._settings
 
     def joined(self, parts: Iterable[Part], preprocessing: PreprocessingSettings) -> Dataset:

@@ -1,5 +1,5 @@
 """
-Cut-off, derivative and delays of efforts, elected by the prediction of left-out blocks.
+Cut-off, derivative and delays of efforts, selected by the prediction of left-out blocks.
 
 What is usual stays unless something else predicts left-out efforts better for sure.
 
@@ -19,7 +19,7 @@ from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.left_out import Gain
-from lip_id_ros.loading.delay_election import DelayElection, REACH_S
+from lip_id_ros.loading.delay_selection import DelaySelection, REACH_S
 from lip_id_ros.loading.left_out_torques import LeftOutTorques, uniform_segments
 from lip_id_ros.preprocessing.pipeline import preprocess
 from lip_id_ros.preprocessing.segment import Segment
@@ -38,29 +38,29 @@ LEAST_LEFT = 0.5
 """Share of a recording that the edges of the lowest cut-off must leave."""
 
 ROUNDS = 2
-"""With joints placed by usual samples, then by those that were elected."""
+"""With joints placed by usual samples, then by those that were selected."""
 
 LEAST_SAMPLES_PER_JOINT = 30
 SEED = 0
 
 
 @dataclass(frozen=True, eq=False)
-class Elected:
-    """Settings with cut-off, derivative and delays as elected, and figures for the provenance."""
+class Selected:
+    """Settings with cut-off, derivative and delays as selected, and figures for the provenance."""
 
     preprocessing: PreprocessingSettings
     recording: RecordingSettings
     report: dict[str, Any]
 
 
-def elect_preprocessing(
+def select_preprocessing(
     recordings: Sequence[JointSamples],
     settings: PreprocessingSettings,
     recording: RecordingSettings,
     progress: Progress = silent,
-) -> Elected:
+) -> Selected:
     """
-    Elect cut-off, derivative and delays for recordings of one arm, training data alone.
+    Select cut-off, derivative and delays for recordings of one arm, training data alone.
 
     SourceError, ConfigError and DataError as from `preprocess`; ConfigError where a derivative or
     delays are given.
@@ -80,34 +80,34 @@ def elect_preprocessing(
     count = sum(each.n_samples - 2 * edge for each, edge in segments)
     if count < LEAST_SAMPLES_PER_JOINT * data.n_joints:
         chosen = replace(settings, cutoff_hz=usual.cutoff)
-        return Elected(chosen, recording, {'too_few_samples': count})
+        return Selected(chosen, recording, {'too_few_samples': count})
     now = usual
     for number in range(ROUNDS):
         progress(STAGE, number, ROUNDS + 1)
         judge = _judge(data, segments, cutoffs[-1], now)
-        elected, errors = _smoothing(judge, usual, cutoffs)
-        if elected == now:
+        selected, errors = _smoothing(judge, usual, cutoffs)
+        if selected == now:
             break
-        data, now = concatenate([preprocess(each, elected, recording) for each in used]), elected
+        data, now = concatenate([preprocess(each, selected, recording) for each in used]), selected
     progress(STAGE, ROUNDS, ROUNDS + 1)
-    delays, delay_report = DelayElection(judge, judge.smoothed(elected)).elected()
+    delays, delay_report = DelaySelection(judge, judge.smoothed(selected)).selected()
     if delays.any():  # late efforts have placed the joints a little wrongly
         early = replace(recording, effort_delay_s=tuple(delays.tolist()))
-        data = concatenate([preprocess(each, elected, early) for each in used])
-        judge = _judge(data, segments, cutoffs[-1], elected)
-        delays, delay_report = DelayElection(judge, judge.smoothed(elected)).elected()
+        data = concatenate([preprocess(each, selected, early) for each in used])
+        judge = _judge(data, segments, cutoffs[-1], selected)
+        delays, delay_report = DelaySelection(judge, judge.smoothed(selected)).selected()
     progress(STAGE, ROUNDS + 1, ROUNDS + 1)
     report = {
         'samples': judge.n_samples,
-        'cutoff_hz': elected.cutoff,
-        'derivative': elected.derivative,
+        'cutoff_hz': selected.cutoff,
+        'derivative': selected.derivative,
         'unexplained_left_out_percent': errors,
         'effort_delay_s': delays.tolist(),
         **delay_report,
     }
     given = tuple(delays.tolist()) if delays.any() else ()
-    chosen = replace(settings, cutoff_hz=elected.cutoff, derivative=elected.derivative)
-    return Elected(chosen, replace(recording, effort_delay_s=given), report)
+    chosen = replace(settings, cutoff_hz=selected.cutoff, derivative=selected.derivative)
+    return Selected(chosen, replace(recording, effort_delay_s=given), report)
 
 
 def _judge(
@@ -173,7 +173,7 @@ def _cutoffs(raw: Sequence[Segment], usual: PreprocessingSettings) -> list[float
 def _smoothing(
     judge: LeftOutTorques, usual: PreprocessingSettings, cutoffs: Sequence[float]
 ) -> tuple[PreprocessingSettings, dict[str, float]]:
-    """Elect the cut-off, then the derivative; return the errors of all cut-offs too [%]."""
+    """Select the cut-off, then the derivative; return the errors of all cut-offs too [%]."""
 
     def squares(settings: PreprocessingSettings) -> Array:
         return judge.squares(judge.grams(judge.smoothed(settings)))
@@ -181,13 +181,13 @@ def _smoothing(
     errors = {c: squares(replace(usual, cutoff_hz=c)) for c in cutoffs}
     now = errors[usual.cutoff]
     best = min(errors.values(), key=lambda each: float(np.log(each).mean()))
-    elected = usual
+    selected = usual
     if Gain.between([now], [best]).is_sure():
         level = [c for c in cutoffs if not Gain.between([errors[c]], [best]).is_sure(errors=1.0)]
         nearest = min(level, key=lambda c: abs(np.log(c / usual.cutoff)))
-        elected = replace(usual, cutoff_hz=nearest)
+        selected = replace(usual, cutoff_hz=nearest)
     for derivative in DERIVATIVES:
-        other = replace(elected, derivative=derivative)
-        if Gain.between([errors[elected.cutoff]], [squares(other)]).is_sure():
-            elected = other
-    return elected, {f'{c:g}': judge.percent(each) for c, each in errors.items()}
+        other = replace(selected, derivative=derivative)
+        if Gain.between([errors[selected.cutoff]], [squares(other)]).is_sure():
+            selected = other
+    return selected, {f'{c:g}': judge.percent(each) for c, each in errors.items()}

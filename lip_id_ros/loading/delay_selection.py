@@ -1,5 +1,5 @@
 """
-Delays of efforts, elected by the prediction of left-out blocks.
+Delays of efforts, selected by the prediction of left-out blocks.
 
 A drive measures or transmits its effort late by a constant time, and all drives of a bus may do so
 alike. The delay common to all is found first, then those of all joints together, by Newton steps
@@ -36,10 +36,10 @@ LEAST_DELAY_S = 0.0005
 COMMON_STEPS, OWN_STEPS = 3, 2
 
 LEVEL = 0.01
-"""Probability at which some delay is elected in a recording without one."""
+"""Probability at which some delay is selected in a recording without one."""
 
 
-class DelayElection:
+class DelaySelection:
     """Delays of efforts behind motions that are smoothed in some way."""
 
     def __init__(self, judge: LeftOutTorques, smoothed: Smoothed) -> None:
@@ -48,7 +48,7 @@ class DelayElection:
         self._known: dict[float, Array] = {}
         self._none = np.zeros(self._n)
 
-    def elected(self) -> tuple[Array, dict[str, Any]]:
+    def selected(self) -> tuple[Array, dict[str, Any]]:
         """Return the delay of each joint, 0 where none is sure [s], and figures."""
         common, common_error = self._common()
         found, error = self._own(common)

@@ -1,4 +1,4 @@
-"""Cut-offs and delays that are elected, on simulated recordings whose truth is known."""
+"""Cut-offs and delays that are selected, on simulated recordings whose truth is known."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ import pytest
 from benchmarks._simulated_recordings import N_JOINTS, simulated, SimulatedRecording
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation import data_remarks
-from lip_id_ros.loading import load_dataset, with_elected
+from lip_id_ros.loading import load_dataset, with_selected
 from lip_id_ros.loading.data_settings import first_share
-from lip_id_ros.loading.delay_election import fewest
-from lip_id_ros.loading.election import CUTOFFS_HZ, elect_preprocessing, Elected
+from lip_id_ros.loading.delay_selection import fewest
+from lip_id_ros.loading.preprocessing_selection import CUTOFFS_HZ, select_preprocessing, Selected
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.smoothing import resample, resample_early
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import AUTO, Config, PreprocessingSettings, RecordingSettings
 
-ELECTING = PreprocessingSettings(cutoff_hz=AUTO)
+AUTOMATIC = PreprocessingSettings(cutoff_hz=AUTO)
 NONE = np.zeros(N_JOINTS)
 
 
-def elected(recorded: SimulatedRecording) -> Elected:
-    return elect_preprocessing([recorded.samples], ELECTING, RecordingSettings())
+def selected(recorded: SimulatedRecording) -> Selected:
+    return select_preprocessing([recorded.samples], AUTOMATIC, RecordingSettings())
 
 
 @pytest.mark.slow
@@ -34,19 +34,19 @@ def elected(recorded: SimulatedRecording) -> Elected:
 def test_the_delay_of_one_drive_is_recovered(seed: int) -> None:
     delays = np.zeros(N_JOINTS)
     delays[seed] = 0.008
-    found = elected(simulated(seed, delays)).recording.effort_delay_s
+    found = selected(simulated(seed, delays)).recording.effort_delay_s
     np.testing.assert_allclose(found, delays, atol=1e-3)
 
 
 @pytest.mark.slow
 def test_a_common_delay_beyond_that_of_single_drives_is_recovered() -> None:
-    found = elected(simulated(0, np.full(N_JOINTS, -0.055))).recording.effort_delay_s
+    found = selected(simulated(0, np.full(N_JOINTS, -0.055))).recording.effort_delay_s
     np.testing.assert_allclose(found, -0.055, atol=2e-3)
 
 
 @pytest.mark.slow
 def test_no_delay_is_invented_and_noise_lowers_the_cutoff() -> None:
-    clean, noisy = (elected(simulated(2, NONE, noise, 40)) for noise in (0.0, 2e-3))
+    clean, noisy = (selected(simulated(2, NONE, noise, 40)) for noise in (0.0, 2e-3))
     assert clean.recording.effort_delay_s == ()
     assert noisy.recording.effort_delay_s == ()
     assert noisy.preprocessing.cutoff < clean.preprocessing.cutoff
@@ -57,7 +57,7 @@ def test_no_delay_is_invented_and_noise_lowers_the_cutoff() -> None:
 def test_the_cutoff_is_near_the_best_in_truth(noise: float) -> None:
     recorded = simulated(3, NONE, noise, 40, coulomb=0.0)
     errors = [true_error(recorded, cutoff) for cutoff in CUTOFFS_HZ]
-    found = elected(recorded).preprocessing.cutoff
+    found = selected(recorded).preprocessing.cutoff
     best = min(errors)
     assert errors[CUTOFFS_HZ.index(found)] < 1.2 * best
     assert max(errors) > 4.0 * best
@@ -128,13 +128,13 @@ def log(path: Path, motion: float, n: int) -> Path:
 
 @pytest.mark.slow
 def test_what_is_held_out_does_not_matter(tmp_path: Path) -> None:
-    """A recording whose last third is spoilt elects what its first two thirds elect."""
+    """A recording whose last third is spoilt selects what its first two thirds elect."""
     good = log(tmp_path / 'good.csv', 0.0, 3000)
     table = np.loadtxt(good, delimiter=',', skiprows=1)
     table[2000:, 1:] += np.random.default_rng(0).standard_normal(table[2000:, 1:].shape)
     spoilt = tmp_path / 'spoilt.csv'
     np.savetxt(spoilt, table, delimiter=',', header='t,q_a,q_b,tau_a,tau_b', comments='')
-    config = Config(preprocessing=ELECTING)
+    config = Config(preprocessing=AUTOMATIC)
     share = 2.0 / 3.0
     reports = [
         load_dataset(path, config, training_share=share).provenance['sources'][0]
@@ -145,7 +145,7 @@ def test_what_is_held_out_does_not_matter(tmp_path: Path) -> None:
         'Preprocessing selected by cross-validation: cut-off'
         in data_remarks({'sources': reports})[0]
     )
-    again = with_elected(config, {'sources': reports})
+    again = with_selected(config, {'sources': reports})
     assert again.preprocessing.cutoff == reports[0]['preprocessing']['cutoff_hz']
     assert load_dataset(good, again).provenance['sources'][0]['recording'] == (
         reports[0]['recording'] | {'effort_delay_s': again.recording.effort_delay_s}
@@ -167,7 +167,7 @@ def test_the_first_share_is_one_of_time() -> None:
 
 
 def test_few_samples_keep_the_usual_cutoff(tmp_path: Path) -> None:
-    data = load_dataset(log(tmp_path / 'short.csv', 0.0, 150), Config(preprocessing=ELECTING))
+    data = load_dataset(log(tmp_path / 'short.csv', 0.0, 150), Config(preprocessing=AUTOMATIC))
     (source,) = data.provenance['sources']
     assert source['preprocessing']['cutoff_hz'] == PreprocessingSettings().cutoff
     assert 'too few to select' in data_remarks(data.provenance)[0]
@@ -175,19 +175,19 @@ def test_few_samples_keep_the_usual_cutoff(tmp_path: Path) -> None:
 
 def test_mixed_settings_are_refused(tmp_path: Path) -> None:
     samples = recording(uniform(500, 100.0))
-    derivative = replace(ELECTING, derivative='central_differences')
+    derivative = replace(AUTOMATIC, derivative='central_differences')
     with pytest.raises(ConfigError, match=r'auto selects preprocessing\.derivative too'):
-        elect_preprocessing([samples], derivative, RecordingSettings())
+        select_preprocessing([samples], derivative, RecordingSettings())
     delays = RecordingSettings(effort_delay_s=(0.0, 0.01))
     with pytest.raises(ConfigError, match=r'auto selects recording\.effort_delay_s too'):
-        elect_preprocessing([samples], ELECTING, delays)
+        select_preprocessing([samples], AUTOMATIC, delays)
     other = replace(samples, joint_names=('elbow', 'shoulder'))
     with pytest.raises(ConfigError, match='one order of joints'):
-        elect_preprocessing([samples, other], ELECTING, RecordingSettings())
+        select_preprocessing([samples, other], AUTOMATIC, RecordingSettings())
     with pytest.raises(ConfigError, match='where samples are smoothed, not auto'):
-        preprocess(samples, ELECTING)
+        preprocess(samples, AUTOMATIC)
     with pytest.raises(ConfigError, match='were no recordings'):
-        with_elected(Config(preprocessing=ELECTING), {'sources': [{'source': 'arrays'}]})
+        with_selected(Config(preprocessing=AUTOMATIC), {'sources': [{'source': 'arrays'}]})
 
 
 def test_values_that_are_no_cutoff_are_refused() -> None:
