@@ -66,8 +66,8 @@ where a recording repeats more than that, nothing is judged.
 
 LEAST_GAIN = float(np.log(4.0))
 """
-Least decrease of the logarithm of left-out mean squares, summed over joints: the error of one has
-to halve.
+Least decrease of the logarithm of left-out mean squares, summed over joints, by each coupling: the
+error of one joint has to halve.
 """
 
 MOST = 3
@@ -101,15 +101,17 @@ def find_couplings(
         If the data are not finite in units of the noise.
 
     """
-    while len(search.fitter.couplings) < MOST:
-        coupling = promising(search, found)
+    best = at = search, found
+    while len(at[0].fitter.couplings) < MOST:
+        coupling = promising(*at)
         if coupling is None:
             break
-        other = with_coupling(search, coupling)
-        if not predicts_better(other, other.recalibrated(found), search, found):
-            break
-        search, found = other, other.calibrated(seed, progress)
-    return search, found
+        # where there are several, one alone may predict little better
+        other = with_coupling(at[0], coupling)
+        at = other, other.recalibrated(at[1])
+        if predicts_better(*at, *best):
+            best = at = other, other.calibrated(seed, progress)
+    return best
 
 
 def with_coupling(search: ArmSearch, coupling: Coupling) -> ArmSearch:
@@ -165,7 +167,7 @@ def _lowest_cost(search: ArmSearch, found: Calibration) -> float:
 def predicts_better(
     other: ArmSearch, its: Calibration, search: ArmSearch, found: Calibration
 ) -> bool:
-    """Return whether a search with a coupling predicts left-out motions better for sure."""
+    """Return whether a search with more couplings predicts left-out motions better for sure."""
     dataset = search.fitter.dataset
     rows = evenly(dataset.n_samples, SAMPLES)
     fold = recurrent_folds(dataset, FOLDS)[rows]
@@ -176,11 +178,12 @@ def predicts_better(
         floor + _left_out_squares(each.samples(dataset.select(rows)), calibration, fold)
         for each, calibration in ((search, found), (other, its))
     )
-    if not Gain.between([now], [then]).is_sure(LEAST_GAIN):
+    least = LEAST_GAIN * (len(other.fitter.couplings) - len(search.fitter.couplings))
+    if not Gain.between([now], [then]).is_sure(least):
         return False
     # efforts of coupled motors are no coupled positions: friction terms stand for them
     gain = log_left_out(search.fitter, found) - log_left_out(other.fitter, its)
-    return bool(2.0 * dataset.n_joints * gain > LEAST_GAIN)
+    return bool(2.0 * dataset.n_joints * gain > least)
 
 
 def _left_out_squares(samples: Samples, found: Calibration, fold: IndexArray) -> Array:

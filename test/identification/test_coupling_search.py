@@ -46,9 +46,7 @@ def found(data: Dataset) -> tuple[Coupling, ...]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    'couplings', [(PARALLELOGRAM,), (WRIST,), (Coupling(1, 0, 0.5), Coupling(3, 2, -1.0))]
-)
+@pytest.mark.parametrize('couplings', [(WRIST,), (PARALLELOGRAM, Coupling(3, 2, 1.0))])
 def test_couplings_are_found(couplings: tuple[Coupling, ...]) -> None:
     assert sorted(found(recording(arm_of(*couplings, seed=3)))) == sorted(couplings)
 
