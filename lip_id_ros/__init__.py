@@ -24,7 +24,12 @@ if TYPE_CHECKING:
     )
     from lip_id_ros.evaluation import evaluate, Evaluation, fit_cautions
     from lip_id_ros.excitation.planning import design_motion, ExcitingMotion
-    from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, SearchSettings
+    from lip_id_ros.excitation.settings import (
+        ExcitationConfig,
+        MotionSettings,
+        SearchSettings,
+        SpaceSettings,
+    )
     from lip_id_ros.loading.examined import load_dataset
     from lip_id_ros.model import InverseDynamicsModel, Prediction
     from lip_id_ros.settings import (
@@ -58,6 +63,7 @@ _HOMES = {
     'SearchSettings': 'excitation.settings',
     'ShapeError': 'errors',
     'SourceError': 'errors',
+    'SpaceSettings': 'excitation.settings',
     'design_motion': 'excitation.planning',
     'evaluate': 'evaluation',
     'fit': 'workflow.fit',
@@ -87,6 +93,7 @@ __all__ = [
     'SearchSettings',
     'ShapeError',
     'SourceError',
+    'SpaceSettings',
     '__version__',
     'design_motion',
     'evaluate',

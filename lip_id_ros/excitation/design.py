@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.excitation.constraints import Constraints
 from lip_id_ros.excitation.scaling import LimitedMotions
 from lip_id_ros.excitation.series import basis, evenly, FourierMotion
 from lip_id_ros.excitation.settings import SearchSettings
@@ -44,36 +44,13 @@ class Design:
     random_criteria: Array
 
 
-Penalty = Callable[[Array, Array, Array], tuple[float, Array]]
-"""What states beyond a limit cost, and its gradient as that of a `Criterion`."""
-
-
-def _unchanged(motion: FourierMotion) -> FourierMotion:
-    return motion
-
-
-@dataclass(frozen=True)
-class Hold:
-    """
-    Limits that a motion keeps beside those of its joints.
-
-    `penalties`: of states beyond them, for the search. `held`: what makes a motion that keeps
-    them. `nearly_held`: the same in less time, for the random motions that it is compared with.
-
-    """
-
-    penalties: tuple[Penalty, ...] = ()
-    held: Callable[[FourierMotion], FourierMotion] = _unchanged
-    nearly_held: Callable[[FourierMotion], FourierMotion] = _unchanged
-
-
 class _Problem:
     """Criterion of a motion as a function of the free numbers of its shape."""
 
     def __init__(
-        self, motions: LimitedMotions, criterion: Criterion, penalties: Sequence[Penalty]
+        self, motions: LimitedMotions, criterion: Criterion, constraints: Constraints
     ) -> None:
-        self._motions, self._criterion, self._penalties = motions, criterion, penalties
+        self._motions, self._criterion, self._constraints = motions, criterion, constraints
         self.projected = motions.projected
         example = motions.motion(np.zeros(motions.shape))
         duration, harmonics = example.duration, example.harmonics
@@ -89,8 +66,8 @@ class _Problem:
         motion, pullback = self._motions.with_pullback(x)
         q, dq, ddq = (each @ motion.coefficients.T for each in self._basis)
         value, slopes = self._criterion(q + motion.posture, dq, ddq)
-        for penalty in self._penalties:
-            more, by_states = penalty(q + motion.posture, dq, ddq)
+        for one in self._constraints.each:
+            more, by_states = one.penalty(q + motion.posture, dq, ddq)
             value, slopes = value + more, slopes + by_states
         by_coefficients = sum(
             slope.T @ each for slope, each in zip(slopes, self._basis, strict=True)
@@ -103,7 +80,7 @@ def design(
     criterion: Criterion,
     settings: SearchSettings | None = None,
     progress: Progress = silent,
-    hold: Hold | None = None,
+    constraints: Constraints | None = None,
 ) -> Design:
     """
     Return the best motion that the search finds; the same seed gives the same motion.
@@ -112,8 +89,8 @@ def design(
 
     """
     chosen = settings or SearchSettings()
-    limits = hold or Hold()
-    problem = _Problem(motions, criterion, limits.penalties)
+    limits = constraints or Constraints()
+    problem = _Problem(motions, criterion, limits)
     rng = np.random.default_rng(chosen.seed)
     draws = [motions.random(rng) for _ in range(chosen.draws)]
     values = np.array([problem.value_and_gradient(x)[0] for x in draws])

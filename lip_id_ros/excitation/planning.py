@@ -12,13 +12,14 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import moving_joints, parse_description, urdf_text
 from lip_id_ros.errors import ConfigError, DataError, ModelError, shortened
+from lip_id_ros.excitation.constraints import Constraint, Constraints
 from lip_id_ros.excitation.criteria import (
     first_criterion,
     measurements,
     next_criterion,
     usual_targets,
 )
-from lip_id_ros.excitation.design import Design, design, Hold
+from lip_id_ros.excitation.design import Design, design
 from lip_id_ros.excitation.expected_error import States
 from lip_id_ros.excitation.joint_limits import JointLimits, limits_from, posture_from
 from lip_id_ros.excitation.known_arm import KnownArm
@@ -26,11 +27,13 @@ from lip_id_ros.excitation.learning import Learning
 from lip_id_ros.excitation.scaling import LimitedMotions, peaks
 from lip_id_ros.excitation.series import FourierMotion
 from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings
+from lip_id_ros.excitation.space import is_limited, Space
 from lip_id_ros.excitation.torque_limits import TorqueLimits
 from lip_id_ros.excitation.trajectory_file import sampled, Trajectory, writer_for
 from lip_id_ros.joint_types import REVOLUTE
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import Progress, silent
+from lip_id_ros.rigid_body import Chain
 from lip_id_ros.settings import read_sections
 
 FINE_PER_S = 200.0
@@ -149,27 +152,45 @@ def design_motion(
     description = None if urdf is None else urdf_text(urdf)
     if model is not None:
         config = _of_model(config, model)
-    names, types = _joints(config.motion, description)
+    names, types, chain = _joints(config.motion, description)
     limits = limits_from(config.motion, names, description)
     posture = posture_from(config.motion, limits)
     motions = LimitedMotions(limits, posture, config.motion.duration_s, config.motion.harmonics)
     if model is None:
+        constraints = _constraints(config, chain, limits, None)
+        constraints.require_posture(posture)
         criterion = first_criterion(config, motions, limits, types)
-        found = design(motions, criterion, config.search, progress)
+        found = design(motions, criterion, config.search, progress, constraints)
         return ExcitingMotion(names, types, limits, found, config.motion.rate_hz)
     assert model.arm is not None, 'models without an arm have been refused'
     learner, types = KnownArm(model.arm), model.joint_types
     states = usual_targets(config, motions) if targets is None else _states(targets, model)
     criterion = next_criterion(config, learner, states)
-    hold = Hold() if limits.torque is None else _hold(TorqueLimits(model, limits), posture)
-    found = design(motions, criterion, config.search, progress, hold)
+    constraints = _constraints(config, chain or model.arm.chain, limits, model)
+    constraints.require_posture(posture)
+    found = design(motions, criterion, config.search, progress, constraints)
     learning = Learning(model, states, found.motion, measurements(config))
     return ExcitingMotion(names, types, limits, found, config.motion.rate_hz, learning)
 
 
-def _hold(torques: TorqueLimits, posture: Array) -> Hold:
-    torques.require_posture(posture)
-    return Hold((torques.penalty,), torques.held, torques.nearly_held)
+def _constraints(
+    config: ExcitationConfig,
+    chain: Chain | None,
+    limits: JointLimits,
+    model: InverseDynamicsModel | None,
+) -> Constraints:
+    """Return the limits of torques, where there is a model, and of the space."""
+    found: list[Constraint] = []
+    if model is not None and limits.torque is not None:
+        found.append(TorqueLimits(model, limits))
+    if is_limited(config.space):
+        if chain is None:
+            raise ConfigError(
+                'a floor, boxes or space.keep_in need to know where the joints are, but there is '
+                'neither a URDF nor a model; give one, or leave them out.'
+            )
+        found.append(Space(config.space, chain, limits))
+    return Constraints(found)
 
 
 def _of_model(config: ExcitationConfig, model: Any) -> ExcitationConfig:
@@ -214,18 +235,17 @@ def _config(settings: Any) -> ExcitationConfig:
 
 def _joints(
     settings: MotionSettings, description: tuple[str, str] | None
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return names and types of the joints, which must be one serial arm of the URDF."""
+) -> tuple[tuple[str, ...], tuple[str, ...], Chain | None]:
+    """Return names and types of the joints, one serial arm of the URDF, and its chain."""
     if description is None:
         if not settings.joints:
             raise ConfigError(
                 'motion.joints must name the joints from base to tip where there is no URDF, but '
                 'it is empty; name them, or give a URDF.'
             )
-        return settings.joints, (REVOLUTE,) * len(settings.joints)
+        return settings.joints, (REVOLUTE,) * len(settings.joints), None
     text, place = description
     moving = dict(zip(*moving_joints(text, place), strict=True))
     names = settings.joints or tuple(moving)
     types = tuple(moving.get(name, REVOLUTE) for name in names)
-    parse_description(text, place, names, types)
-    return names, types
+    return names, types, parse_description(text, place, names, types).chain

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from lip_id_ros.settings import setting, Settings
 
 ERROR, INFORMATION = 'error', 'information'
+NONE = 'none'
 LARGEST = 1e6
 LONGEST_S = 3600.0
 
@@ -68,6 +69,39 @@ class MotionSettings(Settings):
 
 
 @dataclass(frozen=True)
+class SpaceSettings(Settings):
+    """Where joints and tool may be, in the frame of the base; needs a URDF or a model."""
+
+    floor_m: float | str = setting(
+        NONE, 'Height of the floor.', unit='m', minimum=-LARGEST, maximum=LARGEST, choices=(NONE,)
+    )
+    boxes: tuple[float, ...] = setting(
+        (),
+        'Boxes to stay out of, each lowest x, y, z and highest x, y, z.',
+        unit='m',
+        minimum=-LARGEST,
+        maximum=LARGEST,
+    )
+    keep_in: tuple[float, ...] = setting(
+        (), 'The box to stay in, likewise.', unit='m', minimum=-LARGEST, maximum=LARGEST
+    )
+    tool: tuple[float, ...] = setting(
+        (),
+        'Place of the tool in the frame of the last joint, x, y, z; empty for its origin.',
+        unit='m',
+        minimum=-LARGEST,
+        maximum=LARGEST,
+    )
+    margin_m: float = setting(
+        0.1,
+        'Distance that the origins of joints and the tool keep: half the thickness of the arm.',
+        unit='m',
+        minimum=0.0,
+        maximum=LARGEST,
+    )
+
+
+@dataclass(frozen=True)
 class SearchSettings(Settings):
     """The search for the best motion."""
 
@@ -90,4 +124,5 @@ class ExcitationConfig:
     """All settings of the design of a motion."""
 
     motion: MotionSettings = field(default_factory=MotionSettings)
+    space: SpaceSettings = field(default_factory=SpaceSettings)
     search: SearchSettings = field(default_factory=SearchSettings)

@@ -15,8 +15,6 @@ DEVIATIONS = 3.0
 """Standard deviations that are added to the torque that a model predicts."""
 
 COARSE_HZ, FINE_HZ = 50.0, 1000.0
-HALVINGS = 8
-SHRINK = 0.97
 SHARPNESS, WEIGHT = 0.02, 30.0
 """Of the penalty: width of its corner, in limits, and weight of a limit that is used twice."""
 
@@ -61,25 +59,9 @@ class TorqueLimits:
                 f'{self._limit[worst]:.3g}; choose another posture, or raise motion.torque_limits.'
             )
 
-    def held(self, motion: FourierMotion) -> FourierMotion:
-        """Return the motion, or one around the same posture that goes less far."""
-        if self.use(motion, FINE_HZ).max() <= 1.0:
-            return motion
-        motion = self.nearly_held(motion)
-        while self.use(motion, FINE_HZ).max() > 1.0:
-            motion = motion.scaled(SHRINK)
-        return motion
-
-    def nearly_held(self, motion: FourierMotion) -> FourierMotion:
-        """Return what `held` does, as far as few samples show, in a fraction of the time."""
-        if self.use(motion, COARSE_HZ).max() <= 1.0:
-            return motion
-        low, high = 0.0, 1.0
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            fits = self.use(motion.scaled(middle), COARSE_HZ).max() <= 1.0
-            low, high = (middle, high) if fits else (low, middle)
-        return motion.scaled(low)
+    def is_kept(self, motion: FourierMotion, fine: bool) -> bool:
+        """Whether a motion keeps the limits: at 1 kHz if `fine`, else at some times."""
+        return bool(self.use(motion, FINE_HZ if fine else COARSE_HZ).max() <= 1.0)
 
     def penalty(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
         """Return what torques beyond the limits cost, and its gradient, shape (3, N, n)."""

@@ -26,7 +26,7 @@ NAMES, TYPES = ('turn', 'lift', 'slide'), ('revolute', 'revolute', 'prismatic')
 CALIBRATION = (EffortCalibration.identity(3),)
 QUICK = lip.ExcitationConfig(
     lip.MotionSettings(duration_s=4.0, torque_limits=(1e4,), velocity=(2.0, 2.0, 0.5)),
-    lip.SearchSettings(draws=4, starts=2, steps=15),
+    search=lip.SearchSettings(draws=4, starts=2, steps=15),
 )
 
 

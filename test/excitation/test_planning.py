@@ -17,7 +17,7 @@ from lip_id_ros.excitation.trajectory_file import is_motion
 
 QUICK = lip.ExcitationConfig(
     lip.MotionSettings(duration_s=4.0, rate_hz=50.0),
-    lip.SearchSettings(draws=4, starts=2, steps=15),
+    search=lip.SearchSettings(draws=4, starts=2, steps=15),
 )
 
 
