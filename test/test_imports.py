@@ -78,7 +78,7 @@ PARTS = {
             'model',
             'recording',
         ),
-        *('rigid_body', 'settings'),
+        *('excitation', 'rigid_body', 'settings'),
     },
     'excitation': {
         *('dataset', 'description', 'friction', 'model', 'recording', 'rigid_body', 'settings'),

@@ -63,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     arguments.add_joints(parser)
     arguments.add_seed(parser)
+    parser.add_argument('--report', metavar='DIR', help='write plots and index.html')
     arguments.add_force(parser)
 
 
@@ -83,6 +84,7 @@ def run(args: argparse.Namespace) -> None:
     for path in args.output:
         output.check_file(path, inputs, is_motion, 'a motion', args.force)
         writer_for(path)
+    output.check_folder(args.report, args.force)
     config = ExcitationConfig()
     if args.config is not None:
         config = read_sections(args.config, config)
@@ -96,13 +98,19 @@ def run(args: argparse.Namespace) -> None:
             targets = models.load_for(model, [args.targets], None, progress)
         found = design_motion(config, args.urdf, model, targets, progress)
     console = output.console()
-    show(motion_table(found), console)
-    show_lines(gain_lines(found), console)
-    for table in learning_tables(found):
+    tables, lines = [motion_table(found), *learning_tables(found)], gain_lines(found)
+    for table in tables:
         show(table, console)
+    show_lines(lines, console)
     for path in args.output:
         found.save(path)
     show_lines([f'Written: {path}' for path in args.output], console)
+    if args.report is not None:
+        from lip_id_ros.evaluation.report.motion_report import write_motion_report
+
+        with output.progress_display() as progress:
+            written = write_motion_report(args.report, found, tables, lines, progress)
+        show_lines([f'Report: {written}'], console)
 
 
 def motion_table(found: ExcitingMotion) -> Table:

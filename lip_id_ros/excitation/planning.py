@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 import os
 from typing import Any
 
@@ -26,7 +26,7 @@ from lip_id_ros.excitation.known_arm import KnownArm
 from lip_id_ros.excitation.learning import Learning
 from lip_id_ros.excitation.scaling import LimitedMotions, peaks
 from lip_id_ros.excitation.series import FourierMotion
-from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings
+from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, SpaceSettings
 from lip_id_ros.excitation.space import is_limited, Space
 from lip_id_ros.excitation.torque_limits import TorqueLimits
 from lip_id_ros.excitation.trajectory_file import sampled, Trajectory, writer_for
@@ -50,8 +50,9 @@ class ExcitingMotion:
     A designed motion with the limits that it keeps.
 
     `joint_names`, `joint_types`: from base to tip. `design`: the motion, its criterion, and those
-    of random motions within the same limits. `rate`: at which it is written [Hz]. `learning`: what
-    a model will have learned from it; None where there is no model.
+    of random motions within the same limits. `rate`: at which it is written [Hz]. `chain`,
+    `space`: where the joints are and may be; None for an unknown chain. `learning`: what a model
+    will have learned from it; None where there is no model.
 
     """
 
@@ -60,6 +61,8 @@ class ExcitingMotion:
     limits: JointLimits
     design: Design
     rate: float
+    chain: Chain | None = None
+    space: SpaceSettings = field(default_factory=SpaceSettings)
     learning: Learning | None = None
 
     @property
@@ -82,6 +85,12 @@ class ExcitingMotion:
         """Lowest and highest positions, shape (2, n): of samples, to 0.03 % of the way."""
         q = self.motion.derivative(self.motion.times(FINE_PER_S), 0)
         return np.array([q.min(axis=0), q.max(axis=0)])
+
+    def places(self, rate: float) -> Array:
+        """Return the ways of the joints but the first, and of the tool, (N, n, 3) [m]."""
+        assert self.chain is not None, 'places need a chain'
+        q = self.motion.derivative(self.motion.times(rate), 0)
+        return Space(self.space, self.chain, self.limits).points(q)[0]
 
     @property
     def gains(self) -> tuple[float, float]:
@@ -161,16 +170,21 @@ def design_motion(
         constraints.require_posture(posture)
         criterion = first_criterion(config, motions, limits, types)
         found = design(motions, criterion, config.search, progress, constraints)
-        return ExcitingMotion(names, types, limits, found, config.motion.rate_hz)
+        return ExcitingMotion(
+            names, types, limits, found, config.motion.rate_hz, chain, config.space
+        )
     assert model.arm is not None, 'models without an arm have been refused'
     learner, types = KnownArm(model.arm), model.joint_types
     states = usual_targets(config, motions) if targets is None else _states(targets, model)
     criterion = next_criterion(config, learner, states)
-    constraints = _constraints(config, chain or model.arm.chain, limits, model)
+    chain = chain or model.arm.chain
+    constraints = _constraints(config, chain, limits, model)
     constraints.require_posture(posture)
     found = design(motions, criterion, config.search, progress, constraints)
     learning = Learning(model, states, found.motion, measurements(config))
-    return ExcitingMotion(names, types, limits, found, config.motion.rate_hz, learning)
+    return ExcitingMotion(
+        names, types, limits, found, config.motion.rate_hz, chain, config.space, learning
+    )
 
 
 def _constraints(

@@ -70,13 +70,18 @@ def test_a_demand_that_leaves_no_motion_gets_a_sentence(files: Path, capsys: Cap
 def test_after_a_model_it_shows_what_was_unknown_and_will_be(files: Path, capsys: Capture) -> None:
     model().save(files / 'arm.npz')
     begin = ('excite', '--urdf', 'arm.urdf', '--config', 'excite.yaml')
-    lip_id(*begin, '--after', 'arm.npz', '-o', 'next.csv')
+    lip_id(*begin, '--after', 'arm.npz', '-o', 'next.csv', '--report', 'page')
     shown = capsys.readouterr().out
     assert 'Standard deviations of torques where they are wanted' in shown
     assert 'slide [N]' in shown
     assert 'deviation before' in shown
     assert 'Coulomb' in shown
     assert (files / 'next.csv').exists()
+    names = {path.name for path in (files / 'page').iterdir()}
+    assert names == {'index.html', 'motion.png', 'space.png', 'criterion.png'}
+    page = (files / 'page' / 'index.html').read_text()
+    assert page.count('<img') == 3
+    assert 'deviation before' in page
 
     assert main([*begin, '--targets', 'next.csv', '-o', 'other.csv']) == 1
     assert '--targets needs a model' in capsys.readouterr().err

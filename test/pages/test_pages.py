@@ -15,6 +15,7 @@ from threading import Thread
 from typing import Any
 
 from evaluation.stubs import Knowing
+from excitation.test_next_motion import found
 from fleet.results import made_up
 from health.recordings import sound
 from matplotlib.image import imread
@@ -25,8 +26,10 @@ from waiting import run_to_end
 from benchmarks.comparison import Case, compare, Store, thinned
 from benchmarks.comparison.report import write_comparison
 from benchmarks.tests.methods import Scaled
+from lip_id_ros.cli.excite import gain_lines, learning_tables, motion_table
 from lip_id_ros.evaluation import run, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
+from lip_id_ros.evaluation.report.motion_report import write_motion_report
 from lip_id_ros.evaluation.report.recording_report import write_recording_report
 from lip_id_ros.fleet.report import write_fleet_report
 from lip_id_ros.health import evidence_of, health
@@ -72,6 +75,12 @@ def recording(folder: Path) -> Path:
     return write_recording_report(folder, 'bag', [(evidence, health(evidence))])
 
 
+def motion(folder: Path) -> Path:
+    designed = found()
+    tables = [motion_table(designed), *learning_tables(designed)]
+    return write_motion_report(folder, designed, tables, gain_lines(designed))
+
+
 def comparison(folder: Path) -> Path:
     methods = {f'method_{number}': Scaled(number / 4) for number in range(9)}
     cases = [
@@ -97,7 +106,8 @@ def tracking(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ('write', 'count'), [(evaluation, 6), (recording, 2), (comparison, 4), (tracking, 8)]
+    ('write', 'count'),
+    [(evaluation, 6), (recording, 2), (comparison, 4), (tracking, 8), (motion, 3)],
 )
 def test_every_figure_is_shown_without_a_network(
     tmp_path: Path, write: Callable[[Path], Path], count: int

@@ -1,0 +1,152 @@
+"""Plots of a designed motion, and the page that shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+import os
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.escaping import for_plot
+from lip_id_ros.evaluation.report import style
+from lip_id_ros.evaluation.report.page import Drawing, drawn, page, write_folder
+from lip_id_ros.evaluation.tables import Table
+from lip_id_ros.excitation.planning import ExcitingMotion
+from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
+from lip_id_ros.progress import Progress, silent
+
+ROW_HEIGHT, RATE_HZ, DEVIATIONS = 1.6, 100.0, 3.0
+MOTION = (
+    'Positions, velocities, accelerations and, where there is a model, predicted torques with '
+    'three standard deviations. Dashed lines are the limits.'
+)
+SPACE = 'Ways of the origins of the joints and of the tool, in the frame of the base.'
+CRITERION = 'Expected squared error of torques after random motions within the same limits.'
+
+
+def write_motion_report(
+    folder: str | os.PathLike[str],
+    found: ExcitingMotion,
+    tables: Sequence[Table],
+    notes: Sequence[str],
+    progress: Progress = silent,
+) -> Path:
+    """
+    Write PNG plots and index.html, which embeds them and needs no network.
+
+    `folder`: created where it does not exist; files of an older report are replaced. Returns the
+    page. OSError if the folder cannot be written.
+
+    """
+    pictures = drawn(_drawings(found), progress)
+    facts = (
+        ('joints', ', '.join(found.joint_names)),
+        ('duration', f'{found.motion.duration:g} s'),
+        ('harmonics', str(found.motion.harmonics)),
+        ('chain', 'known' if found.chain is not None else 'unknown'),
+    )
+    first, *others = tables
+    text = page('A motion that teaches', facts, (), [first], notes, pictures, others)
+    return write_folder(folder, text, pictures)
+
+
+def _drawings(found: ExcitingMotion) -> Iterator[Drawing]:
+    yield 'motion', 'Motion beside its limits', MOTION, partial(motion_figure, found)
+    if found.chain is not None:
+        yield 'space', 'Space that the arm sweeps', SPACE, partial(space_figure, found)
+    yield 'criterion', 'Beside random motions', CRITERION, partial(criterion_figure, found)
+
+
+def motion_figure(found: ExcitingMotion) -> Figure:
+    """Draw q, dq, ddq and predicted torques of each joint over time."""
+    n = len(found.joint_names)
+    t = found.motion.times(RATE_HZ)
+    states = found.motion.sample(t)
+    columns = 3 if found.learning is None else 4
+    figure = Figure(
+        figsize=(style.WIDTH, ROW_HEIGHT * n + 0.6),
+        layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.04),
+    )
+    panels = figure.subplots(n, columns, sharex=True, squeeze=False)
+    limits = found.limits
+    ends = (
+        (limits.lower, limits.upper),
+        (-limits.velocity, limits.velocity),
+        (-limits.acceleration, limits.acceleration),
+    )
+    colors = style.TRUE, style.KINETIC, style.POTENTIAL
+    for j, kind in enumerate(found.joint_types):
+        unit = POSITION_UNITS[kind]
+        labels = f'q [{unit}]', f'dq [{unit}/s]', f'ddq [{unit}/s²]'
+        for panel, values, (low, high), color, label in zip(
+            panels[j], states, ends, colors, labels, strict=False
+        ):
+            _curve(panel, t, values[:, j], color, label)
+            _limits(panel, (low[j], high[j]))
+        panels[j, 0].set_title(for_plot(found.joint_names[j]), loc='left')
+    if found.learning is not None:
+        _torques(list(panels[:, 3]), found, t, states)
+    for panel in panels[-1]:
+        panel.set_xlabel(style.TIME)
+    figure.align_ylabels()
+    return figure
+
+
+def _torques(
+    panels: Sequence[Axes], found: ExcitingMotion, t: Array, states: tuple[Array, Array, Array]
+) -> None:
+    assert found.learning is not None, 'torques are predicted by a model'
+    model = found.learning.before
+    tau, std = model.predict(*states, t).tau, model.torque_std(*states, t)
+    for j, (panel, kind) in enumerate(zip(panels, found.joint_types, strict=True)):
+        _curve(panel, t, tau[:, j], style.PREDICTED, f'tau [{TORQUE_UNITS[kind]}]')
+        low, high = (tau[:, j] + sign * DEVIATIONS * std[:, j] for sign in (-1.0, 1.0))
+        panel.fill_between(t, low, high, color=style.PREDICTED, alpha=0.2, linewidth=0.0)
+        if found.limits.torque is not None:
+            _limits(panel, (-found.limits.torque[j], found.limits.torque[j]))
+
+
+def _curve(panel: Axes, t: Array, values: Array, color: str, label: str) -> None:
+    panel.plot(t, values, color=color, linewidth=style.LINE)
+    panel.set_ylabel(label)
+
+
+def _limits(panel: Axes, values: tuple[float, float]) -> None:
+    for value in values:
+        panel.axhline(value, color=style.RESIDUAL, linewidth=0.9, linestyle='--')
+
+
+def space_figure(found: ExcitingMotion) -> Figure:
+    """Draw the ways of the joints and the tool, from two sides."""
+    places = found.places(RATE_HZ)
+    figure = Figure(figsize=(style.WIDTH, 5.6))
+    names = [*found.joint_names[1:], 'tool']
+    for number, azimuth in enumerate((-60.0, 30.0), start=1):
+        panel = figure.add_subplot(1, 2, number, projection='3d')
+        panel.view_init(elev=20.0, azim=azimuth)
+        for k, name in enumerate(names):
+            panel.plot(*places[:, k].T, linewidth=0.9, label=for_plot(name))
+        panel.set_aspect('equal')
+        for axis in 'xyz':
+            getattr(panel, f'set_{axis}label')(f'{axis} [m]')
+    panel.legend(fontsize='small', loc='upper right')
+    return figure
+
+
+def criterion_figure(found: ExcitingMotion) -> Figure:
+    """Draw the criterion of random motions in that of the designed one."""
+    ratios = np.exp(found.design.random_criteria - found.design.criterion)
+    figure = Figure(figsize=(style.WIDTH, 2.6), layout=ConstrainedLayoutEngine())
+    panel = figure.subplots()
+    panel.plot(ratios, np.zeros_like(ratios), '|', color=style.TRUE, markersize=24)
+    panel.axvline(1.0, color=style.PREDICTED, linewidth=2.0)
+    panel.set_xscale('log')
+    panel.set_yticks([])
+    panel.set_xlabel('random motions, in the designed one (blue)')
+    return figure
