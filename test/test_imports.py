@@ -131,6 +131,7 @@ FOREIGN = {
     'rich': ('evaluation/tables', 'cli'),
     'argcomplete': ('cli/main',),  # imported where the shell asks
     'rclpy': ROS,
+    'action_msgs': ROS,
     'ament_index_python': ROS,
     'launch': ROS,
     'launch_ros': ROS,

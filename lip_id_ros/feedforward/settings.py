@@ -186,6 +186,13 @@ class ServeSettings(Settings):
         '~/controller_state.',
         applies=ON_CONFIGURE,
     )
+    controller_action: str = setting(
+        '',
+        'Action FollowJointTrajectory of a controller, such as '
+        '/arm_controller/follow_joint_trajectory: offered as ~/follow_joint_trajectory too, with '
+        'efforts filled in. Empty for none.',
+        applies=ON_CONFIGURE,
+    )
     follow_joint_states: bool = setting(
         True,
         'Take joint_states, for measured energies, the torque residual and the stale policy '

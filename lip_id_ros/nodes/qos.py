@@ -43,6 +43,14 @@ OUTPUT = QoSProfile(
 )
 """Torques and energies: reliable, so that any subscriber matches; as deep as references."""
 
+CALLS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1000
+)
+"""
+Services of actions: a request or an answer that finds the queue full is lost, and a goal with it.
+The usual depth of 10 lost most of 70 that came at once.
+"""
+
 LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,

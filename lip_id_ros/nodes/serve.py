@@ -87,7 +87,7 @@ class ServeNode(NodeBase, LifecycleNode):
         level, summary = self._server.judge(self._failure, time.monotonic())
         if self._server.active and (warning := unbounded(self._settings())):
             summary = f'{summary}; {warning}'
-        waiting = {'waiting': self._inputs.n_waiting}
+        waiting = {'waiting': self._inputs.n_waiting, 'goals': self._inputs.goals.values()}
         return Status(
             level, summary, {'state': self._state_label, **waiting, **self._server.values()}
         )
@@ -265,6 +265,7 @@ class ServeNode(NodeBase, LifecycleNode):
         return super().on_error(state)
 
     def _release(self) -> None:
+        self._inputs.release_goals()
         self._inputs.publish_zero()
         self._server.release()
         self._limits = ()

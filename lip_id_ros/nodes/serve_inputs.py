@@ -13,10 +13,12 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.feedforward.goals import GoalCounts
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes.goals import Goals
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.plans import Planned, PlanWorker
 from lip_id_ros.nodes.serve_outputs import (
@@ -54,6 +56,8 @@ class Inputs:
         self._outputs = outputs
         self._optional: list[Any] = []
         self._worker: PlanWorker | None = None
+        self._goals: Goals | None = None
+        self.goals = GoalCounts()
         self._settings = ServeSettings()
         self._is_contradicted = False
         self._ages = AgeWatch()
@@ -78,6 +82,9 @@ class Inputs:
             self._add(kind, '~/controller_state', self._on_controller_state)
         if settings.follow_joint_states:
             self._add(JointState, 'joint_states', self._on_joint_state)
+        if settings.controller_action:
+            action = settings.controller_action
+            self._goals = Goals(self._node, self._server, self.goals, action)
 
     def warnings(self) -> list[str]:
         """Describe topics with several publishers, unless that is allowed."""
@@ -118,10 +125,20 @@ class Inputs:
         for subscription in self._optional:
             self._node.destroy_subscription(subscription)
         self._optional.clear()
+        if self._goals is not None:
+            self._goals.destroy()
+            self._goals = None
+
+    def release_goals(self) -> None:
+        """Have the controller cancel the goals that it has by this node."""
+        if self._goals is not None:
+            self._goals.release()
 
     def watch(self) -> None:
         """Publish the safe torque where references have stopped, and what was computed beside."""
         self._watch_publishers()
+        if self._goals is not None:
+            self._goals.watch()
         tau = self._server.safe_torque(time.monotonic())
         if tau is not None:
             self._outputs.torque(self._now(), tau)

@@ -161,6 +161,8 @@ class Client:
 
     def forget(self, topic: str) -> None:
         """Have the next `listen` wait for another publisher."""
+        if topic not in self._subscriptions:
+            return
         subscription = self._subscriptions.pop(topic)
         task = self.node.executor.create_task(self.node.destroy_subscription, subscription)
         wait_until(task.done, 'the end of a subscription')

@@ -113,6 +113,8 @@ class Control:
         return bool(answer.ok)
 
     def unload(self, name: str) -> bool:
+        """Unload a controller, whose states are heard no more."""
+        self.client.forget(f'/{name}/controller_state')
         return bool(
             self.call(CleanupController, 'cleanup_controller', name=name).ok
             and self.call(UnloadController, 'unload_controller', name=name).ok

@@ -60,6 +60,7 @@ def control(tmp_path_factory: pytest.TempPathFactory, model_path: str) -> Iterat
             [
                 *('-p', f'model_path:={model_path}', '-p', f'torque_limits:=[{toy.LIMIT}]'),
                 *('-p', 'ramp_s:=0.0', '-p', 'stale_timeout_s:=0.0'),
+                *('-p', 'controller_action:=/arm/follow_joint_trajectory'),
                 *(
                     '-p',
                     'follow_controller:=true',

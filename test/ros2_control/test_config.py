@@ -11,6 +11,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('controller_manager_msgs')
 
 from ros2_control.arm import controlled, JTC
+from ros2_control.test_goals import ACTION
 from sensor_msgs.msg import JointState
 import yaml
 
@@ -64,3 +65,12 @@ def test_the_spawner_needs_no_file_where_the_manager_has_params_file(tmp_path: P
     with controlled(tmp_path, path, joints()) as control:
         run(control, 'ros2 run controller_manager spawner arm_controller')
         assert control.states() == {'arm_controller': 'active'}
+
+
+def test_moveit_finds_the_action_of_serve_and_the_joints_of_the_controller() -> None:
+    moveit = yaml.safe_load((FILE.parent / 'moveit_controllers.yaml').read_text())
+    manager = moveit['moveit_simple_controller_manager']
+    (name,) = manager['controller_names']
+    assert f'/{name}/{manager[name]["action_ns"]}' == ACTION
+    assert manager[name]['type'] == 'FollowJointTrajectory'
+    assert manager[name]['joints'] == joints()

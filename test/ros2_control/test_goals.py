@@ -1,0 +1,274 @@
+"""The action of `serve` in front of a real joint_trajectory_controller."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any, TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('controller_manager_msgs')
+
+from action_msgs.msg import GoalStatus
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTolerance, JointTrajectoryControllerState
+from lifecycle_msgs.msg import Transition
+from nodes import toy
+import numpy as np
+from numpy.typing import ArrayLike
+from rclpy.action import ActionClient
+from ros2_control.arm import commanded, GAINS, plan
+
+from lip_id_ros.feedforward.goals import ErrorCode
+
+if TYPE_CHECKING:
+    from ros2_control.arm import Control
+
+pytestmark = [pytest.mark.ros, pytest.mark.ros2_control]
+
+ACTION = '/serve/follow_joint_trajectory'
+STATUS = {
+    GoalStatus.STATUS_SUCCEEDED: 'succeeded',
+    GoalStatus.STATUS_CANCELED: 'canceled',
+    GoalStatus.STATUS_ABORTED: 'aborted',
+}
+
+
+class Sender:
+    """A client of the action, as MoveIt is one."""
+
+    def __init__(self, control: Control) -> None:
+        self._control = control
+        self._results: dict[bytes, Any] = {}
+        self._client = ActionClient(control.client.node, FollowJointTrajectory, ACTION)
+        control.client.wait_until(self._client.server_is_ready, 'action of serve')
+
+    def send(self, goal: Any, feedback: Callable[[Any], None] | None = None) -> Any:
+        """Send a goal, ask for its result as clients do, and return its handle."""
+        answer = self._client.send_goal_async(goal, feedback_callback=feedback)
+        self._control.client.wait_until(answer.done, 'answer to a goal')
+        handle = answer.result()
+        assert handle.accepted
+        self._results[bytes(handle.goal_id.uuid)] = handle.get_result_async()
+        return handle
+
+    def result(self, handle: Any) -> tuple[str, Any]:
+        asked = self._results[bytes(handle.goal_id.uuid)]
+        self._control.client.wait_until(asked.done, 'result of a goal')
+        return STATUS[asked.result().status], asked.result().result
+
+    def cancel(self, handle: Any) -> Any:
+        asked = handle.cancel_goal_async()
+        self._control.client.wait_until(asked.done, 'answer to a cancel')
+        return asked.result()
+
+    def run(self, goal: Any) -> tuple[str, Any]:
+        return self.result(self.send(goal))
+
+    def destroy(self) -> None:
+        node = self._control.client.node
+        task = node.executor.create_task(self._client.destroy)
+        self._control.client.wait_until(task.done, 'end of a client')
+
+
+@pytest.fixture(scope='module')
+def sender(control: Control) -> Iterator[Sender]:
+    control.use('arm')
+    made = Sender(control)
+    yield made
+    made.destroy()
+
+
+def goal(*arguments: Any, **more: Any) -> Any:
+    return FollowJointTrajectory.Goal(trajectory=plan(*arguments, **more))
+
+
+def counts(control: Control, received: int) -> dict[str, Any]:
+    """Counts of goals since the mark, once so many have come and ended."""
+
+    def ended(status: dict[str, Any]) -> bool:
+        counted = status['goals']
+        return bool(counted['received'] == received and counted['running'] == 0)
+
+    return dict(control.client.status('serve', ended)['goals'])
+
+
+def test_constants_are_those_of_the_action() -> None:
+    for code in ErrorCode:
+        assert getattr(FollowJointTrajectory.Result, code.name) == code
+
+
+def test_a_goal_is_executed_with_its_efforts(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    heard: list[Any] = []
+    handle = sender.send(goal((0.4, -0.3)), heard.append)
+    ending, result = sender.result(handle)
+    assert (ending, result.error_code) == ('succeeded', 0)
+    assert result.error_string == 'Goal successfully reached!'
+    control.client.wait_until(lambda: heard, 'feedback')
+    assert list(heard[0].feedback.joint_names) == list(toy.JOINTS)
+    moving = [state for state in list(states) if state.reference.velocities[0] > 0.5]
+    assert moving
+    largest = max(abs(commanded(state)).max() for state in moving)
+    assert largest > 5.0  # N m, of the plan's efforts; those without it are zero
+
+
+def test_at_its_end_the_controller_holds_the_last_point(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    assert sender.run(goal((0.4, 0.2)))[0] == 'succeeded'
+
+    def is_over() -> bool:
+        return list(states[-1].reference.positions) == [0.4, 0.2]
+
+    control.client.wait_until(lambda: states and is_over(), 'last state')
+    # the effort of the last point is held too, and carries the arm
+    gravity = toy.WEIGHT * np.sin([0.4, 0.2])
+    np.testing.assert_allclose(commanded(states[-1]), gravity, atol=0.1)
+
+
+def test_the_last_goal_preempts_the_one_before(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    first = sender.send(goal((1.0, 1.0), seconds=60.0))
+    second = sender.send(goal((0.1, 0.2)))
+    ending, result = sender.result(first)
+    assert ending == 'aborted'
+    assert result.error_string == 'Current goal preempted by new incoming action.'
+    assert sender.result(second)[0] == 'succeeded'
+
+
+def test_a_goal_is_cancelled(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    handle = sender.send(goal((1.0, 1.0), seconds=60.0))
+    assert len(sender.cancel(handle).goals_canceling) == 1
+    assert sender.result(handle)[0] == 'canceled'
+
+
+def test_tolerances_reach_the_controller(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    asked = goal((0.4, 0.4))
+    asked.path_tolerance = [JointTolerance(name='shoulder', position=0.1)]
+    ending, result = sender.run(asked)  # mock hardware stands still
+    assert (ending, result.error_code) == ('aborted', ErrorCode.PATH_TOLERANCE_VIOLATED)
+    asked = goal((0.4, 0.4))
+    asked.goal_tolerance = [JointTolerance(name='elbow', position=0.1)]
+    asked.goal_time_tolerance.nanosec = 1
+    ending, result = sender.run(asked)
+    assert (ending, result.error_code) == ('aborted', ErrorCode.GOAL_TOLERANCE_VIOLATED)
+
+
+def test_what_cannot_be_filled_is_refused_with_code_and_sentence(
+    control: Control, sender: Sender
+) -> None:
+    control.use('arm')
+    control.client.mark('serve')
+    foreign, short, past = goal(), goal(), goal()
+    foreign.trajectory.joint_names = ['shoulder', 'gripper']
+    short.trajectory.points[0].accelerations = []
+    past.trajectory.header.stamp.sec = 1
+    ending, result = sender.run(foreign)
+    assert (ending, result.error_code) == ('aborted', ErrorCode.INVALID_JOINTS)
+    assert result.error_string.startswith('serve: the message must name every joint of the model')
+    ending, result = sender.run(short)
+    assert (ending, result.error_code) == ('aborted', ErrorCode.INVALID_GOAL)
+    assert 'needs positions, velocities and accelerations' in result.error_string
+    ending, result = sender.run(past)
+    assert (ending, result.error_code) == ('aborted', ErrorCode.INVALID_GOAL)
+    assert 'has rejected the plan, for the reason in its own log' in result.error_string
+    counted = counts(control, 3)
+    assert counted['refused'] == {'joint missing': 1, 'wrong length': 1}
+    assert counted['aborted'] == 1
+
+
+def test_a_disabled_node_refuses_goals(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    assert control.client.switch('/serve/enable', False).success
+    ending, result = sender.run(goal())
+    assert control.client.switch('/serve/enable', True).success
+    assert ending == 'aborted'
+    assert 'the node is disabled; call its service enable' in result.error_string
+
+
+def test_a_controller_that_is_deactivated_or_ended(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    heard: list[Any] = []
+    handle = sender.send(goal((1.0, 1.0), seconds=60.0), heard.append)
+    control.client.wait_until(lambda: heard, 'feedback')
+    assert control.switch(deactivate=['arm'])
+    ending, result = sender.result(handle)
+    assert ending == 'aborted'
+    assert result.error_string == 'Current goal cancelled during deactivate transition.'
+    ending, result = sender.run(goal())
+    assert ending == 'aborted'
+    assert 'has rejected the plan' in result.error_string
+    assert control.unload('arm')
+    ending, result = sender.run(goal())
+    assert ending == 'aborted'
+    assert 'no controller offers the action /arm/follow_joint_trajectory' in result.error_string
+    control.use('arm')
+
+
+def test_goals_end_with_the_node_that_was_asked(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    handle = sender.send(goal((1.0, 1.0), seconds=60.0))
+    assert control.client.transition(Transition.TRANSITION_DEACTIVATE)
+    ending, result = sender.result(handle)
+    assert ending == 'aborted'
+    assert (
+        'was deactivated or ended, and has asked the controller to cancel' in result.error_string
+    )
+    assert control.client.transition(Transition.TRANSITION_ACTIVATE)
+    assert sender.run(goal())[0] == 'succeeded'
+
+
+def within(state: Any, limits: ArrayLike) -> bool:
+    """Whether what the controller outputs, if it does, is within limits."""
+    torque = np.abs(state.output.effort)
+    return not torque.size or bool((torque <= np.add(limits, 1e-9)).all())
+
+
+@pytest.fixture
+def limited(control: Control) -> Iterator[list[float]]:
+    """Give `serve` low limits, and the controller no feedback: what it outputs is feedforward."""
+    client, limits = control.client, [3.0, 1.0]
+    control.use('arm')
+    gains = {f'gains.{joint}.{name}': GAINS[name] for joint in toy.JOINTS for name in ('p', 'd')}
+    client.set_parameters('arm', **dict.fromkeys(gains, 0.0))
+    client.set_parameters('serve', torque_limits=limits, rate_limits=[1e6])
+    yield limits
+    client.set_parameters('serve', torque_limits=[toy.LIMIT], rate_limits=[])
+    client.set_parameters('arm', **gains)
+
+
+def test_of_many_goals_none_is_lost_and_no_torque_is_beyond_its_limit(
+    control: Control, sender: Sender, limited: list[float]
+) -> None:
+    """Goals that overtake each other, are cancelled at random, and cannot be filled."""
+    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    assert sender.run(goal())[0] == 'succeeded'
+    control.client.wait_until(lambda: states and within(states[-1], limited), 'low torques')
+    states.clear()
+    control.client.mark('serve')
+    n_goals, rng = 100, np.random.default_rng(0)
+    handles, endings = [], Counter[str]()
+    for _ in range(n_goals):
+        asked = goal(rng.uniform(-1.0, 1.0, 2), seconds=float(rng.choice([0.05, 0.1, 0.4])))
+        if rng.uniform() < 0.1:
+            asked.trajectory.joint_names = ['shoulder', 'gripper']
+        handle = sender.send(asked)
+        if rng.uniform() < 0.3:
+            sender.cancel(handle)
+        if rng.uniform() < 0.3:
+            endings[sender.result(handle)[0]] += 1
+        else:
+            handles.append(handle)
+    endings.update(sender.result(handle)[0] for handle in handles)
+    counted = counts(control, n_goals)
+    assert counted['succeeded'] == endings['succeeded']
+    assert counted['canceled'] == endings['canceled']
+    assert counted['aborted'] + sum(counted['refused'].values()) == endings['aborted']
+    assert all(within(state, limited) for state in list(states))
+    assert not all(within(state, np.multiply(limited, 0.9)) for state in list(states))
