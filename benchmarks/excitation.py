@@ -1,0 +1,185 @@
+"""
+Errors after a designed motion, beside random ones within the same limits (excitation.md).
+
+Simulated arms with friction, rotors and gears follow a motion; a model is fitted to what was
+measured, and judged by the torques of unseen random motions within the same limits.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+import time
+
+import numpy as np
+
+from benchmarks._effects import driven, Drives, INDUSTRIAL, MILD
+from benchmarks._results import Results, Row
+from benchmarks.baselines import method
+from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.description.limits import joint_ranges
+from lip_id_ros.evaluation.metrics import nmse_percent
+from lip_id_ros.excitation.joint_limits import JointLimits, limits_from
+from lip_id_ros.excitation.planning import design_motion
+from lip_id_ros.excitation.scaling import LimitedMotions
+from lip_id_ros.excitation.series import FourierMotion
+from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, SearchSettings
+from lip_id_ros.progress import silent
+from lip_id_ros.settings import FitSettings
+from lip_id_ros.simulation.arm import panda_urdf, SimulatedArm
+
+ROBOTS = {'Panda': ('panda_description/urdf/panda.urdf', 7),
+          'UR10': ('ur_description/urdf/ur10_robot.urdf', 6)}  # fmt: skip
+EFFECTS = {'mild': MILD, 'industrial': INDUSTRIAL}
+LEARNERS = ('rigid_body', 'rigid_body_friction', 'articulated')
+"""Least squares with the true chain, without and with election of friction; the default fit."""
+
+MOTIONS = ('designed', 'best of 30', 'random 0', 'random 1', 'random 2', 'random 40 s')
+
+SECONDS, RATE_HZ = 20.0, 100.0
+TESTS, TEST_SEED = 5, 10_000
+REACH, SHARE = 2.5, 0.8
+"""A joint moves at most so far from its middle [rad], and over this share of its range."""
+
+VELOCITY, ACCELERATION = 2.0, 10.0
+NOISE = 0.004
+"""Standard deviation of torques, in the largest torque of the URDF."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A simulated arm with its drives, and the limits of its motions."""
+
+    dynamics: SimulatedArm
+    drives: Drives
+    urdf: Path
+    motion: MotionSettings
+    noise: Array
+
+    @property
+    def limits(self) -> JointLimits:
+        """Limits of the motions."""
+        m = self.motion
+        return limits_from(m, m.joints)
+
+    def record(self, motion: FourierMotion, rng: np.random.Generator) -> Dataset:
+        """Return what is measured along a motion, with the torques without noise."""
+        t = np.arange(round(motion.duration * RATE_HZ)) / RATE_HZ
+        run = driven(self.dynamics, self.drives, motion.sample(t), 1.0 / RATE_HZ)
+        q, dq, ddq = run.motor
+        return Dataset(
+            t=t, q=q, dq=dq, ddq=ddq,
+            tau=run.tau + self.noise * rng.standard_normal(run.tau.shape),
+            joint_names=self.dynamics.joint_names,
+            joint_types=self.dynamics.joint_types,
+            segment=np.zeros(len(t), dtype=np.int64),
+            tau_noiseless=run.tau,
+        )  # fmt: skip
+
+
+def arm_of(robot: str, effects: str) -> Arm:
+    """Return a robot of example-robot-data with drives."""
+    path, n = ROBOTS[robot]
+    urdf = panda_urdf().parents[2] / path
+    dynamics = SimulatedArm(urdf, n)
+    drives = EFFECTS[effects].first(n)
+    ranges = joint_ranges(urdf.read_text(), str(urdf), dynamics.joint_names)
+    low, high = np.array(ranges.lower), np.array(ranges.upper)
+    middle, half = (low + high) / 2, np.minimum(SHARE * (high - low) / 2, REACH)
+    velocity = np.minimum(SHARE * np.array(ranges.velocity), VELOCITY)
+    motion = MotionSettings(
+        joints=dynamics.joint_names,
+        duration_s=SECONDS,
+        lower=tuple(middle - half),
+        upper=tuple(middle + half),
+        velocity=tuple(velocity),
+        acceleration=(ACCELERATION,),
+        jerk=(10.0 * ACCELERATION,),
+    )
+    return Arm(dynamics, drives, urdf, motion, NOISE * np.array(ranges.effort))
+
+
+def random_motion(arm: Arm, seed: int, seconds: float = SECONDS) -> FourierMotion:
+    """Draw a motion within the limits; a longer one has as many harmonics per second."""
+    limits = arm.limits
+    harmonics = round(arm.motion.harmonics * seconds / SECONDS)
+    posture = 0.5 * (limits.lower + limits.upper)
+    motions = LimitedMotions(limits, posture, seconds, harmonics)
+    return motions.motion(motions.random(np.random.default_rng([seed, 77])))
+
+
+def chosen_motion(arm: Arm, name: str, seed: int) -> FourierMotion:
+    """Return the motion to learn from."""
+    if name.startswith('random'):
+        if name == 'random 40 s':
+            return random_motion(arm, 1000 * seed + 100, 2.0 * SECONDS)
+        return random_motion(arm, 1000 * seed + int(name.split()[1]))
+    search = SearchSettings(seed=seed)
+    if name == 'best of 30':
+        search = replace(search, starts=1, steps=0)
+    return design_motion(ExcitationConfig(arm.motion, search=search)).motion
+
+
+def measured(robot: str, effects: str, learner: str, name: str, seed: int) -> Row:
+    """Fit a model to one motion, and return its errors on unseen ones [%], joint by joint."""
+    arm = arm_of(robot, effects)
+    started = time.process_time()
+    motion = chosen_motion(arm, name, seed)
+    designed_s = time.process_time() - started
+    train = arm.record(motion, np.random.default_rng(seed))
+    model = method(learner, arm.urdf).fit(train, FitSettings(seed=seed), silent)
+    fitted_s = time.process_time() - started - designed_s
+    errors = []
+    for k in range(TESTS):
+        test = arm.record(random_motion(arm, TEST_SEED + k), np.random.default_rng(k))
+        tau = model.predict(test.q, test.dq, test.ddq).tau
+        assert test.tau_noiseless is not None
+        errors.append(nmse_percent(tau, test.tau_noiseless))
+    return {
+        'nmse': np.mean(errors, axis=0).tolist(),
+        'design_cpu_s': designed_s,
+        'fit_cpu_s': fitted_s,
+    }
+
+
+def table(rows: Mapping[str, Row], cases: list[tuple[str, str, str]], seeds: list[int]) -> None:
+    """Print geometric means over joints and seeds, in those of random motions of 20 s."""
+    print('| Arm | Drives | Learner | Motion | nMSE [%] | in random |\n|---|---|---|---|---|---|')
+    for case in cases:
+        means = {}
+        for name in MOTIONS:
+            keys = (' | '.join((*case, name, str(seed))) for seed in seeds)
+            found = [rows[key]['nmse'] for key in keys if key in rows]
+            if found:
+                means[name] = float(np.exp(np.mean(np.log(found))))
+        of_random = [value for name, value in means.items() if name in MOTIONS[2:5]]
+        if not of_random:
+            continue
+        usual = float(np.exp(np.mean(np.log(of_random))))
+        for name, value in means.items():
+            print(f'| {" | ".join(case)} | {name} | {value:.3g} | {value / usual:.2f} |')
+
+
+def main(arguments: list[str]) -> int:
+    """Measure what is not in the file of results yet, and print the table."""
+    parser = argparse.ArgumentParser(prog='benchmarks excitation', description=__doc__)
+    parser.add_argument('--results', type=Path, default=Path('excitation.json'))
+    parser.add_argument('--robots', nargs='+', choices=ROBOTS, default=list(ROBOTS))
+    parser.add_argument('--effects', nargs='+', choices=EFFECTS, default=list(EFFECTS))
+    parser.add_argument('--learners', nargs='+', choices=LEARNERS, default=list(LEARNERS))
+    parser.add_argument('--seeds', nargs='+', type=int, default=[0, 1, 2])
+    options = parser.parse_args(arguments)
+    results = Results(options.results)
+    cases = list(product(options.robots, options.effects, options.learners))
+    for seed, case, name in product(options.seeds, cases, MOTIONS):
+        robot, effects, learner = case
+        key = ' | '.join((*case, name, str(seed)))
+        results.row(key, partial(measured, robot, effects, learner, name, seed))
+    table(results.rows, cases, options.seeds)
+    return 0
