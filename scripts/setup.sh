@@ -219,7 +219,7 @@ precompile() {
       "$deps/venv/bin/python" scripts/precompile.py >"$deps/precompile.log" 2>&1; then
       finished precompile.log "$stamp"
     fi
-  } 8>"$deps/precompile.lock" 9>&- </dev/null &  # without the lock
+  } 8>"$deps/precompile.lock" 9>&- </dev/null >/dev/null 2>&1 &  # without the lock, and no pipe
 }
 
 tell() {
