@@ -25,7 +25,7 @@ class KnownArm:
         self.root, self.noise = arm.covariance_root, arm.noise.std
         n = len(arm.links)
         self._placements, self._rigid = DIRECTIONS * n, (DIRECTIONS + LINK_PARAMETERS) * n
-        whole = arm.friction.basis.with_sign_widths()
+        whole = arm.friction.basis.with_shapes()
         has_widths = len(self.root) > self._rigid + arm.friction.basis.size
         self._basis = whole if has_widths else arm.friction.basis
         self._loaded = bool(arm.friction.basis.is_loaded.any())

@@ -24,6 +24,7 @@ from lip_id_ros.friction.primitives import (
     ANYWHERE,
     Column,
     COSINE,
+    LEVER,
     LOAD,
     ONE,
     POSITION,
@@ -224,9 +225,13 @@ def _primitive(primitive: Primitive, signs: Mapping[float, str]) -> str:
         text += ' * p'
     elif primitive.position == STEP_AT:
         text += f' * tanh({_number(primitive.harmonic)} * (p - {_number(primitive.centre)}))'
+    elif primitive.position == LEVER:
+        at = f'(p - {_number(primitive.centre)})'
+        text += f' * sin{at} / sqrt(1.0 - {_number(primitive.harmonic)} * cos{at})'
     elif primitive.position != ANYWHERE:
         function = 'cos' if primitive.position == COSINE else 'sin'
-        text += f' * {function}({_number(primitive.harmonic)} * p)'
+        at = f'(p - {_number(primitive.centre)})' if primitive.centre else 'p'
+        text += f' * {function}({_number(primitive.harmonic)} * {at})'
     return f'fabs(l) * {text}' if primitive.loaded else text
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.friction import terms
-from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
 from lip_id_ros.friction.drives import DriveTerm, LoadTorque, SharedFriction
 from lip_id_ros.friction.hysteresis import Dahl
@@ -109,4 +109,7 @@ def coefficients_of(term: terms.FrictionTerm) -> tuple[tuple[str, str], ...]:
     if isinstance(term, PositionCurve | VelocityCurve):
         unit = 'rad' if isinstance(term, PositionCurve) else 'rad/s'
         return tuple((f'step at {centre:.3g} {unit}', TORQUE) for centre in term.centres)
+    if isinstance(term, LeverSpring):
+        at = f'eccentricity {term.eccentricity:.3g}, dead centre {term.dead_centre:.3g} rad'
+        return (f'constant force, {at}', TORQUE), (f'stiffness, {at}', TORQUE)
     return COEFFICIENTS[type(term)]

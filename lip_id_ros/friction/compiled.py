@@ -15,6 +15,7 @@ from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
+    LEVER,
     LOAD,
     ONE,
     POSITION,
@@ -357,4 +358,6 @@ def _of_position(position: int, q: float, harmonic: float) -> float:
         return _tanh(harmonic * q)
     if position == SINE:
         return math.sin(harmonic * q)
+    if position == LEVER:
+        return math.sin(q) / math.sqrt(1.0 - harmonic * math.cos(q))
     return math.cos(harmonic * q)

@@ -12,7 +12,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.friction import terms
-from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
 from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.primitives import Column, LOAD, Primitive, SIGN, VELOCITY
@@ -234,6 +234,7 @@ _TERMS: dict[str, type[FrictionTerm]] = {
         terms.PositionCoulomb,
         Ripple,
         Spring,
+        LeverSpring,
         PositionCurve,
         VelocityCurve,
         Dahl,

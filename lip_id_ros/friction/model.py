@@ -12,13 +12,20 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError, ShapeError
+from lip_id_ros.friction.conservative_terms import LeverShape, LeverSpring
 from lip_id_ros.friction.drives import Drive, DriveTerm, LARGEST, LoadTorque, SignWidth
 from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.primitives import LOAD
-from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
+from lip_id_ros.friction.terms import Coulomb, FrictionTerm, Offset, Viscous
 from lip_id_ros.joint_history import JointHistory, UNKNOWN
 
 LEAST_SMOOTHING = 1e-12
+
+WIDTH_STD, ECCENTRICITY_STD, CENTRE_STD = 1.0, 0.3, 0.5
+"""
+Deviations a priori: of the logarithm of a width, of the eccentricity and the dead centre of a
+lever [rad].
+"""
 
 
 @dataclass(frozen=True)
@@ -51,14 +58,11 @@ class FrictionBasis:
         ends = np.cumsum([0, *(each.size for each in self.terms)])
         return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
 
-    def with_sign_widths(self) -> FrictionBasis:
-        """Return the basis with the width of each Coulomb friction as a term at the end."""
-        widths = (
-            DriveTerm(each.drive, SignWidth(each.term.width))
-            for each in self.terms
-            if isinstance(each.term, Coulomb)
-        )
-        return replace(self, terms=(*self.terms, *widths))
+    def with_shapes(self) -> FrictionBasis:
+        """Return the basis with widths of signs and shapes of levers as terms at the end."""
+        shapes = ((each.drive, _shape_of(each.term)) for each in self.terms)
+        terms = (DriveTerm(drive, shape) for drive, shape in shapes if shape is not None)
+        return replace(self, terms=(*self.terms, *terms))
 
     @property
     def lower(self) -> Array:
@@ -170,17 +174,22 @@ class FrictionModel:
                 'negative; fit them with their bounds.'
             )
 
-    def with_sign_widths(self) -> FrictionModel:
-        """Return the same friction in the basis with the widths of its signs."""
-        basis = self.basis.with_sign_widths()
+    def with_shapes(self) -> FrictionModel:
+        """Return the same friction in the basis with the shapes of its terms."""
+        basis = self.basis.with_shapes()
         return FrictionModel(basis, np.pad(self.coefficients, (0, basis.size - self.basis.size)))
 
     @property
-    def coulomb(self) -> Array:
-        """Coefficients of the terms of Coulomb friction, in their order."""
-        parts = zip(self.basis.terms, self.basis.slices, strict=True)
-        starts = [place.start for part, place in parts if isinstance(part.term, Coulomb)]
-        return self.coefficients[starts]
+    def shape_std(self) -> Array:
+        """Prior deviations of the coefficients of shapes, as of present coefficients, (W,)."""
+        out = []
+        for part, place in zip(self.basis.terms, self.basis.slices, strict=True):
+            own = self.coefficients[place]
+            if isinstance(part.term, Coulomb):
+                out += [WIDTH_STD * own[0]]
+            elif isinstance(part.term, LeverSpring):
+                out += [ECCENTRICITY_STD * own[0], *(CENTRE_STD * own)]
+        return np.abs(np.array(out))
 
     @property
     def n_joints(self) -> int:
@@ -334,6 +343,15 @@ class FrictionModel:
                 f'friction terms with coefficients were expected, but the file is damaged '
                 f'({error}); fit the model again.'
             ) from error
+
+
+def _shape_of(term: FrictionTerm) -> FrictionTerm | None:
+    """Return the slopes of a term by what it is not linear in; None where there is nothing."""
+    if isinstance(term, Coulomb):
+        return SignWidth(term.width)
+    if isinstance(term, LeverSpring):
+        return LeverShape(term.eccentricity, term.dead_centre)
+    return None
 
 
 def plain_friction(n_joints: int, widths: Array) -> FrictionBasis:

@@ -20,13 +20,14 @@ class Primitive(NamedTuple):
     loaded : bool
         Times |load|.
     position : int
-        One of `ANYWHERE`, `POSITION`, `COSINE`, `SINE`, `STEP_AT`.
+        One of `ANYWHERE`, `POSITION`, `COSINE`, `SINE`, `STEP_AT`, `LEVER`.
     harmonic : float
-        Number of periods a turn; of a step in position 1 / width [1/rad or 1/m].
+        Number of periods a turn; of a step in position 1 / width [1/rad or 1/m]; of a lever its
+        eccentricity.
     acceleration : float
         Width of the smooth sign of the acceleration [rad/s^2 or m/s^2].
     centre : float
-        Where a step is [rad, m, rad/s or m/s].
+        Where a step or a wave is [rad, m, rad/s or m/s].
 
     """
 
@@ -41,7 +42,7 @@ class Primitive(NamedTuple):
 
 
 ONE, VELOCITY, SIGN, SQUARE, LOAD, REVERSAL, STEP = range(7)
-ANYWHERE, POSITION, COSINE, SINE, STEP_AT = range(5)
+ANYWHERE, POSITION, COSINE, SINE, STEP_AT, LEVER = range(6)
 
 Column = tuple[tuple[float, Primitive], ...]
 """A feature as a sum of primitives with factors, for compiled evaluation."""

@@ -40,11 +40,8 @@ that change no torque and slowly follow the prior.
 EXISTS = 1e-12
 """Least scaled eigenvalue of links that exist already."""
 
-WIDTH_STD, LEAST_COULOMB = 1.0, 1e-9
-"""
-Deviation of the logarithm of a width a priori, and the least Coulomb friction that has one, in
-prior deviations of coefficients.
-"""
+LEAST_SHAPE = 1e-9
+"""Least prior deviation of the coefficient of a shape, in those of other coefficients."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +103,7 @@ class ArmSystem:
         self._usual = 1.0 / np.sqrt(inflation)
         self._around, self._system, self._scale = around, system, prior.scale
         self._positive, self._friction_std = around.friction.basis.is_positive, friction_std
-        self._widths = around.basis.size - around.n_friction
+        self._shapes = around.basis.size - around.n_friction
         count = around.n_placements
         self._allowed = _range_of(geometry.projector(around.chain))
         self._away = prior.deviation(around.chain, np.zeros_like(around.links))[:count]
@@ -145,13 +142,13 @@ class ArmSystem:
 
     def parameters(self, state: SystemState) -> Array:
         """Return all parameters of the linearisation, shape (K + W + 17 n,)."""
-        widths, links = np.zeros(self._widths), self.links(state).ravel()
-        return np.concatenate([self.friction(state), widths, self.step(state), links])
+        shapes, links = np.zeros(self._shapes), self.links(state).ravel()
+        return np.concatenate([self.friction(state), shapes, self.step(state), links])
 
     def slopes(self, state: SystemState) -> Array:
         """Differentiate the parameters by a step of the state, (K + W + 17 n, K + r + 11 n)."""
         friction = np.diag(np.where(self._positive, self.friction(state), 1.0))
-        friction = np.pad(friction, ((0, self._widths), (0, 0)))
+        friction = np.pad(friction, ((0, self._shapes), (0, 0)))
         links = link_parameter_jacobian(state.numbers, self._scale)
         return np.asarray(block_diag(friction, self._allowed, *links))
 
@@ -182,23 +179,21 @@ class ArmSystem:
         """
         Return a square root of the covariance in the coordinates of `ArmPosterior`.
 
-        Those of the widths of signs are in it.
+        Those of the shapes of friction are in it.
 
         """
-        first, widths = state.friction.size, self._widths
-        slopes = np.insert(self.slopes(state), [first] * widths, 0.0, axis=1)
-        slopes[first + np.arange(widths), first + np.arange(widths)] = 1.0
-        coulomb = np.maximum(
-            self._around.friction.coulomb, LEAST_COULOMB * self._friction_std.max()
+        first, shapes = state.friction.size, self._shapes
+        slopes = np.insert(self.slopes(state), [first] * shapes, 0.0, axis=1)
+        slopes[first + np.arange(shapes), first + np.arange(shapes)] = 1.0
+        shape_std = np.maximum(
+            self._around.friction.shape_std, LEAST_SHAPE * self._friction_std.max()
         )
-        prior = np.insert(self.prior_rows(state)[:, :-1], [first] * widths, 0.0, axis=1)
-        of_widths = np.zeros((widths, prior.shape[1]))
-        of_widths[np.arange(widths), first + np.arange(widths)] = self._usual / (
-            WIDTH_STD * coulomb
-        )
-        factor = triangular(self._system[:, :-1] @ slopes, prior, of_widths)
+        prior = np.insert(self.prior_rows(state)[:, :-1], [first] * shapes, 0.0, axis=1)
+        of_shapes = np.zeros((shapes, prior.shape[1]))
+        of_shapes[np.arange(shapes), first + np.arange(shapes)] = self._usual / shape_std
+        factor = triangular(self._system[:, :-1] @ slopes, prior, of_shapes)
         root = slopes @ solve_triangular(factor, np.eye(len(factor)))
-        return np.asarray(np.roll(root, -(first + widths), axis=0))
+        return np.asarray(np.roll(root, -(first + shapes), axis=0))
 
     @property
     def _of_friction(self) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
 from lip_id_ros.friction.hysteresis import Dahl
@@ -52,6 +52,9 @@ VELOCITY_GAIN, VELOCITY_ERRORS = float(-np.log(0.8)), 2.0
 
 CURVE_STEPS, OUTSIDE = (8, 16), 0.002
 """Numbers of their steps, and the share of the samples beyond them at either end."""
+
+SLOW = 2
+"""Largest harmonic of a position that may stand in for a spring between two points."""
 
 COUPLING_GAIN = float(np.log(4.0))
 """
@@ -205,6 +208,21 @@ def _transmitted(widths: Array) -> list[Candidate]:
             terms = DriveTerm(drive, LoadTorque()), DriveTerm(drive, SharedFriction(width))
             offers += [Candidate(terms[:1], COUPLING_GAIN), Candidate(terms, COUPLING_GAIN)]
     return offers
+
+
+def lever_candidate(joint: int, lever: LeverSpring, stand_ins: Sequence[Candidate]) -> Candidate:
+    """Return a spring between two points, which takes the place of other terms of its joint."""
+    few = sum(part.size for each in stand_ins for part in each.terms) <= len(lever.lower)
+    least = SMALL_GAIN if few else LEAST_GAIN
+    return Candidate((DriveTerm(Drive.of_joint(joint), lever),), least, SMALL_ERRORS)
+
+
+def stands_for_lever(candidate: Candidate, joint: int) -> bool:
+    """Return whether terms may stand in for a spring between two points of a joint's links."""
+    part = candidate.terms[0]
+    slow = isinstance(part.term, Ripple) and part.term.harmonic <= SLOW
+    own = part.drive == Drive.of_joint(joint)
+    return own and (slow or isinstance(part.term, Spring | PositionCurve))
 
 
 def has_width(candidate: Candidate) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.conservative_terms import LeverSpring
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import (
     estimate_noise,
@@ -27,12 +28,15 @@ from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.friction_candidates import (
     Candidate,
     candidates,
+    lever_candidate,
     plain_candidates,
     presliding_candidates,
     ripple_candidates,
+    stands_for_lever,
 )
 from lip_id_ros.identification.gear_ripple import resolved_harmonics, strongest_harmonic
 from lip_id_ros.identification.left_out import LeftOutBlocks, LeftOutFit
+from lip_id_ros.identification.lever_search import best_lever, Explained
 from lip_id_ros.identification.low_pass_response import rise_time
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.identification.sign_widths import SignWidths
@@ -43,6 +47,9 @@ from lip_id_ros.rigid_body.regressor import torque_regressor
 BLOCKS = 6
 MOST_SAMPLES = 20_000
 """Samples that the election looks at; of more, so many evenly chosen."""
+
+LEVER_SAMPLES = 1500
+"""Samples with which springs between two points are searched for."""
 
 LOAD_ROUNDS = 3
 NOISE_ROUNDS = 2
@@ -129,6 +136,7 @@ def elect_friction(
         widths = election.widths.beside_saturation(widths, chosen, load)
         plain = plain_candidates(widths)
         chosen = election.chosen(plain, [*offered(widths, dataset), *ripples], load)
+        chosen = election.with_levers(plain, chosen, load)
         fit = election.fitted([*plain, *chosen], load)
         noise = election.reweight([*plain, *chosen], fit, load)
         if chosen == before:
@@ -176,6 +184,46 @@ class _Election:
         while (idle := ballot.idle(taken)) is not None:
             taken.remove(idle)
         return [offers[index] for index in taken]
+
+    def with_levers(
+        self, plain: list[Candidate], chosen: list[Candidate], load: Array
+    ) -> list[Candidate]:
+        """Put springs between two points where they predict better than what stands for them."""
+        for joint in np.flatnonzero(~self._dataset.prismatic).tolist():
+            stand_ins = [each for each in chosen if stands_for_lever(each, joint)]
+            if not stand_ins:
+                continue
+            others = [each for each in chosen if each not in stand_ins]
+            lever = self._best_lever([*plain, *others], load, joint)
+            spring = lever_candidate(joint, lever, stand_ins)
+            blocks, groups = self._blocks([*plain, *others, *stand_ins, spring], load)
+            last = len(groups) - 1
+            now, other = (
+                np.concatenate([np.arange(self.n_links), *some])
+                for some in (groups[:last], [*groups[: len(plain) + len(others)], groups[last]])
+            )
+            noise = blocks.noise(now)
+            if _gain(blocks.fit(now, noise), blocks.fit(other, noise), spring) > 0.0:
+                chosen = [*others, spring]
+        return chosen
+
+    def _best_lever(self, terms: Sequence[Candidate], load: Array, joint: int) -> LeverSpring:
+        """Return the spring between two points that explains most beside links and some terms."""
+        dataset, rows = self._dataset, evenly(self._dataset.n_samples, LEVER_SAMPLES)
+        blocks, groups = self._blocks(terms, load)
+        noise = blocks.noise(np.concatenate([np.arange(self.n_links), *groups]))
+        features, columns = self._rows(self._basis(terms), load)
+        # these samples stand for all of them
+        weights = self._weights[rows] * (dataset.n_samples / rows.size)
+        explained = Explained(
+            [each[rows] for each in features],
+            columns,
+            dataset.tau[rows],
+            weights,
+            noise,
+            blocks.prior_std,
+        )
+        return best_lever(explained, joint, dataset.q[rows, joint])
 
     def fitted(self, terms: Sequence[Candidate], load: Array) -> LeftOutFit:
         """Fit all of some terms."""
@@ -245,18 +293,8 @@ class _Election:
         """Gather statistics by blocks, and the parameters of every candidate."""
         dataset, basis = self._dataset, self._basis(terms)
         load = self.no_load if load is None else load
-        features = basis.features(dataset.q, dataset.dq, dataset.ddq, load, dataset.history)
-        columns = basis.columns()
-        rows = [
-            np.hstack([self._links[:, joint, used], own])
-            for joint, (used, own) in enumerate(zip(self._used, features, strict=True))
-        ]
-        empty = TorqueStatistics.empty(
-            [
-                np.append(used, self.n_links + own)
-                for used, own in zip(self._used, columns, strict=True)
-            ]
-        )
+        rows, columns = self._rows(basis, load)
+        empty = TorqueStatistics.empty(columns)
         blocks = []
         for k in range(int(self._fold.max()) + 1):
             inside = self._fold == k
@@ -264,11 +302,23 @@ class _Election:
             weights = self._weights[inside]
             blocks.append(empty.update(some, dataset.tau[inside], weights, weights))
         torque_std = dataset.tau.std(axis=0)
+        features = [each[:, used.size :] for each, used in zip(rows, self._used, strict=True)]
         prior = np.append(self._link_std, _prior_std(basis, features, torque_std))
         lower = np.append(np.full(self.n_links, -np.inf), basis.lower)
         ends = np.cumsum([0, *(sum(term.size for term in each.terms) for each in terms)])
         groups = [self.n_links + np.arange(a, b) for a, b in pairwise(ends)]
         return LeftOutBlocks(blocks, prior, lower, torque_std), groups
+
+    def _rows(self, basis: FrictionBasis, load: Array) -> tuple[list[Array], list[IndexArray]]:
+        """Return the features of links and friction of every joint, and their parameters."""
+        dataset = self._dataset
+        features = basis.features(dataset.q, dataset.dq, dataset.ddq, load, dataset.history)
+        parts = list(zip(self._used, features, basis.columns(), strict=True))
+        rows = [
+            np.hstack([self._links[:, joint, used], own])
+            for joint, (used, own, _) in enumerate(parts)
+        ]
+        return rows, [np.append(used, self.n_links + column) for used, _, column in parts]
 
 
 class _Ballot:

@@ -23,6 +23,7 @@ from lip_id_ros.identification.disturbances import (
 from lip_id_ros.identification.friction_candidates import candidates, named_candidates
 from lip_id_ros.identification.friction_election import Offered
 from lip_id_ros.identification.geometry_election import elect_geometry
+from lip_id_ros.identification.lever_steps import with_lever_steps
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.placement_deviations import table_deviations
 from lip_id_ros.identification.placement_search import Calibration
@@ -304,6 +305,6 @@ def _fitted(
     progress(STAGE, 2, STEPS)
     # Loads and placements are better known by now.
     fit = fitter.with_friction(fit, fitter.elected(fit.chain, offered))
-    fit = fitter.refined(fitter.some(MOST_SAMPLES), fit)
+    fit = with_lever_steps(fitter, fitter.refined(fitter.some(MOST_SAMPLES), fit))
     progress(STAGE, 3, STEPS)
     return fit if fitter.is_described else elect_geometry(fitter, fit)

@@ -142,7 +142,7 @@ class LeftOutBlocks:
         lower: Array,
         torque_std: Array,
     ) -> None:
-        self._prior_std, self._free = prior_std, np.isneginf(lower)
+        self.prior_std, self._free = prior_std, np.isneginf(lower)
         self._torque_std = np.where(torque_std > 0.0, torque_std, 1.0)
         self._parts = [_Part.of(each, prior_std.size) for each in blocks]
         count = len(blocks)
@@ -200,7 +200,7 @@ class LeftOutBlocks:
         return self._fits(selected, groups).mean_squares(self._schemes[0], noise_std)
 
     def _fits(self, selected: IndexArray, groups: Sequence[IndexArray]) -> _Fits:
-        return _Fits(self._parts, self._prior_std, self._free, selected, groups)
+        return _Fits(self._parts, self.prior_std, self._free, selected, groups)
 
 
 class _Fits:

@@ -1,7 +1,7 @@
 """
 The torques of an arm, linear in friction, placements and links around present ones.
 
-Parameters are in this order: coefficients of friction (K), widths of its signs (W), small
+Parameters are in this order: coefficients of friction (K), shapes of its terms (W), small
 rotations and translations of the joints (6 n), parameters of the links (11 n).
 
 """
@@ -63,8 +63,8 @@ class Linearisation:
 
     @cached_property
     def basis(self) -> FrictionBasis:
-        """Terms of friction and widths of signs, K + W."""
-        return self.friction.basis.with_sign_widths()
+        """Terms of friction and their shapes, K + W."""
+        return self.friction.basis.with_shapes()
 
     @property
     def n_placements(self) -> int:

@@ -32,7 +32,7 @@ class ArmDeviation:
         self._root = np.ascontiguousarray(arm.covariance_root[self._used])
         reversed_rows = self._root[:, ::-1] != 0.0
         self._ends = self._root.shape[1] - np.argmax(reversed_rows, axis=1)
-        friction = arm.friction.with_sign_widths()
+        friction = arm.friction.with_shapes()
         self._packed = (
             *pack(arm, CompiledFriction.features_of(friction.basis)),
             np.flatnonzero(friction.basis.is_loaded),

@@ -42,7 +42,7 @@ class ArmPosterior:
 
     Coordinates of the covariance are, in this order: small rotations about the axes of each
     joint's own frame and translations in its parent, joint by joint (6 n); the parameters of the
-    links (11 n); the coefficients of friction (K); the widths of the signs of Coulomb friction
+    links (11 n); the coefficients of friction (K); the shapes of its terms, as widths of signs
     (W, see `SignWidth`), where they are not taken as known.
 
     `links`, shape (n, 11): parameters of bodies that can exist. `noise`: of measured torques about
@@ -73,7 +73,7 @@ class ArmPosterior:
 
     def jacobian_of_coordinates(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Differentiate the torques by the coordinates of the covariance [N m or N]."""
-        whole = self._jacobian(self.friction.basis.with_sign_widths(), q, dq, ddq)
+        whole = self._jacobian(self.friction.basis.with_shapes(), q, dq, ddq)
         return whole[..., : len(self.covariance_root)]
 
     def _jacobian(self, basis: FrictionBasis, q: Array, dq: Array, ddq: Array) -> Array:

@@ -167,7 +167,7 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
         },
     )
     _require_possible(arrays, coordinates)
-    size = (DIRECTIONS + LINK_PARAMETERS) * n + friction.basis.with_sign_widths().size
+    size = (DIRECTIONS + LINK_PARAMETERS) * n + friction.basis.with_shapes().size
     columns = arrays['arm_covariance_root'].shape[1]  # of an array that may have no rows
     require(columns <= size, f'arm_covariance_root, with {columns} columns for {size} parameters')
     root = np.zeros((size, columns))

@@ -42,7 +42,7 @@ def posterior(arm: str, rng: np.random.Generator, loaded: bool) -> ArmPosterior:
         terms.append(DriveTerm(Drive((1, 0), (1.0, 0.5)), Coulomb(WIDTH)))
     basis = FrictionBasis(n, tuple(terms), rise_time=0.02)
     friction = FrictionModel(basis, rng.uniform(0.1, 0.3, basis.size))
-    size = 17 * n + basis.with_sign_widths().size
+    size = 17 * n + basis.with_shapes().size
     return ArmPosterior(
         chain,
         random_bodies(n, rng),

@@ -7,7 +7,7 @@ from rigid_body.arms import links_of, random_bodies, random_chain
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription, JointRanges
-from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
 from lip_id_ros.friction.hysteresis import Dahl
@@ -46,6 +46,7 @@ EXTRA: tuple[FrictionTerm, ...] = (
     PositionCoulomb(0.03),
     Ripple(2),
     Spring(),
+    LeverSpring(0.6, 0.4),
     PositionCurve(-1.0, 2.0, 5),
     VelocityCurve(-2.0, 1.0, 4),
     Dahl(0.05, 1e-3),

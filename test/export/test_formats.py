@@ -97,7 +97,7 @@ def test_what_a_format_cannot_express_is_named(name: str) -> None:
     common = {'offset', 'Stribeck', 'asymmetric', 'Coulomb', 'periodic twice a turn'}
     common |= {'load-dependent Coulomb', 'load-dependent viscous', 'position-dependent Coulomb'}
     common |= {'saturating viscous', 'torque', 'friction', 'pre-sliding'}
-    common |= {'curve over position', 'curve over velocity', 'Dahl hysteresis'}
+    common |= {'curve over position', 'curve over velocity', 'Dahl hysteresis', 'lever spring'}
     expected = {
         'urdf': common | {'quadratic viscous', 'joint spring'},
         'mjcf': common,

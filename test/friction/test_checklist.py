@@ -10,8 +10,13 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.conservative_terms import LeverSpring
 from lip_id_ros.friction.terms import FrictionTerm
-from lip_id_ros.identification.friction_candidates import candidates, plain_candidates
+from lip_id_ros.identification.friction_candidates import (
+    candidates,
+    lever_candidate,
+    plain_candidates,
+)
 from lip_id_ros.identification.sample_selection import remembering
 
 MATHS = Path(__file__).resolve().parents[2] / 'docs' / 'explanation' / 'maths.md'
@@ -30,6 +35,7 @@ def test_the_election_is_offered_every_term() -> None:
     dataset = Dataset.from_arrays(q, q, q, q)
     widths = np.array([0.1, 0.1])
     offered = [*plain_candidates(widths), *candidates(widths, remembering(dataset))]
+    offered.append(lever_candidate(0, LeverSpring(0.5, 0.0), []))  # after a search
     names = {part.term.name for each in offered for part in each.terms}
     assert names == {term.name for term in EVERY}
 

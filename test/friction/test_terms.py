@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError, ShapeError
 from lip_id_ros.friction import drives, terms
-from lip_id_ros.friction.conservative_terms import Ripple, Spring
+from lip_id_ros.friction.conservative_terms import LeverShape, LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction, SignWidth
 from lip_id_ros.friction.hysteresis import Dahl
@@ -19,6 +19,7 @@ from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
     COSINE,
+    LEVER,
     LOAD,
     POSITION,
     Primitive,
@@ -66,12 +67,14 @@ EVERY: list[FrictionTerm] = [
     Ripple(1),
     Ripple(2),
     Spring(),
+    LeverSpring(0.6, 0.4),
     PositionCurve(-1.0, 2.0, 8),
     VelocityCurve(-0.5, 1.0, 6),
     Dahl(0.1, 1e-3),
     LoadTorque(),
     SharedFriction(0.1),
 ]
+SHAPES: list[FrictionTerm] = [SignWidth(0.1), LeverShape(0.6, 0.4)]
 DISSIPATIVE = [
     term for term in EVERY if FREE not in term.lower and not isinstance(term, Presliding)
 ]
@@ -111,27 +114,66 @@ def primitive_value(primitive: Primitive, state: DriveState) -> Array:
         return shape * state.q
     if primitive.position == STEP_AT:
         return np.asarray(shape * np.tanh(primitive.harmonic * (state.q - primitive.centre)))
+    at = state.q - primitive.centre
+    if primitive.position == LEVER:
+        return np.asarray(shape * np.sin(at) / np.sqrt(1.0 - primitive.harmonic * np.cos(at)))
     wave = np.cos if primitive.position == COSINE else np.sin
-    return np.asarray(shape * wave(primitive.harmonic * state.q))
+    return np.asarray(shape * wave(primitive.harmonic * at))
 
 
 def test_every_term_is_tested() -> None:
-    assert {type(term).__name__ for term in (*EVERY, SignWidth(0.1))} == {
+    assert {type(term).__name__ for term in (*EVERY, SHAPES[0])} == {
         name
         for name, kind in (*vars(terms).items(), *vars(drives).items())
         if isinstance(kind, type) and hasattr(kind, 'columns') and name != 'FrictionTerm'
     }
 
 
-@pytest.mark.parametrize('term', [*EVERY, SignWidth(0.1)], ids=name)
+@pytest.mark.parametrize('term', [*EVERY, *SHAPES], ids=name)
 def test_primitives_add_up_to_the_features(term: FrictionTerm) -> None:
     state = states()
     sums = [
         sum((f * primitive_value(each, state) for f, each in column), start=0.0 * state.q)
         for column in term.columns()
     ]
-    np.testing.assert_allclose(np.column_stack(sums), term.features(state), atol=1e-13)
+    np.testing.assert_allclose(np.column_stack(sums), term.features(state), atol=1e-11)
     assert len(term.lower) == len(sums)
+
+
+@given(st.floats(0.02, 0.2), st.floats(0.3, 0.5), st.floats(-3.0, 3.0), st.floats(0.0, 1.0))
+def test_a_lever_spring_has_the_torque_of_its_energy(
+    a: float, b: float, centre: float, rest: float
+) -> None:
+    """A coil of stiffness 1 and any length of rest, by differences of its energy."""
+    q, h = np.linspace(-3.0, 3.0, 50), 1e-6
+    square = a**2 + b**2
+
+    def energy(at: Array) -> Array:
+        length = np.sqrt(square - 2.0 * a * b * np.cos(at - centre))
+        return np.asarray(0.5 * (length - rest) ** 2)
+
+    eccentricity = 2.0 * a * b / square
+    force, stiffness = LeverSpring(eccentricity, centre).features(states(q.size)._replace(q=q)).T
+    half = 0.5 * square * eccentricity
+    torque = half * (stiffness - rest / np.sqrt(square) * force)
+    slope = (energy(q + h) - energy(q - h)) / (2.0 * h)
+    np.testing.assert_allclose(torque, slope, atol=1e-9)
+
+
+def test_shapes_of_levers_are_slopes() -> None:
+    state, term, h = states(), LeverSpring(0.6, 0.4), 1e-5
+    slopes = LeverShape(0.6, 0.4).features(state)
+    wider, narrower = (LeverSpring(0.6 + k, 0.4).features(state) for k in (h, -h))
+    later, earlier = (LeverSpring(0.6, 0.4 + k).features(state) for k in (h, -h))
+    expected = [(wider - narrower)[:, 0], *(later - earlier).T]
+    np.testing.assert_allclose(slopes, np.column_stack(expected) / (2.0 * h), atol=1e-6)
+    model = FrictionModel(one_drive(term), np.array([2.0, -3.0])).with_shapes()
+    assert model.basis.size == 5
+    assert model.shape_std.shape == (3,)
+
+
+def one_drive(term: FrictionTerm) -> FrictionBasis:
+    return FrictionBasis(1, (DriveTerm(Drive.of_joint(0), term),))
 
 
 @pytest.mark.parametrize('term', EVERY, ids=name)
@@ -301,6 +343,9 @@ HOSTILE: list[dict[str, object]] = [
     {'term': 'Stribeck', 'width': 0.1, 'smoothing': -1.0},
     {'term': 'Ripple', 'harmonic': 0.5},
     {'term': 'Ripple', 'harmonic': 10**12},
+    {'term': 'LeverSpring', 'eccentricity': 1.0, 'dead_centre': 0.0},
+    {'term': 'LeverSpring', 'eccentricity': 0.0, 'dead_centre': 0.0},
+    {'term': 'LeverSpring', 'eccentricity': 0.5, 'dead_centre': float('nan')},
     {'term': 'Dahl', 'width': 0.1, 'displacement': 1e-12},
     {'term': 'Dahl', 'width': 0.1, 'displacement': float('nan')},
     {'term': 'PositionCurve', 'low': 0.0, 'high': 1.0, 'count': 10**12},

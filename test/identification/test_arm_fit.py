@@ -296,12 +296,12 @@ def test_white_noise_that_grows_near_rest_is_not_taken_for_correlated(seed: int)
 
 def test_widths_of_signs_are_as_certain_as_samples_near_rest_make_them() -> None:
     fitter, fit = fitted()
-    data, coulomb = fitter.dataset, fit.friction.coulomb
+    data, coulomb = fitter.dataset, fit.friction.shape_std
     fit, _, solution, _ = posterior(fitter, fit)
     root = solution.covariance_root
     assert len(root) == 17 * len(TYPES) + fit.friction.basis.size + len(TYPES)
     std = np.linalg.norm(root[-len(TYPES) :], axis=1) / coulomb
-    basis = fit.friction.with_sign_widths().basis
+    basis = fit.friction.with_shapes().basis
     features = friction_features(basis, data.q, data.dq, data.ddq, np.zeros_like(data.dq))
     slopes = coulomb * np.diagonal(features[..., -len(TYPES) :], axis1=1, axis2=2)
     alone = fit.noise.std / np.sqrt(np.sum(fit.noise.weights(data.dq) * slopes**2, axis=0))

@@ -224,7 +224,7 @@ def test_widths_of_signs_have_deviations(tmp_path: Path) -> None:
     assert model.arm is not None
     std, step = np.array([0.1, 0.2, 0.05]), 1e-4
     root = np.zeros((len(model.arm.covariance_root) + std.size, std.size))
-    root[-std.size :] = np.diag(std * model.arm.friction.coulomb)
+    root[-std.size :] = np.diag(std * model.arm.friction.shape_std)
     arm = replace(model.arm, covariance_root=root.astype(np.float32).astype(np.float64))
     q, dq, ddq = queries(50)
     x = q, 0.2 * dq, ddq

@@ -1,0 +1,193 @@
+"""
+The shape of a spring between two points that explains most of a joint's torque.
+
+Torques are linear in a spring's force and stiffness, not in eccentricity and dead centre of its
+points. So these are searched for on a grid, and by descents from its best places; links and
+friction are solved for at each (variable projection: Golub and Pereyra, SIAM J. Numerical
+Analysis 1973), since either may stand in for part of a spring.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize
+
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.friction.conservative_terms import ECCENTRICITIES, lever_features, LeverSpring
+from lip_id_ros.linear_algebra import normal_factor
+
+TRIED = (12, 36)
+"""Eccentricities and dead centres of the grid."""
+
+DESCENTS, EVALUATIONS = 3, 200
+"""Places of the grid that descents start from, and most evaluations of one."""
+
+APART = 2
+"""Least distance of these places on the grid."""
+
+ROUNDS, SAME, LEAST_NOISE = 10, 0.95, 1e-5
+"""
+Rounds with noise estimated anew, at most and while it falls to this share; and the least noise,
+as a share of the torque's deviation.
+"""
+
+PRECISION = 1e-9
+"""Of eccentricities, as logits, and of dead centres at the end of a descent [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """
+    Torques that are explained by links and friction, linear in P parameters.
+
+    Attributes
+    ----------
+    rows : list of n arrays, shapes (N, p_i)
+        Features of every joint.
+    columns : sequence of n int arrays, shapes (p_i,)
+        Parameters that they belong to.
+    tau : array, shape (N, n)
+        [N m or N].
+    weights : array, shape (N, n)
+        Of squared residuals.
+    noise_std : array, shape (n,)
+        [N m or N].
+    prior_std : array, shape (P,)
+        Of the parameters.
+
+    """
+
+    rows: list[Array]
+    columns: Sequence[IndexArray]
+    tau: Array
+    weights: Array
+    noise_std: Array
+    prior_std: Array
+
+
+def best_lever(explained: Explained, joint: int, q: Array) -> LeverSpring:
+    """
+    Return the spring that explains most of the torque of a joint.
+
+    In rounds with the noise that the spring of the round before leaves: with that of a fit without
+    one, priors would decide.
+
+    Parameters
+    ----------
+    explained : Explained
+        What is there without the spring.
+    joint : int
+    q : array, shape (N,)
+        Positions of the joint [rad].
+
+    """
+    least = LEAST_NOISE * float(np.std(explained.tau[:, joint]))
+    search = LeverSearch(explained, joint, q)
+    lever = search.best()
+    for _ in range(ROUNDS):
+        before, left = float(explained.noise_std[joint]), max(search.left(lever), least)
+        if left > SAME * before:
+            break
+        noise = explained.noise_std.copy()
+        noise[joint] = left
+        explained = replace(explained, noise_std=noise)
+        search = LeverSearch(explained, joint, q)
+        lever = search.best()
+    return lever
+
+
+class LeverSearch:
+    """One round of the search for a joint, with given noise (see `best_lever`)."""
+
+    def __init__(self, explained: Explained, joint: int, q: Array) -> None:
+        precision = np.sqrt(explained.weights) / explained.noise_std
+        scaled = [rows * precision[:, [j]] for j, rows in enumerate(explained.rows)]
+        torque = explained.tau * precision
+        normal, right = np.diag(explained.prior_std**-2.0), np.zeros(explained.prior_std.size)
+        for rows, column, own in zip(scaled, explained.columns, torque.T, strict=True):
+            normal[column[:, None], column] += rows.T @ rows
+            right[column] += rows.T @ own
+        factor = normal_factor(normal)
+        found = solve_triangular(factor, right, lower=True)
+        found = solve_triangular(factor, found, lower=True, trans=1)
+        column = explained.columns[joint]
+        self._residual = torque[:, joint] - scaled[joint] @ found[column]
+        self._q, self._precision = q, precision[:, joint]
+        self._noise_std = float(explained.noise_std[joint])
+        # what of a feature links and friction can stand for
+        own = np.zeros((normal.shape[0], len(q)))
+        own[column] = scaled[joint].T
+        self._shared = solve_triangular(factor, own, lower=True)
+        self._size = float(np.std(explained.tau[:, joint]))
+
+    def gain(self, eccentricity: float, dead_centre: float) -> float:
+        """Return by how much a spring decreases half the penalised squares."""
+        _, normal, right = self._system(eccentricity, dead_centre)
+        return 0.5 * float(right @ np.linalg.solve(normal, right))
+
+    def left(self, lever: LeverSpring) -> float:
+        """Return the noise that a spring leaves, as a standard deviation [N m]."""
+        rows, normal, right = self._system(lever.eccentricity, lever.dead_centre)
+        torque = rows @ np.linalg.solve(normal, right)
+        residual = self._residual - torque + self._shared.T @ (self._shared @ torque)
+        count = np.sum((self._noise_std * self._precision) ** 2)
+        return self._noise_std * float(np.sqrt(np.sum(residual**2) / count))
+
+    def _system(self, eccentricity: float, dead_centre: float) -> tuple[Array, Array, Array]:
+        """Return the rows of a spring, and normal equations with all else solved for."""
+        features = lever_features(self._q, eccentricity, dead_centre)
+        scale = np.sqrt(np.mean(features**2, axis=0)) / max(self._size, 1e-300)
+        rows = features * self._precision[:, None]
+        shared = self._shared @ rows
+        normal = rows.T @ rows - shared.T @ shared + np.diag(scale**2)
+        return rows, normal, rows.T @ self._residual
+
+    def best(self) -> LeverSpring:
+        """Return the spring that explains most."""
+        found = [self._descended(*start) for start in self._starts()]
+        _, eccentricity, centre = max(found)
+        turned = float((centre + np.pi) % (2.0 * np.pi) - np.pi)
+        return LeverSpring(float(eccentricity), turned)
+
+    def _starts(self) -> Iterator[tuple[float, float]]:
+        """Yield the best places of the grid that are apart."""
+        eccentricities = _eccentricity(np.linspace(-1.0, 1.0, TRIED[0] + 2)[1:-1] * 3.0)
+        centres = np.linspace(-np.pi, np.pi, TRIED[1], endpoint=False)
+        gains = np.array([[self.gain(e, c) for c in centres] for e in eccentricities])
+        for _ in range(DESCENTS):
+            i, k = np.unravel_index(np.argmax(gains), gains.shape)
+            yield float(eccentricities[i]), float(centres[k])
+            around = (k + np.arange(-APART, APART + 1)) % centres.size
+            gains[max(0, int(i) - APART) : int(i) + APART + 1, around] = -np.inf
+
+    def _descended(self, eccentricity: float, dead_centre: float) -> tuple[float, float, float]:
+        """Return the gain and the shape that a descent without slopes ends in."""
+        first = np.array([_logit(eccentricity), dead_centre])
+        result = minimize(
+            lambda x: -self.gain(float(_eccentricity(x[0])), x[1]),
+            first,
+            method='Nelder-Mead',
+            options={
+                'maxfev': EVALUATIONS,
+                'xatol': PRECISION,
+                'fatol': 0.0,
+                'initial_simplex': first + np.array([[0.0, 0.0], [0.3, 0.0], [0.0, 0.1]]),
+            },
+        )
+        return -float(result.fun), float(_eccentricity(result.x[0])), float(result.x[1])
+
+
+def _eccentricity(logit: Array | float) -> Array:
+    """Return eccentricities between the least and the most."""
+    low, high = ECCENTRICITIES
+    return np.asarray(low + (high - low) / (1.0 + np.exp(-np.asarray(logit))))
+
+
+def _logit(eccentricity: float) -> float:
+    low, high = ECCENTRICITIES
+    return float(np.log((eccentricity - low) / (high - eccentricity)))

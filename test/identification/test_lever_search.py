@@ -1,0 +1,73 @@
+"""Springs between two points are found beside links and friction, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks import springs
+from benchmarks._drives import random_arm
+from lip_id_ros.arrays import Array
+from lip_id_ros.friction.conservative_terms import lever_features, LeverSpring
+from lip_id_ros.identification.friction_election import elect_friction
+from lip_id_ros.identification.lever_search import best_lever, Explained, LeverSearch
+from lip_id_ros.identification.sample_selection import remembering
+
+LINK_STD = np.tile([5.0, *[2.0] * 3, *[1.0] * 7], (springs.N_JOINTS, 1))
+
+
+def explained(q: Array, torque: Array, noise: float) -> Explained:
+    """Return what gravity and an offset explain of the torque of one joint."""
+    rows = np.column_stack([np.cos(q), np.sin(q), np.ones_like(q)])
+    columns, weights = [np.arange(3)], np.ones((q.size, 1))
+    return Explained([rows], columns, torque[:, None], weights, np.array([noise]), np.ones(3) * 9)
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_finds_the_shape(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shape = float(rng.uniform(0.3, 0.8)), float(rng.uniform(-3.0, 3.0))
+    q = rng.uniform(-2.0, 2.0, 400)
+    clean = lever_features(q, *shape) @ [4.0, -1.0] + 2.0 * np.cos(q) + 0.3
+    torque = clean + 1e-4 * rng.standard_normal(q.size)
+    found = best_lever(explained(q, torque, 1.0), 0, q)
+    np.testing.assert_allclose(found.eccentricity, shape[0], atol=0.01)
+    np.testing.assert_allclose(found.dead_centre, shape[1], atol=0.01)
+
+
+def test_the_gain_is_that_of_a_plain_fit() -> None:
+    """Half the penalised squares with the spring among all parameters, and without."""
+    rng = np.random.default_rng(0)
+    q, noise = rng.uniform(-2.0, 2.0, 100), 0.1
+    given = explained(q, rng.standard_normal(q.size) + np.sin(q), noise)
+    features = lever_features(q, 0.5, 0.7)
+    size = np.sqrt(np.mean(features**2, axis=0)) / np.std(given.tau)
+
+    def cost(rows: Array, precision: Array) -> float:
+        rows = np.vstack([rows / noise, np.diag(precision)])
+        right = np.append(given.tau[:, 0] / noise, np.zeros(precision.size))
+        found = np.linalg.lstsq(rows, right, rcond=None)[0]
+        return 0.5 * float(np.sum((right - rows @ found) ** 2))
+
+    prior = 1.0 / given.prior_std
+    without = cost(given.rows[0], prior)
+    with_it = cost(np.hstack([given.rows[0], features]), np.append(prior, size))
+    search = LeverSearch(given, 0, q)
+    np.testing.assert_allclose(search.gain(0.5, 0.7), without - with_it, rtol=1e-9)
+    rows = np.hstack([given.rows[0], features]) / noise
+    whole = np.vstack([rows, np.diag(np.append(prior, size))])
+    right = np.append(given.tau[:, 0] / noise, np.zeros(5))
+    residual = (right - whole @ np.linalg.lstsq(whole, right, rcond=None)[0])[: q.size]
+    left = noise * np.sqrt(np.mean(residual**2))
+    np.testing.assert_allclose(search.left(LeverSpring(0.5, 0.7)), left, rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', springs.KINDS)
+def test_elected_where_it_is(kind: str) -> None:
+    """`python -m benchmarks springs` counts whole fits."""
+    data = remembering(springs.simulated(kind, 0, 0))
+    found = elect_friction(data, random_arm(springs.N_JOINTS, 0).chain, LINK_STD)
+    names = [[name for name in own if name == 'lever spring'] for own in found.friction.names()]
+    expected = kind != 'none'
+    assert [len(own) for own in names] == [0, int(expected), 0, 0]
