@@ -29,6 +29,8 @@ MADE_BY = (
     ),
     *(
         'evaluation',
+        'excitation',
+        'export',
         'fleet',
         'friction',
         'gp',
