@@ -77,7 +77,7 @@ class ExcitingMotion:
 
     @property
     def peaks(self) -> Array:
-        """Bounds of |q - posture|, |dq|, |ddq| and |dddq| at every time, shape (4, n)."""
+        """Bounds, shape (4, n), of q - posture, dq, ddq and dddq, without signs, at every time."""
         return peaks(self.motion)
 
     @property
