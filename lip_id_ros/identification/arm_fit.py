@@ -22,11 +22,11 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_coordinates import coefficient_std
 from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
-from lip_id_ros.identification.friction_candidates import candidates
 from lip_id_ros.identification.friction_election import (
     elect_friction,
     ElectedFriction,
-    Offered,
+    EVERY_TERM,
+    Offer,
 )
 from lip_id_ros.identification.kinematic_calibration import (
     PlacementProblem,
@@ -165,9 +165,9 @@ class ArmFitter:
         """Return a fitter of the same samples with other couplings."""
         return ArmFitter(self.dataset, self._described, self.robots, couplings)
 
-    def elected(self, chain: Chain, offered: Offered = candidates) -> ElectedFriction:
+    def elected(self, chain: Chain, offer: Offer = EVERY_TERM) -> ElectedFriction:
         """Elect friction terms with the joints in given places."""
-        elected = elect_friction(self.dataset, chain, self.link_std, offered)
+        elected = elect_friction(self.dataset, chain, self.link_std, offer)
         std = np.maximum(elected.noise.std, self.least_noise)
         return replace(elected, noise=replace(elected.noise, std=std))
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,7 +63,16 @@ SAME_GAIN = 1e-6
 """Difference of gains that rounding may make."""
 
 
-Offered = Callable[[Array, Dataset], list[Candidate]]
+class Offer(NamedTuple):
+    """Terms on offer beside viscous and Coulomb friction and offsets."""
+
+    candidates: Callable[[Array, Dataset], list[Candidate]]
+    """Returns them for the widths of the joints' signs and the data set."""
+    levers: bool
+    """Whether springs between two points of neighbouring links are on offer too."""
+
+
+EVERY_TERM = Offer(candidates, levers=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +114,7 @@ class ElectedFriction:
 
 
 def elect_friction(
-    dataset: Dataset, chain: Chain, link_std: Array, offered: Offered = candidates
+    dataset: Dataset, chain: Chain, link_std: Array, offer: Offer = EVERY_TERM
 ) -> ElectedFriction:
     """
     Elect the widths of signs, then terms, in rounds with the links' torques of the round before.
@@ -117,8 +127,7 @@ def elect_friction(
         Where the joints are.
     link_std : array, shape (n, 11)
         Prior standard deviations of the links' parameters around zero.
-    offered : callable
-        Returns the terms on offer, for widths of signs and the data set.
+    offer : Offer
 
     """
     election = _Election(dataset, chain, link_std)
@@ -135,8 +144,9 @@ def elect_friction(
         widths = election.widths.beside(chosen, load)
         widths = election.widths.beside_saturation(widths, chosen, load)
         plain = plain_candidates(widths)
-        chosen = election.chosen(plain, [*offered(widths, dataset), *ripples], load)
-        chosen = election.with_levers(plain, chosen, load)
+        chosen = election.chosen(plain, [*offer.candidates(widths, dataset), *ripples], load)
+        if offer.levers:
+            chosen = election.with_levers(plain, chosen, load)
         fit = election.fitted([*plain, *chosen], load)
         noise = election.reweight([*plain, *chosen], fit, load)
         if chosen == before:

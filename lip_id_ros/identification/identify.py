@@ -20,8 +20,8 @@ from lip_id_ros.identification.disturbances import (
     halves_agree,
     without_disturbances,
 )
-from lip_id_ros.identification.friction_candidates import candidates, named_candidates
-from lip_id_ros.identification.friction_election import Offered
+from lip_id_ros.identification.friction_candidates import named_candidates
+from lip_id_ros.identification.friction_election import EVERY_TERM, Offer
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.lever_steps import with_lever_steps
 from lip_id_ros.identification.link_torques import links_torque
@@ -53,10 +53,10 @@ STAGE = 'links and friction'
 STEPS = 4
 
 PROCESSES, NAMED, FRICTION = 'processes', 'named', 'friction'
-OFFERS: Mapping[str, Offered] = {
-    PROCESSES: candidates,
-    NAMED: candidates,
-    FRICTION: named_candidates,
+OFFERS: Mapping[str, Offer] = {
+    PROCESSES: EVERY_TERM,
+    NAMED: EVERY_TERM,
+    FRICTION: Offer(named_candidates, levers=True),
 }
 """Friction terms on offer, by what may be beside the links: a value of the setting `fit.terms`."""
 
@@ -295,16 +295,16 @@ def _without_outliers(
 
 
 def _fitted(
-    fitter: ArmFitter, calibration: Calibration, offered: Offered, progress: Progress
+    fitter: ArmFitter, calibration: Calibration, offer: Offer, progress: Progress
 ) -> ArmFit:
     """Elect friction and geometry, and fit placements, links and friction together."""
     progress(STAGE, 0, STEPS)
-    elected = fitter.elected(calibration.placements.chain, offered)
+    elected = fitter.elected(calibration.placements.chain, offer)
     progress(STAGE, 1, STEPS)
     fit = fitter.best_start([each.chain for each in calibration.candidates], elected)
     progress(STAGE, 2, STEPS)
     # Loads and placements are better known by now.
-    fit = fitter.with_friction(fit, fitter.elected(fit.chain, offered))
+    fit = fitter.with_friction(fit, fitter.elected(fit.chain, offer))
     fit = with_lever_steps(fitter, fitter.refined(fitter.some(MOST_SAMPLES), fit))
     progress(STAGE, 3, STEPS)
     return fit if fitter.is_described else elect_geometry(fitter, fit)

@@ -12,6 +12,7 @@ from benchmarks._panda import run_pair
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.friction_candidates import named_candidates
+from lip_id_ros.identification.friction_election import Offer
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.simulation import panda
@@ -66,7 +67,7 @@ def test_what_right_geometry_gains_does_not_pay_for_wrong_geometry(seed: int) ->
     """Right angles predict better by more than axes lose that are wrongly taken to meet."""
     fitter, chain = ArmFitter(noisy(seed)), true_chain()
     # a curve that slow errors call for is no matter of the geometry
-    fit = fitter.best_start([chain], fitter.elected(chain, named_candidates))
+    fit = fitter.best_start([chain], fitter.elected(chain, Offer(named_candidates, levers=True)))
     geometry = elect_geometry(fitter, fitter.refined(fitter.dataset, fit)).geometry
     np.testing.assert_array_equal(geometry.twists[1:6], QUARTER)
     np.testing.assert_array_equal(geometry.meets[1:5], [True, True, False, False])
