@@ -3,7 +3,6 @@ Inverse dynamics of robot arms, learned from recordings.
 
 `import lip_id_ros as lip` gives what a script or notebook needs (python.md). Names are
 imported when they are first used, so that the import itself is quick.
-
 """
 
 from __future__ import annotations

@@ -36,7 +36,6 @@ def read_checked(
 
     OSError if the file does not exist or cannot be opened; ModelError if it is damaged, of another
     kind, or from a version of the format that is not among some.
-
     """
     try:
         arrays, header = read_npz(path)

@@ -3,7 +3,6 @@ Tables of numbers in CSV files: a line of names, then lines of numbers, no empty
 
 Cells are separated by commas, or else by semicolons, tabs or blanks; decimal commas are read then.
 Lines that begin with # or % are left out; the last one before the numbers may have the names.
-
 """
 
 from __future__ import annotations
@@ -65,7 +64,6 @@ def read_header(path: PathLike) -> tuple[str, ...]:
 
     OSError if the file cannot be opened; SourceError if it is not a regular file; DataError if its
     first line names no columns, or a name twice.
-
     """
     return tuple(name for name in _header(path).names if name)
 
@@ -132,7 +130,6 @@ def read_table(path: PathLike) -> CsvTable:
     OSError if the file cannot be opened; SourceError if it is not a regular file; DataError if it
     has no header, no rows, a first column without a name that does not number the rows, or a cell
     that is no number; names the line.
-
     """
     header = _header(path)
     rows = _numbers(path, header, None)

@@ -4,7 +4,6 @@ Errors that this package raises.
 Every message is one sentence that says what was expected, what came and what to do about it, so
 that the command line and the nodes can show it as it is. Errors of the file system pass through
 as `OSError`.
-
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@ Escape names of joints and topics, which are data, for terminals, plots and web 
 
 `$` begins mathematics in a plot, `[` markup in a terminal, `<` a tag on a page, and control
 characters move a cursor.
-
 """
 
 import html

@@ -63,7 +63,6 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
     /dev/stdout, is written to and not replaced. Temporary files of killed writes are removed.
 
     OSError if the folder does not exist or cannot be written.
-
     """
     if is_stream(path_text(path)):
         with tempfile.TemporaryFile() as whole:
@@ -126,7 +125,6 @@ def write_or_rescue(path: PathLike, write: Callable[[PathLike], None]) -> str | 
 
     Returns a sentence with the reason and the other place, None if all went well. Raises OSError
     if the result cannot be written there either.
-
     """
     try:
         write(path)
@@ -228,7 +226,6 @@ def write_npz(
     Write named arrays and a JSON-able header into one npz file, as `write_atomically` does.
 
     No suffix is added to the path. The header is the array `header_json`.
-
     """
     text = np.array(json.dumps(dict(header), sort_keys=True))
     named: dict[str, Any] = {HEADER: text, **arrays}
@@ -243,7 +240,6 @@ def read_npz(path: PathLike) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 
     OSError if the file does not exist or cannot be opened; ValueError if it is not an npz file, is
     damaged, or holds pickled objects.
-
     """
     return _read(path, lambda name: True)
 
@@ -300,7 +296,6 @@ def require_regular_file(path: PathLike) -> None:
     A device, a pipe or a socket may block for ever or never end.
 
     OSError if there is no such file, SourceError if it is anything else than a file.
-
     """
     name = path_text(path)
     mode = os.stat(path).st_mode

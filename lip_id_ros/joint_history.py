@@ -11,20 +11,10 @@ DISPLACEMENTS = (3e-4, 1e-3, 3e-3, 0.01, 0.03)
 
 
 class JointHistory(NamedTuple):
-    """
-    History of N samples of n joints; None for what is not known.
+    """History of N samples of n joints; None for what is not known."""
 
-    Attributes
-    ----------
-    sign : array, shape (N, n)
-        Signs of the velocities after the low-pass that the torques went through.
-    dahl : array, shape (N, n, D)
-        States of Dahl's friction for each of `DISPLACEMENTS`.
-
-    """
-
-    sign: Array | None = None
-    dahl: Array | None = None
+    sign: Array | None = None  # (N, n), of velocities after the low-pass of the torques
+    dahl: Array | None = None  # (N, n, D), states of Dahl's friction by `DISPLACEMENTS`
 
 
 UNKNOWN = JointHistory()

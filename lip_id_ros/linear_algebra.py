@@ -30,7 +30,6 @@ class CholeskyFactor:
 
     `lower`, shape (m, m): L with L L^T = K + jitter I; what lies above the diagonal is undefined.
     `jitter`: what had to be added to the diagonal [units of K].
-
     """
 
     lower: Array
@@ -42,7 +41,6 @@ class CholeskyFactor:
         Factorise a symmetric matrix (m, m) in C order, with as little jitter as it takes.
 
         FitError if the matrix is not finite or not positive definite even with jitter.
-
         """
         # LAPACK may take a matrix with NaN in it and return NaN.
         if not np.isfinite(matrix.sum()):
@@ -90,7 +88,6 @@ def normal_factor(normal: Array) -> Array:
 
     Every entry of the diagonal is raised by a share of itself where rounding has made the matrix
     indefinite. NaN where it is not finite.
-
     """
     for relative in JITTERS:
         work = np.array(normal, order='F')

@@ -7,7 +7,6 @@ number of joints.
 
 Arithmetic is that of IEEE 754, without leave to reorder sums: with it, code that has just been
 compiled and the same code from the cache round differently, and fits differ.
-
 """
 
 from __future__ import annotations
@@ -67,7 +66,6 @@ class _Cache(FunctionCache):
     The cache of `numba.njit(cache=True)` depends on the file of the outermost function only, so
     that a change in another module would have no effect (numba issue 1833). Of processes that
     need the same function one compiles it, and the others wait for its code.
-
     """
 
     _lock: int | None = None  # descriptor of a file

@@ -30,15 +30,7 @@ class Packable:
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Self:
-        """
-        Return the object that `to_bytes` gave.
-
-        Raises
-        ------
-        DataError
-            If an entry is missing or damaged.
-
-        """
+        """Return the object that `to_bytes` gave; DataError if an entry is missing or damaged."""
         head, _, rest = content.partition(b'\n')
         try:
             texts, shapes = json.loads(head)

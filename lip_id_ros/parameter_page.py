@@ -2,7 +2,6 @@
 Write docs/reference/parameters.md from the tables that declare the nodes' parameters.
 
 ``python -m lip_id_ros.parameter_page > docs/reference/parameters.md`` writes it; a test holds it.
-
 """
 
 from __future__ import annotations

@@ -2,7 +2,6 @@
 The programs of the package, without a traceback where Ctrl-C comes while they are imported.
 
 Imports take seconds. The command line or the node sets what signals do while it runs.
-
 """
 
 from __future__ import annotations

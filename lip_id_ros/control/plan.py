@@ -65,7 +65,6 @@ class Plan:
 
     RefusedError if there are no two points, times do not increase, a value is not finite or too
     large, the positions contradict the velocities, or the plan ends in motion.
-
     """
 
     def __init__(self, plan: PlanArrays) -> None:

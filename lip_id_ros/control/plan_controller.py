@@ -49,7 +49,6 @@ class PlanController:
     `releasing`: whether torques are on the way to zero. `failure`: why the last plan was let go,
     until the next begins; empty where it was not. ConfigError if there is no joint or one comes
     twice, a list has another length than there are, or limits are not given.
-
     """
 
     def __init__(self, settings: ControlSettings) -> None:
@@ -82,7 +81,6 @@ class PlanController:
 
         `names`: its joints. `points`: efforts at all of them, or at none. `now` [s]. RefusedError
         if it cannot be followed; the plan before goes on.
-
         """
         with self._taking(now):
             if len(points) > self._settings.max_plan_points:
@@ -114,7 +112,6 @@ class PlanController:
         rates [N m or N], in the order of `joint_names`; on the way to zero after a plan was let
         go; None without a plan. RefusedError if its stamp is doubted, a joint is missing, or a
         number is missing or not finite.
-
         """
         with self._tally.receiving():
             try:

@@ -3,7 +3,6 @@ Read a serialised JointTrajectory as arrays.
 
 A message of 50,000 points takes a second as objects, and the commands would stop meanwhile. All
 points of a plan have arrays of one length, so its bytes are one table.
-
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ def read_serialised(raw: bytes, order: JointOrder, most_points: int) -> PlanArra
 
     `raw`: the message, in CDR of either byte order. `most_points`: of a plan that is read.
     RefusedError if it ends before, has no or too many points, or joints or lengths do not fit.
-
     """
     header = read_header(raw)
     columns = order.columns(header.names)

@@ -28,7 +28,6 @@ class Gains:
 
     `stiffness`, shape (n,): K_p: torque per position error [N m/rad or N/m]. `damping`, shape
     (n,): K_d: torque per velocity error [N m s/rad or N s/m].
-
     """
 
     stiffness: Array
@@ -143,7 +142,6 @@ class ControlRules:
 
     ConfigError if there is no joint or one comes twice, a list has another length than there are,
     or limits are not given.
-
     """
 
     gains: Gains

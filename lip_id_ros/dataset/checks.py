@@ -29,7 +29,6 @@ def checked(fields: Mapping[str, Any]) -> dict[str, Any]:
     Return read-only copies of the arrays of a data set, and tuples of names and types.
 
     The errors are those of `Dataset`.
-
     """
     given = {name: fields[name] for name in (*PER_SAMPLE, *PER_JOINT)}
     arrays: dict[str, Any] = {

@@ -185,7 +185,6 @@ class Dataset:
 
         Farthest points in sine and cosine of revolute positions, prismatic positions, velocities
         and accelerations; fewer where the rest only repeats them.
-
         """
         angles, shifts = self.q[:, ~self.prismatic], self.q[:, self.prismatic]
         states = [np.sin(angles), np.cos(angles), shifts, self.dq, self.ddq]
@@ -308,7 +307,6 @@ def concatenate(datasets: Sequence[Dataset]) -> Dataset:
     kept only where every data set has them; of the provenance, sources and copies.
 
     DataError if there is none, or joints, joint types or gravity compensation differ.
-
     """
     if not datasets:
         raise DataError('at least one data set is needed to concatenate, not 0.')

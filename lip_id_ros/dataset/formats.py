@@ -124,7 +124,6 @@ def read_csv(path: PathLike) -> dict[str, Any]:
 
     The last two may be absent. All joints are taken for revolute. Other columns are ignored. The
     errors are those of `Dataset.load`.
-
     """
     table = read_table(path)
     columns = table.columns

@@ -22,7 +22,6 @@ def farthest_points(points: Array, count: int) -> IndexArray:
 
     Returns increasing row numbers; fewer than `count` where the rest only repeats them. Begins
     from the point nearest the mean; no randomness.
-
     """
     if count >= len(points):
         return np.arange(len(points))
@@ -37,7 +36,6 @@ def covering_points(points: Array, count: int, near: float = 0.0) -> IndexArray:
 
     Each is the farthest from those before (Gonzalez 1985); the first is the nearest to zero.
     Returns increasing row numbers, at most `count`.
-
     """
     chosen = [int(np.argmin((points**2).sum(axis=1)))]
     squares = ((points - points[chosen[0]]) ** 2).sum(axis=1)
@@ -55,7 +53,6 @@ def contiguous_cuts(segment: IntArray, count: int) -> IndexArray:
     Return where to cut N samples into 1 to N blocks of about the same size, shape (count + 1,).
 
     A cut moves to the beginning of a segment where one is near.
-
     """
     size = segment.size
     begins = np.concatenate([[0], np.flatnonzero(np.diff(segment)) + 1, [size]])

@@ -66,7 +66,6 @@ class Graph:
         Wait for a condition; `what` names it, `progress` returns another value after progress.
 
         LipIdError if nothing progresses for so many seconds, or a node ends before.
-
         """
         reached, since = progress(), time.monotonic()
         while not condition():
@@ -147,7 +146,6 @@ def await_discovery(
     order of their creation, so a remote node that answers a new client knows all older endpoints.
 
     The remote node must have parameter services; another thread spins this one.
-
     """
     client = node.create_client(GetParameters, f'{remote}/get_parameters')
     wait(client.service_is_ready, client.srv_name)
@@ -217,7 +215,6 @@ def main(arguments: list[str]) -> int:
     Run a launch file until SIGINT, given its name and ``name:=value`` for its arguments.
 
     Returns 0 if every node ended well.
-
     """
     name, *given = arguments
     path = get_package_share_path('lip_id_ros') / 'launch' / name

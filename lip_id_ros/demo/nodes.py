@@ -54,7 +54,6 @@ class RobotNode(NodeBase):
     Publish what the robot's encoders and torque sensors measure, and the reference it follows.
 
     Stamps advance by one sample per message, so that the motion is the same at any speed.
-
     """
 
     def __init__(self) -> None:
@@ -129,7 +128,6 @@ class ArmNode(NodeBase):
     the arm stops where it is, as by its brakes.
 
     ConfigError if `contact` has another length than there are joints.
-
     """
 
     def __init__(self) -> None:
@@ -235,7 +233,6 @@ class ReferenceNode(NodeBase):
 
     Publish it again until `computed_torque` has it: while nodes discover each other, messages
     between them may be lost.
-
     """
 
     def __init__(self) -> None:

@@ -3,7 +3,6 @@ The demonstration without ROS: a simulated Panda is recorded, learned and judged
 
 Two bags are written as a driver would have recorded them; one is learned from, the other shows
 what the model is worth.
-
 """
 
 from __future__ import annotations
@@ -75,7 +74,6 @@ def demonstrate(output: Path, size: Size, config: Config) -> Evaluation:
     Record, fit, evaluate on a motion that the model has not seen, and report.
 
     The output folder gets two bags, the model and the report.
-
     """
     output.mkdir(parents=True, exist_ok=True)
     with progress_display() as progress:

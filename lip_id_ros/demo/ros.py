@@ -3,7 +3,6 @@ The demonstration on a real ROS graph: a simulated Panda, `train` and `serve` in
 
 The arm moves and `train` records and fits; then the arm makes a motion that the model has not
 seen, `serve` answers its reference, and the bag of the graph is compared with the truth.
-
 """
 
 from __future__ import annotations
@@ -55,7 +54,6 @@ def demonstrate(output: Path) -> Evaluation:
     Record, fit, serve, compare the answers of `serve` with the truth and report.
 
     The output folder gets the model, the data set, the bag, the nodes' log and the report.
-
     """
     shutil.rmtree(output / BAG, ignore_errors=True)
     with progress_display() as progress:

@@ -81,7 +81,6 @@ class Served:
 
     `measured` are torques measured on the arm at the same stamps [ns], `tau` those answered [N m],
     each (N, n); energies answered have shape (N,) [J].
-
     """
 
     stamps: IntArray
@@ -99,7 +98,6 @@ def read_served(bag_path: str | os.PathLike[str], joint_names: tuple[str, ...]) 
     Read the stream from a bag of the demo, with its joints in this order.
 
     DataError if a reference was not answered, or an answer has no reference, torque or energy.
-
     """
     with Bag(bag_path) as bag:
         references = _by_stamp(bag, REFERENCE)
@@ -127,7 +125,6 @@ def outcome_of(served: Served, arm: Dynamics, predictor: TorqueModel) -> Outcome
     Set the answers beside the truth, which the simulated arm knows.
 
     The predictor of the served model gives what is not published: the parts of the torque.
-
     """
     dataset = Dataset(
         t=1e-9 * (served.stamps - served.stamps[0]),

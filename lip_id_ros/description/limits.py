@@ -21,7 +21,6 @@ class JointRanges:
     Limits of the joints of an arm, one number each; nan where a URDF has none.
 
     `lower`, `upper` [rad or m], `velocity` [rad/s or m/s], `effort` [N m or N].
-
     """
 
     lower: tuple[float, ...]
@@ -36,7 +35,6 @@ def joint_ranges(text: str, place: str, joint_names: Sequence[str]) -> JointRang
 
     DataError if it is no URDF, lacks a joint, or has a limit that is no number. Zeros of velocity
     or effort count as none: converters write them where they know none.
-
     """
     joints = parsed(text, place).findall('joint')
     rows = [_ranges(_joint(joints, name, place, 'limits'), place) for name in joint_names]
@@ -78,7 +76,6 @@ def effort_limits(text: str, place: str, joint_names: Sequence[str]) -> tuple[fl
 
     DataError if it is no URDF, lacks a joint or its limit, or has one that is no torque of an arm:
     zero is what converters write where they know none.
-
     """
     joints = parsed(text, place).findall('joint')
     return tuple(_effort_limit(joints, name, place) for name in joint_names)

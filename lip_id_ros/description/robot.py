@@ -23,7 +23,6 @@ class Body:
     `placement`, shape (4, 4): of its frame in the frame of the chain's link that carries it.
     `parameters`, shape (10,): mass, first moments and inertias about the origin of its own frame;
     zero without an `<inertial>`.
-
     """
 
     name: str
@@ -44,7 +43,6 @@ class RobotDescription:
     `to_axis`, shape (n, 3, 3): rotation from the chain's frame of each link to the file's.
     `before`, shape (n, 4, 4): placement, in the chain's frame of the link before, of the frame in
     which the file gives each joint's origin.
-
     """
 
     place: str

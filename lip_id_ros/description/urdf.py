@@ -3,7 +3,6 @@ The arm that a URDF describes (http://wiki.ros.org/urdf/XML).
 
 The joints of the data are the joints of the arm. All other joints of the file are locked at zero,
 so that what hangs on them belongs to the link that carries it.
-
 """
 
 from __future__ import annotations
@@ -47,7 +46,6 @@ def load_description(
     `source`: a text that begins with `<` is the URDF itself. `joint_names`, `joint_types`: of the
     arm, from base to tip. OSError if it cannot be opened; SourceError if it is not a regular file;
     DataError if it is no URDF, or not of this arm.
-
     """
     return parse_description(*urdf_text(source), joint_names, joint_types)
 
@@ -73,7 +71,6 @@ def parse_description(
     Read the text of a URDF.
 
     `place`: where it comes from, for messages. DataError if it is no URDF, or not of this arm.
-
     """
     reader = _Reader(parsed(text, place), place)
     description = reader.description(text.lstrip(), joint_names, joint_types)
@@ -86,7 +83,6 @@ def moving_joints(text: str, place: str) -> tuple[tuple[str, ...], tuple[str, ..
     Return names and types of the joints of a URDF that move by themselves, from the base on.
 
     `place`: where it comes from, for messages. DataError if it is no URDF.
-
     """
     return _Reader(parsed(text, place), place).moving_joints()
 
@@ -112,7 +108,6 @@ def parsed(text: str, place: str) -> ET.Element:
     Return the `<robot>` element of a URDF.
 
     DataError if there is none, or the text is the source of a xacro.
-
     """
     if '<!DOCTYPE' in text or '<!ENTITY' in text:
         raise DataError(f'{place} has a document type, which no URDF needs; remove it.')

@@ -58,7 +58,6 @@ class FolderCache:
     the folder cannot be written, a warning is logged and the fit goes on.
 
     `folder`: made where it does not exist; entries lie in a folder of the code's version.
-
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -106,7 +105,6 @@ class Entry:
 
     `kind`: of the result. `size`: [bytes]. `used`: when it was last written or read [s since
     1970]. `is_current`: whether this version of the code made it and reads it.
-
     """
 
     path: Path

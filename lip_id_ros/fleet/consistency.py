@@ -4,7 +4,6 @@ Recordings that contradict each other, as of an arm with and without a load at i
 Quarters of recordings are sorted into two groups by the change of the last link that explains each
 best: k-means whose distance is the squared residual (Späth, Computing 22, 1979). The groups are
 told where quarters are predicted far better by the others of their group than by all others.
-
 """
 
 from __future__ import annotations
@@ -51,7 +50,6 @@ def disagreement(
 
     `surveys`: of one recording there is nothing to compare. `around`: of the fit to all; the
     friction of every part is eliminated.
-
     """
     if len(surveys) < 2:
         return None
@@ -85,7 +83,6 @@ class _Changes:
 
     `normal`, `right`, `squares`, `counts`, shapes (U, n, 10, 10), (U, n, 10), (U, n), (U, n):
     squares of residuals without a change, and numbers of samples. `noise_std`, shape (n,).
-
     """
 
     normal: Array

@@ -47,7 +47,6 @@ class Outcome:
 
     `value`: of the function; None where it failed. `reason`: why it failed; empty where it did
     not. `is_final`: whether it would fail again in the same way: the item itself is refused.
-
     """
 
     value: Any
@@ -61,7 +60,6 @@ class Engine(AbstractContextManager['Engine'], Protocol):
 
     A function that raises an error, or ends its process, fails for its item alone. Ctrl-C ends
     all processes; what `keep` was called with by then is kept.
-
     """
 
     def map(
@@ -72,7 +70,6 @@ class Engine(AbstractContextManager['Engine'], Protocol):
 
         `function`: of a module, so that other processes can import it. `keep`: called in this
         process with the number of an item and its value as soon as it has one.
-
         """
 
 
@@ -81,7 +78,6 @@ class LocalEngine(Engine):
     Runs in this process, or in several on this machine, each with one thread.
 
     `jobs`: number of processes; with 1 it is this one, which has no other to die in its place.
-
     """
 
     def __init__(self, jobs: int = 1) -> None:
@@ -215,7 +211,6 @@ class RayEngine(Engine):
     machine. `jobs`: number of workers of that; by default one for each processor. ConfigError if
     Ray is not installed, or no cluster answers at the address; from `map`, if a worker has another
     version of the code.
-
     """
 
     def __init__(self, address: str | None = None, jobs: int | None = None) -> None:

@@ -71,7 +71,6 @@ def fit_fleet(
     selected from. ConfigError if the settings ask for another model than an arm, or cannot be
     selected. DataError if no recording can be used, or all together are too short. FitError if the
     data are not finite in units of the noise.
-
     """
     if config.fit.kernel != ARTICULATED:
         raise ConfigError(
@@ -91,7 +90,6 @@ class _Solved:
     `around`: where it was linear. `kept`: of the recordings in it. `numbers`: of the sources of
     the R recordings with statistics. `fits`: of these. `contradicting`: why a recording is left
     out, by number of the source.
-
     """
 
     solution: Solution

@@ -26,7 +26,6 @@ def gathered_from(
 
     `blocks`: in which the statistics are kept apart. `share`: first share of the samples that is
     learned from.
-
     """
     data = load_dataset(path, config).with_joints(around.joint_names)
     data = first_part(data, share)

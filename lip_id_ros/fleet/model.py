@@ -44,7 +44,6 @@ def with_processes(
     Elect the joints that have a Gaussian process beside links and friction, or instead of them.
 
     `solution`: of the reservoirs.
-
     """
     excluded = dict(placed.excluded)
     fitter = _measured(placed, [each for each in surveys if each.key not in excluded], described)
@@ -64,7 +63,6 @@ def model_of(
 
     `around`: where it was linear. `surveys`: of the recordings in the fit. `fitter`: to the
     samples of the first pass. `described`: that the first pass had.
-
     """
     fit = _fit(placed, solution)
     remainder = _remainder(placed, solution, surveys, described)
@@ -134,7 +132,6 @@ def _measured(
     Return a fitter to reservoirs of some recordings with the torques as they were measured.
 
     Predictions are for a recording that is not known, whose friction deviates.
-
     """
     data = merged(chosen(surveys), placed.joint_names)
     data = data.select(np.flatnonzero(plausible(data)))

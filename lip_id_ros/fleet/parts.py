@@ -15,7 +15,6 @@ def first_shares(counts: Mapping[int, int], share: float) -> dict[int, float]:
     `counts`: samples of recordings, by their numbers in the order of their sources, one after the
     other. One recording at most is cut; of those after it the share is 0. DataError if nothing
     would be left on one side.
-
     """
     total = sum(counts.values())
     rest = round(share * total)

@@ -69,7 +69,6 @@ class Passes:
         `kind`: of its results. `keys`: under which the cache has the result of each item. `stage`:
         name of the pass for progress. Returns results, and why there is none of the other
         items, both by number of the item.
-
         """
         results, reasons = dict[int, Kept](), dict[int, str]()
         for k, key in enumerate(keys):

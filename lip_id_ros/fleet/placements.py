@@ -4,7 +4,6 @@ Placements of the joints from the reservoirs of all recordings, and recordings o
 The first identification takes all recordings for one arm with one friction. With its placements,
 each recording gets its own friction, and those whose residuals contradict the fleet are left out;
 then the arm is identified again, with what friction deviates by taken from the torques.
-
 """
 
 from __future__ import annotations
@@ -80,7 +79,6 @@ class PlacedArm(Packable):
     of every joint; empty where it has none. `t`, `q`, `dq`, `ddq`, `tau`, `low_passed_sign`,
     `dahl_states`, `segment`, `recording`, `gravity_compensated`: samples that the arm was
     identified with.
-
     """
 
     KIND = 'placements'
@@ -177,7 +175,6 @@ def place(
     placements and links. Returns the arm without processes, and the solution of these reservoirs.
     ConfigError if the settings have couplings of positions that are not those of joints. FitError
     if the data are not finite in units of the noise.
-
     """
     kept, excluded = chosen(surveys), dict[str, str]()
     couplings = known_couplings(settings, joint_names)
@@ -214,7 +211,6 @@ def chosen(surveys: Sequence[Survey]) -> list[Survey]:
 
     A key is as good as random, and further recordings seldom have lower ones (bottom-k sampling:
     Cohen and Kaplan, PODC 2007), so that statistics of before can be used again.
-
     """
     return sorted(surveys, key=lambda each: each.key)[:MOST_RECORDINGS]
 
@@ -225,7 +221,6 @@ def contradictions(rms: Array, kept: BoolArray, joint_names: Sequence[str]) -> d
 
     `rms`, shape (R, n): residuals of every recording with its own friction [N m or N]. `kept`,
     shape (R,): recordings that the fleet has been fitted to, which the others are compared with.
-
     """
     known = np.isfinite(rms).all(axis=1)
     nothing = {int(k): NOTHING for k in np.flatnonzero(~known)}

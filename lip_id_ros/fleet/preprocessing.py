@@ -51,7 +51,6 @@ def selected(
 
     Returns settings with numbers in the place of `auto`, and entries for the provenance of
     recordings; raises what `load_dataset` raises with `auto`.
-
     """
     given = config.recording, config.preprocessing
     key = digest('preprocessing', *given, [(each.fingerprint, share) for each, share in some])

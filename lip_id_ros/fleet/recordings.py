@@ -43,7 +43,6 @@ class Recordings:
     `surveys`: of all recordings that can be read, by number of the source. `reasons`: status and
     reason of those that are not in the fit, likewise. `entries`: how preprocessing was selected,
     for the provenance of the model.
-
     """
 
     def __init__(
@@ -67,7 +66,6 @@ class Recordings:
         Return the surveys of what is learned from, of one arm, in the order of their keys.
 
         Preprocessing is selected on it alone. DataError if there is none.
-
         """
         self.surveys = self._surveyed(range(len(self.sources)))
         self._require(self.surveys, 'read')
@@ -105,7 +103,6 @@ class Recordings:
 
         `known`: samples that its motion is known by. New motion is that of the part that has most,
         since parts may repeat each other.
-
         """
         items = [self._part(k) for k in sorted(self._shares) if self._share(k) < 1.0]
         if not items:

@@ -30,7 +30,6 @@ def write_fleet_report(
 
     `path`: file to be written or replaced. `name`: of the model, for the title. OSError if the
     file cannot be written.
-
     """
     write_whole(path, _page(result, f'{name}: several recordings').encode())
 

@@ -42,7 +42,6 @@ class Survey(Packable):
     shape (n,): [rad or m]. `provenance`: JSON: the source's entry in the provenance of its data
     set. `temperature`: mean of the recording [degrees Celsius]; not a number where no topic has
     it.
-
     """
 
     KIND = 'survey'
@@ -83,7 +82,6 @@ class RecordingResult:
     where it could not be read. `residual_rms`, shape (n,): with the links of the fleet and the
     friction of this recording [N m or N]. `friction`, `friction_std`, shape (K,): coefficients in
     this recording, in the order of `FleetResult.friction_names`, and their standard deviations.
-
     """
 
     name: str
@@ -112,7 +110,6 @@ class FleetResult:
     standard deviations of the coefficients between recordings of a robot, and between robots; 0
     where they are not estimated. `evaluation`: of the model on what was held out, where anything
     was.
-
     """
 
     model: InverseDynamicsModel

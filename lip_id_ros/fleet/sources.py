@@ -50,7 +50,6 @@ class StoredRecording:
 
     `name`: address: a path, or a URL without credentials. `group`: robot; empty where recordings
     are not grouped. `files`: those of a bag that is a folder are in it.
-
     """
 
     name: str
@@ -82,7 +81,6 @@ class StoredRecording:
 
         TransferError if there is no space for it, the connection broke `ATTEMPTS` times, or a file
         has changed since it was found. OSError if a file does not exist or must not be read.
-
         """
         if '://' not in self.name:
             yield self.name
@@ -112,7 +110,6 @@ def find(patterns: Sequence[str], group_by: str | None = None) -> list[StoredRec
     ``metadata:KEY`` for an entry of custom_data in the metadata.yaml of a bag. SourceError if a
     pattern names no recording. ConfigError if `group_by` cannot be used, or a recording has no
     such group, or no file system is known for a URL.
-
     """
     group_of = _grouping(group_by)
     found: dict[str, StoredRecording] = {}

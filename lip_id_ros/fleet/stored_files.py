@@ -49,7 +49,6 @@ class StoredFile:
 
     `url`: with credentials, where it has some. `size`: [bytes]; None where the store does not tell
     it. `mark`: changes with the content.
-
     """
 
     url: str
@@ -85,7 +84,6 @@ def fetch(file: StoredFile, target: Path, sleep: Callable[[float], None] = time.
 
     TransferError if it broke `ATTEMPTS` times, the disk is full, or the file is not the one that
     was found. FileNotFoundError, PermissionError if there is no such file, or it must not be read.
-
     """
     system, path = fsspec.core.url_to_fs(file.url)
     name = public(file.url)
@@ -158,7 +156,6 @@ def mark_of(system: Any, details: Details) -> str:
     A store has a checksum of its own, or a time. Of a local file, size, time of modification and
     blocks spread over it are taken, since to read all of a fleet would take as long as the fit.
     Where nothing is known, each text is another.
-
     """
     size = details.get('size')
     if is_local(system):

@@ -53,7 +53,6 @@ def survey(
 
     `path`: of a recording of any kind. `name`: under which people know it. `group`: robot.
     `share`: first share of the samples that is looked at.
-
     """
     examined, contents = findings_of(config.recording), list[str]()
 
@@ -75,7 +74,6 @@ def mean_temperature(path: str | os.PathLike[str]) -> float:
     Return the mean of all sensor_msgs/Temperature messages of a bag [degrees Celsius].
 
     Not a number where there are none.
-
     """
     total, count = 0.0, 0
     with Bag(path) as bag:
@@ -126,7 +124,6 @@ def reservoir(dataset: Dataset) -> IndexArray:
     Return the rows that are kept: half of them cover the motion, half are even in time.
 
     The first identify placements best; the others have friction and noise in their usual shares.
-
     """
     count = min(
         MOST_RESERVOIR, RESERVOIR_BYTES // (8 * (NUMBERS_PER_JOINT * dataset.n_joints + 2))
@@ -142,7 +139,6 @@ def merged(surveys: Sequence[Survey], joint_names: Sequence[str]) -> Dataset:
     Join the reservoirs of recordings of one arm, `MOST_MERGED` samples at most.
 
     `surveys`: in the order of their keys, so that the order of the sources plays no role.
-
     """
     most = max(MOST_MERGED // len(surveys), 1)
     return concatenate([reservoir_data(each, joint_names, most) for each in surveys])
@@ -181,7 +177,6 @@ def sorted_of_one_arm(surveys: Sequence[Survey]) -> tuple[list[int], dict[int, s
 
     Returns the numbers of the surveys that are kept, in the order of their keys, and the reason of
     each of the others by its number.
-
     """
     kinds = Counter(map(_kind, surveys))
     most = max(sorted(kinds), key=lambda kind: kinds[kind])

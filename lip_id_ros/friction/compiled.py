@@ -32,28 +32,7 @@ from lip_id_ros.numba_jit import jit, jit_inlined
 
 
 class CompiledFriction(NamedTuple):
-    """
-    Friction of m drives of n joints as a sum of p primitives, ordered by drive.
-
-    Attributes
-    ----------
-    ratios : array, shape (m, n)
-        Of each drive's speed to the joints' velocities.
-    shares : array, shape (m, n)
-        Of each drive's torque in the joints' efforts.
-    rise_time : array, shape (m,)
-        As in `FrictionBasis` [s].
-    bearing : int array, shape (m,)
-        Joint whose load the drive bears.
-    ends : int array, shape (m,)
-        One past the last primitive of each drive.
-    shape, side, position : int arrays, shape (p,)
-        As in `Primitive`.
-    width, harmonic, acceleration, centre, factor : arrays, shape (p,)
-        The factor has the coefficient in it.
-    loaded : bool array, shape (p,)
-
-    """
+    """Friction of m drives of n joints as a sum of p primitives, ordered by drive."""
 
     ratios: Array
     shares: Array
@@ -137,17 +116,10 @@ def add_friction(
     friction: CompiledFriction, q: Array, dq: Array, ddq: Array, load: Array, out: Array
 ) -> None:
     """
-    Add the friction torques of one state.
+    Add the friction torques of one state to `out`, which is another array than `load`.
 
-    Parameters
-    ----------
-    friction : CompiledFriction
-    q, dq, ddq : arrays, shape (n,)
-    load : array, shape (n,)
-        Torques or forces of the links on the joints [N m or N].
-    out : array, shape (n,)
-        Torques that friction is added to; another array than `load` [N m or N].
-
+    All have shape (n,); load and result are torques or forces of the links on the joints [N m or
+    N].
     """
     first = 0
     for m in range(len(friction.ends)):
@@ -168,17 +140,9 @@ def set_features(
     out: Array,
 ) -> None:
     """
-    Set the features of friction at one state.
+    Set the features (n, K) of friction at one state, by `CompiledFriction.features_of`.
 
-    Parameters
-    ----------
-    features : CompiledFriction
-        By `CompiledFriction.features_of`.
-    q, dq, ddq, load : arrays, shape (n,)
-    seen : array, shape (K,)
-        Discrepancy of the sign of each feature's drive, as in `DriveState`.
-    out : array, shape (n, K)
-
+    `seen`, shape (K,), is the discrepancy of the sign of each feature's drive, as in `DriveState`.
     """
     first = 0
     for k in range(len(features.ends)):
@@ -203,16 +167,8 @@ def set_load_slopes(
     """
     Differentiate the friction torques of one state by the loads, as `FrictionModel.load_slopes`.
 
-    Parameters
-    ----------
-    features : CompiledFriction
-        By `CompiledFriction.features_of`.
-    loaded : int array
-        The features that depend on a load.
-    coefficients : array, shape (K,)
-    q, dq, ddq, load : arrays, shape (n,)
-    out : array, shape (n, n)
-
+    Features are those of `CompiledFriction.features_of`; `loaded` numbers those that depend on a
+    load. `out` has shape (n, n).
     """
     out[:] = 0.0
     for k in loaded:
@@ -243,21 +199,7 @@ def friction_features(
     load: Array,
     history: JointHistory = UNKNOWN,
 ) -> Array:
-    """
-    Return the features of friction for all torques.
-
-    Parameters
-    ----------
-    basis : FrictionBasis
-    q, dq, ddq, load : arrays, shape (N, n)
-    history : JointHistory
-        As for `FrictionBasis.features`.
-
-    Returns
-    -------
-    array, shape (N, n, K)
-
-    """
+    """Return the features (N, n, K) of friction for all torques, as `FrictionBasis.features`."""
     signs = [part.drive.signs(basis.n_joints) for part in basis.terms for _ in range(part.size)]
     discrepancy = basis.discrepancy(dq, ddq, history.sign)
     seen = discrepancy @ np.array(signs).reshape(-1, basis.n_joints).T

@@ -28,16 +28,10 @@ Least and largest of a lever; steps of eccentricities and dead centres [rad], fo
 @dataclass(frozen=True)
 class Ripple:
     """
-    Torque that is periodic in the position, as of a counterweight, a gear or a cogging motor.
+    Torque of so many periods a turn, as of a counterweight, a gear or a cogging motor.
 
     Holtz and Springob, IEEE Trans. Industrial Electronics 1996; of strain wave gears: Ghorbel,
     Gandhi and Alpeter, J. Mechanical Design 2001. It is conservative, not friction.
-
-    Parameters
-    ----------
-    harmonic : int
-        Number of periods a turn.
-
     """
 
     harmonic: int
@@ -84,18 +78,11 @@ class LeverSpring:
     """
     A coil or gas spring between a point of the link and one of the link before.
 
-    Points at distances a and b from the axis are l = c sqrt(1 - e cos(q - q0)) apart, where
-    c^2 = a^2 + b^2 and e = 2 a b / c^2. A spring of force k (l - l0) has the torque
-    k c^2 e / 2 sin(q - q0) (1 - (l0 / c) / sqrt(1 - e cos(q - q0))), one of constant force F along
-    the line the second part alone. It is conservative, not friction.
-
-    Parameters
-    ----------
-    eccentricity : float
-        e, between 0 and 1.
-    dead_centre : float
-        q0, where the points are nearest to each other, and the spring has no torque [rad].
-
+    Points at distances a and b from the axis are l = c sqrt(1 - e cos(q - q0)) apart, where c^2 =
+    a^2 + b^2 and the eccentricity e = 2 a b / c^2; at the dead centre q0 they are nearest. A
+    spring of force k (l - l0) has the torque k c^2 e / 2 sin(q - q0) (1 - (l0 / c) / sqrt(1 - e
+    cos(q - q0))), one of constant force F along the line the second part alone. It is
+    conservative, not friction.
     """
 
     eccentricity: float
@@ -127,7 +114,6 @@ class LeverShape:
 
     Directions of the fit and of the posterior, whose coefficients are zero: of the constant force
     by both, and of the stiffness by the dead centre.
-
     """
 
     eccentricity: float

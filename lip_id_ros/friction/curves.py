@@ -4,7 +4,6 @@ Curves of any shape over a joint's own position or velocity (maths.md, section 1
 Sums of smooth steps between two places: constant beyond them, where nothing is known. With
 independent priors on its steps a curve is a smoothed random walk (Wahba, Spline Models for
 Observational Data, 1990), and flat where the data are silent.
-
 """
 
 from __future__ import annotations
@@ -27,16 +26,7 @@ NARROWEST = 1e-12
 
 @dataclass(frozen=True)
 class _Curve:
-    """
-    A curve of `count` steps from `low` to `high`.
-
-    Parameters
-    ----------
-    low, high : float
-        [rad or m] of a position, [rad/s or m/s] of a velocity.
-    count : int
-
-    """
+    """A curve of `count` steps from `low` to `high` [rad or m, rad/s or m/s]."""
 
     low: float
     high: float

@@ -37,20 +37,11 @@ class Drive:
     Its speed is the sum of `ratios` times the joints' velocities; by virtual work its torque acts
     on each joint times that joint's ratio. Efforts of coupled motors that are not those of the
     joints have other shares in it.
-
-    Attributes
-    ----------
-    joints : tuple of int
-        From 0; the first is the joint whose load the drive bears.
-    ratios : tuple of float
-    shares : tuple of float
-        Of the drive's torque in the effort of each joint; empty for `ratios`.
-
     """
 
-    joints: tuple[int, ...]
+    joints: tuple[int, ...]  # from 0; the drive bears the load of the first
     ratios: tuple[float, ...]
-    shares: tuple[float, ...] = ()
+    shares: tuple[float, ...] = ()  # in the effort of each joint; empty for `ratios`
 
     @classmethod
     def of_joint(cls, joint: int) -> Drive:
@@ -97,15 +88,7 @@ class Drive:
 
 @dataclass(frozen=True)
 class DriveTerm:
-    """
-    One term of one drive.
-
-    Attributes
-    ----------
-    drive : Drive
-    term : FrictionTerm
-
-    """
+    """One term of one drive."""
 
     drive: Drive
     term: FrictionTerm
@@ -125,13 +108,8 @@ class DriveTerm:
         """
         Return the term that `to_json` gave.
 
-        Raises
-        ------
-        ModelError
-            If the term is unknown or its parameters are not those of the term.
-        KeyError, TypeError, ValueError
-            If the drive is damaged.
-
+        ModelError where it does not fit. KeyError, TypeError, ValueError where the drive is
+        damaged.
         """
         joints = tuple(int(joint) for joint in entry['joints'])
         ratios = tuple(float(ratio) for ratio in entry['ratios'])
@@ -155,7 +133,6 @@ class LoadTorque:
 
     Efforts are those of motors that turn more than one joint each, as in a coupled wrist: the
     coupling matrix times the torques of the joints. The drive is `Drive.transmitted`.
-
     """
 
     name: ClassVar[str] = 'torque'
@@ -176,7 +153,6 @@ class SharedFriction:
     Shares of the viscous and Coulomb friction of another joint, of any sign (see `LoadTorque`).
 
     Such a share may drive the joint: it is part of the coupling, not friction of that joint.
-
     """
 
     width: float
@@ -199,7 +175,6 @@ class SignWidth:
 
     A direction of the posterior: the width was elected, and its deviation is that of the
     coefficient, which is zero, in units of the coefficient of Coulomb friction.
-
     """
 
     width: float

@@ -20,15 +20,8 @@ class Dahl:
 
     Dahl 1968; Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 1994. An arm that stands
     is held by what is left of its last motion. The term is the difference to the smooth sign of
-    the velocity: nothing of single states.
-
-    Parameters
-    ----------
-    width : float
-        Of the sign of Coulomb friction [rad/s or m/s].
-    displacement : float
-        Within which friction turns, one of `DISPLACEMENTS` [rad or m].
-
+    the velocity, of Coulomb friction's width [rad/s or m/s]: nothing of single states.
+    `displacement` is one of `DISPLACEMENTS` [rad or m].
     """
 
     width: float
@@ -50,10 +43,9 @@ class Dahl:
 
     def unknown_std(self, state: DriveState, share: Array) -> Array:
         """
-        Return the deviation of the feature where a share of the state is not known, (N,).
+        Return the deviation (N,) of the feature where a share of the state is unknown.
 
         A joint that moves has friction of its sign; one that rests has any (`unknown_share`).
-
         """
         own = share[:, DISPLACEMENTS.index(self.displacement)]
         return np.asarray(

@@ -33,14 +33,8 @@ class FrictionBasis:
     """
     The terms of all drives, without coefficients.
 
-    Attributes
-    ----------
-    n_joints : int
-    terms : tuple of DriveTerm
-    rise_time : float
-        Of the low-pass that the torques went through [s]: what is nearest to its response to a
-        step from -1 to 1 is tanh(t / rise_time). 0 for none.
-
+    `rise_time` is that of the low-pass that the torques went through [s]: what is nearest to its
+    response to a step from -1 to 1 is tanh(t / rise_time). 0 for none.
     """
 
     n_joints: int
@@ -99,10 +93,9 @@ class FrictionBasis:
 
     def discrepancy(self, dq: Array, ddq: Array, sign: Array | None) -> Array:
         """
-        Return the difference of low-passed signs to those of constant accelerations, (N, n).
+        Return the difference (N, n) of low-passed signs to those of constant accelerations.
 
         Zeros without a sign or a low-pass.
-
         """
         if sign is None or not self.rise_time:
             return np.zeros_like(dq)
@@ -113,20 +106,10 @@ class FrictionBasis:
         self, q: Array, dq: Array, ddq: Array, load: Array, history: JointHistory = UNKNOWN
     ) -> tuple[Array, ...]:
         """
-        Return the features of every joint's torque, in the order of `columns`.
+        Return features (N, k_i) of every joint's torque, in the order of `columns`.
 
-        Parameters
-        ----------
-        q, dq, ddq : arrays, shape (N, n)
-        load : array, shape (N, n)
-            Torques or forces that the drives transmit to the links [N m or N].
-        history : JointHistory
-            As far as it is known.
-
-        Returns
-        -------
-        tuple of n arrays, shapes (N, k_i)
-
+        The load (N, n) is what drives transmit to the links [N m or N]; the history, as far as
+        known.
         """
         own: list[list[Array]] = [[np.zeros((len(q), 0))] for _ in range(self.n_joints)]
         discrepancy = self.discrepancy(dq, ddq, history.sign)
@@ -143,19 +126,8 @@ class FrictionModel:
     """
     Friction that has been learned.
 
-    Attributes
-    ----------
-    basis : FrictionBasis
-    coefficients : array, shape (K,)
-        In the units of the terms.
-
-    Raises
-    ------
-    ShapeError
-        If there is not one coefficient per feature.
-    ModelError
-        If a coefficient is below its bound: the term would drive the joint.
-
+    Coefficients (K,) are in the units of the terms. Raises ShapeError if there is not one
+    coefficient per feature, ModelError if one is below its bound: the term would drive the joint.
     """
 
     basis: FrictionBasis
@@ -209,23 +181,7 @@ class FrictionModel:
     def torque(
         self, q: Array, dq: Array, ddq: Array, load: Array, history: JointHistory = UNKNOWN
     ) -> Array:
-        """
-        Friction torques.
-
-        Parameters
-        ----------
-        q, dq, ddq : arrays, shape (N, n)
-        load : array, shape (N, n)
-            Torques or forces of the links on the joints [N m or N].
-        history : JointHistory
-            As for `FrictionBasis.features`.
-
-        Returns
-        -------
-        array, shape (N, n)
-            [N m or N].
-
-        """
+        """Return friction torques (N, n) [N m or N]; arguments as for `FrictionBasis.features`."""
         out = np.zeros_like(dq)
         features = self.basis.features(q, dq, ddq, load, history)
         for joint, (rows, column) in enumerate(zip(features, self.basis.columns(), strict=True)):
@@ -238,18 +194,8 @@ class FrictionModel:
         """
         Differentiate the friction torques by the loads.
 
-        Every term is affine in a load of one sign, so that a unit of load shows the slope.
-
-        Parameters
-        ----------
-        q, dq, ddq, load, history
-            As for `torque`.
-
-        Returns
-        -------
-        array, shape (N, n, n)
-            Of the torque of joint i by the load of joint j.
-
+        Torque of joint i by load j, (N, n, n). Every term is affine in a load of one sign, so that
+        a unit of load shows the slope.
         """
         slopes, loaded = np.zeros((*load.shape, self.n_joints)), self._loaded
         if not loaded.basis.terms:
@@ -270,10 +216,9 @@ class FrictionModel:
 
     def unknown_std(self, q: Array, dq: Array, ddq: Array, share: Array) -> Array:
         """
-        Return deviations of torques whose friction has an unknown past, (N, n) [N m or N].
+        Return deviations (N, n) of torques whose friction has an unknown past [N m or N].
 
-        `q`, `dq`, `ddq`, shape (N, n); `share`, shape (N, n, D): by `unknown_share`.
-
+        `share`, shape (N, n, D), is by `unknown_share`.
         """
         variance, load = np.zeros_like(dq), np.zeros_like(dq)
         for part, place in zip(self.basis.terms, self.basis.slices, strict=True):
@@ -319,15 +264,7 @@ class FrictionModel:
 
     @classmethod
     def from_json(cls, entry: Mapping[str, Any]) -> FrictionModel:
-        """
-        Return the friction that `to_json` gave.
-
-        Raises
-        ------
-        ModelError
-            If the entry is damaged.
-
-        """
+        """Return the friction that `to_json` gave; raises ModelError if the entry is damaged."""
         try:
             n_joints = int(entry['n_joints'])
             terms = tuple(DriveTerm.from_json(each, n_joints) for each in entry['terms'])

@@ -4,7 +4,6 @@ Noise of torques: constant per joint, and more of it near rest (maths.md, sectio
 While a joint sticks, its friction is anything between the two Coulomb torques and depends on how
 the joint came to rest (Dahl 1968; Armstrong-Helouvry 1991, section 2), which no function of the
 present state predicts. Such samples stay in the fit, with the deviation that they have.
-
 """
 
 from __future__ import annotations
@@ -37,26 +36,14 @@ LEAST_GAIN = 0.02
 @dataclass(frozen=True, eq=False)
 class TorqueNoise:
     """
-    Noise of variance std^2 (1 + ratio^2 exp(-(dq / velocity)^2)) + stuck^2 exp(-(dq / width)^2).
+    Noise of torques, constant in motion and more near rest.
 
-    Attributes
-    ----------
-    std : array, shape (n,)
-        In motion [N m or N].
-    ratio : array, shape (n,)
-        Of the additional deviation at rest to that in motion.
-    velocity : array, shape (n,)
-        Up to which the joint is near rest [rad/s or m/s].
-    stuck : array, shape (n,) or (1,)
-        Additional deviation of a joint that sticks [N m or N].
-    width : array, shape (n,) or (1,)
-        Velocity up to which a joint may stick [rad/s or m/s].
-
+    Its variance is std^2 (1 + ratio^2 exp(-(dq / velocity)^2)) + stuck^2 exp(-(dq / width)^2).
     """
 
-    std: Array
-    ratio: Array
-    velocity: Array
+    std: Array  # (n,), in motion [N m or N]
+    ratio: Array  # (n,), of additional deviation at rest to that in motion
+    velocity: Array  # (n,), up to which it is near rest [rad/s or m/s]
     stuck: Array = field(default_factory=lambda: np.zeros(1))
     width: Array = field(default_factory=lambda: np.ones(1))
 
@@ -78,15 +65,9 @@ class TorqueNoise:
 
 def estimate_noise(residuals: Array, dq: Array) -> TorqueNoise:
     """
-    Choose the noise by its likelihood, with residuals clipped at `MOST` robust deviations.
+    Choose the noise by its likelihood from residuals (N, n) of left-out samples [N m or N].
 
-    Parameters
-    ----------
-    residuals : array, shape (N, n)
-        Of left-out samples [N m or N].
-    dq : array, shape (N, n)
-        [rad/s or m/s].
-
+    These are clipped at `MOST` robust deviations.
     """
     scale = 1.4826 * np.median(np.abs(residuals), axis=0)
     bound = np.where(scale > 0.0, MOST * scale, np.inf)
@@ -99,18 +80,9 @@ def estimate_noise(residuals: Array, dq: Array) -> TorqueNoise:
 
 def outlier_weights(residuals: Array, std: Array) -> Array:
     """
-    Weights of an iteratively reweighted fit (Huber 1964; beyond twice the threshold redescending).
+    Weights (N, n) of a reweighted fit.
 
-    Parameters
-    ----------
-    residuals, std : arrays, shape (N, n)
-        [N m or N].
-
-    Returns
-    -------
-    array, shape (N, n)
-        1 up to `THRESHOLD` standard deviations.
-
+    1 up to `THRESHOLD` deviations. Huber 1964; beyond twice the threshold redescending.
     """
     ratio = THRESHOLD / np.maximum(np.abs(residuals) / np.maximum(std, 1e-300), THRESHOLD)
     return np.asarray(np.where(ratio < 0.5, 2.0 * ratio**2, ratio))
@@ -122,21 +94,12 @@ def sticking_noise(
     """
     Return noise that covers a joint that sticks, whether or not one did in the recording.
 
-    At rest friction is anything between the two Coulomb torques: as if uniform, with the
-    deviation of half their distance over the root of three. The narrowest sign of saturating
-    viscous friction counts as Coulomb friction here: both hold a joint that sticks. Beyond the
-    width of that sign, at a usual acceleration, a joint moves, however wide the velocities are at
-    which the recording has more noise; and beyond these velocities the recording shows that
-    friction is known.
-
-    Parameters
-    ----------
-    noise : TorqueNoise
-        Of the samples of the recording.
-    friction : FrictionModel
-    q, ddq, load : arrays, shape (N, n)
-        Positions, accelerations, and torques of the links on the joints [N m or N].
-
+    At rest friction is anything between the two Coulomb torques: as if uniform, with the deviation
+    of half their distance over the root of three. The narrowest sign of saturating viscous
+    friction counts as Coulomb friction here: both hold a joint that sticks. Beyond the width of
+    that sign, at a usual acceleration, a joint moves, however wide the velocities are at which the
+    recording has more noise; and beyond these velocities the recording shows that friction is
+    known.
     """
     width, narrowest = np.ones(friction.n_joints), np.ones(friction.n_joints)
     smoothing = friction.basis.rise_time * np.sqrt(np.mean(ddq**2, axis=0))
@@ -158,22 +121,11 @@ def sticking_noise(
 
 def leverage_weights(features: Sequence[Array], threshold: float = 20.0) -> Array:
     """
-    Weights that all but leave out samples with absurd features (Mallows 1975).
+    Weights (N, n) that all but leave out samples with absurd features (Mallows 1975).
 
-    Residuals do not show such samples, which pull the fit towards themselves: beyond the
-    threshold the influence of a row decays with the square of its size.
-
-    Parameters
-    ----------
-    features : sequence of n arrays, shapes (N, p_i)
-    threshold : float
-        In medians of the largest of the features, each in units of its own median size.
-
-    Returns
-    -------
-    array, shape (N, n)
-        Between 0 and 1.
-
+    Residuals do not show such samples, which pull the fit towards themselves: beyond the threshold
+    the influence of a row decays with the square of its size. The threshold is in medians of the
+    largest of the features (N, p_i), each in units of its own median size.
     """
     weights = []
     for rows in features:

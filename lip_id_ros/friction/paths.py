@@ -43,14 +43,7 @@ def dahl_states(steps: Steps, start: Array | None = None) -> Array:
 
     dz/dx = (1 - z sign(dx)) / delta in the displacement x (Dahl, The Aerospace Corporation
     TOR-0158, 1968) has a closed form between samples, so that neither rates nor the noise of
-    velocities matter.
-
-    Parameters
-    ----------
-    steps : Steps
-    start : array, shape (n, D), optional
-        State before the first step; without one, the first sample begins a path.
-
+    velocities matter. Without a start (n, D) the first sample begins a path.
     """
     shape = steps.size.shape[1], len(DISPLACEMENTS)
     before = np.zeros(shape) if start is None else start
@@ -88,32 +81,17 @@ class Steps(NamedTuple):
 
     Where a path begins nothing is known but the velocity: a joint is as if it had moved with it
     for `BEFORE_S`, so that one in motion has the friction of its sign, and one that rests has any.
-
-    Attributes
-    ----------
-    size : array, shape (N, n)
-        From the sample before [rad or m].
-    begins : bool array, shape (N, n)
-        Samples of joints before which nothing is known.
-
     """
 
-    size: Array
-    begins: BoolArray
+    size: Array  # (N, n), from the sample before [rad or m]
+    begins: BoolArray  # (N, n), before which nothing is known
 
     @classmethod
     def of(cls, q: Array, dq: Array, begins: BoolArray, revolute: BoolArray) -> Steps:
         """
-        Return the steps between samples.
+        Return the steps between samples, of which `begins` do not continue the one before.
 
-        Parameters
-        ----------
-        q, dq : arrays, shape (N, n)
-        begins : bool array, shape (N,)
-            Samples that do not continue the one before.
-        revolute : bool array, shape (n,)
-            Joints whose angles may be reported up to whole turns.
-
+        Angles of revolute joints may be reported up to whole turns.
         """
         size = unwrapped(np.diff(q, axis=0, prepend=q[:1]), revolute)
         unknown = begins[:, None] | ~np.isfinite(size)
@@ -141,17 +119,11 @@ def begins_of_times(t: Array, segment: Array | IntArray) -> BoolArray:
 
 def begins_of_states(q: Array, dq: Array, ddq: Array, revolute: BoolArray) -> BoolArray | None:
     """
-    Mark the rows that do not continue the one before, shape (N,), where times are not known.
+    Mark the rows (N,) that do not continue the one before, where times are not known.
 
     Rows are a path if some time step leads from most of them to the next position and velocity. It
     begins anew where positions are farther apart than their velocities reach in a usual step. None
     where most rows do not follow: they are single states, in no order.
-
-    Parameters
-    ----------
-    q, dq, ddq : arrays, shape (N, n)
-    revolute : bool array, shape (n,)
-
     """
     if len(q) < 2:
         return None

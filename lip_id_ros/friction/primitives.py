@@ -6,39 +6,16 @@ from typing import NamedTuple
 
 
 class Primitive(NamedTuple):
-    """
-    Product of a shape in the motion or the load, a harmonic in position, and the load on demand.
+    """Product of a shape in motion or load, a harmonic in position, and |load| on demand."""
 
-    Attributes
-    ----------
-    shape : int
-        One of `ONE`, `VELOCITY`, `SIGN`, `SQUARE`, `LOAD`, `REVERSAL`, `STEP`.
-    width : float
-        Of the smooth sign, or of the step in velocity [rad/s or m/s].
-    side : int
-        1 or -1: zero where the velocity has the other sign; 0 for both.
-    loaded : bool
-        Times |load|.
-    position : int
-        One of `ANYWHERE`, `POSITION`, `COSINE`, `SINE`, `STEP_AT`, `LEVER`.
-    harmonic : float
-        Number of periods a turn; of a step in position 1 / width [1/rad or 1/m]; of a lever its
-        eccentricity.
-    acceleration : float
-        Width of the smooth sign of the acceleration [rad/s^2 or m/s^2].
-    centre : float
-        Where a step or a wave is [rad, m, rad/s or m/s].
-
-    """
-
-    shape: int
-    width: float = 1.0
-    side: int = 0
-    loaded: bool = False
-    position: int = 0
-    harmonic: float = 1.0
-    acceleration: float = 1.0
-    centre: float = 0.0
+    shape: int  # `ONE` ... `STEP`
+    width: float = 1.0  # of the smooth sign, or the step [rad/s or m/s]
+    side: int = 0  # 1 or -1: only velocities of this sign; 0: both
+    loaded: bool = False  # times |load|
+    position: int = 0  # `ANYWHERE` ... `LEVER`
+    harmonic: float = 1.0  # periods a turn; of a step 1 / width; of a lever e
+    acceleration: float = 1.0  # of the sign of ddq [rad/s^2 or m/s^2]
+    centre: float = 0.0  # of a step or wave [rad, m, rad/s or m/s]
 
 
 ONE, VELOCITY, SIGN, SQUARE, LOAD, REVERSAL, STEP = range(7)

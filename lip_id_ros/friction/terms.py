@@ -5,7 +5,6 @@ Every term is linear in its coefficients. A dissipative term has features f with
 coefficients that are not negative: whatever is learned, it never drives a joint. All are
 dissipative but offsets and pre-sliding. `width` is that of a smooth sign, `smooth_sign` [rad/s or
 m/s].
-
 """
 
 from __future__ import annotations
@@ -40,33 +39,15 @@ WIDENINGS = (3.0, 10.0, 30.0)
 
 
 class DriveState(NamedTuple):
-    """
-    State of one drive at N samples.
-
-    Attributes
-    ----------
-    q, dq, ddq : arrays, shape (N,)
-        Position [rad or m], velocity and acceleration of the drive, on the joint's side of the
-        gear.
-    load : array, shape (N,)
-        Torque or force that the drive transmits to the links [N m or N].
-    smoothing : array, shape (N,), or float
-        Change of the velocity while a low-pass of the torques responds [rad/s or m/s].
-    discrepancy : array, shape (N,), or float
-        Of the sign after that low-pass to tanh(dq / smoothing), which it is at constant
-        acceleration.
-    dahl : array, shape (N, D), or None
-        States of Dahl's friction, see `JointHistory`; None where they are not known.
-
-    """
+    """State of one drive at N samples, on the joint's side of the gear."""
 
     q: Array
     dq: Array
     ddq: Array
-    load: Array
-    smoothing: Array | float = 0.0
-    discrepancy: Array | float = 0.0
-    dahl: Array | None = None
+    load: Array  # (N,), transmitted to the links [N m or N]
+    smoothing: Array | float = 0.0  # change of dq while a low-pass responds
+    discrepancy: Array | float = 0.0  # of the low-passed sign to tanh(dq / smoothing)
+    dahl: Array | None = None  # (N, D), see `JointHistory`; None if unknown
 
 
 def smooth_sign(state: DriveState, width: float) -> Array:
@@ -76,13 +57,6 @@ def smooth_sign(state: DriveState, width: float) -> Array:
     tanh(dq / w), where w^2 = width^2 + smoothing^2: a joint that reverses with acceleration ddq
     has the velocity ddq t, and tanh(t / rise_time) is nearly the low-pass of a step. What is known
     of the difference counts as far as the low-pass makes the width.
-
-    Parameters
-    ----------
-    state : DriveState
-    width : float
-        Of the sign at constant velocity [rad/s or m/s].
-
     """
     return _steady_sign(state, width) + state.discrepancy * (
         np.square(state.smoothing) / (width**2 + np.square(state.smoothing))
@@ -94,17 +68,7 @@ def _steady_sign(state: DriveState, width: float) -> Array:
 
 
 class FrictionTerm(Protocol):
-    """
-    A torque that is linear in k coefficients.
-
-    Attributes
-    ----------
-    name : str
-        What the literature calls it.
-    lower : tuple of k floats
-        Lower bounds of the coefficients, `FREE` or `NOT_NEGATIVE`.
-
-    """
+    """A torque that is linear in k coefficients, each `FREE` or `NOT_NEGATIVE`."""
 
     @property
     def name(self) -> str:
@@ -176,16 +140,8 @@ class Stribeck:
     Additional friction near rest, which decays with speed (Stribeck 1902).
 
     As differences of two smooth signs (Makkar, Dixon, Sawyer and Hu, AIM 2005, eq. 3), of
-    `WIDENINGS`.
-
-    Parameters
-    ----------
-    width : float
-        Of the sign of Coulomb friction [rad/s or m/s].
-    smoothing : float
-        Usual smoothing of that sign in the samples [rad/s or m/s]. A narrower peak would be out
-        of their sight, and could be of any height.
-
+    `WIDENINGS`. A peak narrower than the sign's usual smoothing in the samples [rad/s or m/s]
+    would be out of their sight, and could be of any height.
     """
 
     width: float
@@ -218,7 +174,6 @@ class SaturatingViscous:
 
     Wide smooth signs (sigmoids in Gaz, Cognetti, Oliva, Robuffo Giordano and De Luca, RA-L 2019,
     section IV; Makkar and others, AIM 2005), of `WIDENINGS`.
-
     """
 
     width: float
@@ -256,7 +211,6 @@ class LoadCoulomb:
     Dry friction of a gear that grows with the torque it transmits.
 
     Hamon, Gautier and Garrec, IROS 2010; Bittencourt and Gunnarsson, J. Dyn. Sys. 2012.
-
     """
 
     width: float
@@ -299,7 +253,6 @@ class Presliding:
     and the other way round: there it has -tanh(ddq / acceleration) / cosh(dq / width)^2 more
     friction. The work over a reversal of constant acceleration is zero, since what has been
     deformed springs back.
-
     """
 
     width: float
@@ -324,7 +277,6 @@ class Asymmetric:
     Viscous and Coulomb friction of one direction only.
 
     Armstrong-Helouvry, Control of Machines with Friction, 1991, section 4.
-
     """
 
     width: float
@@ -351,7 +303,6 @@ class PositionCoulomb:
     Dry friction that varies once a turn, as of an eccentric gear or bearing.
 
     Armstrong-Helouvry, Control of Machines with Friction, 1991, section 5.
-
     """
 
     width: float

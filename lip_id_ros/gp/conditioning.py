@@ -4,7 +4,6 @@ Condition a process on samples, with the noise and the correlation that these sh
 Hyperparameters come from few samples that lie far apart: the noise of few may be too small, and
 they cannot show that residuals are correlated in time, as those of low-passed torques are
 (maths.md, section 5).
-
 """
 
 from __future__ import annotations
@@ -36,7 +35,6 @@ def conditioned(
 
     The result has shape (n,): mean squared residuals of blocks of time that are left out [(N m)^2
     or N^2]. FitError if the Gram matrix cannot be factorised.
-
     """
     states = kernel.states(dataset.q, dataset.dq, dataset.ddq)
     n = dataset.n_joints
@@ -61,7 +59,6 @@ def left_out_residuals(alpha: Array, blocks: list[Array]) -> Array:
     Return the residuals of blocks of samples, each predicted by all others, (N, n).
 
     Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 5.12, by blocks.
-
     """
     ends = np.cumsum([len(block) for block in blocks])[:-1]
     parts = zip(np.split(alpha.ravel(), ends), blocks, strict=True)
@@ -74,7 +71,6 @@ def _noise_step(alpha: Array, blocks: list[Array]) -> Array:
     Return the changes of the logarithms of the noise variances, (n,), to the likeliest.
 
     Where the likelihood is largest alpha has the variance (K + noise)^-1 (MacKay 1992).
-
     """
     expected = np.concatenate([block.diagonal() for block in blocks]).reshape(alpha.shape)
     step = np.log(np.sum(alpha**2, axis=0) / expected.sum(axis=0))
@@ -87,7 +83,6 @@ def left_out_inflation(alpha: Array, blocks: list[Array], noise_variance: Array)
 
     `alpha`, shape (N, n): (K + noise)^-1 tau. `blocks`: of (K + noise)^-1 on its diagonal, one for
     each contiguous block of samples. `noise_variance`, shape (n,).
-
     """
     noise = np.resize(noise_variance, alpha.size)
     # how far each block moves its own prediction, in the units of alpha

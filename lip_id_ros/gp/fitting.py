@@ -53,7 +53,6 @@ def fit_process(
     again. The kernel is one of `lip_id_ros.kernels.FAMILY`, whatever the settings name.
 
     FitError if the Gram matrix cannot be factorised.
-
     """
     started = time.monotonic()
     torques = make_kernel(dataset, settings, kernel)

@@ -53,7 +53,6 @@ def initial_guesses(kernel: TorqueKernel, dataset: Dataset) -> list[InitialGuess
     right shows after a few iterations.
 
     FitError if the data are not finite.
-
     """
     with np.errstate(over='ignore', divide='ignore'):
         centre = initial_hyperparameters(kernel, dataset)
@@ -118,7 +117,6 @@ def with_likely_sign_widths(
     A low-pass smears the step of Coulomb friction over a tenth of a second, and friction near rest
     does so itself: over which velocities depends on the joint and its motion. Widths are
     multiplied by one of `FACTORS` each.
-
     """
     if kernel.friction is None or hyperparameters.friction is None:
         return kernel
@@ -144,7 +142,6 @@ def _values(gram: Array, y: Array, now: Array, *tried: Array) -> list[float]:
 
     Half of y^T K^-1 y + log det K for K = gram - now now^T + z z^T of every z: one factorisation,
     and the lemmas of Woodbury and of the determinant.
-
     """
     factor = CholeskyFactor.of(gram)
     columns = factor.half_solve(np.column_stack([y, now, *tried]))

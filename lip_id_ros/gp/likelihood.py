@@ -27,7 +27,6 @@ class MarginalLikelihood:
     Negative log marginal likelihood of torques (N, n) as a function of the log-hyperparameters.
 
     `like` gives their shapes.
-
     """
 
     kernel: TorqueKernel
@@ -40,7 +39,6 @@ class MarginalLikelihood:
         Evaluate at log-hyperparameters (p,), constant included; the gradient has shape (p,).
 
         FitError if the Gram matrix cannot be factorised.
-
         """
         at = self.like.with_vector(vector)
         prior = TorquePrior(self.kernel, at)

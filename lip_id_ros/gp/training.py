@@ -39,7 +39,6 @@ class Objective:
     `centre`: of the Gaussian prior on their logarithms. `prior_precision`: of each logarithm; 0
     for plain maximum likelihood. The noise has no prior. Where a joint's zero is does not matter
     to a robot: a prior also takes cosine and sine for alike (`ALIKE`).
-
     """
 
     likelihood: Likelihood
@@ -97,7 +96,6 @@ class Optimum:
     `message`: the optimiser's own words.
     `at_bounds`: hyperparameters that ran to a bound.
     `rejected`: steps that led where the Gram matrix cannot be factorised, and were shortened.
-
     """
 
     hyperparameters: Hyperparameters
@@ -121,7 +119,6 @@ def maximise(
     Maximise the posterior of the log-hyperparameters by L-BFGS; 0 iterations keep the start.
 
     FitError if the Gram matrix cannot be factorised at the start.
-
     """
     first, centre = start.vector(), objective.centre.vector()
     found = minimise(
@@ -165,7 +162,6 @@ def minimise(
     `function`: value and gradient at a vector (p,); FitError where it has none. `iterations`: at
     most; 0 keeps the start. `report`: gets the iterations that are done, and their largest number.
     FitError if the function has no value at the start.
-
     """
     guarded, counter = _Guarded(function), count(1)
     report(0, iterations)

@@ -1,9 +1,4 @@
-"""
-The coordinates in which arms are fitted: steps of placements, logarithms of positive friction.
-
-Coefficients of friction that must be positive are exponentials; the others are as they are.
-
-"""
+"""Coordinates of fits: steps of placements, logarithms of friction that must be positive."""
 
 from __future__ import annotations
 
@@ -16,13 +11,7 @@ from lip_id_ros.rigid_body.pseudo_inertia import LEAST_LEFT
 
 
 def moved_chain(chain: Chain, step: Array) -> Chain:
-    """
-    Return the placements that a step leads to.
-
-    The step, shape (6 n,), turns each joint about its own axes, and shifts it in its parent
-    [rad, m].
-
-    """
+    """Return the placements after a step (6 n,): turns about joints' own axes, shifts [rad, m]."""
     turn, shift = step.reshape(-1, 2, 3).transpose(1, 0, 2)
     return chain._replace(
         rotations=chain.rotations @ Rotation.from_rotvec(turn).as_matrix(),
@@ -49,11 +38,10 @@ def straight_step(step: Array, positive: BoolArray) -> Array:
 
 def coefficient_std(size: Array, torque_std: Array) -> Array:
     """
-    Return deviations of coefficients that make torques of the measured size, shape (K,).
+    Return deviations (K,) of coefficients that make torques of the measured size.
 
-    Features of joints have root mean squares of shape (n, K). Of a drive that is coupled to
-    several joints the smallest counts.
-
+    Features of joints have root mean squares (n, K); of a drive that couples joints the smallest
+    counts.
     """
     ratio = torque_std[:, None] / np.where(size > 0.0, size, np.nan)
     return np.nan_to_num(np.fmin.reduce(ratio, axis=0), nan=1.0)

@@ -1,9 +1,8 @@
 """
 From samples to the parameters of an arm (maths.md, section 13).
 
-Placements are found first, then friction terms are elected, then placements, links that can exist
-and friction are fitted together.
-
+Placements are found first, then friction terms are elected, then all is fitted together with links
+that can exist.
 """
 
 from __future__ import annotations
@@ -72,26 +71,13 @@ Described = tuple[RobotDescription, DescriptionSettings]
 
 @dataclass(frozen=True, eq=False)
 class ArmFit:
-    """
-    Parameters of an arm that fit samples best.
-
-    Attributes
-    ----------
-    state : ArmState
-    links : array, shape (n, 11)
-    friction : FrictionModel
-    noise : TorqueNoise
-        Of the residuals of the fit.
-    geometry : Geometry
-        What of the placements is fixed.
-
-    """
+    """Parameters of an arm that fit samples best."""
 
     state: ArmState
-    links: Array
+    links: Array  # (n, 11)
     friction: FrictionModel
-    noise: TorqueNoise
-    geometry: Geometry
+    noise: TorqueNoise  # of the residuals
+    geometry: Geometry  # what of the placements is fixed
 
     @property
     def chain(self) -> Chain:
@@ -106,19 +92,9 @@ class ArmFit:
 
 class ArmFitter:
     """
-    Fits the parameters of arms to a data set.
+    Fits the parameters of arms to a data set in the order of time.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        In the order of time.
-    described : tuple of RobotDescription and DescriptionSettings, optional
-        Prior of placements and links.
-    robots : sequence of str, optional
-        Robot of every number of a recording; one robot where not given.
-    couplings : array, shape (k, 3)
-        Of positions, as in `Chain`.
-
+    `robots` has the robot of every number of a recording; couplings (k, 3) are those of `Chain`.
     """
 
     def __init__(
@@ -211,7 +187,6 @@ class ArmFitter:
         Descend, each round with the noise and the loads that the one before has found.
 
         A round ends where steps gain less than `least_gain` in log likelihood.
-
         """
         for evaluations in rounds:
             problem = self.problem(dataset, fit)
@@ -228,12 +203,7 @@ class ArmFitter:
         return fit
 
     def to_all_samples(self, fit: ArmFit) -> ArmFit:
-        """
-        Descend on more and more of the samples, from a fit to `MOST_SAMPLES` of them.
-
-        All of them from the last stage on, but for those beyond `MOST_AT_ONCE`.
-
-        """
+        """Descend from a fit to `MOST_SAMPLES` on ever more samples, up to `MOST_AT_ONCE`."""
         most, count = min(self.dataset.n_samples, MOST_AT_ONCE), MOST_SAMPLES
         while count < most:
             count = most if 2 * GROWTH * count > most else GROWTH * count

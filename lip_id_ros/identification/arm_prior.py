@@ -29,23 +29,11 @@ count as not described: many files have no inertials, or points.
 
 @dataclass(frozen=True, eq=False)
 class DescriptionSettings:
-    """
-    How far a robot description is trusted.
+    """How far a robot description is trusted, as standard deviations."""
 
-    Attributes
-    ----------
-    angle_std : float
-        Standard deviation of the direction of each axis [rad]; 0 fixes it.
-    distance_std : float
-        Of the position of each axis [m]; 0 fixes it.
-    inertial_std : float
-        Of masses, first moments and inertias, as a share of themselves.
-
-    """
-
-    angle_std: float = float(np.radians(0.5))
-    distance_std: float = 0.002
-    inertial_std: float = 0.5
+    angle_std: float = float(np.radians(0.5))  # of the direction of each axis [rad]; 0 fixes it
+    distance_std: float = 0.002  # of its position [m]; 0 fixes it
+    inertial_std: float = 0.5  # of masses, first moments, inertias, as a share
 
     @property
     def fixes_placements(self) -> bool:
@@ -55,23 +43,11 @@ class DescriptionSettings:
 
 @dataclass(frozen=True, eq=False)
 class ArmPrior:
-    """
-    Normal prior on the placements and on the log-Cholesky numbers of the links.
+    """Normal prior on the placements and on the log-Cholesky numbers of the links."""
 
-    Attributes
-    ----------
-    chain : Chain or None
-        Most probable placements; none where only sizes are known.
-    scale : LinkScale
-        Most probable links, whose numbers are zero.
-    precision : array, shape (17 n,)
-        Inverse standard deviations: of rotations and translations joint by joint, then of numbers.
-
-    """
-
-    chain: Chain | None
-    scale: LinkScale
-    precision: Array
+    chain: Chain | None  # most probable placements; none where only sizes are known
+    scale: LinkScale  # most probable links, whose numbers are zero
+    precision: Array  # (17 n,), inverse deviations: turns, shifts, numbers
 
     @classmethod
     def vague(cls, n_joints: int, scale: LinkScale) -> ArmPrior:
@@ -85,18 +61,10 @@ class ArmPrior:
         cls, description: RobotDescription, settings: DescriptionSettings, usual: LinkScale
     ) -> ArmPrior:
         """
-        Return the prior that a robot description gives.
+        Return the prior of a robot description, and of usual links where it has none.
 
         A deviation d of a number changes a pseudo-inertia by the share 2 d. Rotors are not in a
         description.
-
-        Parameters
-        ----------
-        description : RobotDescription
-        settings : DescriptionSettings
-        usual : LinkScale
-            Of links that are not described.
-
         """
         n = len(description.joint_names)
         factors, known = _described_factors(description.links, usual)
@@ -113,7 +81,6 @@ class ArmPrior:
         Return the prior beside samples that count for less than their number by a factor.
 
         What only knows sizes is to matter no more than beside as many samples that count.
-
         """
         if self.chain is not None:
             return self
@@ -121,10 +88,9 @@ class ArmPrior:
 
     def deviation(self, chain: Chain, numbers: Array) -> Array:
         """
-        Return how far an arm is from the most probable one, (17 n,) [rad, m, numbers].
+        Return the distance to the most probable arm, (17 n,) [rad, m, numbers].
 
-        Without a most probable chain rotations do not deviate, and translations do from zero.
-
+        Without such a chain rotations do not deviate, and translations do from zero.
         """
         out = np.zeros((len(numbers), DIRECTIONS))
         if self.chain is None:

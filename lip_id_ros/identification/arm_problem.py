@@ -1,9 +1,8 @@
 """
 Placements, links and friction of an arm fitted together (maths.md, section 13).
 
-Links are log-Cholesky numbers, so that each can exist, and friction coefficients that physics
-wants positive are exponentials. M(q) is then positive definite at every q, by construction.
-
+Links are log-Cholesky numbers and positive coefficients are exponentials, so M(q) is positive
+definite at every q, by construction.
 """
 
 from __future__ import annotations
@@ -53,46 +52,22 @@ REGRESSOR_CHUNK = 1000
 
 @dataclass(frozen=True, eq=False)
 class ArmState:
-    """
-    Parameters of an arm.
-
-    Attributes
-    ----------
-    chain : Chain
-    numbers : array, shape (n, 11)
-        Log-Cholesky numbers of the links.
-    friction : array, shape (k,)
-        Coefficients of friction, the positive ones as logarithms.
-    cost : float
-    residual : array, shape (N, n)
-        Of the torques in units of the noise.
-
-    """
+    """Parameters of an arm."""
 
     chain: Chain
-    numbers: Array
-    friction: Array
+    numbers: Array  # (n, 11), log-Cholesky numbers of the links
+    friction: Array  # (k,), the positive ones as logarithms
     cost: float = np.inf
-    residual: Array | None = None
+    residual: Array | None = None  # (N, n), in units of the noise
 
 
 class ArmProblem:
     """
     Least squares over all parameters of an arm, for `levenberg_marquardt.minimise`.
 
-    A step holds the placements as in `PlacementProblem`, log-Cholesky numbers and friction.
-
-    Parameters
-    ----------
-    samples : Samples
-    noise_std : array, shape (n,)
-        Standard deviations of the residuals [N m or N].
-    positive : bool array, shape (k,)
-        Which friction coefficients must be positive.
-    prior : ArmPrior
-    geometry : Geometry, optional
-        What of the placements is fixed; nothing where not given.
-
+    A step holds the placements as in `PlacementProblem`, log-Cholesky numbers (n, 11) and friction
+    (k,), of which `positive` marks those that must be. `noise_std`, shape (n,), is of residuals [N
+    m or N].
     """
 
     def __init__(
@@ -122,21 +97,10 @@ class ArmProblem:
 
     def start(self, chain: Chain, links: Array, friction: Array, least: float = 1e-3) -> ArmState:
         """
-        Return the state nearest to parameters of a linear fit.
+        Return the state nearest to a linear fit.
 
-        Parameters
-        ----------
-        chain : Chain
-        links : array, shape (n, 11)
-        friction : array, shape (k,)
-        least : float
-            Least eigenvalue of the links' scaled pseudo-inertias.
-
-        Raises
-        ------
-        FitError
-            If the parameters are not finite.
-
+        Links (n, 11), friction (k,). `least` bounds the eigenvalues of scaled pseudo-inertias from
+        below. Raises FitError where parameters are not finite.
         """
         if not (np.isfinite(links).all() and np.isfinite(friction).all()):
             raise FitError(NOT_FINITE)

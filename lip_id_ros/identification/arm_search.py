@@ -2,9 +2,8 @@
 The search for the placements of an arm's joints, with springs where these explain torques.
 
 A strong spring, as of a counterbalance, looks like gravity of a link in a wrong place, so that the
-search ends in a wrong minimum. A descent from there with springs lowers the residuals
-(maths.md, section 10).
-
+search ends in a wrong minimum. A descent from there with springs lowers the residuals (maths.md,
+section 10).
 """
 
 from __future__ import annotations
@@ -67,18 +66,10 @@ LEAST_GAIN = 0.1
 
 class ArmSearch:
     """
-    Searches for the placements of the joints of an arm.
+    Searches for placements, or takes those of the fitter's robot description.
 
-    Parameters
-    ----------
-    fitter : ArmFitter
-        Of the samples. The placements of its robot description, if it has one, are taken as they
-        are.
-    terms : tuple of DriveTerm
-        Linear terms beside viscous and Coulomb friction and offsets.
-    rise_time : float
-        Of the low-pass of the torques [s]; 0 for signs of constant width.
-
+    `terms` are linear and beside viscous and Coulomb friction and offsets; `rise_time` is that of
+    the torques' low-pass [s], 0 for signs of constant width.
     """
 
     def __init__(
@@ -98,13 +89,9 @@ class ArmSearch:
 
     def calibrated(self, seed: int, progress: Progress) -> Calibration:
         """
-        Find the placements of the joints.
+        Find the placements.
 
-        Raises
-        ------
-        FitError
-            If the data are not finite in units of the noise.
-
+        Raises FitError if the data are not finite in units of the noise.
         """
         samples, described = self.search_samples(), self.fitter.prior.chain
         if described is not None:
@@ -151,26 +138,9 @@ def find_placements(
     fitter: ArmFitter, seed: int, progress: Progress
 ) -> tuple[ArmSearch, Calibration]:
     """
-    Find the placements of the joints, with springs if these predict left-out blocks better.
+    Find the placements, with springs if these predict left-out blocks better.
 
-    Parameters
-    ----------
-    fitter : ArmFitter
-    seed : int
-        Of the starts.
-    progress : callable
-
-    Returns
-    -------
-    ArmSearch
-        With or without springs.
-    Calibration
-
-    Raises
-    ------
-    FitError
-        If the data are not finite in units of the noise.
-
+    Raises FitError.
     """
     search = ArmSearch(fitter, rise_time=rise_time(fitter.dataset))
     found = search.calibrated(seed, progress)

@@ -1,8 +1,8 @@
 """
-An arm from the triangular system of all torques: links that can exist, friction and placements.
+An arm from the triangular system of all torques.
 
-Torques are linear in links and friction, and nearly so in small steps of the placements.
-
+Links that can exist, friction, placements. Torques are linear in links and friction, and nearly so
+in small steps of the placements.
 """
 
 from __future__ import annotations
@@ -46,48 +46,22 @@ LEAST_SHAPE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class SystemState:
-    """
-    Parameters of an arm.
+    """Parameters of an arm."""
 
-    Attributes
-    ----------
-    friction : array, shape (K,)
-        Coefficients, those that must be positive as logarithms.
-    placements : array, shape (r,)
-        Steps that keep the geometry.
-    numbers : array, shape (n, 11)
-        Log-Cholesky numbers.
-    cost : float
-    residual : array
-        Of the system and the prior.
-
-    """
-
-    friction: Array
-    placements: Array
-    numbers: Array
+    friction: Array  # (K,), those that must be positive as logarithms
+    placements: Array  # (r,), steps that keep the geometry
+    numbers: Array  # (n, 11), log-Cholesky
     cost: float = np.inf
-    residual: Array | None = None
+    residual: Array | None = None  # of the system and the prior
 
 
 class ArmSystem:
     """
     Least squares for `levenberg_marquardt.minimise`.
 
-    Parameters
-    ----------
-    around : Linearisation
-        In whose parameters the system is.
-    system : array, shape (m, K + W + 17 n + 1)
-        Rows of features and torque in units of the noise.
-    prior : ArmPrior
-    geometry : Geometry
-        What of the placements is fixed.
-    friction_std : array, shape (K,)
-        Deviations of the prior of coefficients around zero, and centre of that of logarithms.
-    inflation : float
-        Of the noise's variance in the system, since residuals are correlated.
-
+    The system, shape (m, K + W + 17 n + 1), has rows of features and torque in units of the noise.
+    `friction_std`, shape (K,), are deviations around zero and centres of logarithms; `inflation`
+    is of the noise's variance, since residuals are correlated.
     """
 
     def __init__(
@@ -176,12 +150,7 @@ class ArmSystem:
         return jacobian.T @ jacobian, jacobian.T @ state.residual
 
     def covariance_root(self, state: SystemState) -> Array:
-        """
-        Return a square root of the covariance in the coordinates of `ArmPosterior`.
-
-        Those of the shapes of friction are in it.
-
-        """
+        """Return a root of the covariance as in `ArmPosterior`, shapes of friction included."""
         first, shapes = state.friction.size, self._shapes
         slopes = np.insert(self.slopes(state), [first] * shapes, 0.0, axis=1)
         slopes[first + np.arange(shapes), first + np.arange(shapes)] = 1.0

@@ -2,11 +2,10 @@
 The search for coupled positions (maths.md, section 10).
 
 Where reported positions are not those of a serial chain, a wrong chain explains the torques as
-well as it can. From its placements a descent with the right coupling lowers the residuals far, one
-with a wrong coupling does not. What looks right is judged by motions that are left out, with
-placements that were found without them, and by friction that is selected anew; then the placements
-are searched for again. So an arm without couplings pays some short descents.
-
+well as it can. From its placements a descent with the right coupling lowers the residuals far.
+What looks right is judged by left-out motions, with placements found without them and friction
+selected anew; then the placements are searched for again. An arm without couplings pays some short
+descents.
 """
 
 from __future__ import annotations
@@ -78,28 +77,10 @@ def find_couplings(
     search: ArmSearch, found: Calibration, seed: int, progress: Progress
 ) -> tuple[ArmSearch, Calibration]:
     """
-    Find couplings of neighbouring revolute joints, one after the other, and the placements.
+    Find couplings of neighbouring revolute joints one by one, and the placements.
 
-    Parameters
-    ----------
-    search : ArmSearch
-        Of a serial chain.
-    found : Calibration
-        Its placements.
-    seed : int
-        Of the starts.
-    progress : callable
-
-    Returns
-    -------
-    ArmSearch, Calibration
-        Those given where no coupling predicts left-out motions better for sure.
-
-    Raises
-    ------
-    FitError
-        If the data are not finite in units of the noise.
-
+    Raises FitError. Returns what is given where no coupling predicts left-out motions better for
+    sure.
     """
     best = at = search, found
     while len(at[0].fitter.couplings) < MOST:

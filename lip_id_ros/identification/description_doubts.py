@@ -1,11 +1,9 @@
 """
 Where data contradict a robot description.
 
-Two kinds of mistakes are looked for. Axes that point the other way, zero positions that are a
-quarter turn off and a base that is mounted otherwise are too far away for a descent: each is
-tried, with all links and friction fitted anew. What is near shows in how far the fit has moved the
-joints.
-
+Reversed axes, zero positions a quarter turn off and a base that is mounted otherwise are too far
+away for a descent: each is tried, with links and friction fitted anew. What is near shows in how
+far the fit has moved the joints.
 """
 
 from __future__ import annotations
@@ -48,41 +46,17 @@ MOUNTINGS = {
 
 @dataclass(frozen=True, eq=False)
 class DescriptionDoubts:
-    """
-    What a fit says of a robot description.
+    """What a fit says of a robot description."""
 
-    Attributes
-    ----------
-    turns, shifts : arrays, shape (n,)
-        How far the frame of each joint is from where it is described [rad, m].
-    deviations : array, shape (n,)
-        The larger of both in standard deviations of the prior.
-    corrections : tuple of str
-        Corrections with which the data are explained far better.
-    sentences : tuple of str
-        All contradictions.
-
-    """
-
-    turns: Array
-    shifts: Array
-    deviations: Array
-    corrections: tuple[str, ...]
-    sentences: tuple[str, ...]
+    turns: Array  # (n,), of the frame of each joint [rad]
+    shifts: Array  # (n,) [m]
+    deviations: Array  # (n,), the larger of both in deviations of the prior
+    corrections: tuple[str, ...]  # with which the data are explained far better
+    sentences: tuple[str, ...]  # all contradictions
 
 
 def doubts(fitter: ArmFitter, fit: ArmFit, description: RobotDescription) -> DescriptionDoubts:
-    """
-    Compare a fit with the description that it started from.
-
-    Parameters
-    ----------
-    fitter : ArmFitter
-        Whose prior is that of the description.
-    fit : ArmFit
-    description : RobotDescription
-
-    """
+    """Compare a fit with the description that is the prior of its fitter."""
     n = len(description.joint_names)
     steps = fitter.prior.deviation(fit.chain, fit.state.numbers)[: DIRECTIONS * n]
     turns, shifts = np.linalg.norm(steps.reshape(n, 2, 3), axis=2).T

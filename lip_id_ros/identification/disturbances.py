@@ -1,12 +1,11 @@
 """
-Episodes in which something else moves the arm: a contact, or efforts that are not measured.
+Episodes in which something else moves the arm.
 
-Least squares spreads the torques of a contact over links and friction, so that all other torques
-are predicted worse. Blocks of time that a robust fit does not explain are candidates (Student's t
-by iteratively reweighted least squares: Lange, Little and Taylor, JASA 1989). They are left out
-where the others, predicted without their own part of the time, are predicted far better so
-(maths.md, section 13).
-
+A contact, or efforts that are not measured. Least squares spreads the torques of a contact over
+links and friction, so that all other torques are predicted worse. Blocks of time that a robust fit
+does not explain are candidates (Student's t by iteratively reweighted least squares: Lange, Little
+and Taylor, JASA 1989). They are left out where the others, predicted without their own part of the
+time, are predicted far better so (maths.md, section 13).
 """
 
 from __future__ import annotations
@@ -46,48 +45,22 @@ PASSES = 2
 
 @dataclass(frozen=True)
 class Episode:
-    """
-    A part of a recording that was left out.
-
-    Attributes
-    ----------
-    recording : int
-    start_s, end_s : float
-        First and last time [s].
-    joints : tuple of int
-        Whose torques are not explained.
-
-    """
+    """A part of a recording that was left out."""
 
     recording: int
-    start_s: float
-    end_s: float
-    joints: tuple[int, ...]
+    start_s: float  # first time [s]
+    end_s: float  # last time [s]
+    joints: tuple[int, ...]  # whose torques are not explained
 
 
 def without_disturbances(
     search: ArmSearch, calibration: Calibration
 ) -> tuple[ArmSearch, Calibration, list[Episode]]:
     """
-    Leave out the episodes that contradict the rest of the samples, and refine the placements.
+    Leave out the episodes that contradict the rest, in order, and refine the placements.
 
-    Parameters
-    ----------
-    search : ArmSearch
-    calibration : Calibration
-
-    Returns
-    -------
-    ArmSearch, Calibration
-        Those given where there are no such episodes.
-    list of Episode
-        In the order of the samples.
-
-    Raises
-    ------
-    FitError
-        If the data are not finite in units of the noise.
-
+    Returns what is given where there are none. Raises FitError if the data are not finite in units
+    of the noise.
     """
     episodes: list[Episode] = []
     for _ in range(PASSES):
@@ -108,7 +81,6 @@ def halves_agree(search: ArmSearch, calibration: Calibration) -> bool:
 
     They are not where one is predicted far better without the other, as when a payload was
     attached about between them; nothing says which of them is meant.
-
     """
     count = search.fitter.dataset.n_samples
     rows = evenly(count, MOST_SAMPLES)
@@ -134,21 +106,7 @@ def time_blocks(dataset: Dataset) -> IndexArray:
 
 
 def disturbed_blocks(search: ArmSearch, calibration: Calibration, block: IndexArray) -> BoolArray:
-    """
-    Mark the blocks that contradict the others, by the joints whose torques are not explained.
-
-    Parameters
-    ----------
-    search : ArmSearch
-    calibration : Calibration
-    block : array, shape (N,)
-        Of `time_blocks`.
-
-    Returns
-    -------
-    bool array, shape (blocks, n)
-
-    """
+    """Mark (blocks, n) what contradicts the other blocks, numbered (N,) by `time_blocks`."""
     rows = evenly(block.size, MOST_SAMPLES)
     judged, number = np.unique(block[rows], return_inverse=True)
     marks = np.zeros((int(block[-1]) + 1, search.fitter.dataset.n_joints), dtype=bool)

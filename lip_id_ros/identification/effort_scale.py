@@ -2,11 +2,10 @@
 Relative scales and signs of the joints' efforts, found in the recording itself.
 
 One set of links has to explain the torques of all joints, since the inertia matrix is symmetric
-and gravity has a potential. So links and one factor per joint, up to a common one, are fitted
+and gravity has a potential. Links and one factor per joint, up to a common one, are fitted
 together: alternating least squares where the joints are placed, and the search for the places
-again with efforts that have been divided by the factors. Motor currents and wrong signs show as
-factors other than 1.
-
+again with efforts divided by the factors. Motor currents and wrong signs show as other factors
+than 1.
 """
 
 from __future__ import annotations
@@ -50,29 +49,17 @@ CLEARLY = 5.0
 @dataclass(frozen=True, eq=False)
 class EffortScale:
     """
-    Efforts as links explain them best.
+    Efforts as links explain them best, in arrays (n,).
 
-    Attributes
-    ----------
-    scale : array, shape (n,)
-        Recorded efforts in units of torques that one arm has: negative where the sign is turned;
-        the geometric mean of absolute values is 1.
-    residual : array, shape (n,)
-        Root mean squares of the residuals, as shares of each effort's standard deviation.
-    friction : array, shape (n,)
-        Friction at the usual speed, likewise; negative where it would drive a joint.
-    gravity : array, shape (n,)
-        Root mean squares of the torques of the links' weight, likewise.
-    free_scale : array, shape (n,)
-        Scales that explain the efforts best with the joints in the same places.
-
+    Scales are efforts in units of torques that one arm has: negative where the sign is turned,
+    with a geometric mean of 1. Friction is negative where it would drive a joint.
     """
 
     scale: Array
-    residual: Array
-    friction: Array
-    gravity: Array
-    free_scale: Array
+    residual: Array  # root mean squares as shares of each effort's deviation
+    friction: Array  # at the usual speed, likewise
+    gravity: Array  # root mean squares of the links' weight, likewise
+    free_scale: Array  # that explain best with joints in the same places
 
     @property
     def bears_weight(self) -> bool:
@@ -117,16 +104,7 @@ def find_effort_scale(
     """
     Find the scales of efforts, the placements of the joints and the links together.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        In the order of time.
-    recorded : EffortScale
-        Efforts as they are; where their friction would drive a joint, the sign is turned first.
-    seed : int
-        Of the searches for placements.
-    progress : callable
-
+    Where the friction of efforts as recorded would drive a joint, the sign is turned first.
     """
     scale = np.where(recorded.friction < 0.0, -1.0, 1.0)
     best = recorded
@@ -152,17 +130,10 @@ def fit_scale(
     dataset: Dataset, chain: Chain, link_std: Array, alternations: int = ALTERNATIONS
 ) -> EffortScale:
     """
-    Fit links, friction and the scales of efforts with the joints in given places.
+    Fit links, friction and scales with joints in given places.
 
-    Parameters
-    ----------
-    dataset : Dataset
-    chain : Chain
-    link_std : array, shape (n, 11)
-        Prior standard deviations of the links' parameters around zero.
-    alternations : int
-        Of links and scales; with 1 the scales are 1.
-
+    With 1 alternation scales are 1. `link_std` has the prior deviations of the links' parameters,
+    shape (n, 11).
     """
     n, p = link_std.shape[0], link_std.size
     factors, k = _factors(dataset, chain, link_std)

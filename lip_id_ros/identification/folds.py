@@ -1,11 +1,10 @@
 """
-Folds of samples for cross-validation: a motion is left out together with its repetitions.
+Folds of samples for cross-validation.
 
-Exciting trajectories are periodic, and pick and place comes back. A block of time that is left out
-would be seen in the rest of the recording, and whatever memorises would be selected (Roberts and
-others, Ecography 2017). So each sample is traced to the first pass of its motion, and folds are
-contiguous blocks of first passes.
-
+A motion is left out together with its repetitions. Exciting trajectories are periodic, and pick
+and place comes back. A block of time that is left out would be seen in the rest of the recording,
+and whatever memorises would be selected (Roberts and others, Ecography 2017). So each sample is
+traced to the first pass of its motion, and folds are contiguous blocks of first passes.
 """
 
 from __future__ import annotations
@@ -76,11 +75,10 @@ def _moves(dataset: Dataset) -> tuple[Array, BoolArray]:
 
 def first_passes(dataset: Dataset) -> IndexArray:
     """
-    Return the number of the sample that each sample repeats, shape (N,); its own if none.
+    Return the numbers (N,) of the samples of first passes that samples repeat, or their own.
 
-    Of several passes that of the first. Passes are sampled at different places, so that states are
-    compared with the lines between those of a path.
-
+    Passes are sampled at different places, so states are compared with lines between those of a
+    path.
     """
     path = _Path(dataset)
     origin = path.origins()
@@ -96,15 +94,7 @@ def first_passes(dataset: Dataset) -> IndexArray:
 
 
 class _Path:
-    """
-    States along the samples, no closer than `STEP`.
-
-    Attributes
-    ----------
-    rows : int array, shape (P,)
-        Samples that they are of.
-
-    """
+    """States along the samples, no closer than `STEP`."""
 
     def __init__(self, dataset: Dataset) -> None:
         states = _states(dataset)

@@ -66,16 +66,9 @@ of the joints that are not exact, the torques of neighbours explain a little eve
 @dataclass(frozen=True)
 class Candidate:
     """
-    Terms that are elected together.
+    Terms that are elected together where they predict left-out blocks better by `least_gain`.
 
-    Attributes
-    ----------
-    terms : tuple of DriveTerm
-    least_gain : float
-        By which left-out blocks must be predicted better.
-    least_errors : float
-        The same in standard errors over the blocks.
-
+    Errors are standard errors over the blocks.
     """
 
     terms: tuple[DriveTerm, ...]
@@ -121,13 +114,8 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     """
     Return the terms on offer beside viscous and Coulomb friction and offsets.
 
-    Parameters
-    ----------
-    widths : array, shape (n,)
-        Of each joint's smooth sign [rad/s or m/s].
-    dataset : Dataset
-        With the states of Dahl's friction.
-
+    Widths of smooth signs have shape (n,) [rad/s or m/s]; the data set has states of Dahl's
+    friction.
     """
     offers = named_candidates(widths, dataset)
     for joint, width in enumerate(widths.tolist()):
@@ -143,7 +131,6 @@ def named_candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     Return the terms of a form that the literature gives, without memory.
 
     Terms that are periodic in a position are on offer where the data set covers the period.
-
     """
     offers: list[Candidate] = []
     turned = np.ptp(dataset.q, axis=0)

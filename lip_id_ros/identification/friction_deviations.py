@@ -1,10 +1,10 @@
 """
-Friction that differs between robots and between recordings of a robot: nested random effects.
+Friction that differs between robots and between recordings of a robot.
 
-Coefficients of recording r of robot g are c + u_g + v_r. The deviations of u and v are those of
-restricted maximum likelihood (Patterson and Thompson, Biometrika 1971), found by Newton steps
-with the average information (Gilmour, Thompson and Cullis, Biometrics 1995; maths.md, 14).
-
+Nested random effects. Coefficients of recording r of robot g are c + u_g + v_r. The deviations of
+u and v are those of restricted maximum likelihood (Patterson and Thompson, Biometrika 1971), found
+by Newton steps with the average information (Gilmour, Thompson and Cullis, Biometrics 1995;
+maths.md, 14).
 """
 
 from __future__ import annotations
@@ -35,48 +35,22 @@ LEAST_GROUPS = 3
 
 @dataclass(frozen=True, eq=False)
 class Effects:
-    """
-    Deviations of random effects, and the effects themselves.
+    """Deviations of random effects, and the effects themselves."""
 
-    Attributes
-    ----------
-    recordings, groups : arrays, shape (k,)
-        Standard deviations of v and of u; 0 where they are not estimated.
-    mean : array, shape (R, k)
-        Posterior means of u_g + v_r.
-    std : array, shape (R, k)
-        Standard deviations of c + u_g + v_r.
-    centre : array, shape (k,)
-        Change of c that restricted maximum likelihood makes.
-
-    """
-
-    recordings: Array
-    groups: Array
-    mean: Array
-    std: Array
-    centre: Array
+    recordings: Array  # (k,), deviations of v; 0 where not estimated
+    groups: Array  # (k,), deviations of u, likewise
+    mean: Array  # (R, k), posterior means of u_g + v_r
+    std: Array  # (R, k), deviations of c + u_g + v_r
+    centre: Array  # (k,), change of c that restricted likelihood makes
 
 
 @dataclass(frozen=True, eq=False)
 class NestedEffects:
-    """
-    Least squares of a coefficient vector per recording.
+    """Least squares of a coefficient vector per recording."""
 
-    Attributes
-    ----------
-    normal : array, shape (R, k, k)
-        F^T F of every recording, in units of the noise.
-    right : array, shape (R, k)
-        F^T r, of residuals with the coefficients c.
-    group : int array, shape (R,)
-        Number of the robot, from 0.
-
-    """
-
-    normal: Array
-    right: Array
-    group: IntArray
+    normal: Array  # (R, k, k), F^T F in units of the noise
+    right: Array  # (R, k), F^T r of residuals with the coefficients c
+    group: IntArray  # (R,), number of the robot, from 0
 
     def estimated(self, start: Array) -> Effects:
         """Estimate the deviations, from first ones of shape (k,); zeros stay zero."""
@@ -107,9 +81,8 @@ class _Stack:
     """
     Normal equations of coefficients that depend on each other, those of one joint as a rule.
 
-    `systems`, shape (k, k + 1, C, R), has those of C components, recordings sorted by robot. Row
-    j of component c is coefficient `table[j, c]`; those that vary come first, `size` means none.
-
+    `systems`, shape (k, k + 1, C, R), has those of C components, recordings sorted by robot. Row j
+    of component c is coefficient `table[j, c]`; those that vary come first, `size` means none.
     """
 
     systems: Array
@@ -178,11 +151,10 @@ class _Level:
     """
     Effects of recordings, or of robots, about a mean that is estimated above.
 
-    An effect with variance d and design Z has the posterior mean d Z^T P r and the variance
-    d - d^2 Z^T P Z, where P is the weight of residuals whose mean is estimated too (Robinson,
+    An effect with variance d and design Z has the posterior mean d Z^T P r and the variance d -
+    d^2 Z^T P Z, where P is the weight of residuals whose mean is estimated too (Robinson,
     Statistical Science 1991). `systems`, shape (k, k + m, C, N), are normal equations of the mean
     for m right sides, effects integrated out; `above`, shape (k, m, C, N or 1), is that mean.
-
     """
 
     systems: Array
@@ -275,14 +247,9 @@ class _Posterior:
 
 def _maximised(stack: _Stack, first: Array) -> _Posterior:
     """
-    Maximise the restricted likelihood of all components at once.
+    Maximise the restricted likelihood of all components, from first variances (2, V, C).
 
-    Parameters
-    ----------
-    stack : _Stack
-    first : array, shape (2, V, C)
-        Variances between recordings and between groups to begin with; zeros stay zero.
-
+    Those between recordings come before those between groups; zeros stay zero.
     """
     varies, at = first > 0.0, stack.at(first)
     moving = varies.any(axis=(0, 1))
@@ -303,22 +270,10 @@ def _maximised(stack: _Stack, first: Array) -> _Posterior:
 
 def _integrated(systems: Array, variances: Array) -> tuple[Array, Array]:
     """
-    Integrate out independent effects one by one, each a change of rank one.
+    Integrate out independent effects of variances (V, C), each a change of rank one.
 
-    Parameters
-    ----------
-    systems : array, shape (k, k + m, C, N)
-        Normal equations W, B of the sum of mean and effects.
-    variances : array, shape (V, C)
-        Of the first effects.
-
-    Returns
-    -------
-    systems : array, shape (k, k + m, C, N)
-        (I + W D)^-1 [W, B], of the mean.
-    logs : array, shape (C,)
-        Sums over members of log det(I + W D).
-
+    From normal equations W, B of the sum of mean and effects, shape (k, k + m, C, N), returns (I +
+    W D)^-1 [W, B] of the mean, and log det(I + W D) summed over members, shape (C,).
     """
     out, logs = systems.copy(), np.zeros(variances.shape[1])
     for k, variance in enumerate(variances):

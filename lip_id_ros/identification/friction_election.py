@@ -3,7 +3,6 @@ Which friction terms the drives of an arm have, elected by the prediction of lef
 
 Greedy forward selection by cross-validation (Hastie, Tibshirani and Friedman, The Elements of
 Statistical Learning, 3.3.2 and 7.10), on training data alone (maths.md, section 12).
-
 """
 
 from __future__ import annotations
@@ -77,33 +76,17 @@ EVERY_TERM = Offer(candidates, levers=True)
 
 @dataclass(frozen=True, eq=False)
 class ElectedFriction:
-    """
-    Friction and links, fitted together to all samples.
-
-    Attributes
-    ----------
-    friction : FrictionModel
-    link_parameters : array, shape (n, 11)
-    noise : TorqueNoise
-        Of left-out samples.
-
-    """
+    """Friction and links, fitted together to all samples."""
 
     friction: FrictionModel
-    link_parameters: Array
-    noise: TorqueNoise
+    link_parameters: Array  # (n, 11)
+    noise: TorqueNoise  # of left-out samples
 
     def weights(self, dataset: Dataset, chain: Chain) -> Array:
         """
-        Return the weights of samples in a fit, shape (N, n): less near rest, and for bad ones.
+        Return weights in a fit, (N, n), for any data of the arm.
 
-        Parameters
-        ----------
-        dataset : Dataset
-            Any of the same arm.
-        chain : Chain
-            That the friction was elected with.
-
+        Less near rest, and for bad samples.
         """
         state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
         links = torque_regressor(chain, *state) @ self.link_parameters.ravel()
@@ -119,16 +102,7 @@ def elect_friction(
     """
     Elect the widths of signs, then terms, in rounds with the links' torques of the round before.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        In the order of time.
-    chain : Chain
-        Where the joints are.
-    link_std : array, shape (n, 11)
-        Prior standard deviations of the links' parameters around zero.
-    offer : Offer
-
+    The links' parameters have prior deviations `link_std`, shape (n, 11), around zero.
     """
     election = _Election(dataset, chain, link_std)
     for _ in range(NOISE_ROUNDS):

@@ -27,7 +27,6 @@ def resolved_harmonics(dataset: Dataset, joint: int) -> IntArray:
     Return the harmonics of which a joint covers a period, and which the sampling shows.
 
     Between half of the neighbouring samples their phase changes by less than a quarter period.
-
     """
     if dataset.joint_types[joint] != REVOLUTE:
         return np.empty(0, dtype=np.int64)
@@ -40,19 +39,10 @@ def resolved_harmonics(dataset: Dataset, joint: int) -> IntArray:
 
 def strongest_harmonic(q: Array, torque: Array, features: Array, harmonics: IntArray) -> int:
     """
-    Return the harmonic that explains most of a torque beside other features.
+    Return the harmonic that explains most of a torque (N,) beside features (N, p).
 
-    A least-squares periodogram (Lomb, Astrophysics and Space Science 1976) in the position.
-
-    Parameters
-    ----------
-    q : array, shape (N,)
-        Position [rad].
-    torque, features : arrays, shapes (N,) and (N, p)
-        Weighted by the square roots of the samples' weights, which are the last feature.
-    harmonics : int array, shape (H,)
-        At least one.
-
+    A least-squares periodogram (Lomb, Astrophysics and Space Science 1976) in the position [rad].
+    Torque and features are weighted by the roots of the samples' weights, the last feature.
     """
     rows = evenly(len(q), MOST_SAMPLES)
     basis, _ = np.linalg.qr(features[rows])

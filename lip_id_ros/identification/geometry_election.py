@@ -4,7 +4,6 @@ Which twists are quarter turns and which axes meet.
 All that lie near simple geometry are imposed together; then those go, one by one, against which
 both the likelihood and the prediction of left-out blocks speak (backward elimination). Each is
 judged beside the others, so that what one gains does not pay for another.
-
 """
 
 from __future__ import annotations
@@ -38,20 +37,10 @@ ROUNDS = (20,)
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """
-    A fit with simple geometry.
-
-    Attributes
-    ----------
-    fit : ArmFit
-    imposed : tuple of Geometry
-        One twist or length each.
-    left_out : LeftOut
-
-    """
+    """A fit with simple geometry."""
 
     fit: ArmFit
-    imposed: tuple[Geometry, ...]
+    imposed: tuple[Geometry, ...]  # one twist or length each
     left_out: LeftOut
 
     def without(self, k: int) -> tuple[Geometry, ...]:
@@ -60,16 +49,7 @@ class Trial:
 
 
 def elect_geometry(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
-    """
-    Set twists to quarter turns and lengths to zero, as many as the data bear.
-
-    Parameters
-    ----------
-    fitter : ArmFitter
-    fit : ArmFit
-        Without a geometry.
-
-    """
+    """Set twists of a free fit to quarter turns and lengths to zero, as many as the data bear."""
     thinned = fitter.thinned(ELECTION_SAMPLES)
     _, _, solution, total = posterior(thinned, fit)
     offers = tuple(
@@ -82,16 +62,7 @@ def elect_geometry(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
 
 
 class GeometryElection:
-    """
-    Backward elimination, with at most `MOST_TRIALS` fits.
-
-    Parameters
-    ----------
-    fitter : ArmFitter
-    free : Trial
-        With nothing imposed.
-
-    """
+    """Backward elimination, with at most `MOST_TRIALS` fits."""
 
     def __init__(self, fitter: ArmFitter, free: Trial) -> None:
         self._fitter, self._free, self._left = fitter, free, MOST_TRIALS
@@ -109,7 +80,6 @@ class GeometryElection:
 
         By the increase of the likelihood along one Gauss-Newton step (Rao's score test), with the
         inflation of the free fit, in standard deviations.
-
         """
         gains = _Gains(self._fitter, trial.fit)
         now = gains.within(trial.fit.geometry)

@@ -66,61 +66,24 @@ LEAST_SAMPLES_PER_JOINT = 2
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """
-    An arm that was identified, and how that went.
-
-    Attributes
-    ----------
-    arm : ArmPosterior
-    fit : ArmFit
-        Parameters that the posterior is about, with the noise of the samples of the fit.
-    solution : Solution
-        Of all samples, by recordings: inflation, and deviations of friction between them.
-    recordings : int array, shape (R,)
-        Numbers of the recordings in it; others have no samples that count.
-    remainder : Remainder or None
-        What is added to the torques of some joints, or takes their place.
-    kinematics_std : DenavitHartenberg
-        Standard deviations of twists, lengths, angles and offsets, as if none had been elected.
-    geometry : Geometry
-        Twists and lengths that were elected to be simple.
-    searches_agreed : bool
-        Whether both searches for the placements ended in the same minimum.
-    descents : int
-        Of both searches.
-    unexplained : array, shape (n,)
-        Share of each torque's variance that left-out blocks show to be unexplained.
-    unpredicted : array, shape (n,)
-        The same of predictions, which do not know the low-passed signs of the fit.
-    outliers : int
-        Samples that were left out.
-    disturbances : list of Episode
-        Parts of the time that were left out.
-    halves_agree : bool
-        Whether the first and the second half of the samples are of one arm.
-    suspicions : list of str
-        What else the recording may hold, see `lip_id_ros.identification.suspicions`.
-    doubts : DescriptionDoubts or None
-        Where the data contradict the robot description.
-
-    """
+    """An arm that was identified, and how that went."""
 
     arm: ArmPosterior
-    fit: ArmFit
-    solution: Solution
-    recordings: IntArray
-    remainder: Remainder | None
-    kinematics_std: DenavitHartenberg
+    fit: ArmFit  # that the posterior is about, with the noise of its samples
+    solution: Solution  # of all samples, by recordings
+    recordings: IntArray  # (R,), numbers of those with samples that count
+    remainder: Remainder | None  # beside torques of some joints, or in their place
+    kinematics_std: DenavitHartenberg  # as if no geometry had been elected
     geometry: Geometry
-    searches_agreed: bool
-    descents: int
-    unexplained: Array
-    unpredicted: Array
-    outliers: int
-    disturbances: list[Episode]
-    halves_agree: bool
+    searches_agreed: bool  # both ended in the same minimum
+    descents: int  # of both searches
+    unexplained: Array  # (n,), share of variance of left-out torques
+    unpredicted: Array  # (n,), the same without low-passed signs of the fit
+    outliers: int  # samples that were left out
+    disturbances: list[Episode]  # parts of the time that were left out
+    halves_agree: bool  # whether both halves are of one arm
     suspicions: list[str]
-    doubts: DescriptionDoubts | None = None
+    doubts: DescriptionDoubts | None = None  # where the data contradict the description
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the torques at joint states of shape (N, n), same shape [N m or N]."""
@@ -140,31 +103,13 @@ def identify(
     terms: str = PROCESSES,
 ) -> Identified:
     """
-    Identify chain, links and friction of an arm.
+    Identify chain, links and friction of an arm, from samples in the order of time.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        In the order of time; at least `LEAST_SAMPLES_PER_JOINT` samples per joint.
-    seed : int
-        Of the search for placements.
-    progress : callable
-    described : tuple of RobotDescription and DescriptionSettings, optional
-        Prior of placements and links, which keeps its frames; without one the placements are
-        searched for.
-    robots : sequence of str, optional
-        Robot of every number of a recording.
-    couplings : array, shape (k, 3), optional
-        Of positions, as in `Chain`; they are searched for where neither they nor a robot
-        description is given.
-    terms : str
-        What may be beside the links, a key of `OFFERS`.
-
-    Raises
-    ------
-    FitError
-        If the data are not finite in units of the noise.
-
+    `described` is the prior of placements and links, which keeps its frames; without one the
+    placements are searched for. `robots` has the robot of every number of a recording.
+    `couplings`, shape (k, 3) as in `Chain`, are searched for where neither they nor a description
+    is given. `terms` is a key of `OFFERS`. Raises FitError if the data are not finite in units of
+    the noise.
     """
     # Products this small gain nothing from more threads of their own.
     with threadpool_limits(1):
@@ -181,7 +126,6 @@ def prediction_noise(
     Return the noise of predictions from that of links and friction.
 
     A remainder leaves its own residuals, and a joint that sticks has any friction.
-
     """
     signs = squares_of_signs(fitter.dataset, fit)
     noise = _of_single_states(fitter.dataset, fit, noise)

@@ -1,10 +1,10 @@
 """
-Kinematic calibration: the placements of the joints of an arm, from torques (maths.md, 10).
+Kinematic calibration.
 
-Torques are linear in the parameters of links and friction once the placements of the joints are
-known. So least squares over the placements is left, by variable projection (Golub and Pereyra
-1973): the linear parameters are solved for at every step.
-
+The placements of the joints of an arm, from torques (maths.md, 10). Torques are linear in the
+parameters of links and friction once the placements are known. So least squares over the
+placements is left, by variable projection (Golub and Pereyra 1973): the linear parameters are
+solved for at every step.
 """
 
 from __future__ import annotations
@@ -37,37 +37,19 @@ NOT_FINITE = (
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """
-    Joint states and torques that links and friction have to explain.
-
-    Attributes
-    ----------
-    q, dq, ddq, tau : arrays, shape (N, n)
-    prismatic : bool array, shape (n,)
-    gravity : array, shape (3,)
-        In the base [m/s^2].
-    couplings : array, shape (k, 3)
-        Of positions, as in `Chain`.
-    friction : array, shape (N, n, k)
-        Features of friction.
-    link_std, friction_std : arrays, shapes (n, 11) and (k,)
-        Prior standard deviations of the parameters of the links and of the coefficients.
-    weights : array, shape (N, n)
-        Of the squared residuals, see `lip_id_ros.friction.noise.outlier_weights`.
-
-    """
+    """Joint states and torques (N, n) that links and friction have to explain."""
 
     q: Array
     dq: Array
     ddq: Array
     tau: Array
     prismatic: BoolArray
-    gravity: Array
-    couplings: Array
-    friction: Array
-    link_std: Array
-    friction_std: Array
-    weights: Array
+    gravity: Array  # (3,), in the base [m/s^2]
+    couplings: Array  # (k, 3), of positions, as in `Chain`
+    friction: Array  # (N, n, k), features
+    link_std: Array  # (n, 11), deviations a priori
+    friction_std: Array  # (k,), likewise
+    weights: Array  # (N, n), of squared residuals, `outlier_weights`
 
     @property
     def state(self) -> tuple[Array, Array, Array]:
@@ -82,30 +64,14 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Placements:
-    """
-    Placements of the joints with the linear parameters that fit best.
-
-    Attributes
-    ----------
-    chain : Chain
-    parameters : array, shape (11 n + k,)
-        Of links, then of friction, in units of their prior standard deviations.
-    cost : float
-    features : array, shape (N n, 11 n + k)
-        In units of the noise.
-    factor : array
-        Lower Cholesky factor of the normal equations.
-    residual : array, shape (N n,)
-        In units of the noise.
-
-    """
+    """Placements of the joints with the linear parameters that fit best."""
 
     chain: Chain
-    parameters: Array
+    parameters: Array  # (11 n + k,), links, then friction, in their deviations
     cost: float
-    features: Array
-    factor: Array
-    residual: Array
+    features: Array  # (N n, 11 n + k), in units of the noise
+    factor: Array  # lower Cholesky factor of the normal equations
+    residual: Array  # (N n,), in units of the noise
 
     def link_parameters(self, samples: Samples) -> Array:
         """Return the parameters of the links, shape (n, 11)."""
@@ -122,14 +88,7 @@ class PlacementProblem:
     Least squares over the placements, for `levenberg_marquardt.minimise`.
 
     A step holds, joint by joint, a small rotation about the axes of the joint's own frame and a
-    translation in that of its parent.
-
-    Parameters
-    ----------
-    samples : Samples
-    noise_std : array, shape (n,)
-        Standard deviation of each joint's residuals [N m or N].
-
+    translation in that of its parent. `noise_std`, shape (n,), is of the residuals [N m or N].
     """
 
     def __init__(self, samples: Samples, noise_std: Array) -> None:
@@ -147,11 +106,7 @@ class PlacementProblem:
         """
         Solve for the linear parameters at given placements, shapes (n, 3, 3) and (n, 3).
 
-        Raises
-        ------
-        FitError
-            If the data are not finite in units of the noise.
-
+        Raises FitError if the data are not finite in units of the noise.
         """
         found = self._solved(rotations, translations)
         if found is None:

@@ -4,7 +4,6 @@ Prediction of left-out blocks by torque models that are linear in parameters, so
 Cross-validation over contiguous blocks, since residuals are correlated in time (Roberts and
 others, Ecography 2017). All of it is done on statistics: a fit without a block costs one small
 Cholesky factorisation, a fit with one more term an even smaller one.
-
 """
 
 from __future__ import annotations
@@ -46,14 +45,8 @@ class Gain:
     """
     How much better one model predicts left-out blocks than another.
 
-    Attributes
-    ----------
-    mean, least : float
-        Decrease of the logarithms of mean squared residuals, summed over joints: the mean over
-        schemes of folds, and the least of them.
-    error : float
-        Standard error over the blocks of the first scheme.
-
+    As decrease of the logarithms of mean squares, summed over joints: mean and least over schemes
+    of folds, and the standard error over blocks of the first scheme.
     """
 
     mean: float
@@ -62,15 +55,7 @@ class Gain:
 
     @classmethod
     def between(cls, now: Sequence[Array], other: Sequence[Array]) -> Gain:
-        """
-        Return what one model gains over another.
-
-        Parameters
-        ----------
-        now, other : sequences of arrays, shapes (K_s, n)
-            For every scheme of folds, mean squared residuals of K_s left-out parts.
-
-        """
+        """Return one model's gain, from mean squares (K_s, n) of left-out parts by scheme."""
         gains = [
             float(np.log(mine.mean(axis=0) / its.mean(axis=0)).sum())
             for mine, its in zip(now, other, strict=True)
@@ -86,24 +71,11 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class LeftOutFit:
-    """
-    A fit to all samples, and its errors where parts of them were left out.
+    """A fit to all samples, and its errors where parts of them were left out."""
 
-    Attributes
-    ----------
-    parameters : array, shape (P,)
-        From all samples; zero where not selected.
-    left_out : tuple of K_1 arrays, shapes (P,)
-        From the samples outside each single block.
-    squares : tuple of arrays, shapes (K_s, n)
-        For every scheme of folds, squared residuals of the left-out parts, weighted so that their
-        mean is that of all samples.
-
-    """
-
-    parameters: Array
-    left_out: tuple[Array, ...]
-    squares: tuple[Array, ...]
+    parameters: Array  # (P,), from all samples; zero where not selected
+    left_out: tuple[Array, ...]  # (P,) without each block
+    squares: tuple[Array, ...]  # (K_s, n) of each scheme, with the mean of all samples
 
     @property
     def mean_squares(self) -> Array:
@@ -120,19 +92,9 @@ class LeftOutBlocks:
     Fits with any selection of parameters, to all samples and without parts of them.
 
     Normal equations are enough here: the prior bounds their condition, and what is elected is
-    fitted again.
-
-    Parameters
-    ----------
-    blocks : sequence of TorqueStatistics, at least 2
-        Of contiguous stretches of time of nearly equal size.
-    prior_std : array, shape (P,)
-        Prior standard deviations of the parameters around zero.
-    lower : array, shape (P,)
-        Lower bounds of the parameters: minus infinity, or zero.
-    torque_std : array, shape (n,)
-        Standard deviations of the torques [N m or N].
-
+    fitted again. Blocks, at least 2, are of contiguous stretches of nearly equal size;
+    `prior_std`, shape (P,), is around zero, `lower` minus infinity or zero, and `torque_std`,
+    shape (n,), of the torques [N m or N].
     """
 
     def __init__(
@@ -208,7 +170,6 @@ class _Fits:
     Fits of the selected parameters with each of some groups, on statistics of these alone.
 
     Parameters and normal equations are of the Q parameters that any of the fits has.
-
     """
 
     def __init__(
@@ -236,12 +197,7 @@ class _Fits:
         return np.array([part.normal_equations(noise_std) for part in self._parts])
 
     def left_out(self, scheme: list[list[int]], parts: Array) -> tuple[list[Array], Array]:
-        """
-        Return the parameters without each set of blocks, and mean squares of their errors.
-
-        The latter have the shape (sets, groups, n).
-
-        """
+        """Return parameters without each set of blocks, and mean squares (sets, groups, n)."""
         whole = parts.sum(axis=0)
         thetas = [self.solutions(whole - parts[out].sum(axis=0)) for out in scheme]
         counts = [np.sum([self._parts[k].counts for k in out], axis=0) for out in scheme]
@@ -274,28 +230,13 @@ class _Fits:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """
-    One block of samples, with some of the parameters.
+    """One block of samples, with some of the parameters."""
 
-    Attributes
-    ----------
-    counts : array, shape (n,)
-    rows : list of n arrays, shapes (rows of a joint, columns + 1)
-        Factors of [F, tau].
-    products : list of n arrays, shapes (columns + 1, columns + 1)
-        The same of their normal equations.
-    columns : list of n int arrays
-        Parameters of the columns, and `size` for the torque.
-    size : int
-        Number of parameters.
-
-    """
-
-    counts: Array
-    rows: list[Array]
-    products: list[Array]
-    columns: list[IndexArray]
-    size: int
+    counts: Array  # (n,)
+    rows: list[Array]  # (rows of a joint, columns + 1), factors of [F, tau]
+    products: list[Array]  # (columns + 1, columns + 1), of normal equations
+    columns: list[IndexArray]  # parameters of the columns, and `size` for tau
+    size: int  # number of parameters
 
     @classmethod
     def of(cls, statistics: TorqueStatistics, size: int) -> _Part:
@@ -366,22 +307,10 @@ class _Reduced:
 
 def bounded_solution(root: Array, n_free: int) -> Array:
     """
-    Least squares where the parameters after the first ones are not negative.
+    Least squares where the parameters after the first `n_free` ones are not negative, shape (p,).
 
-    The first ones are eliminated by the triangular form; the others are solved for by the
-    algorithm of Lawson and Hanson, 1974.
-
-    Parameters
-    ----------
-    root : array, shape (p, p + 1) or (p + 1, p + 1)
-        Upper triangular factor of the rows [features, torque]; its first p columns of full rank.
-    n_free : int
-        Number of parameters without bounds, which come first.
-
-    Returns
-    -------
-    array, shape (p,)
-
+    The first ones are eliminated by the triangular form of [features, torque], p columns of full
+    rank and one; the others are solved for by the algorithm of Lawson and Hanson, 1974.
     """
     f, p = n_free, root.shape[1] - 1
     x = np.zeros(0)

@@ -1,9 +1,9 @@
 """
-What parts that are left out show of a fit: errors, noise, and the inflation of the covariance.
+What left-out parts show of a fit.
 
-Residuals of real recordings are correlated in time and between recordings, so that the covariance
-of the parameters is scaled by what left-out parts show (maths.md, section 13).
-
+Errors, noise, and the inflation of the covariance. Residuals of real recordings are correlated in
+time and between recordings, so that the covariance of the parameters is scaled by what left-out
+parts show (maths.md, section 13).
 """
 
 from __future__ import annotations
@@ -28,24 +28,14 @@ class LeftOut:
     """
     What left-out blocks show.
 
-    Attributes
-    ----------
-    block_squares : array, shape (K, n)
-        Of residuals of each block that was left out, weighted, as shares of all samples times the
-        number of blocks [(N m)^2 or N^2].
-    inflation : float
-        Factor of the covariance of the parameters with which these are explained; at least 1.
-    noise_std : array, shape (n,)
-        Standard deviation of what the parameters' covariance does not explain [N m or N].
-    unbiased_std : array, shape (n,)
-        Of the residuals of the fit to all samples, with its degrees of freedom [N m or N].
-
+    Block squares are weighted, as shares of all samples times the number of blocks [(N m)^2 or
+    N^2].
     """
 
-    block_squares: Array
-    inflation: float
-    noise_std: Array
-    unbiased_std: Array
+    block_squares: Array  # (K, n)
+    inflation: float  # of the covariance that explains these; at least 1
+    noise_std: Array  # (n,), of what the covariance does not explain [N m or N]
+    unbiased_std: Array  # (n,), of the fit, with degrees of freedom [N m or N]
 
     @property
     def mean_squares(self) -> Array:
@@ -59,15 +49,9 @@ def measure_left_out(
     """
     Predict each block from the others.
 
-    Parameters
-    ----------
-    blocks : sequence of TorqueStatistics
-        Of Jacobian and residuals, in which all joints have all parameters.
-    prior : array, shape (m, m + 1)
-        Rows of the prior, in units of its standard deviations.
-    noise_std : array, shape (n,)
-        Root mean squares of the residuals of the fit to all samples [N m or N].
-
+    Statistics are of Jacobian and residuals, in which all joints have all parameters; rows of the
+    prior (m, m + 1) in its deviations; `noise_std`, shape (n,), are root mean squares of the
+    residuals [N m or N].
     """
     grams = np.array([[r.T @ r for r in block.factors] for block in blocks])
     count = np.sum([block.counts for block in blocks], axis=0)

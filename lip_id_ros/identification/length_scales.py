@@ -2,9 +2,8 @@
 Length scales of a Gaussian process by marginal likelihood.
 
 One length scale for each input ("automatic relevance determination", Rasmussen and Williams 2006,
-sections 5.1 and 5.4.1). The variance of the process is the one that maximises the likelihood for
-given length scales and noise. A broad prior keeps the scales of inputs that do not matter finite.
-
+sections 5.1 and 5.4.1). The variance of the process maximises the likelihood for given length
+scales and noise. A broad prior keeps the scales of inputs that do not matter finite.
 """
 
 from __future__ import annotations
@@ -28,23 +27,10 @@ MOST_ITERATIONS = 60
 
 def likeliest(x: Array, y: Array, known: Array) -> tuple[Array, float]:
     """
-    Return length scales and noise of greatest posterior probability.
+    Return length scales (d,) and noise of greatest posterior probability.
 
-    Parameters
-    ----------
-    x : array, shape (M, d)
-        Inputs of unit variance.
-    y : array, shape (M,)
-        Not zero everywhere.
-    known : array, shape (M, M)
-        Covariance that is added to that of the process, in variances of the process.
-
-    Returns
-    -------
-    lengths : array, shape (d,)
-    noise : float
-        Variance, in variances of the process.
-
+    Inputs x (M, d) have unit variance, y (M,) is not zero everywhere; noise and the known
+    covariance (M, M), which is added, are in variances of the process.
     """
     start = np.append(np.full(x.shape[1], _typical(x)), np.log(FIRST_NOISE))
     bounds = [(np.log(SHORTEST), np.log(LONGEST))] * x.shape[1]
@@ -62,15 +48,9 @@ def likeliest(x: Array, y: Array, known: Array) -> tuple[Array, float]:
 
 def negative_log_posterior(theta: Array, x: Array, y: Array, known: Array) -> tuple[float, Array]:
     """
-    Return the negative logarithm of the posterior density, up to a constant, and its gradient.
+    Return the negative log posterior density up to a constant, and its gradient (d + 1,).
 
-    Parameters
-    ----------
-    theta : array, shape (d + 1,)
-        Logarithms of length scales and noise.
-    x, y, known : arrays
-        As for `likeliest`.
-
+    `theta` has the logarithms of length scales and noise; the rest is as in `likeliest`.
     """
     lengths, noise = np.exp(theta[:-1]), np.exp(theta[-1])
     process = correlation(x, x, lengths)

@@ -37,24 +37,9 @@ class Problem(Protocol[Point]):
 
 def minimise(problem: Problem[Point], start: Point, evaluations: int, tolerance: float) -> Point:
     """
-    Descend to a minimum.
+    Descend to the best point until steps gain less than a share `tolerance` of the cost.
 
     A step to a point whose cost or Jacobian is not finite is refused, and damping rises.
-
-    Parameters
-    ----------
-    problem : Problem
-    start : Point
-    evaluations : int
-        Most evaluations of the cost.
-    tolerance : float
-        Ends where steps gain less than this share of the cost.
-
-    Returns
-    -------
-    Point
-        The best one.
-
     """
     at, damping, left = start, FIRST_DAMPING, evaluations - 1
     safe: tuple[Point, Array, Array, float] | None = None

@@ -1,11 +1,10 @@
 """
 The shape of a spring between two points that explains most of a joint's torque.
 
-Torques are linear in a spring's force and stiffness, not in eccentricity and dead centre of its
-points. So these are searched for on a grid, and by descents from its best places; links and
-friction are solved for at each (variable projection: Golub and Pereyra, SIAM J. Numerical
-Analysis 1973), since either may stand in for part of a spring.
-
+Torques are not linear in eccentricity and dead centre of its points. So these are searched for on
+a grid, and by descents from its best places; links and friction are solved for at each (variable
+projection: Golub and Pereyra, SIAM J. Numerical Analysis 1973), since either may stand in for part
+of a spring.
 """
 
 from __future__ import annotations
@@ -42,49 +41,22 @@ PRECISION = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """
-    Torques that are explained by links and friction, linear in P parameters.
+    """Torques that are explained by links and friction, linear in P parameters."""
 
-    Attributes
-    ----------
-    rows : list of n arrays, shapes (N, p_i)
-        Features of every joint.
-    columns : sequence of n int arrays, shapes (p_i,)
-        Parameters that they belong to.
-    tau : array, shape (N, n)
-        [N m or N].
-    weights : array, shape (N, n)
-        Of squared residuals.
-    noise_std : array, shape (n,)
-        [N m or N].
-    prior_std : array, shape (P,)
-        Of the parameters.
-
-    """
-
-    rows: list[Array]
-    columns: Sequence[IndexArray]
-    tau: Array
-    weights: Array
-    noise_std: Array
-    prior_std: Array
+    rows: list[Array]  # (N, p_i) of every joint
+    columns: Sequence[IndexArray]  # parameters (p_i,) of every joint
+    tau: Array  # (N, n) [N m or N]
+    weights: Array  # (N, n), of squared residuals
+    noise_std: Array  # (n,) [N m or N]
+    prior_std: Array  # (P,)
 
 
 def best_lever(explained: Explained, joint: int, q: Array) -> LeverSpring:
     """
-    Return the spring that explains most of the torque of a joint.
+    Return the spring that explains most of the torque of a joint at positions (N,) [rad].
 
     In rounds with the noise that the spring of the round before leaves: with that of a fit without
     one, priors would decide.
-
-    Parameters
-    ----------
-    explained : Explained
-        What is there without the spring.
-    joint : int
-    q : array, shape (N,)
-        Positions of the joint [rad].
-
     """
     least = LEAST_NOISE * float(np.std(explained.tau[:, joint]))
     search = LeverSearch(explained, joint, q)

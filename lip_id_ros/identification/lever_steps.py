@@ -22,11 +22,10 @@ LEAST_GAIN = 1e-3
 
 def with_lever_steps(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
     """
-    Return a fit whose springs have the shapes that explain most; without springs the same.
+    Return a fit whose springs have the shapes that explain most.
 
-    A step is that of Gauss and Newton in all parameters together. It is taken only where the fit
-    around it is better.
-
+    Without springs the same. A step is that of Gauss and Newton in all parameters together. It is
+    taken only where the fit around it is better.
     """
     if not _levers(fit.friction.basis):
         return fit

@@ -33,24 +33,14 @@ class LinearProblem:
     """
     Torques that are linear in the parameters of links and friction, with placements given.
 
-    Attributes
-    ----------
-    features : array, shape (N, n, P)
-        In units of the calibration's noise and of the parameters' deviations a priori.
-    torque, weights : arrays, shape (N, n)
-        Torque in these units, and weight of the squared residuals, which is in both.
-    block : array, shape (N,)
-        From 0 to K - 1.
-    floor : array, shape (n,)
-        Least variance of residuals.
-
+    Features and torque are in units of the calibration's noise, and in both are the weights.
     """
 
-    features: Array
-    torque: Array
-    weights: Array
-    block: IndexArray
-    floor: Array
+    features: Array  # (N, n, P), and of the parameters' prior deviations
+    torque: Array  # (N, n)
+    weights: Array  # (N, n), of squared residuals
+    block: IndexArray  # (N,), from 0 to K - 1
+    floor: Array  # (n,), least variance of residuals
 
     @classmethod
     def of(

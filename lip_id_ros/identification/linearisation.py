@@ -3,7 +3,6 @@ The torques of an arm, linear in friction, placements and links around present o
 
 Parameters are in this order: coefficients of friction (K), shapes of its terms (W), small
 rotations and translations of the joints (6 n), parameters of the links (11 n).
-
 """
 
 from __future__ import annotations
@@ -28,28 +27,13 @@ from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivat
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """
-    What the torques of every recording are regressed on.
-
-    Attributes
-    ----------
-    joint_names : tuple of str
-    chain : Chain
-        Present placements.
-    links : array, shape (n, 11)
-        Present parameters, which give the loads that friction depends on.
-    friction : FrictionModel
-        Terms with present coefficients.
-    noise : TorqueNoise
-        Gives the weights of samples.
-
-    """
+    """What the torques of every recording are regressed on, around present parameters."""
 
     joint_names: tuple[str, ...]
     chain: Chain
-    links: Array
+    links: Array  # (n, 11), give the loads that friction depends on
     friction: FrictionModel
-    noise: TorqueNoise
+    noise: TorqueNoise  # gives the weights of samples
 
     @property
     def n_joints(self) -> int:
@@ -102,17 +86,9 @@ class Linearisation:
 
     def rows(self, dataset: Dataset) -> tuple[list[Array], Array]:
         """
-        Return the features of every joint and what they are to explain.
+        Return features (N, k_i + p_i) of every joint and their target (N, n) [N m or N].
 
         Loads that friction bears change with placements and links.
-
-        Returns
-        -------
-        features : list of n arrays, shapes (N, k_i + p_i)
-            In the order of `columns`.
-        target : array, shape (N, n)
-            [N m or N].
-
         """
         state, history = _state(dataset), dataset.history
         regressor = torque_regressor(self.chain, *state)

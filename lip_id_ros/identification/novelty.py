@@ -51,7 +51,6 @@ def _scale(dataset: Dataset) -> Array:
     Return standard deviations of q, dq, ddq times the root of their number, shape (3 n,).
 
     At least a share of the largest of joints of the same type: what hardly moves is noise.
-
     """
     scale = np.stack([dataset.q, dataset.dq, dataset.ddq]).std(axis=1)
     for alike in (dataset.prismatic, ~dataset.prismatic):

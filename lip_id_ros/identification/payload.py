@@ -1,10 +1,9 @@
 """
-What is attached to the last link: its mass, centre of mass and inertia, the arm being known.
+What is attached to the last link.
 
-A body fixed to the last link adds its parameters to those of the link. So torques are linear in
-ten numbers, which some seconds of motion determine. The arm changes only as far as its own torques
-allow.
-
+Its mass, centre of mass and inertia, the arm being known. A body fixed to the last link adds its
+parameters to those of the link. So torques are linear in ten numbers, which some seconds of motion
+determine. The arm changes only as far as its own torques allow.
 """
 
 from __future__ import annotations
@@ -45,20 +44,10 @@ LEAST_SAMPLES, MOST_SAMPLES = 50, 1000
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """
-    A body that is fixed to the last link, in the frame of that link.
+    """A body that is fixed to the last link, in the frame of that link."""
 
-    Attributes
-    ----------
-    parameters : array, shape (10,)
-        Mass, first moments, inertias xx xy xz yy yz zz about the origin of the frame.
-    covariance : array, shape (10, 10)
-        Of the parameters.
-
-    """
-
-    parameters: Array
-    covariance: Array
+    parameters: Array  # (10,), mass, first moments, xx xy xz yy yz zz about the origin
+    covariance: Array  # (10, 10)
 
     @property
     def mass(self) -> float:
@@ -93,52 +82,23 @@ class Payload:
 
 @dataclass(frozen=True, eq=False)
 class LoadedArm:
-    """
-    An arm, and the body that is attached to it.
+    """An arm, and the body that is attached to it."""
 
-    Attributes
-    ----------
-    arm : ArmPosterior
-        Without the body, corrected by what the torques with it show of the arm.
-    body : array, shape (10,)
-        In the frame of the last link of this arm's chain, as in `Payload`.
-    body_root : array, shape (10, r)
-        Rows of a square root of the covariance, beside those of `arm.covariance_root`.
-
-    """
-
-    arm: ArmPosterior
-    body: Array
-    body_root: Array
+    arm: ArmPosterior  # without the body, corrected by torques with it
+    body: Array  # (10,), in the frame of the last link, as in `Payload`
+    body_root: Array  # (10, r), root of the covariance beside `arm.covariance_root`
 
 
 def identify_payload(model: InverseDynamicsModel, dataset: Dataset) -> LoadedArm:
     """
-    Find what is attached to an arm.
+    Find what is attached to an arm, from at most `MOST_SAMPLES` samples in the order of time.
 
     A learned arm is uncertain too, above all in where its light last links turn. So it is fitted
     along: its torques at random states, with their standard deviations, stand for the recordings
     that it was learned from. A Gaussian process beside the links corrects the arm, whatever it
     carries: its posterior mean is subtracted from the recorded torques. One in place of a joint's
-    links would not bear the payload: there the links explain the torque.
-
-    Parameters
-    ----------
-    model : InverseDynamicsModel
-        Of the arm without the payload.
-    dataset : Dataset
-        Of the arm with its payload, in the order of time; at most `MOST_SAMPLES` are used.
-
-    Returns
-    -------
-    LoadedArm
-        With a body that can exist.
-
-    Raises
-    ------
-    DataError
-        If there are too few samples, or the arm is lighter than its model.
-
+    links would not bear the payload: there the links explain the torque. The body returned can
+    exist. Raises DataError if there are too few samples, or the arm is lighter than its model.
     """
     arm = model.arm
     assert arm is not None, 'a payload is fixed to a link'
@@ -174,7 +134,6 @@ def _bare(arm: ArmPosterior, ranges: tuple[Array, Array], least: Array) -> Weigh
     Return torques that say of the arm what its posterior says, shape (STATES, n).
 
     A fit of p parameters to m torques of standard deviation s has a mean variance of s^2 p / m.
-
     """
     low, high = ranges
     rng = np.random.default_rng(SEED)
@@ -221,7 +180,6 @@ def _reweighted(problem: PayloadProblem, at: LoadedState, least: Array) -> Paylo
 
     Residuals that are correlated in time count for less than their number. Where the torques with
     the body contradict the model, its deviations are larger than it says (Birge 1932).
-
     """
     triangle, rows = _triangle(problem, at), problem.rows(at)
     count, shape = problem.bare.tau.size, problem.loaded.tau.shape
@@ -254,7 +212,6 @@ def _existing_body(root: Array, right: Array) -> Array:
 
     Where the unconstrained solution cannot exist, a logarithmic barrier keeps the pseudo-inertia
     positive definite: a convex problem, solved by Newton's method.
-
     """
     free = np.asarray(solve_triangular(root, right))
     problem = _BarrierProblem(root, right)

@@ -2,9 +2,8 @@
 An arm and what is attached to it, fitted together to torques with and without it.
 
 A light last link hardly shows where its joint is, and a payload makes that matter. So the whole
-arm is free: the torques that its model has at random states, with their standard deviations, stand
-for the recordings that it was learned from, and recorded torques add what they show of the arm.
-
+arm is free: torques of its model at random states, with their standard deviations, stand for the
+recordings that it was learned from, and recorded torques add what they show of the arm.
 """
 
 from __future__ import annotations
@@ -44,14 +43,7 @@ FRICTION_PRECISION = 1.0
 
 
 class WeightedTorques(NamedTuple):
-    """
-    Torques at joint states, with their standard deviations; all of shape (N, n).
-
-    Attributes
-    ----------
-    q, dq, ddq, tau, std : arrays
-
-    """
+    """Torques at joint states, with their standard deviations; all of shape (N, n)."""
 
     q: Array
     dq: Array
@@ -67,41 +59,17 @@ class WeightedTorques(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LoadedState:
-    """
-    An arm, and the body that is attached to it.
+    """An arm, and the body that is attached to it."""
 
-    Attributes
-    ----------
-    arm : ArmPosterior
-        Without the body.
-    numbers : array, shape (n, 11)
-        Log-Cholesky numbers of its links.
-    body : array, shape (10,)
-    cost : float
-    residual : array, shape (m,)
-        Of both sets of torques, in standard deviations.
-
-    """
-
-    arm: ArmPosterior
-    numbers: Array
-    body: Array
+    arm: ArmPosterior  # without the body
+    numbers: Array  # (n, 11), log-Cholesky numbers of its links
+    body: Array  # (10,)
     cost: float
-    residual: Array
+    residual: Array  # (m,), of both sets of torques, in deviations
 
 
 class PayloadProblem:
-    """
-    Least squares over placements, log-Cholesky numbers, friction and body, in this order.
-
-    Parameters
-    ----------
-    arm : ArmPosterior
-        As it is known.
-    bare, loaded : WeightedTorques
-        Without and with the body.
-
-    """
+    """Least squares over placements, log-Cholesky numbers, friction and body, in this order."""
 
     def __init__(self, arm: ArmPosterior, bare: WeightedTorques, loaded: WeightedTorques) -> None:
         self.arm, self.bare, self.loaded = arm, bare, loaded

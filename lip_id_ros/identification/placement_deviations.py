@@ -2,9 +2,8 @@
 Standard deviations of the parameters of Denavit and Hartenberg.
 
 Placements take up what the links and friction of a real arm do not explain, by more than their
-posterior says. How much shows where parts are left out: the jackknife over these is true whatever
-the residuals are, as long as they differ between parts (Efron and Tibshirani 1993).
-
+posterior says. The jackknife over left-out parts is true whatever the residuals are, as long as
+they differ between parts (Efron and Tibshirani 1993).
 """
 
 from __future__ import annotations
@@ -31,10 +30,9 @@ from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table_st
 
 def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitHartenberg:
     """
-    Return the larger of the deviations by the posterior and by the jackknife, without elections.
+    Return the larger of deviations by the posterior and by the jackknife, without elections.
 
     A length that was set to zero because no torque speaks against it is not known to be zero.
-
     """
     if not known.geometry.rigid:
         known = replace(known, geometry=Geometry.free(total.around.n_joints))
@@ -52,10 +50,9 @@ def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitH
 
 def jackknife_root(parts: Sequence[TorqueStatistics], prior: Array, noise_std: Array) -> Array:
     """
-    Return a square root of the covariance of parameters by leaving out parts, shape (m, K).
+    Return a root (m, K) of the parameters' covariance by leaving out parts.
 
     Parameters are as in `left_out_parts.measure_left_out`.
-
     """
     grams = np.array([[r.T @ r for r in part.factors] for part in parts])
     rest = grams.sum(axis=0) - grams

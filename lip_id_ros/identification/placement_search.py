@@ -1,11 +1,11 @@
 """
-The search for the lowest place: iterated local searches from axes at quarter turns.
+The search for the lowest place.
 
-The cost of placements has many minima. Descents start from axes that are parallel or at right
-angles, as those of most arms are; then joints of the best minima are drawn anew and descended from
-again (iterated local search: Lourenco, Martin and Stuetzle 2003). Two such searches that know
-nothing of each other go on until they agree.
-
+Iterated local searches from axes at quarter turns. The cost of placements has many minima.
+Descents start from axes that are parallel or at right angles, as those of most arms are; then
+joints of the best minima are drawn anew and descended from again (iterated local search: Lourenco,
+Martin and Stuetzle 2003). Two such searches that know nothing of each other go on until they
+agree.
 """
 
 from __future__ import annotations
@@ -65,48 +65,20 @@ _CUBE = Rotation.create_group('O').as_matrix()
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """
-    Outcome of the search.
+    """Outcome of the search."""
 
-    Attributes
-    ----------
-    placements : Placements
-        Lowest minimum, refined on all samples.
-    candidates : tuple of Placements
-        The lowest minima, refined on the samples of the search.
-    noise_std : array, shape (n,)
-        Root mean squares of the residuals [N m or N], at least `least_noise`.
-    agreed : bool
-        Whether both searches ended in the same minimum.
-    descents : int
-
-    """
-
-    placements: Placements
-    candidates: tuple[Placements, ...]
-    noise_std: Array
-    agreed: bool
+    placements: Placements  # lowest minimum, refined on all samples
+    candidates: tuple[Placements, ...]  # lowest minima, on the samples of the search
+    noise_std: Array  # (n,), of residuals, at least `least_noise` [N m or N]
+    agreed: bool  # whether both searches ended in the same minimum
     descents: int
 
 
 def calibrate(samples: Samples, few: int, seed: int, progress: Progress) -> Calibration:
     """
-    Find the placements of the joints of an arm.
+    Find the placements of the joints of an arm, searching with `few` samples, evenly chosen.
 
-    Parameters
-    ----------
-    samples : Samples
-    few : int
-        Samples of the search, evenly chosen.
-    seed : int
-        Of the starts.
-    progress : callable
-
-    Raises
-    ------
-    FitError
-        If the data are not finite in units of the noise.
-
+    Raises FitError if the data are not finite in units of the noise.
     """
     coarse = coarse_noise(samples)
     some = few_of(samples, few)
@@ -169,11 +141,7 @@ def quarter_turn_placements(n_joints: int, rng: np.random.Generator) -> tuple[Ar
     """
     Draw axes that are parallel or at right angles, some way apart.
 
-    Returns
-    -------
-    rotations, translations : arrays, shapes (n, 3, 3) and (n, 3)
-        A little noise keeps off saddle points.
-
+    (n, 3, 3) and (n, 3). A little noise keeps off saddle points.
     """
     twists = rng.choice([0.5 * np.pi, -0.5 * np.pi, 0.0], n_joints, p=[0.4, 0.4, 0.2])
     turns = 0.5 * np.pi * rng.integers(4, size=n_joints)

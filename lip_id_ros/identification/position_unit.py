@@ -3,7 +3,6 @@ Positions in revolutions, told by how much better links explain the torques once
 
 Over small angles gravity is nearly a polynomial, which links explain at any scale of the angles:
 half a usual motion shows the difference, a fifth of one may not.
-
 """
 
 from __future__ import annotations

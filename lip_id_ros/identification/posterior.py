@@ -1,10 +1,9 @@
 """
 The posterior of an arm's parameters, from all samples in memory (maths.md, section 13).
 
-Around the best parameters torques are linear in all of them, so that statistics of the samples
-are all that is needed. Where the samples of the descent have left some out, or steps of the
-placements are too large to be linear, they are gathered once more.
-
+Around the best parameters torques are linear in all of them, so that statistics of the samples are
+all that is needed. Where the samples of the descent have left some out, or steps of the placements
+are too large to be linear, they are gathered once more.
 """
 
 from __future__ import annotations
@@ -45,25 +44,7 @@ SMALLEST = 1e-300
 
 
 def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Solution, Total]:
-    """
-    Take in all samples, and return the posterior.
-
-    Parameters
-    ----------
-    fitter : ArmFitter
-    fit : ArmFit
-        Fitted to some of the samples.
-
-    Returns
-    -------
-    fit : ArmFit
-        To all samples.
-    posterior : ArmPosterior
-    solution : Solution
-    total : Total
-        Statistics that it is the solution of.
-
-    """
+    """Take all samples into a fit to some, and return the posterior, and what it is of."""
     fit, known = fitter.to_all_samples(fit), known_of(fitter, fit)
     some, total = fitter.some(SAMPLES), total_of(fitter, fit)
     fixed = replace(fit.geometry, rigid=True)
@@ -151,7 +132,6 @@ def posterior_of(around: Linearisation, solution: Solution, some: Dataset) -> Ar
 
     Friction differs between recordings, by deviations that few recordings do not show exactly:
     Student's t.
-
     """
     deviations, count = solution.deviations, len(solution.recordings.residual_rms)
     within = deviations.recordings * widening(count)
@@ -170,9 +150,8 @@ def _following(around: Linearisation, solution: Solution, some: Dataset) -> Arra
     Return the covariance root of a solution, whose links and friction follow its placements.
 
     Links that differ by what changes no torque at these placements have other torques at others:
-    what made up for a placement beside the present links does not beside those of the solution.
-    So coordinates that others can stand for are left out first.
-
+    what made up for a placement beside the present links does not beside those of the solution. So
+    coordinates that others can stand for are left out first.
     """
     parts = around.chain, around.links, around.friction, around.noise
     present = ArmPosterior(*parts, solution.covariance_root)

@@ -1,11 +1,10 @@
 """
-Square-root statistics of one recording: triangular factors of what its torques are regressed on.
+Square-root statistics of one recording.
 
-The first rows of each factor have the friction of this recording in them; the rest, from which
-that has been eliminated, adds up over recordings: block angular least squares (Björck, Numerical
-Methods for Least Squares Problems, 1996, 6.3; Golub and Van Loan, Matrix Computations, 4th ed.,
-5.3; maths.md, section 14).
-
+Triangular factors of what its torques are regressed on. The first rows of each factor have the
+friction of this recording in them; the rest, from which that has been eliminated, adds up over
+recordings: block angular least squares (Björck, Numerical Methods for Least Squares Problems,
+1996, 6.3; Golub and Van Loan, Matrix Computations, 4th ed., 5.3; maths.md, section 14).
 """
 
 from __future__ import annotations
@@ -29,37 +28,23 @@ CHUNK = 1000
 @dataclass(frozen=True, eq=False)
 class RecordingFactors(Packable):
     """
-    Statistics of the blocks of a recording.
+    Statistics of the B blocks of a recording.
 
-    Attributes
-    ----------
-    triangles : array, shape (B, sum of (k_i + p_i + 1) (k_i + p_i + 2) / 2)
-        Of every block, upper triangles of the joints' factors, row by row.
-    counts : array, shape (B, n)
-        Numbers of samples.
-
+    Triangles are the upper ones of the joints' factors, row by row.
     """
 
     KIND = 'statistics'
-    triangles: Array
-    counts: Array
+    triangles: Array  # (B, sum of (k_i + p_i + 1) (k_i + p_i + 2) / 2)
+    counts: Array  # (B, n)
 
 
 def gather(
     dataset: Dataset, around: Linearisation, blocks: int = 1, kept: BoolArray | None = None
 ) -> RecordingFactors:
     """
-    Gather the statistics of a recording.
+    Gather the statistics of the samples of a recording that are kept.
 
-    Parameters
-    ----------
-    dataset : Dataset
-    around : Linearisation
-    blocks : int
-        Of motions with their repetitions, at most so many.
-    kept : bool array, shape (N,), optional
-        Samples that count; all where not given.
-
+    Blocks are of motions with their repetitions, at most so many.
     """
     rows = np.arange(dataset.n_samples) if kept is None else np.flatnonzero(kept)
     number = recurrent_folds(dataset.select(rows), blocks) if rows.size else rows

@@ -6,7 +6,6 @@ of a process instead of the links; it takes residuals that are correlated in tim
 that beside them it offers nothing. The prediction of left-out samples chooses among these, joint
 by joint, and whether there is a process at all. Left out are motions with all their repetitions,
 and the lowest and the highest positions of the joint: a model must also extrapolate.
-
 """
 
 from __future__ import annotations
@@ -74,43 +73,20 @@ level of 5 % for eight folds.
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """
-    Samples that are left out together.
+    """Samples that are left out together."""
 
-    Attributes
-    ----------
-    out : bool array, shape (M,)
-    residual : array, shape (M, n)
-        Of links and friction that were fitted without these samples [N m or N].
-    joint : int
-        The joint to which the fold matters; -1 for all.
-
-    """
-
-    out: BoolArray
-    residual: Array
-    joint: int
+    out: BoolArray  # (M,)
+    residual: Array  # (M, n), of a fit without them [N m or N]
+    joint: int  # the joint to which the fold matters; -1 for all
 
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """
-    Errors of samples that were left out.
+    """Errors of samples that were left out."""
 
-    Attributes
-    ----------
-    mean_squares : array, shape (K,)
-        Of every fold [(N m)^2 or N^2].
-    block_std : float
-        Root mean square error of left-out blocks of time [N m or N].
-    score : float
-        Logarithm of root mean squared errors, averaged over the two kinds of folds.
-
-    """
-
-    mean_squares: Array
-    block_std: float
-    score: float
+    mean_squares: Array  # (K,), of every fold [(N m)^2 or N^2]
+    block_std: float  # of left-out blocks of time [N m or N]
+    score: float  # log of root mean squares, mean over both kinds of folds
 
     @classmethod
     def of(cls, folds: Sequence[Fold], errors: Sequence[Array]) -> Errors:
@@ -131,26 +107,12 @@ class Errors:
 
 @dataclass(frozen=True, eq=False)
 class RemainderProcess:
-    """
-    A Gaussian process of one joint.
+    """A Gaussian process of one joint."""
 
-    Attributes
-    ----------
-    replaces : bool
-        Whether it takes the place of the links.
-    lengths : array, shape (d,)
-        Length scales of the inputs.
-    noise : float
-        Variance of the noise, in variances of the process.
-    left_out_std : float
-        Root mean square error of left-out blocks of time [N m or N].
-
-    """
-
-    replaces: bool
-    lengths: Array
-    noise: float
-    left_out_std: float
+    replaces: bool  # takes the place of the links
+    lengths: Array  # (d,), of the inputs
+    noise: float  # variance, in variances of the process
+    left_out_std: float  # of left-out blocks of time [N m or N]
 
 
 def fold_masks(dataset: Dataset, rows: IndexArray) -> list[tuple[BoolArray, int]]:
@@ -165,26 +127,13 @@ def fold_masks(dataset: Dataset, rows: IndexArray) -> list[tuple[BoolArray, int]
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """
-    What processes are to explain.
-
-    Attributes
-    ----------
-    inputs : Inputs
-    x : array, shape (M, d)
-        Inputs of the samples.
-    friction : array, shape (M, n, 3)
-        Features of friction.
-    tau, residual : arrays, shape (M, n)
-        Torques, and what links and friction do not explain of them [N m or N].
-
-    """
+    """What processes are to explain."""
 
     inputs: Inputs
-    x: Array
-    friction: Array
-    tau: Array
-    residual: Array
+    x: Array  # (M, d), inputs of the samples
+    friction: Array  # (M, n, 3), features
+    tau: Array  # (M, n) [N m or N]
+    residual: Array  # (M, n), of links and friction [N m or N]
 
     @classmethod
     def of(cls, inputs: Inputs, dataset: Dataset, residual: Array) -> Targets:
@@ -237,15 +186,7 @@ class Targets:
 
 
 class RemainderElection:
-    """
-    Election of processes, joint by joint.
-
-    Parameters
-    ----------
-    targets : Targets
-    folds : sequence of Fold
-
-    """
+    """Election of processes, joint by joint."""
 
     def __init__(self, targets: Targets, folds: Sequence[Fold]) -> None:
         self._targets, self._folds = targets, folds
@@ -362,22 +303,9 @@ def left_out_fits(
 
 def linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Array, Array]:
     """
-    Return how the torques of samples change with a step from a fit, and its residuals.
+    Return how torques change with a step from a fit, (N, n, m), and residuals (N, n) [N m or N].
 
-    Parameters
-    ----------
-    problem : ArmProblem
-        Of the samples, around the fit.
-    dataset : Dataset
-    fit : ArmFit
-
-    Returns
-    -------
-    jacobian : array, shape (N, n, m)
-        The loads that friction bears change with the links.
-    residual : array, shape (N, n)
-        [N m or N].
-
+    The loads that friction bears change with the links.
     """
     jacobian = problem.jacobian(fit.state)
     if fit.friction.basis.is_loaded.any():

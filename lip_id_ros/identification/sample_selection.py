@@ -1,8 +1,8 @@
 """
-Samples of an identification: those that are left out, and few that cover all.
+Samples of an identification.
 
-Scales are quantiles, which a few absurd values do not move (Huber, Robust Statistics, 1981).
-
+Those that are left out, and few that cover all. Scales are quantiles, which a few absurd values do
+not move (Huber, Robust Statistics, 1981).
 """
 
 from __future__ import annotations
@@ -55,7 +55,6 @@ def without_long_rests(dataset: Dataset) -> IndexArray:
     A rest is one measurement, repeated: with all of its samples, those of the motion would be the
     exception, and be left out as absurd. Of each rest at most a quarter as many samples are kept,
     at even distances, as there are of the motion, and of all together as many.
-
     """
     speed = np.linalg.norm(dataset.dq, axis=1)
     is_rest = speed < AT_REST * np.quantile(speed, FAST_QUANTILE)
@@ -68,11 +67,11 @@ def without_long_rests(dataset: Dataset) -> IndexArray:
 
 def measured(dataset: Dataset) -> BoolArray:
     """
-    Mark the samples whose torques are measured, shape (N,): not the zeros of drives that are off.
+    Mark the samples whose torques are measured, shape (N,).
 
-    There the torques of all of several joints are zero for more than a second. The samples beside
-    them, which the low-pass has mixed with zeros, are not marked either.
-
+    Not the zeros of drives that are off. There the torques of all of several joints are zero for
+    more than a second. The samples beside them, which the low-pass has mixed with zeros, are not
+    marked either.
     """
     size = np.abs(dataset.tau)
     is_zero = (size <= ZERO * np.quantile(size, QUANTILE, axis=0)).all(axis=1)

@@ -2,7 +2,6 @@
 Widths of the smooth signs of friction, elected by the prediction of left-out blocks.
 
 Torques are not linear in the widths: these are tried on a grid, then on finer ones.
-
 """
 
 from __future__ import annotations
@@ -41,18 +40,7 @@ of the first ones would be paid for by other terms, and by errors that no deviat
 
 
 class SignWidths:
-    """
-    The election of widths.
-
-    Parameters
-    ----------
-    gather : callable
-    dq : array, shape (N, n)
-        Velocities of the samples [rad/s or m/s].
-    n_links : int
-        Number of parameters of the links, which come first.
-
-    """
+    """The election of widths, for velocities (N, n). The parameters of the links come first."""
 
     def __init__(self, gather: Gather, dq: Array, n_links: int) -> None:
         self._gather, self._n_links = gather, n_links
@@ -86,10 +74,9 @@ class SignWidths:
 
     def beside_saturation(self, widths: Array, chosen: Sequence[Candidate], load: Array) -> Array:
         """
-        Return other widths where viscous friction that saturates gains beside them, (n,).
+        Return other widths (n,) where viscous friction that saturates gains beside them.
 
         The best width of a single sign stands in for such friction, so that it would not gain.
-
         """
         others, wide = _by_width([*plain_candidates(widths), *chosen])
         options = {
@@ -135,7 +122,6 @@ class SignWidths:
 
         The sums over joints of the logarithms of mean squares, each width beside the best of the
         other joints.
-
         """
         count, n = tried.shape
         others, wide = _by_width([*plain_candidates(tried[0]), *chosen])

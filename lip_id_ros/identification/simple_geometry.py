@@ -1,10 +1,9 @@
 """
-Simple geometry: neighbouring axes that are parallel, at right angles, or meet.
+Simple geometry.
 
-Axes of real arms are; so twists (Denavit and Hartenberg's alpha) are set to the nearest quarter
-turn and lengths (their a) to zero, where neither the posterior nor left-out samples speak against
-it (maths.md, section 13).
-
+Neighbouring axes that are parallel, at right angles, or meet. Axes of real arms are; so twists
+(Denavit and Hartenberg's alpha) are set to the nearest quarter turn and lengths (their a) to zero,
+where neither the posterior nor left-out samples speak against it (maths.md, section 13).
 """
 
 from __future__ import annotations
@@ -34,22 +33,13 @@ FARTHEST_TWIST, FARTHEST_LENGTH = np.radians(30.0), 0.1
 @dataclass(frozen=True, eq=False)
 class Geometry:
     """
-    What of the placements is fixed.
+    What of the placements is fixed, or all where rigid.
 
-    Attributes
-    ----------
-    twists : array, shape (n,)
-        Angle of each axis to the one before, or of the first to the vertical [rad]; not a number
-        where it is free.
-    meets : bool array, shape (n,)
-        Whether the axis meets the one before.
-    rigid : bool
-        Whether all of the placements is fixed.
-
+    Twists are to the axis before, or of the first to the vertical.
     """
 
-    twists: Array
-    meets: BoolArray
+    twists: Array  # (n,) [rad]; not a number where free
+    meets: BoolArray  # (n,), whether the axis meets the one before
     rigid: bool = False
 
     @classmethod
@@ -98,19 +88,9 @@ class Geometry:
 
 def candidates(chain: Chain, covariance_root: Array) -> list[tuple[float, Geometry]]:
     """
-    Return what may be set to simple geometry, each with how far off it is.
+    Return what may be set to simple geometry, nearest first, at most `MOST_DEVIATIONS` off.
 
-    Parameters
-    ----------
-    chain : Chain
-    covariance_root : array, shape (6 n or more, r)
-        Of the placements' steps, as `ArmPosterior` has it.
-
-    Returns
-    -------
-    list of (float, Geometry)
-        Distances in standard deviations, at most `MOST_DEVIATIONS`, nearest first.
-
+    Distances are in deviations by the covariance root (6 n or more, r) of `ArmPosterior`.
     """
     n = len(chain.prismatic)
     found = []

@@ -1,10 +1,9 @@
 """
-An arm from the statistics of its recordings: parameters, their covariance, friction of each.
+An arm from the statistics of its recordings.
 
-Links, placements and mean friction, deviations of friction between recordings, noise and the
-inflation of the covariance are found in turns, each with what the others have found
-(maths.md, sections 13 and 14).
-
+Parameters, their covariance, friction of each. Links, placements and mean friction, deviations of
+friction between recordings, noise and the inflation of the covariance are found in turns, each
+with what the others have found (maths.md, sections 13 and 14).
 """
 
 from __future__ import annotations
@@ -41,41 +40,20 @@ VARYING = (Viscous, Coulomb, Offset)
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """
-    What is known of an arm before its statistics are.
+    """What is known of an arm before its statistics are."""
 
-    Attributes
-    ----------
-    torque_std : array, shape (n,)
-        Of the measured torques [N m or N].
-    prior : ArmPrior
-    geometry : Geometry
-        What of the placements is fixed.
-
-    """
-
-    torque_std: Array
+    torque_std: Array  # (n,), of the measured torques [N m or N]
     prior: ArmPrior
-    geometry: Geometry
+    geometry: Geometry  # what of the placements is fixed
 
 
 @dataclass(frozen=True, eq=False)
 class RecordingFits:
-    """
-    What recordings have with the arm of all.
+    """What R recordings have with the arm of all."""
 
-    Attributes
-    ----------
-    residual_rms : array, shape (R, n)
-        Of every recording with its own friction [N m or N]; not a number where it has no samples.
-    friction, friction_std : arrays, shape (R, K)
-        Posterior means and standard deviations of the coefficients of every recording.
-
-    """
-
-    residual_rms: Array
-    friction: Array
-    friction_std: Array
+    residual_rms: Array  # (R, n), with own friction [N m or N]; nan without samples
+    friction: Array  # (R, K), posterior means
+    friction_std: Array  # (R, K)
 
     def among(self, kept: BoolArray, others: RecordingFits) -> RecordingFits:
         """Return these at the places of a mask, and others at the rest."""
@@ -88,45 +66,20 @@ class RecordingFits:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """
-    Parameters of an arm.
-
-    Attributes
-    ----------
-    chain : Chain
-    links : array, shape (n, 11)
-        Of bodies that can exist.
-    numbers : array, shape (n, 11)
-        Their log-Cholesky numbers.
-    friction : FrictionModel
-        With mean coefficients.
-    deviations : FrictionDeviations
-    recordings : RecordingFits
-    n_robots : int
-    parameters : array, shape (K + W + 17 n,)
-        Of the linearisation that was solved.
-    friction_prior : array, shape (K,)
-        Deviations with which every coefficient makes torques of the measured size.
-    noise_std : array, shape (n,)
-        Within a recording [N m or N].
-    left_out : LeftOut
-    covariance_root : array, shape (17 n + K + W, r)
-        In the coordinates of `ArmPosterior`.
-
-    """
+    """Parameters of an arm."""
 
     chain: Chain
-    links: Array
-    numbers: Array
-    friction: FrictionModel
+    links: Array  # (n, 11), of bodies that can exist
+    numbers: Array  # (n, 11), their log-Cholesky numbers
+    friction: FrictionModel  # with mean coefficients
     deviations: FrictionDeviations
     recordings: RecordingFits
     n_robots: int
-    parameters: Array
-    friction_prior: Array
-    noise_std: Array
+    parameters: Array  # (K + W + 17 n,), of the linearisation solved
+    friction_prior: Array  # (K,), deviations of torques of the measured size
+    noise_std: Array  # (n,), within a recording [N m or N]
     left_out: LeftOut
-    covariance_root: Array
+    covariance_root: Array  # (17 n + K + W, r), coordinates of `ArmPosterior`
 
     @property
     def inflation(self) -> float:
@@ -144,16 +97,11 @@ def solve(total: Total, known: Known, moves: Geometry) -> Solution:
 
 def solutions(total: Total, known: Known, moves: Geometry) -> Iterator[Solution]:
     """
-    Yield the solution of every round; the last one is that of `solve`.
+    Yield the solution of every round.
 
-    Parameters
-    ----------
-    total : Total
-    known : Known
-    moves : Geometry
-        In which placements move: that of the arm, or a rigid one where they are fitted already.
-        The covariance has those that the geometry of the arm leaves free.
-
+    The last one is that of `solve`. Placements move in `moves`: the geometry of the arm, or a
+    rigid one where they are fitted already. The covariance has those that the geometry of the arm
+    leaves free.
     """
     solver = _Solver(total, known, moves)
     for _ in range(ROUNDS):

@@ -5,7 +5,6 @@ The mean at a state costs a correlation with every sample that has a weight. A s
 need all of them: that which interpolates it at some samples is nearly the same everywhere (power
 function and Newton basis: Mueller and Schaback, J. Approximation Theory 2009). The sample that
 comes next brings most of the norm of what is missing.
-
 """
 
 from __future__ import annotations
@@ -25,24 +24,11 @@ ROUNDING = 1e-3
 
 def sparse_weights(x: Array, lengths: Array, alpha: Array, tolerance: Array) -> Array:
     """
-    Return weights of few samples whose means are nearly those of all.
+    Return weights (M, k), most of them zero, whose k means are nearly those of all samples.
 
-    Parameters
-    ----------
-    x : array, shape (M, d)
-        Inputs of the samples.
-    lengths : array, shape (d,)
-        Length scales of the inputs.
-    alpha : array, shape (M, k)
-        Weights of all samples for some means [N m or N].
-    tolerance : array, shape (k,)
-        By which each mean may differ at the samples, near to them, between and beyond [N m or N].
-
-    Returns
-    -------
-    array, shape (M, k)
-        Rows of zeros but for few; `alpha` where rounding does not allow for less.
-
+    From inputs (M, d) with length scales (d,), weights alpha (M, k) and the tolerance (k,) by
+    which each mean may differ at the samples, near to them, between and beyond [N m or N]. Returns
+    `alpha` where rounding does not allow for less.
     """
     cross = correlation(x, near_and_beyond(x), lengths)  # the first M columns are the samples
     means = cross.T @ (alpha / tolerance)

@@ -6,7 +6,6 @@ samples is, per joint, the triangular factor R_i of their rows [f_i, tau_i]. Fac
 orthogonal transformations (Golub and Van Loan, Matrix Computations, 4th ed., 5.3 and 6.5.2), never
 by normal equations, which would square the condition number. One factor per joint keeps the noise
 of every joint, and the choice of columns, open until the parameters are solved for.
-
 """
 
 from __future__ import annotations
@@ -26,21 +25,13 @@ class TorqueStatistics:
     """
     Triangular factors of the rows [features, torque] of every joint.
 
-    Attributes
-    ----------
-    columns : tuple of n int arrays, shapes (p_i,)
-        Parameter of each column of joint i; joints may share parameters.
-    factors : tuple of n arrays, shapes (p_i + 1, p_i + 1)
-        Upper triangular R_i with R_i^T R_i = [F_i, tau_i]^T W_i [F_i, tau_i]; the diagonal is not
-        negative.
-    counts : array, shape (n,)
-        Numbers of samples.
-
+    R_i is upper triangular with a diagonal that is not negative: R_i^T R_i = [F_i, tau_i]^T W_i
+    [F_i, tau_i].
     """
 
-    columns: tuple[IndexArray, ...]
-    factors: tuple[Array, ...]
-    counts: Array
+    columns: tuple[IndexArray, ...]  # (p_i,), parameters of joint i; joints may share them
+    factors: tuple[Array, ...]  # (p_i + 1, p_i + 1)
+    counts: Array  # (n,), of samples
 
     @classmethod
     def empty(cls, columns: Sequence[IndexArray]) -> TorqueStatistics:
@@ -62,24 +53,12 @@ class TorqueStatistics:
         counts: Array | None = None,
     ) -> TorqueStatistics:
         """
-        Return the statistics with further samples; costs memory for these samples only.
+        Return the statistics with further samples.
 
-        Parameters
-        ----------
-        features : sequence of n arrays, shapes (N, p_i)
-            Rows f_i of every joint.
-        tau : array, shape (N, n)
-            [N m or N].
-        weights : array, shape (N, n), optional
-            Of squared residuals, not negative; 1 where not given.
-        counts : array, shape (N, n), optional
-            By how many samples each counts, as an outlier does by less; 1 where not given.
-
-        Raises
-        ------
-        ShapeError
-            If the shapes do not fit the columns.
-
+        Costs memory for these samples only. Features (N, p_i) of every joint and tau (N, n) [N m
+        or N], weights (N, n) of squared residuals, and by how many samples each counts (N, n), as
+        an outlier does by less; both 1 where not given. Raises ShapeError if the shapes do not fit
+        the columns.
         """
         shapes = [each.shape for each in features]
         expected = [(len(tau), column.size) for column in self.columns]
@@ -99,13 +78,9 @@ class TorqueStatistics:
 
     def merge(self, *others: TorqueStatistics) -> TorqueStatistics:
         """
-        Return the statistics of all samples together; the order does not matter.
+        Return the statistics of all samples, in any order.
 
-        Raises
-        ------
-        ShapeError
-            If the columns differ.
-
+        Raises ShapeError if columns differ.
         """
         every = (self, *others)
         for other in others:
@@ -124,19 +99,7 @@ class TorqueStatistics:
         )
 
     def squared_residuals(self, parameters: Array) -> Array:
-        """
-        Weighted sums of squared residuals per joint.
-
-        Parameters
-        ----------
-        parameters : array, shape (..., P)
-
-        Returns
-        -------
-        array, shape (..., n)
-            [(N m)^2 or N^2].
-
-        """
+        """Weighted sums (..., n) of squares [(N m)^2 or N^2], for parameters (..., P)."""
         sums = []
         for column, factor in zip(self.columns, self.factors, strict=True):
             residual = parameters[..., column] @ factor[:, :-1].T - factor[:, -1]
@@ -145,20 +108,9 @@ class TorqueStatistics:
 
     def system(self, noise_std: Array, selected: IndexArray | None = None) -> Array:
         """
-        Triangular factor of all joints' rows in units of the noise.
+        Triangular factor (s + 1, s + 1) of all joints' rows in units of their noise, shape (n,).
 
-        Parameters
-        ----------
-        noise_std : array, shape (n,)
-            Standard deviation of every joint's noise [N m or N].
-        selected : int array, shape (s,), optional
-            Parameters, in the order of the factor's columns; all where not given.
-
-        Returns
-        -------
-        array, shape (s + 1, s + 1)
-            Upper triangular; the last column belongs to the torques.
-
+        Of the selected parameters, in this order, and the torques; of all where not given.
         """
         if selected is None:
             selected = np.arange(self.n_parameters)
@@ -182,15 +134,7 @@ class TorqueStatistics:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Array | IndexArray]) -> TorqueStatistics:
-        """
-        Return the statistics that `to_arrays` gave.
-
-        Raises
-        ------
-        ShapeError
-            If an array is missing or the shapes contradict each other.
-
-        """
+        """Return the statistics that `to_arrays` gave; raises ShapeError if these do not fit."""
         try:
             counts = np.asarray(arrays['counts'], dtype=np.float64)
             joints = range(counts.size)
@@ -214,19 +158,10 @@ class TorqueStatistics:
 
 @dataclass(frozen=True, eq=False)
 class GaussianPosterior:
-    """
-    Posterior of the parameters of a linear model with Gaussian prior and noise.
+    """Posterior of the parameters of a linear model with Gaussian prior and noise."""
 
-    Attributes
-    ----------
-    mean : array, shape (P,)
-    information_root : array, shape (P, P)
-        Upper triangular; its transpose times itself is the information matrix.
-
-    """
-
-    mean: Array
-    information_root: Array
+    mean: Array  # (P,)
+    information_root: Array  # (P, P), upper triangular R, information R^T R
 
     def variance(self, features: Array) -> Array:
         """Return variances of linear functions of the parameters, features (N, P), shape (N,)."""
@@ -241,18 +176,10 @@ def posterior(
     selected: IndexArray | None = None,
 ) -> GaussianPosterior:
     """
-    Solve for the parameters.
+    Solve for the selected parameters.
 
-    Parameters
-    ----------
-    statistics : TorqueStatistics
-    noise_std : array, shape (n,)
-        Standard deviations of the noise [N m or N].
-    prior_std : array, shape (P,)
-        Standard deviations of the parameters around zero.
-    selected : int array, shape (s,), optional
-        Parameters of the model; all others are zero. `prior_std` then has shape (s,).
-
+    All others are zero. Noise (n,) is in N m or N, `prior_std`, shape (P,) or that of the
+    selected, around zero.
     """
     root = posterior_root(statistics.system(noise_std, selected), prior_std)
     mean = solve_triangular(root[:-1, :-1], root[:-1, -1], check_finite=False)
@@ -260,39 +187,13 @@ def posterior(
 
 
 def posterior_root(system: Array, prior_std: Array) -> Array:
-    """
-    Add independent Gaussian priors around zero to a triangular system.
-
-    Parameters
-    ----------
-    system : array, shape (p + 1, p + 1)
-        Of `TorqueStatistics.system`.
-    prior_std : array, shape (p,)
-
-    Returns
-    -------
-    array, shape (p + 1, p + 1)
-        Upper triangular; the last column belongs to the torques.
-
-    """
+    """Add independent Gaussian priors (p,) around zero to a triangular system (p + 1, p + 1)."""
     prior = np.column_stack([np.diag(1.0 / prior_std), np.zeros(prior_std.size)])
     return triangular(system, prior)
 
 
 def triangular(*blocks: Array) -> Array:
-    """
-    Triangular factor R of stacked rows A, R^T R = A^T A.
-
-    Parameters
-    ----------
-    *blocks : arrays, shapes (m_k, p)
-
-    Returns
-    -------
-    array, shape (p, p)
-        Upper triangular with a diagonal that is not negative.
-
-    """
+    """Triangular R of stacked rows A, R^T R = A^T A, with a diagonal that is not negative."""
     rows = np.concatenate(blocks)
     size = rows.shape[1]
     if len(rows) < size:

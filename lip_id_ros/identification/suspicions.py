@@ -1,9 +1,9 @@
 """
-Causes of large residuals: drifts, a payload that comes and goes, a base that moves, other scales.
+Causes of large residuals.
 
-Changes within a recording are compared with what the same features of other times explain, since
-any features explain residuals that last. health.md has how often all are told.
-
+Drifts, a payload that comes and goes, a base that moves, other scales. Changes within a recording
+are compared with what the same features of other times explain, since any features explain
+residuals that last. health.md has how often all are told.
 """
 
 from __future__ import annotations

@@ -23,18 +23,10 @@ TOGETHER = 32
 
 @dataclass(frozen=True, eq=False)
 class FrictionDeviations:
-    """
-    Standard deviations of coefficients of friction.
+    """Standard deviations of coefficients of friction; 0 where they do not differ."""
 
-    Attributes
-    ----------
-    recordings, groups : arrays, shape (K,)
-        Between recordings of one robot, and between robots; 0 where they do not differ.
-
-    """
-
-    recordings: Array
-    groups: Array
+    recordings: Array  # (K,), between recordings of one robot
+    groups: Array  # (K,), between robots
 
     @classmethod
     def none(cls, size: int) -> FrictionDeviations:
@@ -49,17 +41,9 @@ class FrictionDeviations:
 
 class Total:
     """
-    Statistics of all recordings that are in the fit.
+    Statistics of all recordings that are in the fit, gathered with `around`.
 
-    Parameters
-    ----------
-    around : Linearisation
-        That the statistics were gathered with.
-    recordings : sequence of RecordingFactors
-        In an order that does not depend on that of the sources.
-    groups : sequence of str, optional
-        Robot of each; one robot where not given.
-
+    Their order does not depend on that of the sources; groups are robots.
     """
 
     def __init__(
@@ -92,7 +76,6 @@ class Total:
 
         Rows of friction have a noise of their own that these effects make; in its units their
         squares add up to those of generalised least squares.
-
         """
         merged = []
         robots = range(int(self.group.max()) + 1)
@@ -161,19 +144,9 @@ class Total:
 
     def residual_squares(self, parameters: Array, friction: Array) -> Array:
         """
-        Return sums of squared residuals of every recording with its own friction.
+        Return sums of squares (R, n) of every recording with its own friction (R, K).
 
-        Parameters
-        ----------
-        parameters : array, shape (K + W + 17 n,)
-            Of a linearisation.
-        friction : array, shape (R, K)
-
-        Returns
-        -------
-        array, shape (R, n)
-            [(N m)^2 or N^2].
-
+        Parameters (K + W + 17 n,) are those of a linearisation.
         """
         out = np.zeros(self.recording_counts.shape)
         for joint, some, own, factor in self._every():
@@ -216,7 +189,6 @@ def _whitened(factors: Array, deviations: Array) -> Array:
 
     Deviations, shape (k,), are in units of the noise without them. Only the first k rows have
     these columns.
-
     """
     if not deviations.any():
         return factors

@@ -6,7 +6,6 @@ A factor is a(q, q') = w_0 + w_1 f_1(q) f_1(q') + w_2 f_2(q) f_2(q'), where (f_1
 `subsec:prior_functions`); u is the position relative to the centre of the training range in units
 of half that range. Polynomials of a given degree in q and in u are the same functions; only the
 conditioning differs.
-
 """
 
 from __future__ import annotations
@@ -28,7 +27,6 @@ class PackedStates(NamedTuple):
 
     `f` and `g`, shape (2, n, N + LANES), are features and their derivatives by the position; `dq`
     and `ddq` have shape (n, N + LANES).
-
     """
 
     f: Array
@@ -44,7 +42,6 @@ class JointBasis:
 
     `centre` and `half_range`, shape (n,), are those of the training positions; used for prismatic
     joints only.
-
     """
 
     joint_types: tuple[str, ...]

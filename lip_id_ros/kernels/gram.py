@@ -26,7 +26,6 @@ def gram(kernel: EnergyKernel, weights: Weights, x: PackedStates) -> Array:
     Gram matrix of the torques at N samples, without noise and friction.
 
     Shape (N n, N n), symmetric; row t n + i is torque i of sample t [(N m)^2 or N^2].
-
     """
     rows = np.arange(_count(x))
     out = np.empty((len(rows) * kernel.n_joints,) * 2)
@@ -58,7 +57,6 @@ def energy_covariance(
     Covariances of T and of V at x with the torques at z (paper, section `sec:energy_est`).
 
     Each of shape (N, M n) [J N m or J N].
-
     """
     shape = (_count(x), _count(z) * kernel.n_joints)
     kinetic, potential = np.empty(shape), np.empty(shape)
@@ -74,7 +72,6 @@ def contracted_gradient(
 
     W is the symmetric contraction, shape (N n, N n). Returns the derivative by each weight, not by
     its logarithm.
-
     """
     tasks = (_count(x) + 1) // 2
     k = kernel_arrays(kernel, weights)

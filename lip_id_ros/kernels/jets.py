@@ -12,7 +12,6 @@ jets to jets in closed form, with no division: the product rule is
 
 Derivation and proof: maths.md, section 4. The tests compare with nested automatic
 differentiation.
-
 """
 
 from __future__ import annotations
@@ -36,7 +35,6 @@ class Jet(NamedTuple):
     `c`, shape (4, n, LANES): columns: p'_j y, D p'_j y, G'_j y, D G'_j y.
     `pp`, shape (n, LANES): p_i p'_i y (zero off the diagonal).
     `pg`, `gp`, `gg`, shape (n, n, LANES): p_i G'_j y, G_i p'_j y, G_i G'_j y.
-
     """
 
     s: Array
@@ -54,7 +52,6 @@ class Factor(NamedTuple):
 
     `a`, shape (4, LANES): a, da/dq, da/dq', d2a/dq dq'. `rate`, shape (5, LANES): da, D'a, DD'a,
     D(da/dq'), D'(da/dq).
-
     """
 
     a: Array

@@ -4,7 +4,6 @@ Adjoints of the steps of `lip_id_ros.kernels.jets` (reverse-mode differentiation
 Each function here is the transpose of its namesake: it takes the adjoint of a jet after the step
 to the adjoint before it and adds to the adjoint of the step's own numbers (factor, velocity
 weight, scale). The forward jets that it needs were kept on a tape (maths.md, section 5).
-
 """
 
 from __future__ import annotations
@@ -44,7 +43,6 @@ def emit_square(adj: Jet, work: Array, w: Array, y: Jet, scale: float, high: int
     Transpose the emission of scale y^2, contracted with w[i, j].
 
     Returns the sum over pairs and entries of w times the emitted block, per unit of scale.
-
     """
     s, r, c = y.s, y.r, y.c
     k = 2.0 * scale

@@ -30,7 +30,6 @@ class Tapes(NamedTuple):
     `adj` and `tape` are the adjoint of the running velocity kernel, and that kernel before every
     step; `p_adj` and `p_tape` the same of the running product; `factor_adj` is the adjoint of the
     factor at hand. `sums` has shape (8, LANES).
-
     """
 
     adj: Jet

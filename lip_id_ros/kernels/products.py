@@ -3,7 +3,6 @@ A running product of joint factors, its derivatives and their adjoints, for `LAN
 
 The potential energy kernel is such a product. It does not depend on velocities, so that of the
 Euler-Lagrange operators only -d/dq_i remains (maths.md, section 2).
-
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ class Product(NamedTuple):
 
     `p`, shape (1, LANES). `r`, `c`, shape (n, LANES): dp/dq_i and dp/dq'_j. `h`, shape (n, n,
     LANES): d2p/dq_i dq'_j.
-
     """
 
     p: Array

@@ -11,7 +11,6 @@ velocity term (maths.md, section 3). A program composes the y_i: its steps act o
 y, which they multiply by a factor, add a velocity term to, or emit the square of. The potential
 energy kernel is a product of factors. Whoever evaluates a kernel (Gram matrix, gradient,
 prediction, reference) interprets the same steps, and a new member of the family is a new list.
-
 """
 
 from __future__ import annotations
@@ -42,7 +41,6 @@ class Step(NamedTuple):
     `coupled`, `high`: before the step, y depends on joints 0..high-1 (at a reset, those that it
     will depend on), and derivatives by two different joints vanish unless one of them is below
     `coupled`.
-
     """
 
     operation: int
@@ -63,7 +61,6 @@ class EnergyKernel:
     `n_factor_sets`: 1 where all links share joint factors and velocity weights, n where each has
     its own.
     `potential_links`: the links after whose factor the running product is emitted.
-
     """
 
     name: str
@@ -82,7 +79,6 @@ class Weights(NamedTuple):
     `kinetic_scales`, shape (n,): lambda of every link's kinetic energy [J^2 up to the units of s].
     `potential_factors`, shape (n, 3): w_0, w_1, w_2 of the potential energy's joint factors.
     `potential_scales`, shape (n_potential_links,) [J^2].
-
     """
 
     factors: Array
@@ -101,7 +97,6 @@ class KernelArrays(NamedTuple):
     `factors`, `velocities`, `kinetic_scales`, `potential_factors`: as in `Weights`.
     `potential_scales`, shape (n,): weight with which the product up to each joint is emitted; 0
     where it is not.
-
     """
 
     steps: IntArray
@@ -142,7 +137,6 @@ def recursive(n_joints: int) -> EnergyKernel:
 
     The recursion of the Newton-Euler velocities: an entry M_jk depends on the joints beyond j,
     with degree one up to k and two beyond. The inertia matrix never depends on the first joint.
-
     """
     steps = [Step(Operation.RESET, 0, 0, 0, 0, n_joints)]
     for b in range(n_joints):
@@ -160,7 +154,6 @@ def lip(n_joints: int) -> EnergyKernel:
     Every entry of link i's inertia depends on all joints up to i, with degree two: y_i is the sum
     of all velocity terms times the product of all factors. The potential energy is one product
     over all joints.
-
     """
     steps: list[Step] = []
     for i in range(n_joints):
@@ -208,7 +201,6 @@ def kinetic_covariance(
 
     `f`, `fz`: joint features of the two states; further indices are states. `dq`, `dz`: velocities
     [rad/s or m/s].
-
     """
     y: Any = 0.0
     total: Any = 0.0

@@ -30,7 +30,6 @@ class FrictionKernel:
     Parameters (n, 3) are prior variances of the viscous coefficient, of the Coulomb torque and of
     the offset (paper, eq. `kernel_epsilon`, without its squared exponential). The sign is tanh(dq
     / sign_width): the torque that a controller adds must not jump.
-
     """
 
     sign_width: Array
@@ -61,7 +60,6 @@ class Hyperparameters:
     Everything that is optimised; all numbers positive.
 
     `friction` has shape (n, 3), None without friction; `noise_variance` (n,) [(N m)^2 or N^2].
-
     """
 
     weights: Weights
@@ -225,7 +223,6 @@ class TorquePosterior:
 
     `alpha`, shape (N, n), is (K + noise)^-1 tau: the weights of the posterior mean. `inflation` is
     a factor of its variances, for residuals that are correlated in time.
-
     """
 
     prior: TorquePrior
@@ -252,7 +249,6 @@ class TorquePosterior:
 
         Of noiseless torques, (N, n) [(N m)^2 or N^2], and of both energies, (N,) [J^2]. At
         `reference`, shape (n,), the potential energy is zero and certain.
-
         """
         tau, kinetic, potential = np.empty_like(q), np.empty(len(q)), np.empty(len(q))
         for start in range(0, len(q), BLOCK):

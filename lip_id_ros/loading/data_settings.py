@@ -37,7 +37,6 @@ def selected_config(
     Returns settings with numbers in the place of `auto`, and an entry for sources' provenance.
 
     LipIdError: see `lip_id_ros.loading.preprocessing_selection.select_preprocessing`.
-
     """
     longest = config.preprocessing.max_gap_s
     some = first_share(recordings, training_share, longest)
@@ -64,7 +63,6 @@ def with_selected(config: Config, provenance: Mapping[str, Any]) -> Config:
     Put the settings selected for training data, or a model, in the place of `cutoff_hz: auto`.
 
     ConfigError if none of its sources was preprocessed.
-
     """
     if config.preprocessing.cutoff_hz != AUTO:
         return config

@@ -6,7 +6,6 @@ alike. The delay common to all is found first, then those of all joints together
 from it. Errors of delays are those of the mean of the blocks' gradients, since blocks are long
 enough to be nearly independent where residuals are not (Bester, Conley and Hansen, Journal of
 Econometrics 165, 2011).
-
 """
 
 from __future__ import annotations
@@ -97,7 +96,6 @@ class DelaySelection:
         `delays`, shape (n,): where to start [s]. `along`, shape (d, n): directions, none of which
         shares a joint with another. Returns delays and their standard errors, (d,) [s]: the start
         and infinity where nothing is found.
-
         """
         start = along @ delays / along.sum(axis=1)
         slopes, bends = self._derivatives(delays, along)
@@ -151,7 +149,6 @@ def fewest(common: float, common_error: float, delays: Array, errors: Array, mos
 
     `common`, `common_error`: delay of all joints, and its standard error [s]. `delays`, `errors`,
     shape (n,): those of the joints, likewise. `most`: standard errors that chance may make.
-
     """
 
     def beside(usual: float) -> tuple[Array, int]:

@@ -8,7 +8,6 @@ are compared. Otherwise the setting that removes most would seem to be the best.
 
 Friction follows a reversal late by pre-sliding (Dahl 1968), which a delay of the effort would mend
 in part. So it is viscous and Coulomb friction at several times around that of the effort.
-
 """
 
 from __future__ import annotations
@@ -61,7 +60,6 @@ def uniform_segments(
 
     Each comes with how many samples at both ends are not compared, where the lowest cut-off
     invents a continuation, or motions are looked at from `reach_s` away.
-
     """
     found = []
     total = sum(segment.n_samples for segment in segments)
@@ -96,7 +94,6 @@ class LeftOutTorques:
     `chain`: where the joints are.
     `link_std`, shape (n, 11): prior standard deviations of link parameters.
     `usual`: with which widths of signs, sizes of friction and the noise are found.
-
     """
 
     def __init__(
@@ -151,7 +148,6 @@ class LeftOutTorques:
 
         Their columns are links, friction of the joint, efforts to learn from and to predict;
         shape (blocks, n, 11 n + 13, 11 n + 13).
-
         """
         q, dq, ddq = smoothed.state(delay_s)
         links = torque_regressor(self._chain, q, dq, ddq) * self._link_std
@@ -186,7 +182,6 @@ class LeftOutTorques:
         `gram` has shape (n, 11 n + 13, 11 n + 13). Returns the equations of links and efforts to
         learn from, (n, 11 n + 1, 11 n + 1), in units of the noise, and friction for unit links and
         efforts, (n, 11, 11 n + 1).
-
         """
         p = self._link_std.size
         rest = np.append(np.arange(p), p + PER_JOINT)
@@ -222,7 +217,6 @@ class Smoothed:
 
     Splines are of positions, velocities and accelerations of every segment, times those of its
     efforts [s]; these are of all segments, shape (N, n).
-
     """
 
     def __init__(

@@ -50,7 +50,6 @@ def load_dataset(
     `assess`: gets the raw samples of every recording before they are preprocessed; returns more
     entries for its source in the provenance. The other parameters, and the errors, are those of
     `lip_id_ros.loading.examined.load_dataset`.
-
     """
     settings = Config() if settings is None else settings
     if not isinstance(settings, Config):

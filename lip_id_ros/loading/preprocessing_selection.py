@@ -2,7 +2,6 @@
 Cut-off, derivative and delays of efforts, selected by the prediction of left-out blocks.
 
 What is usual stays unless something else predicts left-out efforts better for sure.
-
 """
 
 from __future__ import annotations
@@ -64,7 +63,6 @@ def select_preprocessing(
 
     SourceError, ConfigError and DataError as from `preprocess`; ConfigError where a derivative or
     delays are given.
-
     """
     _refuse_mixed(settings, recording)
     if len({samples.joint_names for samples in recordings}) > 1:

@@ -24,7 +24,6 @@ class ArmDeviation:
     Posterior standard deviations of torques: norms of Jacobian times root of the covariance.
 
     Construction lays the posterior out; nothing is checked after that.
-
     """
 
     def __init__(self, arm: ArmPosterior) -> None:
@@ -83,7 +82,6 @@ def used_jacobian(
     `loaded`: the features that depend on a load.
     `coefficients`, shape (K,): of friction.
     `used`, shape (p,): the coordinates.
-
     """
     n = integers[0]
     chain, links = unpack_links(floats[: integers[1]], integers[4 : 4 + n])
@@ -137,7 +135,6 @@ def spread_by_rows(
     Set `out`, shape (N, n), to the norms of the rows of Jacobian times `root`.
 
     Row k of the root, shape (p, r), has nothing but zeros from column `ends[k]` on.
-
     """
     jacobian = np.empty((*out.shape, len(used)))
     used_jacobian(jacobian, q, dq, ddq, floats, integers, loaded, coefficients, used)

@@ -3,7 +3,6 @@ Posterior mean of an arm at joint states, compiled: links, friction and remainde
 
 A call from Python takes a quarter of a microsecond longer for every array that is passed, so that
 all numbers of a query are in one.
-
 """
 
 from __future__ import annotations
@@ -37,7 +36,6 @@ class ArmMean:
     result. Not for several threads at once.
 
     `remainder`, or None.
-
     """
 
     def __init__(self, arm: ArmPosterior, remainder: Remainder | None) -> None:
@@ -154,7 +152,6 @@ def evaluate_in_memory(memory: Array, integers: IntArray) -> None:
     `memory`: one after the other: q, dq, ddq; the result, which is set: torques; torques of the
     kinetic energy, of gravity and of friction; T and V; working memory; `pack`'s numbers.
     `integers`: by `pack`.
-
     """
     n = integers[0]
     q, dq, ddq = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n]
@@ -196,7 +193,6 @@ def evaluate_arm_many(
 
     `out`, shape (N, 5 n + 2): set to torques, inertial, Coriolis, gravity and friction torques; T
     and V. `q`, `dq`, `ddq`, shape (N, n). `floats`, `integers`: by `pack`.
-
     """
     n = integers[0]
     work = np.empty((n, WORK_VECTORS, 3))

@@ -48,7 +48,6 @@ class ArmPosterior:
     `links`, shape (n, 11): parameters of bodies that can exist. `noise`: of measured torques about
     the model. `covariance_root`, shape (17 n + K, r) or (17 n + K + W, r): S with covariance S
     S^T.
-
     """
 
     chain: Chain
@@ -62,7 +61,6 @@ class ArmPosterior:
         Return the torques of links and friction.
 
         `q`, `dq`, `ddq`, shape (N, n). The result has shape (N, n) [N m or N].
-
         """
         links = torque_regressor(self.chain, *_contiguous(q, dq, ddq)) @ self.links.ravel()
         return np.asarray(links + self.friction.torque(q, dq, ddq, links))
@@ -103,7 +101,6 @@ class ArmPosterior:
 
         `q`, `dq`, shape (N, n). `reference`, shape (n,): positions at which the potential energy
         is zero and certain. The result has shape (N,) [J].
-
         """
         kinetic, potential = self._energy_jacobians(*_contiguous(q, dq))
         at = _contiguous(reference[None])[0]
@@ -139,7 +136,6 @@ def compacted(arm: ArmPosterior, ranges: tuple[Array, Array]) -> ArmPosterior:
     of a torque at random states changes by more than `MOST_CHANGE`.
 
     `ranges`, shape (3, n): lowest and highest q, dq, ddq of the training samples.
-
     """
     rng = np.random.default_rng(SEED)
     basis, checks = (_random_states(arm, ranges, rng) for _ in range(2))
@@ -164,7 +160,6 @@ def _random_states(
     Draw q, dq, ddq, shape (3, STATES, n): whole turns, and twice the range of all else.
 
     Many velocities are near rest, where friction changes.
-
     """
     low, high = ranges
     middle, extent = 0.5 * (low + high), np.maximum(high - low, 1e-6)

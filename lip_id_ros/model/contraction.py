@@ -10,7 +10,6 @@ with y the velocity kernel of the program, and G'_alpha, \partial'_alpha the ope
 sample t summed with alpha_t (maths.md, section 6). So a query carries four numbers per
 training sample through the program, and their time derivatives along the query; the torques follow
 from one pass back (reverse differentiation of T by dq and q). The potential energy needs two.
-
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ class TrainingSide(NamedTuple):
 
     `f`, `rate`, `turn`, shape (2, n, P): joint features, their time derivatives, and their
     derivatives along alpha. `dq`, `ddq`, `alpha`, shape (n, P).
-
     """
 
     f: Array
@@ -50,7 +48,6 @@ class Scratch(NamedTuple):
     `tape`, `dtape`, shape (n_steps, 4, LANES): x and dx before every step.
     `a`, shape (n_steps, 6, LANES): of every factor: a, D'a, d'_alpha a, and their derivatives by
     the query's q_b.
-
     """
 
     x: Array

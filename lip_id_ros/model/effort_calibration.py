@@ -17,7 +17,6 @@ class EffortCalibration:
     Torque = scale * effort + offset, per joint of the model.
 
     `scale`, shape (n,) [N m or N per unit of effort]. `offset`, shape (n,) [N m or N].
-
     """
 
     scale: Array
@@ -42,7 +41,6 @@ def effort_calibrations(
     `provenance`: of the data set; one that was made elsewhere names no calibration: effort is
     torque. `joint_names`: the joints of the model. Returns one for each recording; one that
     changes nothing where no recording is named.
-
     """
     sources = provenance.get('sources', [])
     recordings = [each['recording'] for each in sources if 'recording' in each]

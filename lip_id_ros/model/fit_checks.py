@@ -24,7 +24,6 @@ def with_checks(model: InverseDynamicsModel, q: Array, tau: Array) -> InverseDyn
     that is larger, in percent of the variance of its torque (None where that is constant).
 
     `q`, `tau`, shape (N, n): positions and torques of the samples of its fit [rad or m, N m or N].
-
     """
     inertia = model.inertia_matrix(q[:: 1 + len(q) // MOST_CHECKED])
     smallest = np.linalg.eigvalsh(inertia)[:, 0]

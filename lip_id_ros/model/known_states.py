@@ -4,7 +4,6 @@ How far a state is from the training data, in how far left-out training data wer
 One number says whether a question is like those that the errors of left-out data answer: 1 is like
 the recording, 2 twice as far. The distance is that of positions, velocities and accelerations in
 standard deviations to the nearest of a few training states that cover the others.
-
 """
 
 from __future__ import annotations
@@ -24,23 +23,11 @@ WELL_KNOWN = 0.5
 
 @dataclass(frozen=True, eq=False)
 class KnownStates:
-    """
-    Training states that cover the others, and the distance of left-out ones.
+    """Training states that cover the others, and the distance of left-out ones."""
 
-    Attributes
-    ----------
-    states : array, shape (K, 3 n)
-        q, dq, ddq in units of the scale.
-    scale : array, shape (3 n,)
-        Standard deviations of q, dq, ddq times the root of 3 n.
-    left_out : float
-        Median distance of left-out training states in motion to the rest.
-
-    """
-
-    states: Array
-    scale: Array
-    left_out: float
+    states: Array  # (K, 3 n), q, dq, ddq in units of the scale
+    scale: Array  # (3 n,), deviations times the root of 3 n
+    left_out: float  # median distance of those in motion to the rest
 
     def distances(self, states: Array) -> Array:
         """Return distances to the nearest, (N,), of states q, dq, ddq side by side, (N, 3 n)."""

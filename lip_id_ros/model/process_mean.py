@@ -28,7 +28,6 @@ class Arm(NamedTuple):
     What the joint features of a query need.
 
     `prismatic`, shape (n,). `centre`, `half_range`, shape (n,).
-
     """
 
     prismatic: BoolArray
@@ -42,7 +41,6 @@ class FrictionMean(NamedTuple):
 
     `coefficients`, shape (n, 3): viscous, Coulomb, offset; zero without a friction kernel.
     `sign_width`, shape (n,).
-
     """
 
     coefficients: Array
@@ -64,7 +62,6 @@ class ProcessMean:
 
     Construction lays it out; `one` is then hot: no checks, and nothing allocated but the result.
     Not for several threads at once.
-
     """
 
     def __init__(self, posterior: TorquePosterior) -> None:
@@ -181,7 +178,6 @@ def evaluate_one(
     `arm`, `k`, `side`, `friction`: the model, as `Contracted`.
     `features`, shape (4, n): working memory.
     `q`, `dq`, `ddq`, shape (n,).
-
     """
     f, g = features[:2], features[2:]
     _features(f, g, arm, q)

@@ -3,7 +3,6 @@ Whether a model is proven: judged on motion that it had not seen, and better tha
 
 The fit leaves motion out and stores its errors; samples that are held out of the fit are another
 judgement. A model without either may be anything, as one fitted to a single pose is.
-
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ def with_held_out(
 
     `nmse_percent`: per joint, not a number where the torque is constant. `new_motion_s`: for how
     long they are in motion that the training data do not have [s].
-
     """
     known = [None if math.isnan(value) else value for value in nmse_percent]
     judged = {'nmse_percent': known, 'new_motion_s': round(new_motion_s, 3)}
@@ -59,7 +57,6 @@ def _left_out_s(model: InverseDynamicsModel) -> float:
 
     An arm leaves out a motion with its repetitions, a process on energies blocks of time: of those
     only motion that comes once is unseen.
-
     """
     every, new = (float(model.summary[name]) for name in ('motion_s', 'new_motion_s'))
     return new if model.process is None else max(new - (every - new), 0.0)

@@ -4,7 +4,6 @@ Torques that links do not explain: a Gaussian process per joint, beside the link
 Squared-exponential covariance in cosines and sines of revolute positions, prismatic positions,
 velocities and accelerations with one length scale for each of them
 (Rasmussen and Williams 2006, section 5.1).
-
 """
 
 from __future__ import annotations
@@ -39,7 +38,6 @@ class Inputs:
 
     `revolute`, shape (n,). `centre`, `scale`, shape (d,): mean and standard deviation of the
     training samples. `sign_width`, shape (n,): of the smooth signs of friction [rad/s or m/s].
-
     """
 
     revolute: BoolArray
@@ -95,7 +93,6 @@ class Remainder:
     `alpha`, shape (M, n): weights of the posterior mean, by `stored_weights`; zero for most
     samples [N m or N].
     `friction`, shape (n, 3): coefficients of `Inputs.friction` [N m or N]; zero beside links.
-
     """
 
     inputs: Inputs
@@ -140,7 +137,6 @@ def kinds_of(parameters: Array, joints: BoolArray) -> tuple[Array, IndexArray]:
 
     `parameters` has shape (n, p); `joints`, shape (n,), are those that have a process. The results
     have shapes (K, p) and (n,); the latter is -1 for joints without a process.
-
     """
     different, kinds = np.unique(parameters[joints], axis=0, return_inverse=True)
     out = np.full(len(joints), -1)
@@ -211,7 +207,6 @@ def _squared_exponential(square: float) -> float:
 
     A Taylor polynomial of a small share of the exponent, which is squared again and again: in
     vector instructions, a fifth of the time of `np.exp`.
-
     """
     x = 0.5 * min(square, FAR) / 2.0**SQUARINGS
     value = 1.0

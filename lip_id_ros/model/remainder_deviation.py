@@ -8,7 +8,6 @@ takes that sample next whose value is determined least by those before; there ar
 all deviations close to the exact ones (maths.md, section 13). Friction of a process in place
 of links is a linear function with coefficients of its own (Rasmussen and Williams 2006, equation
 2.42).
-
 """
 
 from __future__ import annotations
@@ -50,7 +49,6 @@ class RemainderDeviation:
 
     Construction finds the samples that are needed, once for all joints whose processes have the
     same length scales and noise; nothing is checked after that.
-
     """
 
     def __init__(self, remainder: Remainder) -> None:
@@ -76,7 +74,6 @@ class RemainderDeviation:
 
         `std`, shape (N, n): deviations of the torques of links and friction; changed to those of
         all [N m or N]. `q`, `dq`, `ddq`, shape (N, n).
-
         """
         q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
 
@@ -100,7 +97,6 @@ def compacted(
     Returns some of the inputs, (m, d); an upper triangular T, (m, m): the variance at an input is
     1 - |T k|^2 in those of the process, where k are its correlations with these inputs; and E,
     (J, 3, 3 + m): friction adds the variance |E [f, k]|^2, where f are its features.
-
     """
     gram = correlation(x, x, lengths)
     noisy = cholesky(gram + noise * np.eye(len(x)), lower=True)
@@ -139,7 +135,6 @@ def _pivoted(gram: Array, variance: Array) -> tuple[IndexArray, Array]:
     Return an order of samples, (M,), and U, (r, M): the Gram matrix is U^T U in this order.
 
     The next sample has the largest variance given those before it, relative to its posterior one.
-
     """
     std = np.sqrt(variance)
     upper, pivots, rank, _ = dpstrf(gram / np.outer(std, std), tol=LEAST_SHARE)
@@ -161,7 +156,6 @@ def add_deviations(
     joints whose links it replaces. `integers`: one after the other: of each joint, whether it is
     revolute, whether its process replaces its links, and the number of its process, -1 for none;
     of each process, the number m of its samples.
-
     """
     n = out.shape[1]
     revolute, replaces, processes = integers[:n], integers[n : 2 * n], integers[2 * n : 3 * n]

@@ -24,7 +24,6 @@ class RemainderMean:
     without weights are left out.
 
     `floats`, `integers`: for `add_means`.
-
     """
 
     def __init__(self, remainder: Remainder) -> None:
@@ -52,7 +51,6 @@ class RemainderMean:
         Add to torques of links and friction, or replace them as the processes do.
 
         `tau`, shape (N, n): changed [N m or N]. `q`, `dq`, `ddq`, shape (N, n).
-
         """
         q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
 
@@ -76,7 +74,6 @@ def add_means(
     the other. `integers`: one after the other: of each joint, whether it is revolute, whether its
     process replaces its links, and the kind of its process, -1 for none; of each kind, the number
     of samples.
-
     """
     n = tau.shape[1]
     revolute, replaces, kinds = integers[:n], integers[n : 2 * n], integers[2 * n : 3 * n]

@@ -15,7 +15,6 @@ class RunningMemory:
     What friction with a memory adds to the torques of single states, one state after another.
 
     Nothing is known but the velocity at the first state, and after `LONGEST_GAP_S` without any.
-
     """
 
     def __init__(self, friction: FrictionModel, revolute: BoolArray) -> None:

@@ -146,7 +146,6 @@ def arm_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> 
     Return an arm.
 
     KeyError, TypeError, ValueError, LipIdError if its parts contradict each other.
-
     """
     n, coordinates = len(types), arrays['arm_coordinates']
     couplings = arrays['arm_couplings']
@@ -220,7 +219,6 @@ def remainder_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str
     Return a remainder.
 
     KeyError, TypeError, ValueError, LipIdError if its parts contradict each other.
-
     """
     n, revolute = len(types), ~is_prismatic(types)
     count, width = len(arrays['remainder_x']), 3 * n + int(revolute.sum())
@@ -256,7 +254,6 @@ def known_states_from(arrays: Arrays, types: Sequence[str]) -> KnownStates | Non
     Return the training states of a file; None where it has none.
 
     KeyError, TypeError, ValueError, LipIdError if they contradict each other.
-
     """
     if not any(name in arrays for name in KNOWN_STATES):
         return None
@@ -302,7 +299,6 @@ def process_from(
     Return a Gaussian process posterior.
 
     KeyError, TypeError, ValueError, LipIdError if its parts contradict each other.
-
     """
     energy = _energy_kernel(entry, len(types))
     has_friction = bool(entry['friction'])
@@ -369,7 +365,6 @@ def parts_from(arrays: Arrays, header: Mapping[str, Any], types: Sequence[str]) 
     Return what a model is made of, by its names in `InverseDynamicsModel`.
 
     KeyError, TypeError, ValueError, LipIdError if the parts contradict each other.
-
     """
     readers = {'arm': arm_from, 'remainder': remainder_from, 'process': process_from}
     names = [name for name in readers if header[name] is not None]

@@ -20,7 +20,6 @@ def in_threads(work: Callable[[slice], None], count: int, few: int = FEW) -> Non
 
     `work`: compiled, so that it releases the interpreter's lock. `count`, `few`: number of states,
     and how many of them do not pay for a second thread.
-
     """
     n_threads = os.cpu_count() or 1
     if count <= few or n_threads == 1:

@@ -40,7 +40,6 @@ class TorquePrediction:
 
     `tau`, shape (N, n) [N m or N]. `kinetic`, `potential`, shape (N,), or None [J], the potential
     energy up to a constant; None where the model has none.
-
     """
 
     tau: Array
@@ -82,7 +81,6 @@ class Parts(NamedTuple):
     `tau`, `inertial`, `coriolis`, `gravity`, `friction`, shape (N, n): the first is the sum of the
     others [N m or N]. `kinetic`, `potential`, shape (N,) [J], the potential energy up to a
     constant.
-
     """
 
     tau: Array
@@ -103,7 +101,6 @@ class Query(NamedTuple):
     `potential`: relative to the reference positions [J]; nan where the model has no potential
     energy.
     `gravity`, shape (n,): the gravity torques, a part of tau [N m or N].
-
     """
 
     tau: Array

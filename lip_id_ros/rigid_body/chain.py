@@ -2,7 +2,6 @@
 Kinematic chains: where the joints of an arm are, and how they move its links.
 
 What belongs to a link is expressed in its own frame (maths.md, section 10).
-
 """
 
 from __future__ import annotations
@@ -49,7 +48,6 @@ class Chain(NamedTuple):
     out.
     `couplings`, shape (k, 3): joint, other joint and ratio of each coupling: the joint moves by
     its reported position plus the ratio times the reported position of the other one.
-
     """
 
     rotations: Array

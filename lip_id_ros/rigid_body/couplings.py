@@ -4,7 +4,6 @@ Coupled positions: reported joint positions that are not those of a serial chain
 In parallelogram arms, coupled wrists and belt-driven arms the motor of one joint moves another one
 too. The joints of the chain move by C times the reported positions, and by virtual work the
 reported torques are the transpose of C times those of the chain (maths.md, section 10).
-
 """
 
 from __future__ import annotations
@@ -32,7 +31,6 @@ class Coupling(NamedTuple):
     A joint that moves by its reported position plus a ratio times that of another one.
 
     Joints are numbered from 0; the ratio has the unit of the joint over that of the other one.
-
     """
 
     joint: int

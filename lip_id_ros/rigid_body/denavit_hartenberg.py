@@ -5,7 +5,6 @@ Torques do not depend on where a link's frame lies along its axis nor on how it 
 so that a fit leaves both to chance. The convention (in the modified form of Craig, Introduction to
 Robotics, section 3.4: the frame of a link has the axis of its own joint as z axis) puts the x axis
 on the common normal to the next axis; most numbers of most arms are then zero or a quarter turn.
-
 """
 
 from __future__ import annotations
@@ -46,7 +45,6 @@ class DenavitHartenberg(NamedTuple):
     `offset`, shape (n,): shift along the joint's axis at position zero [m].
     `tilt`, shape (n,): angle about the y axis [rad]: zero but where neighbouring axes are parallel
     within ten degrees, and the common normal is replaced (Hayati 1983).
-
     """
 
     twist: Array
@@ -81,7 +79,6 @@ def with_standard_frames(chain: Chain, parameters: Array) -> tuple[Chain, Array]
     The axis of a prismatic joint is a direction only: it is put through the frame before. Of an
     arm and its mirror image, which have the same torques, the one is taken whose first axis points
     up.
-
     """
     old = poses(chain)
     base, new = _standard_poses(chain, old)
@@ -103,7 +100,6 @@ def mirrored(chain: Chain, parameters: Array) -> tuple[Chain, Array]:
 
     A rotation about an axis becomes one about the opposite of the axis' image, a translation along
     an axis one along its image. So joints keep their signs, and gravity must have no y component.
-
     """
     slides = chain.prismatic[:, None]
     signs = np.where(slides, [1.0, -1.0, 1.0], [1.0, 1.0, -1.0])
@@ -139,7 +135,6 @@ def table_std(chain: Chain, root: Array) -> DenavitHartenberg:
     Differentiated by central differences, since the frames follow the axes. `root`, shape (6 n,
     r), is a square root of the covariance of small rotations about the axes of each joint's own
     frame and of translations in its parent, joint by joint.
-
     """
     n = len(chain.prismatic)
     jacobian = np.empty((len(DenavitHartenberg._fields), n, 6 * n))
@@ -242,7 +237,6 @@ def _near(point: Array, direction: Array, at: Array, z: Array) -> Array:
     Return a point of a line that is near the origin `at` of a frame with the axis z.
 
     The nearest one, or that in the frame's x-y plane where the line is nearly parallel to z.
-
     """
     if np.linalg.norm(np.cross(z, direction)) > PARALLEL:
         return point + direction * (direction @ (at - point))

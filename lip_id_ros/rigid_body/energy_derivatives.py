@@ -3,7 +3,6 @@ Derivatives of the energies of links by the placements of the joints (maths.md, 
 
 A placement displaces a link and all that it carries as one rigid body. The kinetic energy changes
 by their momentum times the change of velocity, the potential energy by their weight.
-
 """
 
 from __future__ import annotations
@@ -54,7 +53,6 @@ def energy_derivatives(
 
     The result has shape (N, n, 6): by each joint's rotations (its rotation matrix times a small
     rotation about the axes of its own frame) and translations.
-
     """
     count, n = q.shape
     kinetic, potential = np.zeros((count, n, DIRECTIONS)), np.zeros((count, n, DIRECTIONS))

@@ -4,7 +4,6 @@ Gradients by the joint state of a weighted sum of the torques' derivatives by pl
 The weights of one torque are a direction in which all placements change. So the sum is the change
 of that torque in that direction, and its gradient is the difference of the torque's gradients at
 two chains, which are displaced a little along it to both sides.
-
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ def placement_pullback(
 
     `parameters`, shape (n, 11). `weights`, shape (N, n, 6 n). `q`, `dq`, `ddq`: contiguous, shape
     (N, n). The result has shape (3, N, n): by q, dq and ddq.
-
     """
     count, n = q.shape
     out = np.zeros((3, count, n))

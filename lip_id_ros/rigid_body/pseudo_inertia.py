@@ -10,7 +10,6 @@ J = S L L^T S^T, with lower triangular S and L, the scale S given and the diagon
 exponentials, is positive definite whatever the ten numbers of L are, and every positive definite J
 has such log-Cholesky numbers (Rucker and Wensing, "Smooth Parameterization of Rigid-Body Inertia",
 2022).
-
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ def pseudo_inertia(parameters: Array) -> Array:
 
     Parameters (..., 10) are mass, first moments, inertias xx xy xz yy yz zz about the origin of
     the frame; what comes after, as the inertia of the rotor, is ignored.
-
     """
     inertia = np.empty((*parameters.shape[:-1], 3, 3))
     inertia[..., ROWS, COLUMNS] = inertia[..., COLUMNS, ROWS] = parameters[..., 4:10]
@@ -59,7 +57,6 @@ def in_other_frames(parameters: Array, rotations: Array, translations: Array) ->
 
     Rotations (n, 3, 3) are the axes of the new frames in the old ones, translations (n, 3) their
     origins [m]. The rotors' inertias are as before.
-
     """
     back = np.zeros((len(parameters), 4, 4))
     back[:, :3, :3] = rotations.transpose(0, 2, 1)
@@ -91,7 +88,6 @@ class LinkScale(NamedTuple):
 
     `factors`, shape (n or 1, 4, 4), are lower triangular S, with the pseudo-inertia S S^T;
     `rotors`, shape (n or 1,), are inertias of the rotors.
-
     """
 
     factors: Array
@@ -109,7 +105,6 @@ def link_parameters(numbers: Array, scale: LinkScale) -> Array:
     Return the parameters (n, 11) of links from their log-Cholesky numbers (n, 11).
 
     As in `lip_id_ros.rigid_body.chain.LINK_PARAMETERS`; the rotor's inertia is positive.
-
     """
     factor = scale.factors @ _triangle(numbers)
     inertia = np.einsum('nab,ncb->nac', factor, factor)
@@ -136,7 +131,6 @@ def moved(numbers: Array, step: Array) -> Array:
     Torques are linear in the parameters of the links, so that a step along which no torque changes
     to first order then changes none at all. A link that would nearly cease to exist on that line
     moves by the step of its numbers instead.
-
     """
     out = numbers + step
     triangle = _triangle(numbers)
@@ -162,7 +156,6 @@ def log_cholesky(parameters: Array, scale: LinkScale, least: float = 1e-3) -> Ar
 
     The parameters may be any, such as those of a linear least-squares problem. Eigenvalues of the
     scaled pseudo-inertia, and rotors, smaller than `least` are raised to it.
-
     """
     inverse = np.linalg.inv(scale.factors)
     scaled = inverse @ pseudo_inertia(parameters[:, :10]) @ np.swapaxes(inverse, 1, 2)

@@ -5,7 +5,6 @@ A torque is the wrench of a body times the velocity that it has when the joint m
 alone. So a weighted sum of the torques of unit parameters is a sum over pairs of a body and a
 joint before it; motions and these unit velocities propagate to the tip, and the gradients by them
 back to the base (reverse mode: Griewank and Walther, Evaluating Derivatives, 2008, chapter 3).
-
 """
 
 from __future__ import annotations
@@ -55,7 +54,6 @@ class Workspace(NamedTuple):
     link j. `arriving`, shape (n, 3, 3): motion of each link without its own joint. `units`, shape
     (n, n, 2, 3): angular and linear velocity of link j when joint i alone moves at unit speed, at
     (j, i). `by_units`, shape (n, 2, 3): gradients by those of one link.
-
     """
 
     transforms: Array
@@ -72,7 +70,6 @@ def regressor_pullback(chain: Chain, weights: Array, q: Array, dq: Array, ddq: A
 
     `weights`, shape (N, n, 11 n). `q`, `dq`, `ddq`: contiguous, shape (N, n). The result has shape
     (3, N, n): by q, dq and ddq.
-
     """
     count, n = q.shape
     out = np.zeros((3, count, n))

@@ -3,7 +3,6 @@ Torques and energies of links with known parameters, by the recursive Newton-Eul
 
 Motions and gravity propagate to the tip; wrenches, and the mass and first moment of all links that
 a joint carries, to the base (maths.md, sections 6 and 10).
-
 """
 
 from __future__ import annotations
@@ -66,7 +65,6 @@ def pack_links(chain: Chain, parameters: Array) -> Array:
     Lay a chain and link parameters out in one array for `rnea`.
 
     A query takes a quarter of a microsecond longer for every array that is passed to it.
-
     """
     parts = chain.rotations, chain.translations, parameters, chain.gravity, chain.couplings
     return np.concatenate([part.ravel() for part in parts])
@@ -92,7 +90,6 @@ def rnea(
     Return T and V; add the torques of T to `tau`, and those of V to `gravity`.
 
     All vectors have shape (n,); the working memory has (n, 7, 3).
-
     """
     kinetic = _to_tip(links, work, q, dq, ddq)
     return kinetic, _to_base(tau, gravity, links, work, ddq)

@@ -5,7 +5,6 @@ A small change of a link's motion changes the wrench on it and on all that it ca
 of 6 x 9. These are summed from the tip to the base, like composite inertias (Featherstone, Rigid
 Body Dynamics Algorithms, 2008, section 6.2). A row that is carried on to the base is the change of
 one torque by the motions of all frames (maths.md, section 10).
-
 """
 
 from __future__ import annotations
@@ -69,7 +68,6 @@ class Workspace(NamedTuple):
     `carried`, shape (6, 9): the composite of the next link by the motion of this one.
     `own_changes`, `base_changes`, shape (n, 6, 6): change of the total wrench of a link by its own
     placement, in its frame and in that of its parent.
-
     """
 
     transforms: Array
@@ -93,7 +91,6 @@ def placement_derivatives(
 
     The result has shape (N, n, n, 6), of torque i by joint j's rotations (its rotation matrix
     times a small rotation about the axes of its own frame) and translations.
-
     """
     count, n = q.shape
     out = np.zeros((count, n, n, DIRECTIONS))
@@ -214,7 +211,6 @@ def _before_the_frame(row: SpatialMotion, w: Vec3, x: Transform) -> SpatialMotio
     Return the slope by the motion of a link from that by the motion of a frame fixed to it.
 
     The transpose of the derivative of `propagate_motion`, for a link with angular velocity w.
-
     """
     by_w = to_parent(x.rotation, row.angular_velocity)
     by_a = to_parent(x.rotation, row.angular_acceleration)

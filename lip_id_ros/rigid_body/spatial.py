@@ -5,7 +5,6 @@ Everything is expressed in the frame of a link; `propagate_motion` and `transfor
 to the next link towards the tip and towards the base (maths.md, section 10; Featherstone,
 Rigid Body Dynamics Algorithms, 2008). Vectors are tuples of three numbers, which compiled loops
 keep in registers.
-
 """
 
 from __future__ import annotations
@@ -82,7 +81,6 @@ class SpatialMotion(NamedTuple):
     Motion of a link in its own frame, or a derivative of that.
 
     The linear acceleration is the classical one of the frame's origin, minus gravity.
-
     """
 
     angular_velocity: Vec3
@@ -152,7 +150,6 @@ def newton_euler(body: SpatialInertia, motion: SpatialMotion) -> Wrench:
 
     With angular velocity w, its rate a, linear acceleration d, first moment h and inertia I: force
     m d + a x h + w x (w x h), torque I a + w x I w + h x d.
-
     """
     w, a, d = motion
     h = body.first_moment

@@ -17,11 +17,7 @@ def parameters_in_file(path: str | os.PathLike[str], node: str) -> dict[str, Any
     """
     Return what a parameter file has for a node, given by its full name such as /left/serve.
 
-    Raises
-    ------
-    ConfigError
-        If it is no file, or has no section for the node: ROS would start the node without a word.
-
+    ConfigError if it has no section for the node: ROS would start the node without a word.
     """
     if not os.path.isfile(path):
         raise ConfigError(

@@ -51,22 +51,10 @@ def flatten(config: Any) -> dict[str, Any]:
 
 def override(config: Sections, values: Mapping[str, object], origin: str) -> Sections:
     """
-    Return settings with some of them replaced.
+    Return settings with the values of ``section.name`` replaced.
 
-    Parameters
-    ----------
-    config : dataclass of settings tables
-        Such as `Config`.
-    values : mapping
-        New values by ``section.name``.
-    origin : str
-        Where they came from, for error sentences.
-
-    Raises
-    ------
-    ConfigError
-        If a name is unknown, or a value has the wrong type or is out of range.
-
+    `origin` is for error sentences. ConfigError if a name is unknown, or a value has the wrong
+    type or is out of range.
     """
     nested: dict[str, dict[str, object]] = {}
     for key, value in values.items():
@@ -168,7 +156,6 @@ class _StrictLoader(yaml.SafeLoader):
     Safe loader that refuses repeated keys and aliases, and reads 1e-3 as a number like YAML 1.2.
 
     Settings need no aliases, and nested ones expand without bound.
-
     """
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:

@@ -2,7 +2,6 @@
 Settings described once: a frozen dataclass whose fields carry description, unit and range.
 
 The same table gives YAML files and ROS parameters their checks, defaults and documentation.
-
 """
 
 from __future__ import annotations
@@ -41,21 +40,10 @@ def setting(
     """
     Declare one field of a settings table.
 
-    Parameters
-    ----------
-    default : bool, int, float, str, tuple of str or tuple of float
-    description : str
-        One sentence for documentation and parameter descriptors.
-    unit : str
-        Unit of a number, empty for none.
-    minimum, maximum : float, optional
-        Range of a number, ends included.
-    choices : tuple of str
-        The only texts allowed (for a list: in each element); empty for any. Of numbers (`float |
-        str`, `tuple[float, ...] | str`): texts that are allowed in their place.
-    applies : str
-        When a running node takes over a new value; empty where the table as a whole says so.
-
+    The description is one sentence for documentation and parameter descriptors; a range has its
+    ends included. `choices` are the only texts allowed (for a list: in each element), or beside
+    numbers those in their place; `applies` is when a running node takes over a new value, where
+    the table as a whole does not say so.
     """
     details = {
         'description': description,
@@ -94,7 +82,6 @@ class Row:
     One setting as its table describes it.
 
     `kind` is one of bool, int, float, str, list of str, list of float.
-
     """
 
     name: str
@@ -133,13 +120,9 @@ class Row:
 
     def check(self, value: object, label: str) -> Any:
         """
-        Return the value in the setting's own type; `label` begins the sentence of an error.
+        Return the value in the setting's own type.
 
-        Raises
-        ------
-        ConfigError
-            If the type or the range is wrong.
-
+        `label` begins the sentence of a ConfigError.
         """
         if self._has_words and isinstance(value, str) and value in self.choices:
             return value
@@ -200,15 +183,10 @@ Table = TypeVar('Table', bound=Settings)
 
 def build(table: type[Table], values: Mapping[str, object], section: str, origin: str) -> Table:
     """
-    Make settings from named values; what is not named keeps its default.
+    Make settings from named values.
 
-    `section` and `origin` say, in sentences of errors, which table and where values came from.
-
-    Raises
-    ------
-    ConfigError
-        If a name is unknown, or a value has the wrong type or is out of range.
-
+    What is not named keeps its default. `section` and `origin` are for the sentence of a
+    ConfigError: a name is unknown, or a value has the wrong type or is out of range.
     """
     known = {row.name: row for row in rows(table)}
     checked = {}

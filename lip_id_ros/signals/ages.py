@@ -18,7 +18,6 @@ class AgeWatch:
     The clock of the sender may be that of another computer. The fastest of the last messages, at
     least `WINDOW` of them, shows how far it is from the clock of their receipt, so a clock that
     was set is followed.
-
     """
 
     def __init__(self) -> None:
@@ -32,7 +31,6 @@ class AgeWatch:
 
         `sent_ns`: by the clock of the sender [ns]; 0 where it is unknown. `received_ns`, `now_ns`:
         by the clock of this computer [ns].
-
         """
         if sent_ns <= 0:
             return 0.0

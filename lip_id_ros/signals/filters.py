@@ -19,7 +19,6 @@ class LowPass:
     that is not filtered is differentiated.
 
     `cutoff_hz`: of each of the two [Hz].
-
     """
 
     def __init__(self, cutoff_hz: float) -> None:
@@ -36,7 +35,6 @@ class LowPass:
         `t`: its time [s]; a step that is not forward, or is too long, begins anew. `signals`: of
         any shape, always the same. Returns the filtered signals and their derivatives; None until
         the beginning is forgotten.
-
         """
         dt = t - self._t
         self._t = t
@@ -54,12 +52,7 @@ class LowPass:
 
 
 class HighPass:
-    """
-    Causal high-pass of first order.
-
-    `cutoff_hz` [Hz].
-
-    """
+    """Causal high-pass of first order. `cutoff_hz` [Hz]."""
 
     def __init__(self, cutoff_hz: float) -> None:
         self._rate = 2.0 * np.pi * cutoff_hz
@@ -72,7 +65,6 @@ class HighPass:
 
         `t` [s]; after the sample before. `values`: the output starts from zero. Returns
         them without what changes more slowly than the cut-off.
-
         """
         if np.isnan(self._t):
             self._t, self._slow = t, np.array(values, dtype=np.float64)

@@ -31,7 +31,6 @@ class MeasuredState:
 
     `t`: its stamp [s]. `q`, `dq`, shape (n,): positions [rad or m], velocities. `tau`, shape (n,),
     or None: measured torques [N m or N]; None where none are measured.
-
     """
 
     t: float
@@ -46,7 +45,6 @@ class JointStateReader:
 
     `joint_names`: the model's joints. `calibration`: of the effort; without it efforts are not
     read.
-
     """
 
     def __init__(
@@ -62,7 +60,6 @@ class JointStateReader:
         To be called before the stamp is judged: that of another robot is of another clock.
 
         RefusedError if a joint of the model is missing or named twice.
-
         """
         try:
             return self._order.columns(message.names)
@@ -77,7 +74,6 @@ class JointStateReader:
 
         RefusedError if a joint of the model is missing or named twice, or a value missing or not
         finite.
-
         """
         columns = self.columns(message)
         q = _vector(message.position, message, columns, Refusal.NO_POSITION)
@@ -110,7 +106,6 @@ class StampWatch:
     `longest_step_s`: a stamp further ahead is doubted [s]; of messages that come with the time of
     their receipt, one further ahead than it was long in coming. `jumps`: how often the clock
     jumped.
-
     """
 
     def __init__(self, longest_step_s: float = LONGEST_STEP_S) -> None:
@@ -124,7 +119,6 @@ class StampWatch:
         Return why a stamp [ns] is not that of the next message, None where it is.
 
         `received_ns`: when the message came, on any steady clock [ns]; 0 where that says nothing.
-
         """
         message = stamp_ns, received_ns
         if stamp_ns <= 0:

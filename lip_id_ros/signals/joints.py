@@ -127,12 +127,7 @@ _SENTENCES = {
 
 
 class RefusedError(LipIdError):
-    """
-    A message that is not used.
-
-    `reason`: the message is its sentence.
-
-    """
+    """A message that is not used. `reason`: the message is its sentence."""
 
     def __init__(self, reason: Refusal) -> None:
         super().__init__(f'{_SENTENCES[reason]}.')
@@ -181,7 +176,6 @@ class JointOrder:
 
     The order of names may change with every message; the last one is remembered, so that a steady
     stream costs one comparison.
-
     """
 
     def __init__(self, joint_names: Sequence[str]) -> None:
@@ -194,7 +188,6 @@ class JointOrder:
         Return columns (n,) such that ``names[columns[i]]`` is the model's joint i.
 
         RefusedError if a joint is missing or named twice.
-
         """
         key = tuple(names)
         if key != self._last_names:
@@ -208,7 +201,6 @@ class JointOrder:
 
         RefusedError if a joint is missing or named twice, there is no point, or an array is
         absent, short, long or not finite, be it of a joint that the model does not know.
-
         """
         columns = self.columns(names)
         if not points:
@@ -238,7 +230,6 @@ def require_unique(setting: str, names: Sequence[str]) -> None:
     Refuse a setting that names a joint twice: of values per joint the last would silently hold.
 
     ConfigError if a joint comes twice.
-
     """
     for name in names:
         if names.count(name) > 1:
@@ -260,7 +251,6 @@ def by_joint(
     `named`: the joints that they are given for; empty: the model's.
     `joint_names`: the model's joints.
     ConfigError if their number is not that of the joints.
-
     """
     if len(values) <= 1:
         return np.full(len(joint_names), values[0] if values else default)
@@ -281,7 +271,6 @@ def require_joints(
     Refuse a model file of another robot: of other joints than expected, in any order, if any are.
 
     ModelError if the joints differ.
-
     """
     if expected and set(found) != set(expected):
         raise ModelError(
@@ -295,7 +284,6 @@ def increasing_times(points: Sequence[PlannedPoint]) -> Array:
     Return when each point of a plan is reached [s].
 
     RefusedError if they do not increase from 0 or later.
-
     """
     after = [point.time_from_start for point in points]
     t = np.array([each.sec + 1e-9 * each.nanosec for each in after])

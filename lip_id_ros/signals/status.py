@@ -28,7 +28,6 @@ class Status:
     The state of a node.
 
     `summary`: one sentence. `values`: counts and other values, JSON-able.
-
     """
 
     level: Level
@@ -42,7 +41,6 @@ class Tally:
 
     `*uses`: what messages are used for: the keys of `used`. `used`: by use. `refused`: by reason,
     a value of `Refusal`.
-
     """
 
     def __init__(self, *uses: str) -> None:
@@ -56,7 +54,6 @@ class Tally:
         Return refusals since the last call that deserve a warning, by reason.
 
         Those of `HARMLESS` do not, but for foreign joints where no message was used meanwhile.
-
         """
         new = self.refused - self._judged
         harmless = HARMLESS if self.used.total() > self._n_used else HARMLESS - {_FOREIGN}

@@ -51,7 +51,6 @@ class Sent:
     The torque that the robot holds.
 
     `tau`, shape (n,) [N m or N]. `at`: when it was sent [s], on any steady clock.
-
     """
 
     tau: Array
@@ -76,7 +75,6 @@ class Ramp:
     The share of the wanted torque grows with time at a slope of one over the present duration.
     Another duration changes the slope from here on, not the share. No more than `LONGEST_STEP_S`
     counts between two torques.
-
     """
 
     def __init__(self) -> None:

@@ -23,7 +23,6 @@ class TrajectoryHeader(NamedTuple):
     `names`: joints.
     `at`: where the points begin, from the end of the encapsulation.
     `order`: byte order, as `struct` has it.
-
     """
 
     stamp_ns: int
@@ -39,7 +38,6 @@ def read_header(raw: bytes) -> TrajectoryHeader:
 
     `raw`: CDR of either byte order: a stamp, a frame, names, then the points. RefusedError if it
     ends before, or names more than `MOST_NAMES` joints.
-
     """
     order = '<' if raw[1:2] == b'\x01' else '>'
     body = memoryview(raw)[ENCAPSULATION:]

@@ -56,7 +56,6 @@ class SimulatedArm:
     configuration by default. OSError if the URDF cannot be opened; DataError if it has too few
     joints, or joints that are neither revolute nor prismatic; LipIdError if pinocchio is not
     installed.
-
     """
 
     def __init__(
@@ -114,7 +113,6 @@ class SimulatedArm:
         Each mass, and its inertia with it, changes by a share drawn uniformly from [-mass_share,
         mass_share], each coordinate of a centre of mass by a distance from [-centre_shift,
         centre_shift] [m].
-
         """
 
         def spoil(model: Any) -> None:
@@ -204,7 +202,6 @@ def panda(n_joints: int = N_JOINTS) -> SimulatedArm:
 
     LipIdError if pinocchio or example-robot-data is not installed, DataError if `n_joints` is out
     of range.
-
     """
     return SimulatedArm(panda_urdf(), n_joints, LOCKED_AT)
 

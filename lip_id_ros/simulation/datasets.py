@@ -25,7 +25,6 @@ def make_dataset(
     Return torques and energies of an arm along a trajectory at times (N,) [s], with the truth.
 
     `noise_std`, a number or (n,), is the deviation of white noise on the torques [N m or N].
-
     """
     q, dq, ddq = trajectory.sample(t)
     tau = arm.inverse_dynamics(q, dq, ddq)
@@ -63,7 +62,6 @@ def with_truth(
     Set what was measured on a simulated arm beside the exact torques and energies.
 
     `start` is the time [s] in the data set at which the trajectory was at its time zero.
-
     """
     q, dq, ddq = trajectory.sample(dataset.t - start)
     return replace(
@@ -86,7 +84,6 @@ def write_bag(
     `start` is the stamp [s] of the data set's time zero.
 
     OSError if the folder exists or cannot be made.
-
     """
     track = JointStateTrack(
         topic,

@@ -38,7 +38,6 @@ def panda_setup(n_joints: int = 7) -> Setup:
 
     LipIdError if pinocchio or example-robot-data is not installed, DataError if `n_joints` is out
     of range.
-
     """
     stiffness, damping, viscous, coulomb, posture = (
         np.array(values[:n_joints]) for values in (STIFFNESS, DAMPING, VISCOUS, COULOMB, POSTURE)

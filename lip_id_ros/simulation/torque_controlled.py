@@ -18,7 +18,6 @@ class JointFriction:
 
     Over velocities of `sign_width` [rad/s or m/s] the sign changes, as equations of motion need
     it; 0 for a jump.
-
     """
 
     viscous: Array
@@ -42,7 +41,6 @@ class Drives:
     m, rad/s or m/s, N m or N].
     `delay`: steps between a command and its torque.
     `step`: between two commands [s].
-
     """
 
     rotor_inertia: Array
@@ -71,7 +69,6 @@ class TorqueControlledArm:
 
     `bodies`: the rigid bodies with their rotors: the truth for energies and torques. `t`, `q`,
     `dq`: the exact state: time [s], positions, velocities.
-
     """
 
     def __init__(
@@ -113,7 +110,6 @@ class TorqueControlledArm:
 
         `command`, shape (n,): torques [N m or N], which act `delay` steps later and are held for a
         step. `external`, shape (n,): torques of a contact, which act at once and are not measured.
-
         """
         self._underway.append(np.array(command, dtype=np.float64))
         self._acting = self._noisy(self._underway.popleft(), self.drives.ripple)

@@ -19,7 +19,6 @@ class MotionLimits:
     Bounds of positions, velocities and accelerations that a trajectory respects, each (n,).
 
     ShapeError if the four bounds differ in length, DataError if a range is empty.
-
     """
 
     q_min: Array
@@ -89,7 +88,6 @@ class SinusoidTrajectory:
     `centre`, shape (n,): positions [rad or m] around which the joints move. `a`, `b`, shape (n,
     L): velocity amplitudes [rad/s or m/s] of the L sinusoids. `fundamental_hz`: lowest frequency;
     the motion repeats after its inverse.
-
     """
 
     centre: Array
@@ -111,7 +109,6 @@ class SinusoidTrajectory:
         There are `n_sinusoids` multiples of the fundamental [Hz]. The paper prints 0.02 rad/s,
         with which its 500 samples at 10 Hz would hold a sixth of a period; with 0.02 Hz they are
         exactly one.
-
         """
         a, b = rng.uniform(-1.0, 1.0, (2, limits.n_joints, n_sinusoids))
         unscaled = cls(np.zeros(limits.n_joints), a, b, fundamental_hz)
@@ -159,7 +156,6 @@ class GrowingCosine:
 
     A is reached at the horizon T [s]. The paper's equation has no posture `centre`, shape (n,); a
     Panda's fourth joint, which cannot reach zero, needs one.
-
     """
 
     centre: Array

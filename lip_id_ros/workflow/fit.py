@@ -51,7 +51,6 @@ def learn(
 
     Samples near rest are left out of the fit where its kernel or the settings ask for that, and
     judged all the same. DataError, ConfigError and FitError as from `fit`.
-
     """
     training, held_out = data.split(1.0 - holdout) if holdout > 0.0 else (data, None)
     training = for_training(training, config.preprocessing, config.fit.kernel)

@@ -34,7 +34,6 @@ def find_payload(
     `data`: of the arm with its payload, with the model's joints in its order. `flange`: its frame
     in that of the last link, as `payload_in_flange` takes it. DataError and FitError as from
     `identify_payload`.
-
     """
     found = identify_payload(model, data)
     shown, loaded = payload_in_flange(found, *flange), attached(model, found)
