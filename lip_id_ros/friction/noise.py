@@ -39,6 +39,7 @@ class TorqueNoise:
     Noise of torques, constant in motion and more near rest.
 
     Its variance is std^2 (1 + ratio^2 exp(-(dq / velocity)^2)) + stuck^2 exp(-(dq / width)^2).
+    `stuck` [N m or N] and `width` [rad/s or m/s] of a joint that sticks have shape (n,) or (1,).
     """
 
     std: Array  # (n,), in motion [N m or N]
