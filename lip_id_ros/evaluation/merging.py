@@ -9,6 +9,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation.metrics import Evaluation, ROUNDING
+from lip_id_ros.evaluation.near_rest import RestErrors
 
 
 def merged(evaluations: Sequence[Evaluation]) -> Evaluation:
@@ -36,6 +37,9 @@ def merged(evaluations: Sequence[Evaluation]) -> Evaluation:
         known['within_two_std_percent'] = _floats(
             weights @ _all(evaluations, 'within_two_std_percent')
         )
+    rests = [each.rest for each in evaluations if each.rest is not None]
+    if len(rests) == len(evaluations):
+        known['rest'] = RestErrors.merged(rests, counts)
     if all(each.inertia_not_pd_percent is not None for each in evaluations):
         shares = _all(evaluations, 'inertia_not_pd_percent')
         smallest = _all(evaluations, 'inertia_min_eigenvalue')

@@ -12,6 +12,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import cutoffs_hz, Dataset
 from lip_id_ros.errors import DataError, ModelError
+from lip_id_ros.evaluation.near_rest import RestErrors
 from lip_id_ros.evaluation.training_data import training_data_warnings
 from lip_id_ros.identification.folds import at_rest
 from lip_id_ros.model import (
@@ -230,6 +231,8 @@ class Evaluation:
         where the model has none.
     inertia_min_eigenvalue : float or None
         Smallest eigenvalue of that matrix over all samples [kg m^2 or kg].
+    rest : RestErrors or None
+        Errors in motion and near rest.
     within_two_std_percent : tuple of float or None
     novelty : float or None
     cautions : tuple of str
@@ -249,6 +252,7 @@ class Evaluation:
     potential_nmse_percent: float | None
     inertia_not_pd_percent: float | None = None
     inertia_min_eigenvalue: float | None = None
+    rest: RestErrors | None = None
     within_two_std_percent: tuple[float, ...] | None = None
     novelty: float | None = None
     cautions: tuple[str, ...] = ()
@@ -267,6 +271,9 @@ class Evaluation:
             'nmse_percent': [_number(value) for value in self.nmse_percent],
             'nmse_percent_mean': _number(self.nmse_percent_mean),
             'rmse': list(self.rmse),
+            'rmse_in_motion': self.rest and [_number(each) for each in self.rest.in_motion],
+            'rmse_near_rest': self.rest and [_number(each) for each in self.rest.near_rest],
+            'near_rest_percent': self.rest and list(self.rest.near_rest_percent),
             'kinetic_nmse_percent': _number(self.kinetic_nmse_percent),
             'potential_nmse_percent': _number(self.potential_nmse_percent),
             'inertia_not_pd_percent': self.inertia_not_pd_percent,
@@ -336,6 +343,7 @@ def score(outcome: Outcome) -> Evaluation:
         potential_nmse_percent=potential,
         inertia_not_pd_percent=not_pd,
         inertia_min_eigenvalue=smallest,
+        rest=RestErrors.of(estimate.tau - reference, dataset.dq),
         within_two_std_percent=None if covered is None else tuple(covered.tolist()),
         novelty=outcome.novelty,
         cautions=outcome.cautions,

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from lip_id_ros.escaping import printable
 from lip_id_ros.evaluation.metrics import Evaluation
+from lip_id_ros.evaluation.near_rest import NEAR_REST
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model.known_states import novelty_in_words
 
@@ -78,6 +79,11 @@ def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
         for name, nmse, unit, rmse, std in columns
     ]
     header = ['', 'nMSE [%]', 'RMSE', 'std of torque']
+    if evaluation.rest is not None:
+        header[3:3] = ['in motion', 'near rest']
+        parts = evaluation.rest.in_motion, evaluation.rest.near_rest
+        for row, *values in zip(rows, *parts, strict=True):
+            row[3:3] = ['-' if math.isnan(each) else f'{each:.3g}' for each in values]
     if evaluation.within_two_std_percent is not None:
         header.append('within 2 std [%]')
         for row, covered in zip(rows, evaluation.within_two_std_percent, strict=True):
@@ -123,6 +129,12 @@ def notes(evaluation: Evaluation) -> list[str]:
         f'{evaluation.n_samples} samples, compared with the {against}; '
         'nMSE = 100 mean(error^2) / var(torque).'
     ]
+    if evaluation.rest is not None:
+        texts.append(
+            'In motion, near rest: RMSE of the samples at which the joint is faster, or slower, '
+            f'than {100.0 * NEAR_REST:.0f} % of the root mean square of its velocity; near rest '
+            'friction depends on how the joint came there.'
+        )
     if evaluation.within_two_std_percent is not None:
         texts.append(
             'Within 2 std: share of measured torques within two standard deviations of the '

@@ -27,6 +27,9 @@ KEYS = {
     'nmse_percent',
     'nmse_percent_mean',
     'rmse',
+    'rmse_in_motion',
+    'rmse_near_rest',
+    'near_rest_percent',
     'kinetic_nmse_percent',
     'potential_nmse_percent',
     'inertia_not_pd_percent',
@@ -93,7 +96,7 @@ def test_indefinite_inertia_is_reported() -> None:
 
     assert evaluation.inertia_not_pd_percent == 100.0
     assert evaluation.inertia_min_eigenvalue == pytest.approx(-0.02)
-    assert 'positive definite at 0 % of the samples only' in notes(evaluation)[1]
+    assert 'positive definite at 0 % of the samples only' in notes(evaluation)[-1]
 
 
 def test_novelty_is_that_of_motion() -> None:
