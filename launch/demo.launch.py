@@ -1,4 +1,4 @@
-"""A simulated Panda, `train` and `serve`, which ``python -m lip_id_ros.demo.ros`` conducts."""
+"""A simulated Panda, `train` and `serve`, which ``python -m examples.demo.ros`` conducts."""
 
 from launch import LaunchDescription
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution

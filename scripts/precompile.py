@@ -9,7 +9,7 @@ the number of joints or samples.
 from pathlib import Path
 import tempfile
 
-from lip_id_ros.demo.offline import demonstrate, Size
+from examples.demo.offline import demonstrate, Size
 from lip_id_ros.settings import Config, FitSettings
 
 SMALL = Config(fit=FitSettings(subset=30, max_samples=60, iterations=2))

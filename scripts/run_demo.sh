@@ -4,8 +4,8 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 . scripts/env.sh
 if [ -e .deps/without_ros ]; then
-  python -m lip_id_ros.demo.offline --output demo_output "$@"
+  python -m examples.demo.offline --output demo_output "$@"
   cat .deps/without_ros
 else
-  exec python -m lip_id_ros.demo.ros --output demo_output "$@"
+  exec python -m examples.demo.ros --output demo_output "$@"
 fi

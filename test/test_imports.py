@@ -104,7 +104,7 @@ PARTS |= {
     'acquisition': INNER - {'control', 'feedforward', 'monitoring', 'simulation'},
     'nodes': INNER - {'simulation'} | {'acquisition'},
     'cli': INNER,
-    'demo': INNER | {'cli', 'nodes'},
+    'demo': {'dataset', 'nodes', 'recording', 'settings', 'signals', 'simulation'},
     'parameter_page': {'acquisition', 'control', 'demo', 'feedforward', 'monitoring', 'settings'},
 }
 

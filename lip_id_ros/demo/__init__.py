@@ -1,1 +1,1 @@
-"""Demonstrations on a simulated arm, with ROS and without."""
+"""ROS nodes of a simulated Panda, and their settings."""

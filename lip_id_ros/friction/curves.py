@@ -1,9 +1,8 @@
 """
-Curves of any shape over a joint's own position or velocity (maths.md, section 12).
+Curves of any shape over a joint's position or velocity (maths.md, section 12).
 
-Sums of smooth steps between two places: constant beyond them, where nothing is known. With
-independent priors on its steps a curve is a smoothed random walk (Wahba, Spline Models for
-Observational Data, 1990), and flat where the data are silent.
+Sums of smooth steps, flat where the data are silent: smoothed random walks (Wahba, Spline Models
+for Observational Data, 1990).
 """
 
 from __future__ import annotations

@@ -33,8 +33,8 @@ class FrictionBasis:
     """
     The terms of all drives, without coefficients.
 
-    `rise_time` is that of the low-pass that the torques went through [s]: what is nearest to its
-    response to a step from -1 to 1 is tanh(t / rise_time). 0 for none.
+    `rise_time` [s] is that of the torques' low-pass, whose response to a step from -1 to 1 is
+    nearly tanh(t / rise_time); 0 for none.
     """
 
     n_joints: int

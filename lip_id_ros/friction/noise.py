@@ -1,9 +1,9 @@
 """
-Noise of torques: constant per joint, and more of it near rest (maths.md, section 12).
+Noise of torques.
 
-While a joint sticks, its friction is anything between the two Coulomb torques and depends on how
-the joint came to rest (Dahl 1968; Armstrong-Helouvry 1991, section 2), which no function of the
-present state predicts. Such samples stay in the fit, with the deviation that they have.
+Constant per joint, and more of it near rest (maths.md, section 12). While a joint sticks its
+friction is anything between both Coulomb torques (Dahl 1968; Armstrong-Helouvry 1991, section 2);
+such samples stay in the fit with that deviation.
 """
 
 from __future__ import annotations

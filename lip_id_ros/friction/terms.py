@@ -1,10 +1,8 @@
 """
-Terms of joint friction (maths.md, section 12).
+Terms of joint friction, linear in their coefficients (maths.md, section 12).
 
-Every term is linear in its coefficients. A dissipative term has features f with f(v) v >= 0 and
-coefficients that are not negative: whatever is learned, it never drives a joint. All are
-dissipative but offsets and pre-sliding. `width` is that of a smooth sign, `smooth_sign` [rad/s or
-m/s].
+All but offsets and pre-sliding are dissipative: with features f(v) v >= 0 and coefficients that
+are not negative they never drive a joint. `width` is that of `smooth_sign` [rad/s or m/s].
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""
-From samples to the parameters of an arm (maths.md, section 13).
-
-Placements are found first, then friction terms are elected, then all is fitted together with links
-that can exist.
-"""
+"""Parameters of an arm from samples: placements, then friction, then all (maths.md, 13)."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""
-Placements, links and friction of an arm fitted together (maths.md, section 13).
-
-Links are log-Cholesky numbers and positive coefficients are exponentials, so M(q) is positive
-definite at every q, by construction.
-"""
+"""Placements, links and friction fitted together, M(q) positive definite (maths.md, 13)."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """
-The search for the placements of an arm's joints, with springs where these explain torques.
+The search for placements, with springs where these explain torques (maths.md, section 10).
 
-A strong spring, as of a counterbalance, looks like gravity of a link in a wrong place, so that the
-search ends in a wrong minimum. A descent from there with springs lowers the residuals (maths.md,
-section 10).
+A strong spring looks like gravity of a link in a wrong place, so that the search would end there.
 """
 
 from __future__ import annotations

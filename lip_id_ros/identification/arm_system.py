@@ -1,9 +1,4 @@
-"""
-An arm from the triangular system of all torques.
-
-Links that can exist, friction, placements. Torques are linear in links and friction, and nearly so
-in small steps of the placements.
-"""
+"""An arm whose links can exist from the triangular system of all torques."""
 
 from __future__ import annotations
 

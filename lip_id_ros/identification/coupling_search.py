@@ -1,11 +1,8 @@
 """
-The search for coupled positions (maths.md, section 10).
+The search for coupled positions, from wrong serial chains (maths.md, section 10).
 
-Where reported positions are not those of a serial chain, a wrong chain explains the torques as
-well as it can. From its placements a descent with the right coupling lowers the residuals far.
-What looks right is judged by left-out motions, with placements found without them and friction
-selected anew; then the placements are searched for again. An arm without couplings pays some short
-descents.
+Where a coupling lowers the residuals far, left-out motions judge it, with placements found without
+them and friction selected anew; then the placements are searched for again.
 """
 
 from __future__ import annotations

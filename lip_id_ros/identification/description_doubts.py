@@ -1,9 +1,8 @@
 """
 Where data contradict a robot description.
 
-Reversed axes, zero positions a quarter turn off and a base that is mounted otherwise are too far
-away for a descent: each is tried, with links and friction fitted anew. What is near shows in how
-far the fit has moved the joints.
+Reversed axes, zero positions a quarter turn off and another base are too far for a descent, and
+are tried; what is near shows in how far the fit has moved the joints.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
 """
-Episodes in which something else moves the arm.
+Episodes with a contact, or with efforts that are not measured (maths.md, section 13).
 
-A contact, or efforts that are not measured. Least squares spreads the torques of a contact over
-links and friction, so that all other torques are predicted worse. Blocks of time that a robust fit
-does not explain are candidates (Student's t by iteratively reweighted least squares: Lange, Little
-and Taylor, JASA 1989). They are left out where the others, predicted without their own part of the
-time, are predicted far better so (maths.md, section 13).
+Candidates are blocks that a robust fit does not explain (Student's t: Lange, Little and Taylor,
+JASA 1989); those go without which the others are predicted far better.
 """
 
 from __future__ import annotations

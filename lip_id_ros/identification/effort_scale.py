@@ -1,11 +1,8 @@
 """
-Relative scales and signs of the joints' efforts, found in the recording itself.
+Relative scales and signs of the joints' efforts, as of motor currents, from the recording.
 
-One set of links has to explain the torques of all joints, since the inertia matrix is symmetric
-and gravity has a potential. Links and one factor per joint, up to a common one, are fitted
-together: alternating least squares where the joints are placed, and the search for the places
-again with efforts divided by the factors. Motor currents and wrong signs show as other factors
-than 1.
+Since M(q) is symmetric and gravity has a potential, one set of links has to explain all joints:
+links and a factor per joint are fitted in turns, with the joints placed anew.
 """
 
 from __future__ import annotations

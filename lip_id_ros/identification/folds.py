@@ -1,10 +1,8 @@
 """
-Folds of samples for cross-validation.
+Folds for cross-validation, which leave out a motion together with its repetitions.
 
-A motion is left out together with its repetitions. Exciting trajectories are periodic, and pick
-and place comes back. A block of time that is left out would be seen in the rest of the recording,
-and whatever memorises would be selected (Roberts and others, Ecography 2017). So each sample is
-traced to the first pass of its motion, and folds are contiguous blocks of first passes.
+A block of time would be seen in the rest of a periodic recording (Roberts and others, Ecography
+2017), so folds are blocks of first passes, to which each sample is traced.
 """
 
 from __future__ import annotations

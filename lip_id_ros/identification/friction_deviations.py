@@ -1,10 +1,9 @@
 """
-Friction that differs between robots and between recordings of a robot.
+Friction that differs between robots g and recordings r.
 
-Nested random effects. Coefficients of recording r of robot g are c + u_g + v_r. The deviations of
-u and v are those of restricted maximum likelihood (Patterson and Thompson, Biometrika 1971), found
-by Newton steps with the average information (Gilmour, Thompson and Cullis, Biometrics 1995;
-maths.md, 14).
+C + u_g + v_r (maths.md, section 14). Restricted maximum likelihood (Patterson and Thompson,
+Biometrika 1971) by Newton steps with average information (Gilmour, Thompson and Cullis, Biometrics
+1995).
 """
 
 from __future__ import annotations

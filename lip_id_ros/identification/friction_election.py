@@ -1,8 +1,8 @@
 """
-Which friction terms the drives of an arm have, elected by the prediction of left-out blocks.
+Which friction terms drives have, elected by the prediction of left-out blocks.
 
-Greedy forward selection by cross-validation (Hastie, Tibshirani and Friedman, The Elements of
-Statistical Learning, 3.3.2 and 7.10), on training data alone (maths.md, section 12).
+Greedy forward selection on training data alone (Hastie, Tibshirani and Friedman, The Elements of
+Statistical Learning, 3.3.2 and 7.10; maths.md, section 12).
 """
 
 from __future__ import annotations

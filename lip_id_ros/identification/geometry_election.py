@@ -1,9 +1,8 @@
 """
-Which twists are quarter turns and which axes meet.
+Which twists are quarter turns and which axes meet, by backward elimination.
 
-All that lie near simple geometry are imposed together; then those go, one by one, against which
-both the likelihood and the prediction of left-out blocks speak (backward elimination). Each is
-judged beside the others, so that what one gains does not pay for another.
+All near simple geometry is imposed; what likelihood and left-out blocks speak against goes one by
+one, judged beside the others, so that what one gains does not pay for another.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
 """
-Kinematic calibration.
+Placements of joints from torques by variable projection (Golub and Pereyra 1973.
 
-The placements of the joints of an arm, from torques (maths.md, 10). Torques are linear in the
-parameters of links and friction once the placements are known. So least squares over the
-placements is left, by variable projection (Golub and Pereyra 1973): the linear parameters are
-solved for at every step.
+Maths.md, 10).
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """
 Prediction of left-out blocks by torque models that are linear in parameters, some not negative.
 
-Cross-validation over contiguous blocks, since residuals are correlated in time (Roberts and
-others, Ecography 2017). All of it is done on statistics: a fit without a block costs one small
-Cholesky factorisation, a fit with one more term an even smaller one.
+Blocks, since residuals are correlated in time (Roberts and others, Ecography 2017), by statistics:
+a fit without a block costs one small Cholesky factorisation.
 """
 
 from __future__ import annotations

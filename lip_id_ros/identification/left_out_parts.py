@@ -1,10 +1,4 @@
-"""
-What left-out parts show of a fit.
-
-Errors, noise, and the inflation of the covariance. Residuals of real recordings are correlated in
-time and between recordings, so that the covariance of the parameters is scaled by what left-out
-parts show (maths.md, section 13).
-"""
+"""Errors, noise and inflation of the covariance by left-out parts (maths.md, section 13)."""
 
 from __future__ import annotations
 

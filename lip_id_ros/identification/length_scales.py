@@ -1,9 +1,7 @@
 """
-Length scales of a Gaussian process by marginal likelihood.
+Length scales by marginal likelihood (Rasmussen and Williams 2006, 5.1 and 5.4.1).
 
-One length scale for each input ("automatic relevance determination", Rasmussen and Williams 2006,
-sections 5.1 and 5.4.1). The variance of the process maximises the likelihood for given length
-scales and noise. A broad prior keeps the scales of inputs that do not matter finite.
+A broad prior keeps the scales of inputs that do not matter finite.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
 """
 The shape of a spring between two points that explains most of a joint's torque.
 
-Torques are not linear in eccentricity and dead centre of its points. So these are searched for on
-a grid, and by descents from its best places; links and friction are solved for at each (variable
-projection: Golub and Pereyra, SIAM J. Numerical Analysis 1973), since either may stand in for part
-of a spring.
+On a grid and by descents from its best places, links and friction solved for at each (variable
+projection: Golub and Pereyra, SIAM J. Numerical Analysis 1973).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """
-The torques of an arm, linear in friction, placements and links around present ones.
+The torques of an arm, linear in its parameters around present ones.
 
-Parameters are in this order: coefficients of friction (K), shapes of its terms (W), small
-rotations and translations of the joints (6 n), parameters of the links (11 n).
+In this order: coefficients of friction (K), shapes of its terms (W), small rotations and
+translations of the joints (6 n), parameters of the links (11 n).
 """
 
 from __future__ import annotations

@@ -1,10 +1,4 @@
-"""
-What is attached to the last link.
-
-Its mass, centre of mass and inertia, the arm being known. A body fixed to the last link adds its
-parameters to those of the link. So torques are linear in ten numbers, which some seconds of motion
-determine. The arm changes only as far as its own torques allow.
-"""
+"""Mass, centre of mass and inertia of what is attached to the last link, the arm being known."""
 
 from __future__ import annotations
 

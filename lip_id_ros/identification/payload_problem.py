@@ -1,9 +1,8 @@
 """
 An arm and what is attached to it, fitted together to torques with and without it.
 
-A light last link hardly shows where its joint is, and a payload makes that matter. So the whole
-arm is free: torques of its model at random states, with their standard deviations, stand for the
-recordings that it was learned from, and recorded torques add what they show of the arm.
+A light last link hardly shows where its joint is, and a payload makes that matter: the arm is
+free, and its model's torques at random states stand for the recordings that it is from.
 """
 
 from __future__ import annotations

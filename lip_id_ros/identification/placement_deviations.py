@@ -1,9 +1,8 @@
 """
 Standard deviations of the parameters of Denavit and Hartenberg.
 
-Placements take up what the links and friction of a real arm do not explain, by more than their
-posterior says. The jackknife over left-out parts is true whatever the residuals are, as long as
-they differ between parts (Efron and Tibshirani 1993).
+Placements take up what the model does not explain; the jackknife over left-out parts is true
+whatever the residuals are (Efron and Tibshirani 1993).
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
 """
-The search for the lowest place.
+The search for placements.
 
-Iterated local searches from axes at quarter turns. The cost of placements has many minima.
-Descents start from axes that are parallel or at right angles, as those of most arms are; then
-joints of the best minima are drawn anew and descended from again (iterated local search: Lourenco,
-Martin and Stuetzle 2003). Two such searches that know nothing of each other go on until they
-agree.
+Two iterated local searches, until they agree. From axes at quarter turns, then joints of the best
+minima are drawn anew (Lourenco, Martin and Stuetzle 2003).
 """
 
 from __future__ import annotations

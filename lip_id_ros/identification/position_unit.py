@@ -1,8 +1,7 @@
 """
 Positions in revolutions, told by how much better links explain the torques once they are in rad.
 
-Over small angles gravity is nearly a polynomial, which links explain at any scale of the angles:
-half a usual motion shows the difference, a fifth of one may not.
+It takes half a usual motion: over small angles gravity is nearly a polynomial.
 """
 
 from __future__ import annotations

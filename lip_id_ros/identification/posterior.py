@@ -1,10 +1,4 @@
-"""
-The posterior of an arm's parameters, from all samples in memory (maths.md, section 13).
-
-Around the best parameters torques are linear in all of them, so that statistics of the samples are
-all that is needed. Where the samples of the descent have left some out, or steps of the placements
-are too large to be linear, they are gathered once more.
-"""
+"""The posterior of an arm's parameters, from all samples in memory (maths.md, section 13)."""
 
 from __future__ import annotations
 

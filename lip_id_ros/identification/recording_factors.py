@@ -1,10 +1,8 @@
 """
-Square-root statistics of one recording.
+Square-root statistics of one recording, for block angular least squares (maths.md, 14).
 
-Triangular factors of what its torques are regressed on. The first rows of each factor have the
-friction of this recording in them; the rest, from which that has been eliminated, adds up over
-recordings: block angular least squares (Björck, Numerical Methods for Least Squares Problems,
-1996, 6.3; Golub and Van Loan, Matrix Computations, 4th ed., 5.3; maths.md, section 14).
+The first rows of each factor have the friction of this recording in them; the rest adds up over
+recordings (Björck, Numerical Methods for Least Squares Problems, 1996, 6.3).
 """
 
 from __future__ import annotations

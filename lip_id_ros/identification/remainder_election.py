@@ -1,11 +1,9 @@
 """
 Which joints have a Gaussian process beside links and friction, or instead of them.
 
-A coarse grid offers one length scale for all inputs. Marginal likelihood offers one for each input
-of a process instead of the links; it takes residuals that are correlated in time for signal, so
-that beside them it offers nothing. The prediction of left-out samples chooses among these, joint
-by joint, and whether there is a process at all. Left out are motions with all their repetitions,
-and the lowest and the highest positions of the joint: a model must also extrapolate.
+Left-out motions with repetitions, and left-out lowest and highest positions, choose among length
+scales of a grid and, instead of links, those of marginal likelihood; beside them it would take
+correlated residuals for signal.
 """
 
 from __future__ import annotations

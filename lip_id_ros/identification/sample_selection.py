@@ -1,9 +1,4 @@
-"""
-Samples of an identification.
-
-Those that are left out, and few that cover all. Scales are quantiles, which a few absurd values do
-not move (Huber, Robust Statistics, 1981).
-"""
+"""Samples that are left out, by quantiles (Huber, Robust Statistics, 1981), or that cover all."""
 
 from __future__ import annotations
 

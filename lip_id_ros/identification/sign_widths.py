@@ -1,8 +1,4 @@
-"""
-Widths of the smooth signs of friction, elected by the prediction of left-out blocks.
-
-Torques are not linear in the widths: these are tried on a grid, then on finer ones.
-"""
+"""Widths of the smooth signs of friction, elected on grids by left-out blocks."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """
 Simple geometry.
 
-Neighbouring axes that are parallel, at right angles, or meet. Axes of real arms are; so twists
-(Denavit and Hartenberg's alpha) are set to the nearest quarter turn and lengths (their a) to zero,
-where neither the posterior nor left-out samples speak against it (maths.md, section 13).
+Neighbouring axes that are parallel, at right angles, or meet (maths.md, 13).
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """
-An arm from the statistics of its recordings.
+An arm from the statistics of its recordings (maths.md, sections 13 and 14).
 
-Parameters, their covariance, friction of each. Links, placements and mean friction, deviations of
-friction between recordings, noise and the inflation of the covariance are found in turns, each
-with what the others have found (maths.md, sections 13 and 14).
+Parameters, deviations of friction between recordings, noise and inflation of the covariance are
+found in turns.
 """
 
 from __future__ import annotations

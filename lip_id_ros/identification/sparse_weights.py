@@ -1,10 +1,8 @@
 """
 Posterior means of Gaussian processes by the weights of few samples.
 
-The mean at a state costs a correlation with every sample that has a weight. A smooth mean does not
-need all of them: that which interpolates it at some samples is nearly the same everywhere (power
-function and Newton basis: Mueller and Schaback, J. Approximation Theory 2009). The sample that
-comes next brings most of the norm of what is missing.
+A smooth mean is nearly that which interpolates it at some (power function and Newton basis:
+Mueller and Schaback, J. Approximation Theory 2009).
 """
 
 from __future__ import annotations

@@ -1,11 +1,9 @@
 """
 Square-root statistics of torques that are linear in parameters (maths.md, section 11).
 
-The torque of joint i is f_i(x)^T theta plus noise. All that least squares needs of any number of
-samples is, per joint, the triangular factor R_i of their rows [f_i, tau_i]. Factors are updated by
-orthogonal transformations (Golub and Van Loan, Matrix Computations, 4th ed., 5.3 and 6.5.2), never
-by normal equations, which would square the condition number. One factor per joint keeps the noise
-of every joint, and the choice of columns, open until the parameters are solved for.
+Per joint, the triangular factor R_i of the rows [f_i, tau_i], updated by orthogonal
+transformations (Golub and Van Loan, Matrix Computations, 4th ed., 5.3 and 6.5.2), since normal
+equations square the condition number. So the noise and the choice of columns stay open.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """
 Causes of large residuals.
 
-Drifts, a payload that comes and goes, a base that moves, other scales. Changes within a recording
-are compared with what the same features of other times explain, since any features explain
-residuals that last. health.md has how often all are told.
+Drifts, changing payloads, a moving base, scales (health.md). Changes are compared with what the
+same features of other times explain, since any features explain residuals that last.
 """
 
 from __future__ import annotations

@@ -1,11 +1,9 @@
 """
-Joint features: the functions of one joint's position that the factors are made of.
+Joint features.
 
-A factor is a(q, q') = w_0 + w_1 f_1(q) f_1(q') + w_2 f_2(q) f_2(q'), where (f_1, f_2) is
-(cos q, sin q) for a revolute joint and (u, 0) for a prismatic one (paper, section
-`subsec:prior_functions`); u is the position relative to the centre of the training range in units
-of half that range. Polynomials of a given degree in q and in u are the same functions; only the
-conditioning differs.
+The functions of one joint's position that the factors are made of. A factor is a(q, q') = w_0 +
+w_1 f_1(q) f_1(q') + w_2 f_2(q) f_2(q'), where (f_1, f_2) is (cos q, sin q) or, prismatic, (u, 0)
+with u in half training ranges from their centre (paper, section `subsec:prior_functions`).
 """
 
 from __future__ import annotations

@@ -1,15 +1,8 @@
-r"""
-Posterior means of the energies, contracted over the training samples.
+"""
+Posterior means of the energies, contracted over the training samples (maths.md, section 6).
 
-With alpha fixed, the posterior mean of the kinetic energy is
-
-.. math:: \hat T(q, \dot q) = \sum_t \sum_i 2\lambda_i \left( y_i\, G'_\alpha y_i
-          + D' y_i\; \partial'_\alpha y_i \right)
-
-with y the velocity kernel of the program, and G'_alpha, \partial'_alpha the operators of training
-sample t summed with alpha_t (maths.md, section 6). So a query carries four numbers per
-training sample through the program, and their time derivatives along the query; the torques follow
-from one pass back (reverse differentiation of T by dq and q). The potential energy needs two.
+A query carries four numbers per training sample through the program of the kinetic energy, and
+their time derivatives; torques follow from one pass back. The potential energy needs two.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """
 How far a state is from the training data, in how far left-out training data were from the rest.
 
-One number says whether a question is like those that the errors of left-out data answer: 1 is like
-the recording, 2 twice as far. The distance is that of positions, velocities and accelerations in
-standard deviations to the nearest of a few training states that cover the others.
+In standard deviations of q, dq, ddq to the nearest of a few states that cover the others.
 """
 
 from __future__ import annotations

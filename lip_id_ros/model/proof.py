@@ -1,8 +1,8 @@
 """
-Whether a model is proven: judged on motion that it had not seen, and better than the mean there.
+Whether a model is proven.
 
-The fit leaves motion out and stores its errors; samples that are held out of the fit are another
-judgement. A model without either may be anything, as one fitted to a single pose is.
+Judged on motion that it had not seen, and better than the mean there. By errors that the fit
+stores of motion left out, or by samples held out of it.
 """
 
 from __future__ import annotations

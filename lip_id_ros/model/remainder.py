@@ -1,9 +1,9 @@
 """
-Torques that links do not explain: a Gaussian process per joint, beside the links or instead.
+Torques that links do not explain.
 
-Squared-exponential covariance in cosines and sines of revolute positions, prismatic positions,
-velocities and accelerations with one length scale for each of them
-(Rasmussen and Williams 2006, section 5.1).
+A Gaussian process per joint, beside the links or instead. Squared-exponential in (cosines and
+sines of) positions, velocities and accelerations with a length scale for each (Rasmussen and
+Williams 2006, section 5.1).
 """
 
 from __future__ import annotations

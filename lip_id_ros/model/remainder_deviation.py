@@ -1,13 +1,9 @@
 """
-Standard deviations of the processes of a remainder from few of their samples, compiled.
+Standard deviations of a remainder from few of its samples, compiled (maths.md, section 13).
 
-The exact variance of a process needs the correlations of a state with all samples. Here it is that
-of the prior given the values at some of the samples, with the exact posterior covariance of these
-values (inducing points: Quinonero-Candela and Rasmussen 2005). Pivoted Cholesky factorisation
-takes that sample next whose value is determined least by those before; there are as many as keep
-all deviations close to the exact ones (maths.md, section 13). Friction of a process in place
-of links is a linear function with coefficients of its own (Rasmussen and Williams 2006, equation
-2.42).
+Inducing points (Quinonero-Candela and Rasmussen 2005) by pivoted Cholesky factorisation, as many
+as keep deviations close to the exact ones. Friction in place of links has coefficients of its own
+(Rasmussen and Williams 2006, equation 2.42).
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """
-Coupled positions: reported joint positions that are not those of a serial chain.
+Coupled positions, as of parallelograms, wrists and belts (maths.md, section 10).
 
-In parallelogram arms, coupled wrists and belt-driven arms the motor of one joint moves another one
-too. The joints of the chain move by C times the reported positions, and by virtual work the
-reported torques are the transpose of C times those of the chain (maths.md, section 10).
+The joints of the chain move by C times the reported positions; by virtual work reported torques
+are C^T times those of the chain.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
 """
 Link frames and parameters by the convention of Denavit and Hartenberg.
 
-Torques do not depend on where a link's frame lies along its axis nor on how it is turned about it,
-so that a fit leaves both to chance. The convention (in the modified form of Craig, Introduction to
-Robotics, section 3.4: the frame of a link has the axis of its own joint as z axis) puts the x axis
-on the common normal to the next axis; most numbers of most arms are then zero or a quarter turn.
+In the modified form (Craig, Introduction to Robotics, 3.4); it chooses what no torque depends on,
+where a frame lies along its axis and how it is turned about it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """
 Derivatives of the energies of links by the placements of the joints (maths.md, section 10).
 
-A placement displaces a link and all that it carries as one rigid body. The kinetic energy changes
-by their momentum times the change of velocity, the potential energy by their weight.
+A placement displaces a link and all that it carries: momentum times change of velocity, and
+weight.
 """
 
 from __future__ import annotations

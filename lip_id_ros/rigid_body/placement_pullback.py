@@ -1,9 +1,8 @@
 """
 Gradients by the joint state of a weighted sum of the torques' derivatives by placements.
 
-The weights of one torque are a direction in which all placements change. So the sum is the change
-of that torque in that direction, and its gradient is the difference of the torque's gradients at
-two chains, which are displaced a little along it to both sides.
+The weights of a torque displace the chain; so these are differences of its gradients at two
+chains.
 """
 
 from __future__ import annotations

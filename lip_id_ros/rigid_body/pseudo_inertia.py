@@ -1,15 +1,11 @@
 """
-The pseudo-inertia of a link: a 4 x 4 matrix that is positive definite where the link can exist.
+The pseudo-inertia of a link.
 
-With density rho, J = integral of rho (x, 1)(x, 1)^T (Wensing, Kim and Slotine, "Linear Matrix
-Inequalities for Physically Consistent Inertial Parameter Identification", 2018). It is linear in
-the ten parameters of a link, and positive definite exactly where the mass is positive and the
-principal moments of inertia about the centre of mass obey the strict triangle inequality.
-
-J = S L L^T S^T, with lower triangular S and L, the scale S given and the diagonal of L written as
-exponentials, is positive definite whatever the ten numbers of L are, and every positive definite J
-has such log-Cholesky numbers (Rucker and Wensing, "Smooth Parameterization of Rigid-Body Inertia",
-2022).
+A 4 x 4 matrix that is positive definite where the link can exist. J = integral of rho (x, 1)(x,
+1)^T is linear in the ten parameters (Wensing, Kim and Slotine 2018). J = S L L^T S^T with an
+exponential diagonal of the lower triangular L is positive definite whatever the log-Cholesky
+numbers of L are, and every such J has them (Rucker and Wensing, "Smooth Parameterization of
+Rigid-Body Inertia", 2022).
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
 """
 Gradients by the joint state of a weighted sum of the regressor's entries.
 
-A torque is the wrench of a body times the velocity that it has when the joint moves at unit speed
-alone. So a weighted sum of the torques of unit parameters is a sum over pairs of a body and a
-joint before it; motions and these unit velocities propagate to the tip, and the gradients by them
-back to the base (reverse mode: Griewank and Walther, Evaluating Derivatives, 2008, chapter 3).
+Motions and unit velocities propagate to the tip and gradients back to the base (reverse mode:
+Griewank and Walther, Evaluating Derivatives, 2008, chapter 3).
 """
 
 from __future__ import annotations

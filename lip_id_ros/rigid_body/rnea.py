@@ -1,9 +1,4 @@
-"""
-Torques and energies of links with known parameters, by the recursive Newton-Euler algorithm.
-
-Motions and gravity propagate to the tip; wrenches, and the mass and first moment of all links that
-a joint carries, to the base (maths.md, sections 6 and 10).
-"""
+"""Torques and energies by the recursive Newton-Euler algorithm (maths.md, sections 6 and 10)."""
 
 from __future__ import annotations
 

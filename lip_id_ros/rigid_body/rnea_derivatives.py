@@ -1,10 +1,8 @@
 """
-Derivatives of the recursive Newton-Euler algorithm by the placements of the joints.
+Derivatives of the recursive Newton-Euler algorithm by the placements (maths.md, section 10).
 
-A small change of a link's motion changes the wrench on it and on all that it carries by a matrix
-of 6 x 9. These are summed from the tip to the base, like composite inertias (Featherstone, Rigid
-Body Dynamics Algorithms, 2008, section 6.2). A row that is carried on to the base is the change of
-one torque by the motions of all frames (maths.md, section 10).
+The change of a wrench by a link's motion is a matrix of 6 x 9, summed from the tip to the base
+like composite inertias (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.2).
 """
 
 from __future__ import annotations
@@ -54,20 +52,13 @@ DIRECTIONS = 6
 
 class Workspace(NamedTuple):
     """
-    Working memory: all links of a chain at one joint state.
+    Working memory.
 
-    `transforms`, shape (n, 4, 3).
-    `parent_motions`, `motions`, shape (n + 1, 3, 3): motion without and with the link's own joint;
-    row 0 is the base, row i + 1 link i.
-    `wrenches`, shape (n, 2, 3): total wrench of a link and all links that it carries.
-    `frame_change`, shape (6, 6): change of a link's frame by the directions of its placement: its
-    rotation, expressed in the link, and the translation of its origin, expressed in the parent.
-    `motion_changes`, shape (n, 9, 6): change of each link's motion without its own joint.
-    `composites`, shape (n, 6, 9): change of the total wrench of a link and all links that it
-    carries by the motion of the link's frame without its own joint.
-    `carried`, shape (6, 9): the composite of the next link by the motion of this one.
-    `own_changes`, `base_changes`, shape (n, 6, 6): change of the total wrench of a link by its own
-    placement, in its frame and in that of its parent.
+    All links of a chain at one joint state. Motions are with and without the link's own joint, row
+    0 the base; a frame's change is by the directions of its placement (rotation in the link,
+    translation in the parent); composites are the change of the total wrench of a link and all it
+    carries by the frame's motion without its joint; own changes, those of a link's wrench by its
+    own placement, are in its frame and in its parent's.
     """
 
     transforms: Array

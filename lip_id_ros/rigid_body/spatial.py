@@ -1,10 +1,7 @@
 """
-Spatial algebra: transforms, motions, inertias and wrenches of links.
+Spatial algebra in the frames of links (maths.md, section 10.
 
-Everything is expressed in the frame of a link; `propagate_motion` and `transform_wrench` take it
-to the next link towards the tip and towards the base (maths.md, section 10; Featherstone,
-Rigid Body Dynamics Algorithms, 2008). Vectors are tuples of three numbers, which compiled loops
-keep in registers.
+Featherstone 2008). Vectors are tuples of three numbers, which compiled loops keep in registers.
 """
 
 from __future__ import annotations

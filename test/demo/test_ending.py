@@ -6,6 +6,7 @@ from pathlib import Path
 import re
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -17,11 +18,14 @@ from waiting import wait_until
 
 pytestmark = pytest.mark.ros
 
+ROOT = Path(__file__).resolve().parents[2]
+
 
 def test_a_demo_that_is_terminated_ends_its_nodes(tmp_path: Path) -> None:
     """As by `timeout` and CI; the nodes have a session of their own."""
-    demo = [sys.executable, '-m', 'lip_id_ros.demo.ros', '--output', str(tmp_path)]
-    with subprocess.Popen(demo, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+    demo = [sys.executable, '-m', 'examples.demo.ros', '--output', str(tmp_path)]
+    quiet: Any = {'stdout': subprocess.DEVNULL, 'stderr': subprocess.DEVNULL, 'cwd': ROOT}
+    with subprocess.Popen(demo, **quiet) as process:
         wait_until(lambda: len(nodes_of(tmp_path)) == 3, 'the start of three nodes')
         nodes = nodes_of(tmp_path)
         process.terminate()

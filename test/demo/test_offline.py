@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lip_id_ros.demo import offline
-from lip_id_ros.demo.reporting import run_demo
+from examples.demo import offline
+from examples.demo.reporting import run_demo
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import Evaluation
 from lip_id_ros.model import InverseDynamicsModel

@@ -18,9 +18,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import get_typestore, Stores
 from std_msgs.msg import Float64
 
-from lip_id_ros.dataset import Dataset
-from lip_id_ros.demo.nodes import measured_message, motion, reference_message
-from lip_id_ros.demo.served import (
+from examples.demo.served import (
     JOINT_STATES,
     KINETIC,
     make_plan,
@@ -34,6 +32,8 @@ from lip_id_ros.demo.served import (
     TOPICS,
     TORQUE,
 )
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.demo.nodes import measured_message, motion, reference_message
 from lip_id_ros.demo.settings import RobotSettings
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import score

@@ -27,7 +27,7 @@ from ros_domain import free_domain
 from std_srvs.srv import SetBool, Trigger
 from waiting import suspend, wait_until
 
-from lip_id_ros.demo.graph import await_discovery
+from examples.demo.graph import await_discovery
 from lip_id_ros.nodes import messages, qos, running
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 import yaml
 
-from lip_id_ros.demo.graph import end
+from examples.demo.graph import end, LAUNCHING
 from lip_id_ros.nodes import qos
 from lip_id_ros.recording import read_bag
 from lip_id_ros.settings import RecordingSettings
@@ -44,7 +44,7 @@ def launched(graph: Graph, name: str, *arguments: str) -> Iterator[Path]:
     log_path = graph.folder / f'{name}.log'
     with open(log_path, 'wb') as log:
         process = subprocess.Popen(
-            [sys.executable, '-m', 'lip_id_ros.demo.graph', name, *arguments],
+            [sys.executable, '-P', str(LAUNCHING), name, *arguments],
             env=graph.environment,
             cwd=graph.folder,
             stdout=log,
@@ -201,7 +201,7 @@ def test_a_launch_with_wrong_arguments_starts_nothing(
     given = ['params_file:=arm.yaml', *arguments]
     if name != 'train':
         given.append('model_path:=model.npz')
-    command = ['-m', 'lip_id_ros.demo.graph', f'{name}.launch.py', *given]
+    command = ['-P', str(LAUNCHING), f'{name}.launch.py', *given]
     ran = subprocess.run(
         [sys.executable, *command], cwd=tmp_path, capture_output=True, text=True, check=False
     )

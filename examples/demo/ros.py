@@ -12,11 +12,10 @@ from pathlib import Path
 import shutil
 import sys
 
-from lip_id_ros.cli.output import progress_display
-from lip_id_ros.demo.graph import Graph, launched, spinning
-from lip_id_ros.demo.offline import TEST_SEED
-from lip_id_ros.demo.reporting import REPORT, report, run_demo
-from lip_id_ros.demo.served import (
+from examples.demo.graph import Graph, launched, spinning
+from examples.demo.offline import TEST_SEED
+from examples.demo.reporting import REPORT, report, run_demo
+from examples.demo.served import (
     BagRecorder,
     KINETIC,
     make_plan,
@@ -29,6 +28,7 @@ from lip_id_ros.demo.served import (
     TOPICS,
     TORQUE,
 )
+from lip_id_ros.cli.output import progress_display
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation import Evaluation
 from lip_id_ros.model import InverseDynamicsModel

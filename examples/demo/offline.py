@@ -15,9 +15,9 @@ import sys
 
 import numpy as np
 
+from examples.demo.reporting import REPORT, report, run_demo
 from lip_id_ros.cli.output import progress_display
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.demo.reporting import REPORT, report, run_demo
 from lip_id_ros.evaluation import Evaluation, run
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.settings import Config

@@ -13,11 +13,7 @@ import sys
 import time
 from typing import Any
 
-from ament_index_python.packages import get_package_share_path
 from diagnostic_msgs.msg import DiagnosticStatus
-from launch import LaunchDescription, LaunchService
-from launch.actions import IncludeLaunchDescription
-from launch.launch_description_sources import AnyLaunchDescriptionSource
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -35,7 +31,7 @@ from lip_id_ros.nodes import messages, qos, running
 ANSWER_SECONDS = 60.0
 POLL_SECONDS = 0.1
 ASK_AGAIN_SECONDS = 1.0
-LAUNCH_FILE = 'demo.launch.py'
+LAUNCHING = Path(__file__).with_name('launching.py')
 STOP_SECONDS = 15.0
 
 
@@ -183,9 +179,8 @@ def launched(output: Path) -> Iterator[subprocess.Popen[bytes]]:
             [
                 sys.executable,
                 '-P',
-                '-m',
-                'lip_id_ros.demo.graph',
-                LAUNCH_FILE,
+                str(LAUNCHING),
+                'demo.launch.py',
                 f'output:={output}',
             ],
             stdin=subprocess.DEVNULL,
@@ -208,25 +203,3 @@ def end(process: subprocess.Popen[bytes]) -> None:
                 process.wait(STOP_SECONDS)
             except subprocess.TimeoutExpired:
                 continue
-
-
-def main(arguments: list[str]) -> int:
-    """
-    Run a launch file until SIGINT, given its name and ``name:=value`` for its arguments.
-
-    Returns 0 if every node ended well.
-    """
-    name, *given = arguments
-    path = get_package_share_path('lip_id_ros') / 'launch' / name
-    included = IncludeLaunchDescription(
-        AnyLaunchDescriptionSource(str(path)),
-        launch_arguments=[pair.split(':=', 1) for pair in given],
-    )
-    service = LaunchService(argv=given)
-    service.include_launch_description(LaunchDescription([included]))
-    status: int = service.run()
-    return status
-
-
-if __name__ == '__main__':
-    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""A simulated Panda, recorded, learned, served and judged: `make demo`."""
