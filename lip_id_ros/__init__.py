@@ -29,6 +29,9 @@ if TYPE_CHECKING:
         SearchSettings,
         SpaceSettings,
     )
+    from lip_id_ros.feedforward.interpolation import Plan
+    from lip_id_ros.feedforward.plan_check import check_plan, PlanCheck
+    from lip_id_ros.feedforward.plan_files import read_plans
     from lip_id_ros.loading.examined import load_dataset
     from lip_id_ros.model import InverseDynamicsModel, Prediction
     from lip_id_ros.settings import (
@@ -55,6 +58,8 @@ _HOMES = {
     'InverseDynamicsModel': 'model',
     'LipIdError': 'errors',
     'ModelError': 'errors',
+    'Plan': 'feedforward.interpolation',
+    'PlanCheck': 'feedforward.plan_check',
     'Prediction': 'model',
     'MotionSettings': 'excitation.settings',
     'PreprocessingSettings': 'settings',
@@ -63,12 +68,14 @@ _HOMES = {
     'ShapeError': 'errors',
     'SourceError': 'errors',
     'SpaceSettings': 'excitation.settings',
+    'check_plan': 'feedforward.plan_check',
     'design_motion': 'excitation.planning',
     'evaluate': 'evaluation',
     'fit': 'workflow.fit',
     'fit_cautions': 'evaluation',
     'load_dataset': 'loading.examined',
     'read_config': 'settings',
+    'read_plans': 'feedforward.plan_files',
 }
 """The room of every public name."""
 
@@ -86,6 +93,8 @@ __all__ = [
     'LipIdError',
     'ModelError',
     'MotionSettings',
+    'Plan',
+    'PlanCheck',
     'Prediction',
     'PreprocessingSettings',
     'RecordingSettings',
@@ -94,12 +103,14 @@ __all__ = [
     'SourceError',
     'SpaceSettings',
     '__version__',
+    'check_plan',
     'design_motion',
     'evaluate',
     'fit',
     'fit_cautions',
     'load_dataset',
     'read_config',
+    'read_plans',
 ]
 
 

@@ -123,7 +123,13 @@ FOREIGN = {
     # zstd: the standard library has it from 3.14 as compression
     'backports': ('recording/storage/contents',),
     'compression': ('recording/storage/contents',),
-    'yaml': ('settings', 'recording/bags', 'fleet/sources', 'fleet/stored_files'),
+    'yaml': (
+        'settings',
+        'recording/bags',
+        'feedforward/plan_files',
+        'fleet/sources',
+        'fleet/stored_files',
+    ),
     'pinocchio': ('simulation', 'export/check'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),

@@ -18,6 +18,7 @@ LIMITS = lip.ExcitationConfig(
     lip.MotionSettings(lower=(-1.0,), upper=(1.0,), velocity=(1.0,)),
     search=lip.SearchSettings(draws=1, steps=0),
 )
+PLAN = lip.Plan(small_model().joint_names, np.arange(2.0), np.zeros((3, 2, 3)))
 MASKED = np.ma.masked_array(np.zeros((4, 3), int), mask=np.eye(4, 3, dtype=bool))
 STRANGE = {
     'none': None,
@@ -37,6 +38,9 @@ def calls() -> dict[str, Callable[[Any], object]]:
     """Return the public functions by name, each a function of one of its arguments."""
     data, some = training(), np.zeros((4, 3))
     found: dict[str, Callable[[Any], object]] = {
+        'check_plan model': lambda value: lip.check_plan(value, PLAN, (1.0,)),
+        'check_plan plan': lambda value: lip.check_plan(small_model(), value, (1.0,)),
+        'check_plan limits': lambda value: lip.check_plan(small_model(), PLAN, value),
         'design_motion': lip.design_motion,
         'design_motion urdf': partial(lip.design_motion, None),
         'design_motion model': lambda value: lip.design_motion(None, None, value),
@@ -44,6 +48,8 @@ def calls() -> dict[str, Callable[[Any], object]]:
         'load_dataset': lip.load_dataset,
         'load_dataset settings': partial(lip.load_dataset, 'run.csv'),
         'read_config': lip.read_config,
+        'read_plans': lip.read_plans,
+        'read_plans topic': partial(lip.read_plans, 'run.mcap'),
         'fit': lip.fit,
         'fit settings': partial(lip.fit, data),
         'evaluate model': lambda value: lip.evaluate(value, data),

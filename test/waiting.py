@@ -22,13 +22,20 @@ class Patience:
     Decide whether a wait may go on: while the processes that this one started compute, it may.
 
     A loaded machine makes everything slow, so that no fixed time is right; but a process that
-    will never do what is waited for stops computing, on any machine.
+    will never do what is waited for stops computing, on any machine. Where one computes for ever,
+    as a controller manager, `limit_s` ends the wait.
 
     """
 
-    def __init__(self) -> None:
+    def __init__(self, limit_s: float = LIMIT_S) -> None:
+        self._limit_s = limit_s
         self._begun = self._looked = self._busy = time.monotonic()
         self._used: dict[int, float] = {}  # looking takes longer than most waits
+
+    @property
+    def waited_s(self) -> float:
+        """How long the wait has lasted [s]."""
+        return time.monotonic() - self._begun
 
     @property
     def exhausted(self) -> bool:
@@ -40,14 +47,14 @@ class Patience:
             if new > BUSY * (now - self._looked):
                 self._busy = now
             self._looked, self._used = now, used
-        return now - self._busy > IDLE_S or now - self._begun > LIMIT_S
+        return now - self._busy > IDLE_S or now - self._begun > self._limit_s
 
 
-def wait_until(condition: Callable[[], Any], what: str) -> None:
-    """Wait for a condition; fail once nothing has progressed for long."""
-    patience = Patience()
+def wait_until(condition: Callable[[], Any], what: str, limit_s: float = LIMIT_S) -> None:
+    """Wait for a condition; fail once nothing has progressed for long, or the limit has passed."""
+    patience = Patience(limit_s)
     while not condition():
-        assert not patience.exhausted, f'{what} did not happen, and nothing goes on any more'
+        assert not patience.exhausted, f'{what} did not happen in {patience.waited_s:.0f} s'
         time.sleep(POLL_S)
 
 

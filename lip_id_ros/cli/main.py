@@ -12,6 +12,7 @@ import lip_id_ros
 from lip_id_ros.cli import (
     bench,
     cache,
+    check_plan,
     dataset,
     demo,
     evaluate,
@@ -25,7 +26,10 @@ from lip_id_ros.cli import (
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.escaping import printable
 
-VERBS = (*(demo, excite, inspect, fit, evaluate, predict, dataset, export, payload, bench, cache),)
+VERBS = (
+    *(demo, excite, inspect, fit, evaluate, predict, check_plan, dataset, export, payload),
+    *(bench, cache),
+)
 FAILED = 1
 INTERRUPTED = 130  # as shells report a program ended by Ctrl-C
 START = """\
@@ -102,7 +106,7 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', required=True)
     for module in VERBS:
         verb = verbs.add_parser(
-            module.__name__.rpartition('.')[2],
+            module.__name__.rpartition('.')[2].replace('_', '-'),
             help=module.HELP,
             description=module.__doc__,
             epilog=module.EPILOG,

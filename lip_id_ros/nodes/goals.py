@@ -68,6 +68,12 @@ class Goals:
             **calls,
         )
 
+    def warnings(self) -> list[str]:
+        """Describe what is missing for goals."""
+        if self._client.server_is_ready():
+            return []
+        return [f'no controller offers the action {self._action}']
+
     def watch(self) -> None:
         """End goals whose controller has ended, and ask again for results that were lost."""
         if not self._relays:

@@ -87,10 +87,10 @@ class Inputs:
             self._goals = Goals(self._node, self._server, self.goals, action)
 
     def warnings(self) -> list[str]:
-        """Describe topics with several publishers, unless that is allowed."""
-        if self._settings.several_publishers == 'allow':
-            return []
-        found = [qos.several_publishers(self._node, each) for each in self._single]
+        """Describe a missing controller, and topics with several publishers unless allowed."""
+        found = [] if self._goals is None else [self._goals.warnings()]
+        if self._settings.several_publishers != 'allow':
+            found += [qos.several_publishers(self._node, each) for each in self._single]
         return [warning for warnings in found for warning in warnings]
 
     @property

@@ -48,6 +48,7 @@ def named(text: str) -> set[str]:
         'dataset',
         'inspect',
         'predict',
+        'check-plan',
         'export',
         'payload',
         'bench',

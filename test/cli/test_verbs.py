@@ -25,7 +25,7 @@ from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import read_config
 from lip_id_ros.simulation import write_bag
 
-VERBS = ('demo', 'fit', 'evaluate', 'dataset', 'inspect', 'predict', 'bench')
+VERBS = ('demo', 'fit', 'evaluate', 'dataset', 'inspect', 'predict', 'check-plan', 'bench')
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from ros_domain import free_domain
 from std_srvs.srv import SetBool, Trigger
-from waiting import suspend, wait_until
+from waiting import LIMIT_S, suspend, wait_until
 
 from examples.demo.graph import await_discovery
 from lip_id_ros.nodes import messages, qos, running
@@ -106,6 +106,7 @@ class Client:
     def __init__(self, context: Context) -> None:
         self.node = rclpy.create_node('client', context=context)
         self.received: dict[str, list[Any]] = {}
+        self.limit_s = LIMIT_S  # of one wait
         self.order: list[str] = []  # the topics of all messages received
         self._clients: dict[str, Any] = {}
         self._subscriptions: dict[str, Any] = {}
@@ -113,15 +114,15 @@ class Client:
         self._marks: dict[str, dict[str, Any]] = {}
 
     def wait_until(self, condition: Callable[[], Any], what: str) -> None:
-        wait_until(condition, what)
+        wait_until(condition, what, self.limit_s)
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
-            wait_until(self._clients[name].service_is_ready, f'service {name}')
-            await_discovery(self.node, name.rpartition('/')[0], wait_until)
+            self.wait_until(self._clients[name].service_is_ready, f'service {name}')
+            await_discovery(self.node, name.rpartition('/')[0], self.wait_until)
         answer = self._clients[name].call_async(request)
-        wait_until(answer.done, f'answer of {name}')
+        self.wait_until(answer.done, f'answer of {name}')
         return answer.result()
 
     def trigger(self, name: str) -> Any:
@@ -155,7 +156,7 @@ class Client:
             return self.received[topic]
         messages = self.await_topic(kind, topic, profile)
         subscription = self._subscriptions[topic]
-        wait_until(lambda: subscription.get_publisher_count() > 0, f'publisher of {topic}')
+        self.wait_until(lambda: subscription.get_publisher_count() > 0, f'publisher of {topic}')
         self._await_discovery(lambda: self.node.get_publishers_info_by_topic(topic))
         return messages
 
@@ -165,7 +166,7 @@ class Client:
             return
         subscription = self._subscriptions.pop(topic)
         task = self.node.executor.create_task(self.node.destroy_subscription, subscription)
-        wait_until(task.done, 'the end of a subscription')
+        self.wait_until(task.done, 'the end of a subscription')
 
     def await_topic(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> list[Any]:
         """Collect the messages of a topic whose publisher may come later."""
@@ -185,7 +186,7 @@ class Client:
         if topic in self._publishers:
             return self._publishers[topic]
         publisher = self.node.create_publisher(kind, topic, profile)
-        wait_until(
+        self.wait_until(
             lambda: publisher.get_subscription_count() >= listeners, f'subscriber of {topic}'
         )
         self._await_discovery(lambda: self.node.get_subscriptions_info_by_topic(topic))
@@ -195,7 +196,7 @@ class Client:
     def withdraw(self, publisher: Any) -> None:
         """Destroy a publisher in the thread that spins: another may hold it while it waits."""
         task = self.node.executor.create_task(self.node.destroy_publisher, publisher)
-        wait_until(task.done, 'the end of a publisher')
+        self.wait_until(task.done, 'the end of a publisher')
 
     def mark(self, node: str) -> None:
         """Count from now on: `status` subtracts what the node has counted so far."""
@@ -204,19 +205,19 @@ class Client:
         def of_node() -> list[DiagnosticStatus]:
             return [each.status[0] for each in list(diagnostics) if each.status[0].name == node]
 
-        wait_until(lambda: len(of_node()) > 1, f'diagnostics of {node}')
+        self.wait_until(lambda: len(of_node()) > 1, f'diagnostics of {node}')
         self._marks[node] = messages.status_values(of_node()[-1])
 
     def _await_discovery(self, endpoints: Callable[[], list[Any]]) -> None:
         """Wait until the nodes of endpoints, others than this one, know what this one has."""
-        wait_until(
+        self.wait_until(
             lambda: endpoints() and all(each.node_name != UNKNOWN for each in endpoints()),
             'the names of nodes',
         )
         for each in endpoints():
             if each.node_name != self.node.get_name():
                 name = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
-                await_discovery(self.node, name, wait_until)
+                await_discovery(self.node, name, self.wait_until)
 
     def status(self, node: str, condition: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
         """Wait for a status of a node that fulfils a condition."""
@@ -230,7 +231,7 @@ class Client:
                 found[:] = [since(messages.status_values(message), self._marks.get(node, {}))]
             return bool(found and condition(found[0]))
 
-        wait_until(fulfilled, f'status of {node}')
+        self.wait_until(fulfilled, f'status of {node}')
         return found[0]
 
 

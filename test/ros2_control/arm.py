@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-import json
 from pathlib import Path
 from typing import Any
 
@@ -25,63 +24,18 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
+from benchmarks._mock_controller import description, GAINS
 from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages, qos
 
-GAINS = {'p': 20.0, 'd': 2.0, 'i': 0.0, 'antiwindup_strategy': 'none'}
 RATE_HZ = 100
-JTC = 'joint_trajectory_controller/JointTrajectoryController'
+LIMIT_S = 120.0
+"""
+Of one wait once all have started. The manager computes for ever, so that it never looks idle;
+what is asked of it is done in seconds, or never.
+"""
+MISSING = 'no controller offers the action'
 BROADCASTER = 'joint_state_broadcaster'
-STATES = ('position', 'velocity', 'effort')
-
-
-def description(joints: Sequence[str]) -> str:
-    """Return a URDF of mock hardware: efforts are mirrored, positions too where commanded."""
-    links = ['base', *(f'{joint}_link' for joint in joints)]
-    tree = [f'<link name="{link}"/>' for link in links]
-    tags = []
-    for joint, parent, child in zip(joints, links, links[1:], strict=False):
-        tree.append(
-            f'<joint name="{joint}" type="revolute"><parent link="{parent}"/>'
-            f'<child link="{child}"/><axis xyz="0 0 1"/>'
-            '<limit lower="-3" upper="3" velocity="9" effort="1000"/></joint>'
-        )
-        commands = [f'<command_interface name="{each}"/>' for each in ('position', 'effort')]
-        states = [
-            f'<state_interface name="{each}"><param name="initial_value">0.0</param>'
-            '</state_interface>'
-            for each in STATES
-        ]
-        tags.append(f'<joint name="{joint}">{"".join([*commands, *states])}</joint>')
-    hardware = '<hardware><plugin>mock_components/GenericSystem</plugin></hardware>'
-    return (
-        f'<robot name="arm">{"".join(tree)}<ros2_control name="arm" type="system">{hardware}'
-        f'{"".join(tags)}</ros2_control></robot>'
-    )
-
-
-def trajectory_controller(
-    joints: Sequence[str], command_interfaces: Sequence[str] = ('effort',), **more: Any
-) -> dict[str, Any]:
-    """Return parameters of a joint_trajectory_controller."""
-    return {
-        'joints': list(joints),
-        'command_interfaces': list(command_interfaces),
-        'state_interfaces': ['position', 'velocity'],
-        'gains': dict.fromkeys(joints, GAINS),
-        **more,
-    }
-
-
-def write_parameters(path: Path, controllers: dict[str, tuple[str, dict[str, Any]]]) -> Path:
-    """Write a file for the manager and its controllers: name, type and parameters."""
-    manager: dict[str, Any] = {'update_rate': RATE_HZ}
-    content: dict[str, Any] = {'controller_manager': {'ros__parameters': manager}}
-    for name, (kind, parameters) in controllers.items():
-        manager[name] = {'type': kind, 'params_file': [str(path)]}
-        content[name] = {'ros__parameters': parameters}
-    path.write_text(json.dumps(content))  # which is YAML too
-    return path
 
 
 @dataclass
@@ -91,16 +45,30 @@ class Control:
     graph: Graph
     client: Client
     process: Process
+    served: str = ''  # the controller that `serve` sends plans to
 
     def call(self, kind: Any, service: str, **fields: Any) -> Any:
         return self.client.call(kind, f'/controller_manager/{service}', kind.Request(**fields))
 
     def load(self, name: str) -> bool:
-        """Load and configure a controller."""
-        return bool(
+        """Load and configure a controller; `serve` knows it then, where it is for that."""
+        loaded = bool(
             self.call(LoadController, 'load_controller', name=name).ok
             and self.call(ConfigureController, 'configure_controller', name=name).ok
         )
+        if loaded and name == self.served:
+            self._await_serve(True)
+        return loaded
+
+    def _await_serve(self, knows: bool) -> None:
+        """
+        Wait until `serve` knows the controller, or that it has ended.
+
+        Else it publishes the next plan to nobody. It has the controller's action once that warning
+        ends, and the topic of its plans, which the controller makes before the action.
+
+        """
+        self.client.status('serve', lambda status: knows != (MISSING in status['summary']))
 
     def switch(self, activate: Sequence[str] = (), deactivate: Sequence[str] = ()) -> bool:
         answer = self.call(
@@ -115,10 +83,13 @@ class Control:
     def unload(self, name: str) -> bool:
         """Unload a controller, whose states are heard no more."""
         self.client.forget(f'/{name}/controller_state')
-        return bool(
+        unloaded = bool(
             self.call(CleanupController, 'cleanup_controller', name=name).ok
             and self.call(UnloadController, 'unload_controller', name=name).ok
         )
+        if unloaded and name == self.served:
+            self._await_serve(False)
+        return unloaded
 
     def states(self) -> dict[str, str]:
         """State of each controller that is loaded."""

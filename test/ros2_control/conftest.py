@@ -32,15 +32,17 @@ def control(tmp_path_factory: pytest.TempPathFactory, model_path: str) -> Iterat
     from ros2_control.arm import (
         BROADCASTER,
         controlled,
-        JTC,
-        trajectory_controller,
-        write_parameters,
+        LIMIT_S,
+        RATE_HZ,
     )
+
+    from benchmarks._mock_controller import JTC, trajectory_controller, write_parameters
 
     folder = tmp_path_factory.mktemp('ros2_control')
     broadcaster = {'joints': list(toy.JOINTS), 'interfaces': ['position', 'velocity', 'effort']}
     parameters = write_parameters(
         folder / 'controllers.yaml',
+        RATE_HZ,
         {
             BROADCASTER: ('joint_state_broadcaster/JointStateBroadcaster', broadcaster),
             'arm': (JTC, trajectory_controller(toy.JOINTS)),
@@ -73,4 +75,5 @@ def control(tmp_path_factory: pytest.TempPathFactory, model_path: str) -> Iterat
         assert made.load(BROADCASTER)
         assert made.switch([BROADCASTER])
         made.client.status('serve', lambda status: status['state'] == 'active')
+        made.client.limit_s, made.served = LIMIT_S, 'arm'
         yield made

@@ -10,10 +10,12 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('controller_manager_msgs')
 
-from ros2_control.arm import controlled, JTC
+from ros2_control.arm import controlled
 from ros2_control.test_goals import ACTION
 from sensor_msgs.msg import JointState
 import yaml
+
+from benchmarks._mock_controller import JTC
 
 if TYPE_CHECKING:
     from ros2_control.arm import Control

@@ -19,8 +19,9 @@ from nodes import toy
 import numpy as np
 from numpy.typing import ArrayLike
 from rclpy.action import ActionClient
-from ros2_control.arm import commanded, GAINS, plan
+from ros2_control.arm import commanded, plan
 
+from benchmarks._mock_controller import GAINS
 from lip_id_ros.feedforward.goals import ErrorCode
 
 if TYPE_CHECKING:
@@ -204,7 +205,7 @@ def test_a_controller_that_is_deactivated_or_ended(control: Control, sender: Sen
     ending, result = sender.run(goal())
     assert ending == 'aborted'
     assert 'has rejected the plan' in result.error_string
-    assert control.unload('arm')
+    assert control.unload('arm')  # which the status of serve shows
     ending, result = sender.run(goal())
     assert ending == 'aborted'
     assert 'no controller offers the action /arm/follow_joint_trajectory' in result.error_string

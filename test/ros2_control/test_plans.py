@@ -20,6 +20,8 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.feedforward.interpolation import Plan
+from lip_id_ros.nodes import messages
 
 if TYPE_CHECKING:
     from ros2_control.arm import Control
@@ -93,6 +95,41 @@ def test_efforts_of_a_plan_are_interpolated_and_added_to_the_feedback(control: C
         return bool(np.allclose(newest, last.output.effort, atol=1e-9))
 
     control.client.wait_until(reached_hardware, 'effort in the joint states')
+
+
+@pytest.mark.parametrize('n_given', [1, 2, 3])
+def test_the_motion_between_points_is_that_of_a_plan_check(control: Control, n_given: int) -> None:
+    """Points with positions alone, with velocities, with accelerations."""
+    control.use('arm')
+    states = states_of(control, 'arm')
+    t = np.array([0.2, 0.5, 0.9])
+    given = np.random.default_rng(n_given).uniform(-0.5, 0.5, (3, 3, 2))
+    given[1:, -1] = 0.0  # else the controller refuses the plan
+    asked = messages.plan_message(toy.JOINTS, t, *given)
+    for point in asked.points:
+        for field in ('velocities', 'accelerations')[n_given - 1 :]:
+            setattr(point, field, [])
+    given[n_given:] = np.nan
+    control.client.speak(JointTrajectory, '/arm/joint_trajectory').publish(asked)
+    end = given[0, -1]
+    last = wait_for(
+        control,
+        states,
+        lambda state: np.allclose(state.reference.positions, end) and in_plan(state) > t[-1],
+    )
+    during = [
+        state
+        for state in list(states)
+        if t[0] < in_plan(state) < t[-1] - 2.0 / RATE_HZ and abs(begin(state) - begin(last)) < 1e-3
+    ]
+    assert during
+    at, expected = Plan(toy.JOINTS, t, given).motion(1e-4)
+    for state in during:
+        row = int(np.argmin(np.abs(at - in_plan(state))))
+        reference = state.reference
+        found = reference.positions, reference.velocities, reference.accelerations
+        for values, motion, tolerance in zip(found, expected, (1e-3, 2e-2, 0.5), strict=True):
+            np.testing.assert_allclose(values, motion[row], atol=tolerance)
 
 
 def test_a_plan_replaces_the_one_before(control: Control) -> None:
