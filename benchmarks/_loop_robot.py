@@ -28,7 +28,7 @@ from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.simulation import Measurement, SinusoidTrajectory, StoppedTrajectory
 from lip_id_ros.simulation.arm import MOTION
-from lip_id_ros.simulation.panda_drives import DAMPING, panda_setup, STIFFNESS
+from lip_id_ros.simulation.torque_controlled import DAMPING, panda_setup, STIFFNESS
 
 Motion = tuple[Array, Array, Array]
 

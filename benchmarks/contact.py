@@ -32,7 +32,7 @@ from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.signals.filters import high_pass
 from lip_id_ros.simulation import SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
-from lip_id_ros.simulation.panda_drives import panda_setup, Setup
+from lip_id_ros.simulation.torque_controlled import panda_setup, Setup
 from lip_id_ros.workflow.fit import fit
 
 EVERY = 10  # the observer runs at 100 Hz

@@ -24,16 +24,17 @@ from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.recording_factors import (
-    CHUNK,
-    empty_statistics,
-    packed,
-    RecordingFactors,
-    updated,
-)
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import Known, system_of
-from lip_id_ros.identification.total import FrictionDeviations, Total
+from lip_id_ros.identification.total import (
+    CHUNK,
+    empty_statistics,
+    FrictionDeviations,
+    packed,
+    RecordingFactors,
+    Total,
+    updated,
+)
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS, STANDARD_GRAVITY
 from lip_id_ros.rigid_body.regressor import torque_regressor
 

@@ -14,7 +14,7 @@ from benchmarks._cells import measured, show
 from benchmarks._closed_loop import NominalFeedforward
 from benchmarks.contact import learned, move
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation.panda_drives import panda_setup
+from lip_id_ros.simulation.torque_controlled import panda_setup
 
 MIDDLEWARES = ('rmw_fastrtps_cpp', 'rmw_cyclonedds_cpp')
 ROUTES = ('stream', 'plan, node', 'plan, in the loop')

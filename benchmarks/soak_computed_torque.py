@@ -30,7 +30,7 @@ from benchmarks._serve_client import LIMITS, spun
 from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.simulation import TorqueControlledArm
-from lip_id_ros.simulation.panda_drives import panda_setup
+from lip_id_ros.simulation.torque_controlled import panda_setup
 
 RATE_HZ, STEPS = 250, 4
 SAFE_S, LONGEST_S, PLAN_S = 0.1, 0.7, 4.0

@@ -14,7 +14,7 @@ from benchmarks.tracking.figures import notes, tables
 from benchmarks.tracking.report import write_report
 from lip_id_ros.cli import arguments, output
 from lip_id_ros.evaluation.tables import show, show_lines
-from lip_id_ros.simulation.panda_drives import panda_setup
+from lip_id_ros.simulation.torque_controlled import panda_setup
 
 
 def main(given: list[str]) -> int:

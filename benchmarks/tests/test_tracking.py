@@ -25,7 +25,7 @@ from benchmarks.tracking.experiment import recorded
 from benchmarks.tracking.figures import FEEDBACK, notes, POSITION, RunFigures, tables
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import GrowingCosine
-from lip_id_ros.simulation.panda_drives import panda_setup, POSTURE
+from lip_id_ros.simulation.torque_controlled import panda_setup, POSTURE
 
 pytestmark = pytest.mark.slow
 

@@ -24,7 +24,7 @@ from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import GrowingCosine
-from lip_id_ros.simulation.panda_drives import Setup
+from lip_id_ros.simulation.torque_controlled import Setup
 from lip_id_ros.workflow.fit import fit
 
 LEARNED, NOMINAL, INFORMED = 'learned', 'nominal', 'nominal with friction'

@@ -10,8 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.control.plan import EffortPoint, LARGEST, Plan, read_points
-from lip_id_ros.control.serialised_plan import read_serialised
+from lip_id_ros.control.plan import EffortPoint, LARGEST, Plan, read_points, read_serialised
 from lip_id_ros.control.settings import ControlRules, ControlSettings
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joint_states import (

@@ -33,7 +33,7 @@ from lip_id_ros.simulation import (
     with_encoder_noise,
 )
 from lip_id_ros.simulation.arm import MOTION
-from lip_id_ros.simulation.panda_drives import panda_setup
+from lip_id_ros.simulation.torque_controlled import panda_setup
 
 RETRY_S, REPEAT_S = 0.2, 5.0
 FASTEST = 100.0  # no joint of an arm gets there [rad/s]

@@ -22,7 +22,7 @@ from lip_id_ros.model import (
     TorqueModel,
     TorquePrediction,
 )
-from lip_id_ros.model.fit_checks import not_positive_definite_percent
+from lip_id_ros.model.proof import not_positive_definite_percent
 from lip_id_ros.progress import Progress, silent
 
 BLOCK = 500

@@ -8,9 +8,8 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import LINK_PARAMETERS
-from lip_id_ros.rigid_body.placement_pullback import placement_pullback
 from lip_id_ros.rigid_body.regressor import torque_regressor
-from lip_id_ros.rigid_body.regressor_pullback import regressor_pullback
+from lip_id_ros.rigid_body.regressor_pullback import placement_pullback, regressor_pullback
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
 
 STEPS = 1e-5, 1e-6, 1e-4, 1e-4

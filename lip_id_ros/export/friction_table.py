@@ -10,8 +10,8 @@ import numpy as np
 from lip_id_ros.friction import terms
 from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
+from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import DriveTerm, LoadTorque, SharedFriction
-from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import FrictionBasis
 from lip_id_ros.joint_types import PRISMATIC
 from lip_id_ros.model import InverseDynamicsModel

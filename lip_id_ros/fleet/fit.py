@@ -30,7 +30,6 @@ from lip_id_ros.identification.fitting import described_arm
 from lip_id_ros.identification.identify import LEAST_SAMPLES_PER_JOINT, PROCESSES
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.posterior import is_linear, SAMPLES
-from lip_id_ros.identification.recording_factors import RecordingFactors
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import (
@@ -40,7 +39,7 @@ from lip_id_ros.identification.solution import (
     Solution,
     solutions,
 )
-from lip_id_ros.identification.total import Total
+from lip_id_ros.identification.total import RecordingFactors, Total
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import Config

@@ -1,11 +1,18 @@
-"""The first share of the samples of many recordings, to learn from, and the rest of them."""
+"""The first share of many recordings, to learn from, and the statistics of each."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+import os
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
+from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.sample_selection import explained, moving, plausible, remembering
+from lip_id_ros.identification.total import gather, RecordingFactors
+from lip_id_ros.loading import load_dataset
+from lip_id_ros.preprocessing import for_training
+from lip_id_ros.settings import Config
 
 
 def first_shares(counts: Mapping[int, int], share: float) -> dict[int, float]:
@@ -38,3 +45,29 @@ def first_part(data: Dataset, share: float) -> Dataset:
 def last_part(data: Dataset, share: float) -> Dataset:
     """Return the samples after the first share, all of them where it is 0."""
     return data if share <= 0.0 else data.split(share)[1]
+
+
+def gathered_from(
+    path: str | os.PathLike[str],
+    around: Linearisation,
+    blocks: int,
+    config: Config,
+    share: float = 1.0,
+) -> RecordingFactors:
+    """
+    Read a recording and gather its statistics; raises what `load_dataset` raises.
+
+    `blocks`: in which the statistics are kept apart. `share`: first share of the samples that is
+    learned from.
+    """
+    data = load_dataset(path, config).with_joints(around.joint_names)
+    data = first_part(data, share)
+    data = for_training(data, config.preprocessing, config.fit.kernel)
+    return gather_kept(data, around, blocks)
+
+
+def gather_kept(dataset: Dataset, around: Linearisation, blocks: int = 1) -> RecordingFactors:
+    """Gather the statistics of the samples that are plausible and that the arm explains."""
+    dataset = moving(remembering(dataset))
+    kept = plausible(dataset) & explained(around.residual(dataset))
+    return gather(dataset, around, blocks, kept)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+import json
 from typing import Any
 
 import numpy as np
@@ -13,20 +14,21 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import evaluate, Evaluation, matched
 from lip_id_ros.evaluation.merging import merged
-from lip_id_ros.fleet.gathering import gathered_from
-from lip_id_ros.fleet.parts import first_shares, last_part
+from lip_id_ros.fleet.parts import first_shares, gathered_from, last_part
 from lip_id_ros.fleet.passes import digest, Passes, Source
-from lip_id_ros.fleet.preprocessing import is_automatic, MOST_RECORDINGS, selected, usual
 from lip_id_ros.fleet.results import EXCLUDED, FAILED, HELD_OUT, Survey
 from lip_id_ros.fleet.survey import joint_order, sorted_of_one_arm, survey
 from lip_id_ros.identification.folds import new_motion_s
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.recording_factors import RecordingFactors
-from lip_id_ros.identification.total import FOLDS
+from lip_id_ros.identification.total import FOLDS, RecordingFactors
 from lip_id_ros.loading import load_dataset
+from lip_id_ros.loading.data_settings import SECTIONS, selected_config
+from lip_id_ros.loading.load import read_raw
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.proof import with_held_out
-from lip_id_ros.settings import Config
+from lip_id_ros.packable import Packable
+from lip_id_ros.recording import JointSamples
+from lip_id_ros.settings import AUTO, Config, flatten, override, PreprocessingSettings
 
 Part = tuple[Source, float]
 """A recording, and the first share of its samples that is learned from."""
@@ -208,3 +210,64 @@ def _judgement(
     with source.local() as path:
         data = matched(last_part(load_dataset(path, config), share), model)
     return evaluate(model, data), new_motion_s(known, data)
+
+
+MOST_RECORDINGS = 6
+"""Recordings that preprocessing is selected on; they are in memory together."""
+
+
+@dataclass(frozen=True, eq=False)
+class SelectedPreprocessing(Packable):
+    """Settings by ``section.name``, and entries for the provenance of recordings: both as JSON."""
+
+    KIND = 'preprocessing'
+    settings: str
+    entries: str
+
+
+def is_automatic(config: Config) -> bool:
+    """Whether cut-off, derivative and delays are to be selected."""
+    return config.preprocessing.cutoff_hz == AUTO
+
+
+def usual(config: Config) -> Config:
+    """Return the settings with the usual cut-off in the place of `auto`."""
+    if not is_automatic(config):
+        return config
+    cutoff = PreprocessingSettings().cutoff_hz
+    return replace(config, preprocessing=replace(config.preprocessing, cutoff_hz=cutoff))
+
+
+def selected(
+    some: Sequence[tuple[Source, float]],
+    joint_names: tuple[str, ...],
+    config: Config,
+    passes: Passes,
+) -> tuple[Config, Mapping[str, Any]]:
+    """
+    Select preprocessing by the first shares of some recordings, whose joints have this order.
+
+    Returns settings with numbers in the place of `auto`, and entries for the provenance of
+    recordings; raises what `load_dataset` raises with `auto`.
+    """
+    given = config.recording, config.preprocessing
+    key = digest('preprocessing', *given, [(each.fingerprint, share) for each, share in some])
+    found = passes.restored(SelectedPreprocessing, key)
+    if found is None:
+        raw = [part for each, share in some for part in _first(each, share, config)]
+        chosen, entries = selected_config(raw, config, 1.0, passes.progress)
+        if chosen.recording.effort_delay_s and not chosen.recording.joints:
+            # so that they are those of the same joints in recordings of another order
+            recording = replace(chosen.recording, joints=joint_names)
+            chosen = replace(chosen, recording=recording)
+        of_data = {name: x for name, x in flatten(chosen).items() if name.startswith(SECTIONS)}
+        found = SelectedPreprocessing(json.dumps(of_data), json.dumps(entries))
+        passes.keep(key, found)
+    entries = json.loads(found.entries)
+    return override(config, json.loads(found.settings), 'the selection'), entries
+
+
+def _first(source: Source, share: float, config: Config) -> list[JointSamples]:
+    with source.local() as path:
+        raw = read_raw(path, config)
+    return [each.rows(slice(0, round(share * each.n_samples))) for each in raw]

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
+from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive
-from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,

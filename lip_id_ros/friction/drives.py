@@ -14,7 +14,7 @@ from lip_id_ros.errors import ModelError
 from lip_id_ros.friction import terms
 from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
-from lip_id_ros.friction.hysteresis import Dahl
+from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.primitives import Column, LOAD, Primitive, SIGN, VELOCITY
 from lip_id_ros.friction.terms import DriveState, FREE, FrictionTerm, smooth_sign
 

@@ -13,8 +13,8 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError, ShapeError
 from lip_id_ros.friction.conservative_terms import LeverShape, LeverSpring
+from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive, DriveTerm, LARGEST, LoadTorque, SignWidth
-from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.primitives import LOAD
 from lip_id_ros.friction.terms import Coulomb, FrictionTerm, Offset, Viscous
 from lip_id_ros.joint_history import JointHistory, UNKNOWN

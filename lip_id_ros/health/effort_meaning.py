@@ -21,8 +21,9 @@ from lip_id_ros.identification.effort_scale import (
     as_recorded,
     EffortScale,
     find_effort_scale,
+    from_revolutions,
+    may_be_revolutions,
 )
-from lip_id_ros.identification.position_unit import from_revolutions, may_be_revolutions
 from lip_id_ros.progress import Progress, silent
 
 BETTER = 2.0

@@ -17,14 +17,13 @@ from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter, SEARCH_SAMPLES, START_SAMPLES
-from lip_id_ros.identification.friction_candidates import named_candidates
+from lip_id_ros.identification.friction_candidates import named_candidates, rise_time
 from lip_id_ros.identification.friction_election import Offer
 from lip_id_ros.identification.kinematic_calibration import (
     Placements,
     placements_residual,
     Samples,
 )
-from lip_id_ros.identification.low_pass_response import rise_time
 from lip_id_ros.identification.placement_search import (
     calibrate,
     Calibration,

@@ -22,8 +22,8 @@ from lip_id_ros.identification.novelty import known_states, motion_report
 from lip_id_ros.identification.posterior import ranges_of
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.effort_calibration import effort_calibrations
-from lip_id_ros.model.fit_checks import with_checks
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
+from lip_id_ros.model.proof import with_checks
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body.couplings import NO_COUPLING, read_couplings, rows_of
 from lip_id_ros.rigid_body.denavit_hartenberg import PARAMETERS, table, UNITS, with_standard_frames

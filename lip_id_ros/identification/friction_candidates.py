@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset import cutoffs_hz, Dataset
 from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
+from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
-from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.friction.terms import (
     Asymmetric,
@@ -28,9 +28,21 @@ from lip_id_ros.friction.terms import (
     Viscous,
 )
 from lip_id_ros.identification.left_out import LEAST_ERRORS, LEAST_GAIN
-from lip_id_ros.identification.low_pass_response import rise_time
 from lip_id_ros.joint_history import DISPLACEMENTS
 from lip_id_ros.joint_types import REVOLUTE
+
+RISE_PERIODS = 0.194
+"""
+Rise time of the low-pass of preprocessing in periods of its cut-off: the one for which
+tanh(t / rise_time) is nearest to its response to a step from -1 to 1.
+"""
+
+
+def rise_time(dataset: Dataset) -> float:
+    """Return the rise time of the low-pass of a data set [s]; 0 where none is known."""
+    known = [cutoff for cutoff in cutoffs_hz(dataset.provenance) if cutoff and cutoff > 0.0]
+    return RISE_PERIODS / max(known) if known else 0.0
+
 
 LEAST_ACCELERATION = 1e-6
 """Of a joint that does not move [rad/s^2 or m/s^2]."""

@@ -32,14 +32,17 @@ from lip_id_ros.identification.friction_candidates import (
     plain_candidates,
     presliding_candidates,
     ripple_candidates,
+    rise_time,
     stands_for_lever,
 )
-from lip_id_ros.identification.gear_ripple import resolved_harmonics, strongest_harmonic
+from lip_id_ros.identification.friction_shapes import (
+    resolved_harmonics,
+    SignWidths,
+    strongest_harmonic,
+)
 from lip_id_ros.identification.left_out import LeftOutBlocks, LeftOutFit
 from lip_id_ros.identification.lever_search import best_lever, Explained
-from lip_id_ros.identification.low_pass_response import rise_time
 from lip_id_ros.identification.sample_selection import evenly
-from lip_id_ros.identification.sign_widths import SignWidths
 from lip_id_ros.identification.statistics import TorqueStatistics
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.regressor import torque_regressor

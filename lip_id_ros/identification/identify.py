@@ -25,9 +25,8 @@ from lip_id_ros.identification.friction_election import EVERY_TERM, Offer
 from lip_id_ros.identification.geometry_election import elect_geometry
 from lip_id_ros.identification.lever_steps import with_lever_steps
 from lip_id_ros.identification.link_torques import links_torque
-from lip_id_ros.identification.placement_deviations import table_deviations
 from lip_id_ros.identification.placement_search import Calibration
-from lip_id_ros.identification.posterior import known_of, posterior
+from lip_id_ros.identification.posterior import known_of, posterior, table_deviations
 from lip_id_ros.identification.remainder_election import elect_remainder
 from lip_id_ros.identification.sample_selection import (
     evenly,

@@ -1,7 +1,13 @@
-"""The posterior of an arm's parameters, from all samples in memory (maths.md, section 13)."""
+"""
+The posterior of an arm's parameters, from all samples in memory (maths.md, section 13).
+
+Deviations of the parameters of Denavit and Hartenberg are by the jackknife over left-out parts
+too, which is true whatever the residuals are (Efron and Tibshirani 1993).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,15 +19,24 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_coordinates import friction_numbers
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_AT_ONCE
 from lip_id_ros.identification.arm_problem import ArmState
-from lip_id_ros.identification.left_out_parts import LeftOut
+from lip_id_ros.identification.left_out_parts import LeftOut, solved
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.link_torques import links_torque
-from lip_id_ros.identification.recording_factors import gather
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.identification.solution import Known, left_out_at_present, Solution, solve
-from lip_id_ros.identification.total import FOLDS, Total
+from lip_id_ros.identification.solution import (
+    coordinates_of,
+    Known,
+    left_out_at_present,
+    parts_about,
+    Solution,
+    solve,
+    system_of,
+)
+from lip_id_ros.identification.statistics import TorqueStatistics
+from lip_id_ros.identification.total import FOLDS, gather, Total
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table_std
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 LINEAR = 0.05
@@ -166,3 +181,36 @@ def _following(around: Linearisation, solution: Solution, some: Dataset) -> Arra
 def widening(count: int) -> float:
     """Return the factor of a deviation between recordings, or robots, so that two cover."""
     return float(0.5 * t.ppf(norm.cdf(2.0), count - 1)) if count > 1 else 1.0
+
+
+def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitHartenberg:
+    """
+    Return the larger of deviations by the posterior and by the jackknife, without elections.
+
+    A length that was set to zero because no torque speaks against it is not known to be zero.
+    """
+    if not known.geometry.rigid:
+        known = replace(known, geometry=Geometry.free(total.around.n_joints))
+    noise, deviations = solution.left_out.unbiased_std, solution.deviations
+    problem = system_of(total, known, noise, deviations, solution.inflation)
+    state = problem.start()
+    parts = parts_about(total, problem, state, noise, deviations)
+    prior = coordinates_of(total, known).prior_rows(state)
+    shown = jackknife_root(parts, prior, noise)
+    first, size = total.around.basis.size, total.around.n_placements
+    steps = problem.slopes(state)[first : first + size] @ shown
+    roots = problem.covariance_root(state)[:size], steps
+    return DenavitHartenberg(*np.max([table_std(solution.chain, root) for root in roots], axis=0))
+
+
+def jackknife_root(parts: Sequence[TorqueStatistics], prior: Array, noise_std: Array) -> Array:
+    """
+    Return a root (m, K) of the parameters' covariance by leaving out parts.
+
+    Parameters are as in `left_out_parts.measure_left_out`.
+    """
+    grams = np.array([[r.T @ r for r in part.factors] for part in parts])
+    rest = grams.sum(axis=0) - grams
+    steps = np.stack([solved(each, prior, noise_std)[0] for each in rest], axis=1)
+    count = len(parts)
+    return np.asarray(np.sqrt((count - 1) / count) * (steps - steps.mean(axis=1, keepdims=True)))

@@ -9,7 +9,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, runs
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import GUARD
-from lip_id_ros.friction.paths import begins_of_times, dahl_states, Steps
+from lip_id_ros.friction.dahl import begins_of_times, dahl_states, Steps
 from lip_id_ros.joint_types import is_prismatic
 
 QUANTILE = 0.9

@@ -15,10 +15,14 @@ from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.disturbances import MOST_SAMPLES, time_blocks
-from lip_id_ros.identification.effort_scale import alike, find_effort_scale, fit_scale
+from lip_id_ros.identification.effort_scale import (
+    alike,
+    find_effort_scale,
+    fit_scale,
+    left_by_revolutions,
+)
 from lip_id_ros.identification.linear_problem import LinearProblem
 from lip_id_ros.identification.placement_search import Calibration
-from lip_id_ros.identification.position_unit import left_by_revolutions
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.regressor import torque_regressor

@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.checked_file import Arrays, read_checked, write_checked
 from lip_id_ros.errors import ShapeError
-from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.friction.paths import (
+from lip_id_ros.friction.dahl import (
     begins_of_states,
     begins_of_times,
     dahl_states,
     Steps,
     unknown_share,
 )
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.joint_history import JointHistory, UNKNOWN
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.kernels import TorquePosterior

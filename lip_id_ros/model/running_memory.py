@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.friction.dahl import dahl_states, LONGEST_GAP_S, Steps
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.friction.paths import dahl_states, LONGEST_GAP_S, Steps
 from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
 
 

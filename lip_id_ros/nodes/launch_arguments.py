@@ -15,7 +15,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.settings.parameter_file import parameters_in_file
+from lip_id_ros.settings.sections import parameters_in_file
 
 PACKAGE = 'lip_id_ros'
 PARAMS_FILE = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')])

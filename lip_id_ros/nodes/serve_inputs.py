@@ -29,7 +29,7 @@ from lip_id_ros.nodes.serve_outputs import (
     STD_TOPIC,
 )
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.signals.ages import AgeWatch, stamp_age
+from lip_id_ros.signals.joint_states import AgeWatch, stamp_age
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.trajectory_header import read_header
 

@@ -12,8 +12,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 from rclpy.serialization import serialize_message
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from lip_id_ros.control.plan import read_points
-from lip_id_ros.control.serialised_plan import read_serialised
+from lip_id_ros.control.plan import read_points, read_serialised
 from lip_id_ros.signals.joints import JointOrder, RefusedError
 
 pytestmark = pytest.mark.ros

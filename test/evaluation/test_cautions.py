@@ -27,9 +27,8 @@ from lip_id_ros.evaluation.cautions import finding_lines, summary_cautions
 from lip_id_ros.evaluation.report import Labels, write_report
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.fit_checks import with_checks
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
-from lip_id_ros.model.proof import with_held_out
+from lip_id_ros.model.proof import with_checks, with_held_out
 
 NAMES = ('shoulder', 'elbow', 'wrist')
 

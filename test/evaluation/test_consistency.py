@@ -12,7 +12,7 @@ import pytest
 
 from lip_id_ros.evaluation import evaluate
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.fit_checks import with_checks
+from lip_id_ros.model.proof import with_checks
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

@@ -13,7 +13,7 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import evaluate, metrics
-from lip_id_ros.model.fit_checks import not_positive_definite_percent
+from lip_id_ros.model.proof import not_positive_definite_percent
 
 columns = arrays(np.float64, (12, 2), elements=st.floats(-1e3, 1e3, width=32))
 

@@ -13,7 +13,7 @@ from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, LoadViscous, Offset, Stribeck, Viscous
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.rigid_body.placement_pullback import placement_pullback
+from lip_id_ros.rigid_body.regressor_pullback import placement_pullback
 from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
 
 WIDTH = 0.3

@@ -9,8 +9,8 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription, JointRanges
 from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
+from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
-from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import (

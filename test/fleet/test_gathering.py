@@ -14,12 +14,12 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.fleet.gathering import gather_kept
+from lip_id_ros.fleet.parts import gather_kept
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.survey import survey_of
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.recording_factors import gather, RecordingFactors, unpacked
 from lip_id_ros.identification.sample_selection import measured
+from lip_id_ros.identification.total import gather, RecordingFactors, unpacked
 
 ARM = arm_of()
 FRICTION = friction_of(ARM, np.random.default_rng(0), 0.3)

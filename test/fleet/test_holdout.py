@@ -19,7 +19,7 @@ from lip_id_ros.fleet.engines import LocalEngine
 from lip_id_ros.fleet.fit import fit_fleet
 from lip_id_ros.fleet.parts import first_shares
 from lip_id_ros.fleet.passes import Passes
-from lip_id_ros.fleet.preprocessing import selected
+from lip_id_ros.fleet.recordings import selected
 from lip_id_ros.fleet.results import FITTED, HELD_OUT
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.model import InverseDynamicsModel

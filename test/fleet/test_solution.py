@@ -14,10 +14,9 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.recording_factors import gather
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import fitted_alone, Known, solve, system_of
-from lip_id_ros.identification.total import FOLDS, FrictionDeviations, Total
+from lip_id_ros.identification.total import FOLDS, FrictionDeviations, gather, Total
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
 ARM = arm_of()

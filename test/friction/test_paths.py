@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.friction.paths import (
+from lip_id_ros.friction.dahl import (
     BEFORE_S,
     begins_of_states,
     begins_of_times,

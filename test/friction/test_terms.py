@@ -13,8 +13,8 @@ from lip_id_ros.errors import ModelError, ShapeError
 from lip_id_ros.friction import drives, terms
 from lip_id_ros.friction.conservative_terms import LeverShape, LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
+from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction, SignWidth
-from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
     ANYWHERE,
@@ -47,7 +47,7 @@ from lip_id_ros.friction.terms import (
     Stribeck,
     Viscous,
 )
-from lip_id_ros.identification.low_pass_response import RISE_PERIODS
+from lip_id_ros.identification.friction_candidates import RISE_PERIODS
 from lip_id_ros.joint_history import JointHistory
 from lip_id_ros.preprocessing.smoothing import low_pass
 

@@ -8,7 +8,7 @@ from kernels.cases import random_basis, random_states, random_weights
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.gp.likelihood import MarginalLikelihood
+from lip_id_ros.gp.training import MarginalLikelihood
 from lip_id_ros.kernels import FAMILY, FrictionKernel, Hyperparameters, TorqueKernel
 from lip_id_ros.kernels.program import without_potential
 

@@ -14,7 +14,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.gp.conditioning import conditioned, left_out_inflation, left_out_residuals
+from lip_id_ros.gp.fitting import conditioned, left_out_inflation, left_out_residuals
 from lip_id_ros.identification import fit
 from lip_id_ros.kernels import TorquePrior
 from lip_id_ros.linear_algebra import CholeskyFactor

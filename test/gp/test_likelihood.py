@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.gp.likelihood import MarginalLikelihood
+from lip_id_ros.gp.training import MarginalLikelihood
 from lip_id_ros.kernels.gram import cross_gram
 from lip_id_ros.kernels.torque_process import friction_covariance
 

@@ -19,7 +19,7 @@ from lip_id_ros.gp.initialisation import (
     SIGN_SHARE,
     with_likely_sign_widths,
 )
-from lip_id_ros.gp.likelihood import MarginalLikelihood
+from lip_id_ros.gp.training import MarginalLikelihood
 from lip_id_ros.identification import fit
 from lip_id_ros.kernels import FrictionKernel, TorqueKernel, TorquePrior
 from lip_id_ros.settings import FitSettings

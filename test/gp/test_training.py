@@ -9,8 +9,15 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
-from lip_id_ros.gp.likelihood import MarginalLikelihood
-from lip_id_ros.gp.training import ALIKE, maximise, Objective, Optimum, RANGE, STAGE
+from lip_id_ros.gp.training import (
+    ALIKE,
+    MarginalLikelihood,
+    maximise,
+    Objective,
+    Optimum,
+    RANGE,
+    STAGE,
+)
 
 
 def small(member: str = 'recursive') -> MarginalLikelihood:

@@ -20,13 +20,11 @@ from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.identify import identify
 from lip_id_ros.identification.link_torques import links_torque
-from lip_id_ros.identification.placement_deviations import table_deviations
-from lip_id_ros.identification.posterior import around_fit, known_of, posterior
-from lip_id_ros.identification.recording_factors import gather
+from lip_id_ros.identification.posterior import around_fit, known_of, posterior, table_deviations
 from lip_id_ros.identification.remainder_election import linearised
 from lip_id_ros.identification.sample_selection import covering
 from lip_id_ros.identification.solution import system_of
-from lip_id_ros.identification.total import FrictionDeviations, Total
+from lip_id_ros.identification.total import FrictionDeviations, gather, Total
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.progress import silent

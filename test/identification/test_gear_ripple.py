@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks._drives import JOINT, N_JOINTS, recording
 from lip_id_ros.arrays import Array
-from lip_id_ros.identification.gear_ripple import (
+from lip_id_ros.identification.friction_shapes import (
     FIRST,
     LAST,
     resolved_harmonics,

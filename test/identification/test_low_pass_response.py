@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks._drives import recording
-from lip_id_ros.identification.low_pass_response import RISE_PERIODS, rise_time
+from lip_id_ros.identification.friction_candidates import RISE_PERIODS, rise_time
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.identification.placement_deviations import jackknife_root
+from lip_id_ros.identification.posterior import jackknife_root
 from lip_id_ros.identification.statistics import TorqueStatistics
 
 BLOCKS, SIZE = 6, 50

@@ -10,7 +10,7 @@ from benchmarks._drives import recording
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import fit_cautions
 from lip_id_ros.identification import fit
-from lip_id_ros.identification.position_unit import from_revolutions, may_be_revolutions, TURN
+from lip_id_ros.identification.effort_scale import from_revolutions, may_be_revolutions, TURN
 
 pytestmark = pytest.mark.slow
 

@@ -11,10 +11,9 @@ import pytest
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.posterior import posterior_of
-from lip_id_ros.identification.recording_factors import gather
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import Known, solve
-from lip_id_ros.identification.total import FOLDS, FrictionDeviations, Total
+from lip_id_ros.identification.total import FOLDS, FrictionDeviations, gather, Total
 from lip_id_ros.model.arm_posterior import ArmPosterior
 
 ARM = arm_of(3, ('revolute',) * 3)

@@ -10,7 +10,7 @@ import pytest
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.length_scales import likeliest, negative_log_posterior, TYPICAL
+from lip_id_ros.identification.process_parameters import likeliest, negative_log_posterior, TYPICAL
 from lip_id_ros.identification.remainder_election import (
     Fold,
     fold_masks,

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 
-from lip_id_ros.identification.sparse_weights import sparse_weights
+from lip_id_ros.identification.process_parameters import sparse_weights
 from lip_id_ros.model.remainder import correlation, near_and_beyond
 
 

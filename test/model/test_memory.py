@@ -10,10 +10,9 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
+from lip_id_ros.friction.dahl import Dahl, LONGEST_GAP_S
 from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import FrictionModel, plain_friction
-from lip_id_ros.friction.paths import LONGEST_GAP_S
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 

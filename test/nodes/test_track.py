@@ -21,7 +21,7 @@ from benchmarks.tracking import Experiment, run_experiment
 from lip_id_ros.control.settings import Gains
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import GrowingCosine
-from lip_id_ros.simulation.panda_drives import panda_setup, POSTURE
+from lip_id_ros.simulation.torque_controlled import panda_setup, POSTURE
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Graph

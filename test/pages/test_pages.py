@@ -98,7 +98,7 @@ def tracking(folder: Path) -> Path:
     pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
     from benchmarks.tracking import Experiment, figures, run_experiment
     from benchmarks.tracking.report import write_report
-    from lip_id_ros.simulation.panda_drives import panda_setup
+    from lip_id_ros.simulation.torque_controlled import panda_setup
 
     experiment = Experiment(horizon=2.0, fit=FitSettings(subset=20, iterations=3))
     trial = run_experiment(panda_setup(2), experiment, 1)

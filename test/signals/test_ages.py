@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from lip_id_ros.signals.ages import AgeWatch, SAME_CLOCK_S, stamp_age, WINDOW
+from lip_id_ros.signals.joint_states import AgeWatch, SAME_CLOCK_S, stamp_age, WINDOW
 
 S = 1_000_000_000
 EPOCH = 1_000_000 * S
