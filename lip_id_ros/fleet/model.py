@@ -18,9 +18,10 @@ from lip_id_ros.fleet.survey import merged
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.identify import prediction_noise, squares_of_signs
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.novelty import known_states, motion_report, plausible
+from lip_id_ros.identification.novelty import known_states, motion_report
 from lip_id_ros.identification.posterior import fit_of, posterior_of, SAMPLES
 from lip_id_ros.identification.remainder_election import conditioned_remainder, elect_processes
+from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.identification.solution import Solution
 from lip_id_ros.loading.data_settings import SECTIONS
 from lip_id_ros.model import InverseDynamicsModel
