@@ -117,7 +117,7 @@ def _limits(args: argparse.Namespace, joint_names: Sequence[str]) -> tuple[float
     from lip_id_ros.description.limits import effort_limits
     from lip_id_ros.errors import ConfigError
     from lip_id_ros.feedforward.settings import make_rules, ServeSettings
-    from lip_id_ros.settings.parameter_file import parameters_in_file
+    from lip_id_ros.settings.sections import parameters_in_file
 
     if args.limits is not None:
         given: tuple[float, ...] = args.limits
