@@ -25,15 +25,10 @@ NOT_POSITIVE_DEFINITE = (
 
 @dataclass(frozen=True)
 class CholeskyFactor:
-    """
-    Factor of a symmetric positive definite matrix.
+    """Factor of a symmetric positive definite matrix K."""
 
-    `lower`, shape (m, m): L with L L^T = K + jitter I; what lies above the diagonal is undefined.
-    `jitter`: what had to be added to the diagonal [units of K].
-    """
-
-    lower: Array
-    jitter: float
+    lower: Array  # (m, m): L L^T = K + jitter I; above undefined
+    jitter: float  # added to the diagonal [units of K]
 
     @classmethod
     def of(cls, matrix: Array) -> CholeskyFactor:

@@ -76,10 +76,9 @@ class PlanController:
 
     def take(self, names: Sequence[str], points: Sequence[EffortPoint], now: float) -> None:
         """
-        Follow a plan from the next measurement on.
+        Follow a plan from the next measurement on, with efforts at all points or at none.
 
-        `names`: its joints. `points`: efforts at all of them, or at none. `now` [s]. RefusedError
-        if it cannot be followed; the plan before goes on.
+        RefusedError if it cannot be followed; the plan before goes on.
         """
         with self._taking(now):
             if len(points) > self._settings.max_plan_points:

@@ -23,15 +23,10 @@ from lip_id_ros.signals.torque_steps import (
 
 @dataclass(frozen=True)
 class Gains:
-    """
-    Diagonals of the feedback's matrices.
+    """Diagonals of the feedback's matrices, shapes (n,)."""
 
-    `stiffness`, shape (n,): K_p: torque per position error [N m/rad or N/m]. `damping`, shape
-    (n,): K_d: torque per velocity error [N m s/rad or N s/m].
-    """
-
-    stiffness: Array
-    damping: Array
+    stiffness: Array  # K_p [N m/rad or N/m]
+    damping: Array  # K_d [N m s/rad or N s/m]
 
     def feedback(self, q_error: Array, dq_error: Array) -> Array:
         """Torques [N m or N], shape (n,), against errors of position and velocity."""

@@ -17,44 +17,27 @@ DIGITS = 9
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """
-    A link of the file.
-
-    `placement`, shape (4, 4): of its frame in the frame of the chain's link that carries it.
-    `parameters`, shape (10,): mass, first moments and inertias about the origin of its own frame;
-    zero without an `<inertial>`.
-    """
+    """A link of the file, fixed to a link of the chain."""
 
     name: str
-    placement: Array
-    parameters: Array
+    placement: Array  # (4, 4), of its frame in that link's
+    parameters: Array  # (10,), about its own frame; 0 without inertia
 
 
 @dataclass(frozen=True, eq=False)
 class RobotDescription:
-    """
-    Joints, links and friction of an arm as a URDF has them.
+    """Joints, links and friction of an arm as a URDF has them."""
 
-    `place`: file or topic, for messages.
-    `joint_names`, `joint_types`: from base to tip.
-    `chain`: frames of the links, turned so that z is the joint's axis.
-    `bodies`: what moves with each joint; the joint's own link first.
-    `damping`, `friction`, shape (n,): of `<dynamics>`: viscous and Coulomb coefficients.
-    `to_axis`, shape (n, 3, 3): rotation from the chain's frame of each link to the file's.
-    `before`, shape (n, 4, 4): placement, in the chain's frame of the link before, of the frame in
-    which the file gives each joint's origin.
-    """
-
-    place: str
+    place: str  # file or topic, for messages
     text: str
     joint_names: tuple[str, ...]
     joint_types: tuple[str, ...]
-    chain: Chain
-    bodies: tuple[tuple[Body, ...], ...]
-    damping: Array
-    friction: Array
-    to_axis: Array
-    before: Array
+    chain: Chain  # frames turned so that z is the joint's axis
+    bodies: tuple[tuple[Body, ...], ...]  # that move with each joint, its own link first
+    damping: Array  # (n,), viscous coefficient of `<dynamics>`
+    friction: Array  # (n,), Coulomb, likewise
+    to_axis: Array  # (n, 3, 3), from the chain's frames to the file's
+    before: Array  # (n, 4, 4), frames of joints in the link before
 
     @property
     def links(self) -> Array:

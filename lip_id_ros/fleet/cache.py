@@ -100,18 +100,13 @@ def _checksum(content: bytes) -> bytes:
 
 @dataclass(frozen=True)
 class Entry:
-    """
-    One file of a cache.
-
-    `kind`: of the result. `size`: [bytes]. `used`: when it was last written or read [s since
-    1970]. `is_current`: whether this version of the code made it and reads it.
-    """
+    """One file of a cache."""
 
     path: Path
-    kind: str
-    size: int
-    used: float
-    is_current: bool
+    kind: str  # of the result
+    size: int  # [bytes]
+    used: float  # when last written or read [s since 1970]
+    is_current: bool  # made and read by this version of the code
 
 
 def entries(folder: str | os.PathLike[str]) -> Iterator[Entry]:

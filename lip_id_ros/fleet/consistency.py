@@ -46,10 +46,9 @@ def disagreement(
     surveys: Sequence[Survey], around: Linearisation
 ) -> tuple[list[str], list[str]] | None:
     """
-    Return two groups of recordings that contradict each other, the smaller first; None if none do.
+    Return two groups of recordings that contradict each other, the smaller first.
 
-    `surveys`: of one recording there is nothing to compare. `around`: of the fit to all; the
-    friction of every part is eliminated.
+    Or None. The friction of every part is eliminated.
     """
     if len(surveys) < 2:
         return None
@@ -78,18 +77,13 @@ def _names(surveys: Sequence[Survey], group: BoolArray) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Changes:
-    """
-    Normal equations of changes of the last link, by parts of recordings and joints.
+    """Normal equations of changes of the last link, by U parts of recordings and joints."""
 
-    `normal`, `right`, `squares`, `counts`, shapes (U, n, 10, 10), (U, n, 10), (U, n), (U, n):
-    squares of residuals without a change, and numbers of samples. `noise_std`, shape (n,).
-    """
-
-    normal: Array
-    right: Array
-    squares: Array
-    counts: Array
-    noise_std: Array
+    normal: Array  # (U, n, 10, 10)
+    right: Array  # (U, n, 10)
+    squares: Array  # (U, n), of residuals without a change
+    counts: Array  # (U, n), of samples
+    noise_std: Array  # (n,)
 
     @classmethod
     def of(cls, surveys: Sequence[Survey], around: Linearisation) -> _Changes:

@@ -42,12 +42,7 @@ Finish = Callable[[int, 'Outcome'], None]
 
 @dataclass(frozen=True)
 class Outcome:
-    """
-    Result of one item.
-
-    `value`: of the function; None where it failed. `reason`: why it failed; empty where it did
-    not. `is_final`: whether it would fail again in the same way: the item itself is refused.
-    """
+    """Result of one item: a value, or None and a reason; final where it would fail again."""
 
     value: Any
     reason: str = ''
@@ -68,17 +63,13 @@ class Engine(AbstractContextManager['Engine'], Protocol):
         """
         Return the outcomes in the order of the items.
 
-        `function`: of a module, so that other processes can import it. `keep`: called in this
-        process with the number of an item and its value as soon as it has one.
+        The function is of a module, so that other processes can import it; `keep` gets number and
+        value of an item as soon as it has one.
         """
 
 
 class LocalEngine(Engine):
-    """
-    Runs in this process, or in several on this machine, each with one thread.
-
-    `jobs`: number of processes; with 1 it is this one, which has no other to die in its place.
-    """
+    """Runs in this process with `jobs` 1, or in several on this machine, each with one thread."""
 
     def __init__(self, jobs: int = 1) -> None:
         self._jobs = jobs
@@ -205,12 +196,11 @@ def _work(connection: Connection) -> None:
 
 class RayEngine(Engine):
     """
-    Runs as tasks of a Ray cluster; Ray repeats a task whose worker or machine dies.
+    Runs as tasks of a Ray cluster.
 
-    `address`: of a running cluster, as `ray.init` takes it; by default one is started on this
-    machine. `jobs`: number of workers of that; by default one for each processor. ConfigError if
-    Ray is not installed, or no cluster answers at the address; from `map`, if a worker has another
-    version of the code.
+    Ray repeats a task whose worker or machine dies. Without an address one is started here with
+    `jobs` workers. ConfigError if Ray is not installed, no cluster answers, or a worker has
+    another version of the code.
     """
 
     def __init__(self, address: str | None = None, jobs: int | None = None) -> None:

@@ -58,12 +58,7 @@ def model_of(
     fitter: ArmFitter,
     described: Described | None = None,
 ) -> InverseDynamicsModel:
-    """
-    Return the model of a fleet.
-
-    `around`: where it was linear. `surveys`: of the recordings in the fit. `fitter`: to the
-    samples of the first pass. `described`: that the first pass had.
-    """
+    """Return the model of a fleet, whose torques were linear in `around`."""
     fit = _fit(placed, solution)
     remainder = _remainder(placed, solution, surveys, described)
     arm = posterior_of(around, solution, fitter.some(SAMPLES))

@@ -17,11 +17,10 @@ from lip_id_ros.settings import Config
 
 def first_shares(counts: Mapping[int, int], share: float) -> dict[int, float]:
     """
-    Return of each recording the first share that is among the first samples of all.
+    Return the first share of each recording that is among the first samples of all.
 
-    `counts`: samples of recordings, by their numbers in the order of their sources, one after the
-    other. One recording at most is cut; of those after it the share is 0. DataError if nothing
-    would be left on one side.
+    One recording at most is cut; of those after it the share is 0. DataError if nothing would be
+    left on one side.
     """
     total = sum(counts.values())
     rest = round(share * total)
@@ -55,10 +54,9 @@ def gathered_from(
     share: float = 1.0,
 ) -> RecordingFactors:
     """
-    Read a recording and gather its statistics; raises what `load_dataset` raises.
+    Read the first share of a recording and gather its statistics, in blocks kept apart.
 
-    `blocks`: in which the statistics are kept apart. `share`: first share of the samples that is
-    learned from.
+    Raises what `load_dataset` raises.
     """
     data = load_dataset(path, config).with_joints(around.joint_names)
     data = first_part(data, share)

@@ -64,10 +64,9 @@ class Passes:
         stage: str,
     ) -> tuple[dict[int, Kept], dict[int, str]]:
         """
-        Run a function for each of many items; those that it refuses are not tried again.
+        Run a function for each item, with a key of the cache.
 
-        `kind`: of its results. `keys`: under which the cache has the result of each item. `stage`:
-        name of the pass for progress. Returns results, and why there is none of the other
+        What it refuses is not tried again. Returns results, and why there is none of the other
         items, both by number of the item.
         """
         results, reasons = dict[int, Kept](), dict[int, str]()

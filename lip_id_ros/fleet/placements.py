@@ -71,14 +71,7 @@ class PlacedArm(Packable):
     """
     Outcome of the first pass, as plain arrays and texts.
 
-    `rotations`, `translations`, `gravity`, `couplings`, `links`: of the chain, and parameters of
-    the links, (n, 11). `friction`: JSON: terms and coefficients. `noise_std`, `noise_ratio`,
-    `noise_velocity`, shape (n,): of the samples of the fit. `twists`, `meets`, `rigid`: of the
-    geometry that was elected. `report`: JSON: summary of the identification. `excluded`: key and
-    reason of the recordings that contradict the fleet. `processes`: fields of the Gaussian process
-    of every joint; empty where it has none. `t`, `q`, `dq`, `ddq`, `tau`, `low_passed_sign`,
-    `dahl_states`, `segment`, `recording`, `gravity_compensated`: samples that the arm was
-    identified with.
+    Chain, friction, noise, geometry and samples.
     """
 
     KIND = 'placements'
@@ -88,17 +81,17 @@ class PlacedArm(Packable):
     translations: Array
     gravity: Array
     couplings: Array
-    links: Array
-    friction: str
-    noise_std: Array
+    links: Array  # (n, 11)
+    friction: str  # JSON: terms and coefficients
+    noise_std: Array  # (n,), as the next two, of the samples of the fit
     noise_ratio: Array
     noise_velocity: Array
-    twists: Array
+    twists: Array  # of the geometry that was selected, as the next two
     meets: BoolArray
     rigid: bool
-    report: str
-    excluded: tuple[tuple[str, str], ...]
-    processes: tuple[tuple[Any, ...], ...]
+    report: str  # JSON: summary of the identification
+    excluded: tuple[tuple[str, str], ...]  # key and reason, of contradicting recordings
+    processes: tuple[tuple[Any, ...], ...]  # fields of a GP by joint; empty where none
     t: Array
     q: Array
     dq: Array
@@ -169,12 +162,11 @@ def place(
     progress: Progress = silent,
 ) -> tuple[PlacedArm, Solution]:
     """
-    Identify an arm with the reservoirs of its recordings.
+    Identify an arm with the reservoirs of its recordings, base to tip.
 
-    `surveys`: of one kind of arm. `joint_names`: from base to tip. `described`: prior of
-    placements and links. Returns the arm without processes, and the solution of these reservoirs.
-    ConfigError if the settings have couplings of positions that are not those of joints. FitError
-    if the data are not finite in units of the noise.
+    A description is a prior. Returns the arm without processes, and the solution of these
+    reservoirs. ConfigError if couplings name other joints; FitError if the data are not finite in
+    units of the noise.
     """
     kept, excluded = chosen(surveys), dict[str, str]()
     couplings = known_couplings(settings, joint_names)
@@ -219,8 +211,8 @@ def contradictions(rms: Array, kept: BoolArray, joint_names: Sequence[str]) -> d
     """
     Return which recordings contradict the fleet, and why.
 
-    `rms`, shape (R, n): residuals of every recording with its own friction [N m or N]. `kept`,
-    shape (R,): recordings that the fleet has been fitted to, which the others are compared with.
+    Residuals (R, n) are those with own friction [N m or N]; `kept` marks what the fleet was fitted
+    to.
     """
     known = np.isfinite(rms).all(axis=1)
     nothing = {int(k): NOTHING for k in np.flatnonzero(~known)}

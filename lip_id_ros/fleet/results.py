@@ -31,45 +31,35 @@ class Survey(Packable):
     """
     What the first pass keeps of a recording.
 
-    `key`: fingerprint of the content: copies of a recording have the same. `name`: where it was
-    read from. `group`: robot. `t`, shape (m,): times of the reservoir, some samples that cover the
-    motion [s]. `q`, `dq`, `ddq`, `tau`, `low_passed_sign`, shape (m, n): the reservoir; signs only
-    where the data set has them. `dahl_states`, shape (m, n, D). `segment`, shape (m,).
-    `n_samples`: of the recording, after preprocessing. `rate_hz`: of the messages; 0 where it is
-    not known. `seconds`: from the first sample to the last, without gaps between segments.
-    `start_s`: time of the first message [s]. `health`: warnings and errors, a line each. `low`,
-    `high`, shape (3, n): ranges of q, dq, ddq. `largest_torque`, shape (n,): [N m or N]. `mean_q`,
-    shape (n,): [rad or m]. `provenance`: JSON: the source's entry in the provenance of its data
-    set. `temperature`: mean of the recording [degrees Celsius]; not a number where no topic has
-    it.
+    Its reservoir are m samples that cover the motion.
     """
 
     KIND = 'survey'
-    key: str
-    name: str
-    group: str
+    key: str  # fingerprint of the content, the same of copies
+    name: str  # where it was read from
+    group: str  # robot
     joint_names: tuple[str, ...]
     joint_types: tuple[str, ...]
     gravity_compensated: bool
-    t: Array
+    t: Array  # (m,), of the reservoir [s]
     q: Array
     dq: Array
     ddq: Array
     tau: Array
-    low_passed_sign: Array | None
-    dahl_states: Array | None
+    low_passed_sign: Array | None  # (m, n), where the data set has them
+    dahl_states: Array | None  # (m, n, D)
     segment: IntArray
-    n_samples: int
-    rate_hz: float
-    seconds: float
-    start_s: float
-    health: tuple[str, ...]
-    low: Array
+    n_samples: int  # of the recording, after preprocessing
+    rate_hz: float  # of the messages; 0 where not known
+    seconds: float  # from first to last sample, without gaps
+    start_s: float  # of the first message [s]
+    health: tuple[str, ...]  # warnings and errors, a line each
+    low: Array  # (3, n), lowest q, dq, ddq
     high: Array
-    largest_torque: Array
-    mean_q: Array
-    provenance: str
-    temperature: float = np.nan
+    largest_torque: Array  # (n,) [N m or N]
+    mean_q: Array  # (n,) [rad or m]
+    provenance: str  # JSON: entry of the source
+    temperature: float = np.nan  # mean [degrees Celsius]; nan without a topic
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,45 +67,38 @@ class RecordingResult:
     """
     Result of a fleet's fit for one recording.
 
-    `status`: `FITTED`, `EXCLUDED`, `FAILED` or `HELD_OUT`. `reason`: why it is not in the fit;
-    empty where it is. `rate_hz`, `seconds`, `start_s`, `temperature`: as in `Survey`; not a number
-    where it could not be read. `residual_rms`, shape (n,): with the links of the fleet and the
-    friction of this recording [N m or N]. `friction`, `friction_std`, shape (K,): coefficients in
-    this recording, in the order of `FleetResult.friction_names`, and their standard deviations.
+    What is as in `Survey` is nan if it could not be read. Friction of this recording has the K
+    coefficients of `FleetResult.friction_names`.
     """
 
     name: str
     group: str
-    status: str
-    reason: str
+    status: str  # `FITTED`, `EXCLUDED`, `FAILED` or `HELD_OUT`
+    reason: str  # why it is not in the fit, or empty
     n_samples: int = 0
     rate_hz: float = np.nan
     seconds: float = np.nan
     start_s: float = np.nan
     temperature: float = np.nan
     health: tuple[str, ...] = ()
-    residual_rms: Array
-    friction: Array
-    friction_std: Array
+    residual_rms: Array  # (n,), with own friction [N m or N]
+    friction: Array  # (K,)
+    friction_std: Array  # (K,)
 
 
 @dataclass(frozen=True, eq=False)
 class FleetResult:
     """
-    Model of a fleet, and what each recording contributes.
+    Model of a fleet, and what each recording contributes, in the order of the sources.
 
-    `recordings`: in the order of the sources. `friction_names`: of the K coefficients: joint, term
-    and unit. `noise_std`, shape (n,): of links with the friction of each recording, without
-    Gaussian processes [N m or N]. `deviation_of_recordings`, `deviation_of_groups`, shape (K,):
-    standard deviations of the coefficients between recordings of a robot, and between robots; 0
-    where they are not estimated. `evaluation`: of the model on what was held out, where anything
-    was.
+    Deviations (K,) of coefficients are between recordings of a robot and between robots, 0 where
+    they are not estimated.
     """
 
     model: InverseDynamicsModel
     recordings: tuple[RecordingResult, ...]
-    friction_names: tuple[str, ...]
-    noise_std: Array
+    friction_names: tuple[str, ...]  # K times joint, term and unit
+    noise_std: Array  # (n,), without Gaussian processes [N m or N]
     deviation_of_recordings: Array
     deviation_of_groups: Array
-    evaluation: Evaluation | None = None
+    evaluation: Evaluation | None = None  # on what was held out, if anything

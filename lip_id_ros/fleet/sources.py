@@ -45,12 +45,7 @@ SUFFIXES = DATASET_SUFFIX, CSV_SUFFIX
 
 @dataclass(frozen=True)
 class StoredRecording:
-    """
-    A recording somewhere.
-
-    `name`: address: a path, or a URL without credentials. `group`: robot; empty where recordings
-    are not grouped. `files`: those of a bag that is a folder are in it.
-    """
+    """A recording somewhere, by path or URL without credentials; files are those of its folder."""
 
     name: str
     group: str
@@ -75,12 +70,11 @@ class StoredRecording:
     @contextmanager
     def local(self) -> Iterator[str]:
         """
-        Give the path of the recording on this machine while the context lasts.
+        Give its path on this machine while the context lasts.
 
-        A remote one is copied into a folder for temporary files and removed afterwards.
-
-        TransferError if there is no space for it, the connection broke `ATTEMPTS` times, or a file
-        has changed since it was found. OSError if a file does not exist or must not be read.
+        Remote ones are copied for so long. TransferError if there is no space, the connection
+        broke `ATTEMPTS` times, or a file has changed since it was found; OSError if a file does
+        not exist or must not be read.
         """
         if '://' not in self.name:
             yield self.name

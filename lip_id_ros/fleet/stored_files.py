@@ -44,15 +44,10 @@ Details = dict[str, Any]
 
 @dataclass(frozen=True)
 class StoredFile:
-    """
-    A file somewhere.
+    """A file somewhere; its mark changes with the content."""
 
-    `url`: with credentials, where it has some. `size`: [bytes]; None where the store does not tell
-    it. `mark`: changes with the content.
-    """
-
-    url: str
-    size: int | None
+    url: str  # with credentials, where it has some
+    size: int | None  # [bytes]; None where the store has none
     mark: str
 
 

@@ -49,10 +49,9 @@ def survey(
     path: str | os.PathLike[str], name: str, group: str, config: Config, share: float = 1.0
 ) -> Survey:
     """
-    Read a recording and keep what finding the placements needs; raises what `load_dataset` raises.
+    Read the first share of a recording and keep what finding the placements needs.
 
-    `path`: of a recording of any kind. `name`: under which people know it. `group`: robot.
-    `share`: first share of the samples that is looked at.
+    Raises what `load_dataset` raises.
     """
     examined, contents = findings_of(config.recording), list[str]()
 
@@ -173,10 +172,9 @@ def joint_order(surveys: Sequence[Survey]) -> tuple[str, ...]:
 
 def sorted_of_one_arm(surveys: Sequence[Survey]) -> tuple[list[int], dict[int, str]]:
     """
-    Sort surveys by key, and leave out copies and those that have other joints than most.
+    Sort surveys by key, without copies and those with other joints than most.
 
-    Returns the numbers of the surveys that are kept, in the order of their keys, and the reason of
-    each of the others by its number.
+    Returns numbers of those kept, and the reason of each of the others by its number.
     """
     kinds = Counter(map(_kind, surveys))
     most = max(sorted(kinds), key=lambda kind: kinds[kind])

@@ -47,15 +47,10 @@ class Jet(NamedTuple):
 
 
 class Factor(NamedTuple):
-    """
-    A joint factor a(q_b, q'_b) for `LANES` pairs.
+    """A joint factor a(q_b, q'_b) for `LANES` pairs."""
 
-    `a`, shape (4, LANES): a, da/dq, da/dq', d2a/dq dq'. `rate`, shape (5, LANES): da, D'a, DD'a,
-    D(da/dq'), D'(da/dq).
-    """
-
-    a: Array
-    rate: Array
+    a: Array  # (4, LANES): a, da/dq, da/dq', d2a/dq dq'
+    rate: Array  # (5, LANES): da, D'a, DD'a, D(da/dq'), D'(da/dq)
 
 
 @jit

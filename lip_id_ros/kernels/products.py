@@ -17,17 +17,12 @@ from lip_id_ros.numba_jit import jit, LANES
 
 
 class Product(NamedTuple):
-    """
-    A product of joint factors; the last index of every array is the pair.
+    """A product of joint factors; the last index of every array is the pair."""
 
-    `p`, shape (1, LANES). `r`, `c`, shape (n, LANES): dp/dq_i and dp/dq'_j. `h`, shape (n, n,
-    LANES): d2p/dq_i dq'_j.
-    """
-
-    p: Array
-    r: Array
-    c: Array
-    h: Array
+    p: Array  # (1, LANES)
+    r: Array  # (n, LANES): dp/dq_i
+    c: Array  # (n, LANES): dp/dq'_j
+    h: Array  # (n, n, LANES): d2p/dq_i dq'_j
 
 
 @jit

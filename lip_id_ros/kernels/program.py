@@ -53,59 +53,35 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class EnergyKernel:
-    """
-    Which joints the entries of the inertia matrix and the potential energy may depend on.
+    """Which joints the entries of the inertia matrix and the potential energy may depend on."""
 
-    `name`: as in `lip_id fit --kernel`.
-    `steps`, shape (n_steps, 6): the program of the kinetic energy: rows as in `Step`.
-    `n_factor_sets`: 1 where all links share joint factors and velocity weights, n where each has
-    its own.
-    `potential_links`: the links after whose factor the running product is emitted.
-    """
-
-    name: str
+    name: str  # as in `lip_id fit --kernel`
     n_joints: int
-    steps: IntArray
-    n_factor_sets: int
-    potential_links: IntArray
+    steps: IntArray  # (n_steps, 6), rows as in `Step`
+    n_factor_sets: int  # 1 where links share factors and weights, or n
+    potential_links: IntArray  # after whose factor the product is emitted
 
 
 class Weights(NamedTuple):
-    """
-    Positive hyperparameters of an energy kernel.
+    """Positive hyperparameters of an energy kernel."""
 
-    `factors`, shape (n_factor_sets, n, 3): w_0, w_1, w_2 of the kinetic energy's joint factors.
-    `velocities`, shape (n_factor_sets, n): weights s of the velocities.
-    `kinetic_scales`, shape (n,): lambda of every link's kinetic energy [J^2 up to the units of s].
-    `potential_factors`, shape (n, 3): w_0, w_1, w_2 of the potential energy's joint factors.
-    `potential_scales`, shape (n_potential_links,) [J^2].
-    """
-
-    factors: Array
-    velocities: Array
-    kinetic_scales: Array
-    potential_factors: Array
-    potential_scales: Array
+    factors: Array  # (n_factor_sets, n, 3): w_0, w_1, w_2 of T's factors
+    velocities: Array  # (n_factor_sets, n): weights s
+    kinetic_scales: Array  # (n,): lambda of every link [J^2 up to s]
+    potential_factors: Array  # (n, 3): w_0, w_1, w_2 of V's factors
+    potential_scales: Array  # (n_potential_links,) [J^2]
 
 
 class KernelArrays(NamedTuple):
-    """
-    An energy kernel with its weights, laid out for compiled loops.
+    """An energy kernel with its weights, laid out for compiled loops."""
 
-    `steps`, shape (n_steps, 6): as in `EnergyKernel`.
-    `bounds`: where each run that begins with a reset begins, and the end.
-    `factors`, `velocities`, `kinetic_scales`, `potential_factors`: as in `Weights`.
-    `potential_scales`, shape (n,): weight with which the product up to each joint is emitted; 0
-    where it is not.
-    """
-
-    steps: IntArray
-    bounds: IntArray
+    steps: IntArray  # (n_steps, 6), as in `EnergyKernel`
+    bounds: IntArray  # where runs after a reset begin, and the end
     factors: Array
     velocities: Array
     kinetic_scales: Array
     potential_factors: Array
-    potential_scales: Array
+    potential_scales: Array  # (n,), 0 where nothing is emitted
 
 
 def unit_weights(kernel: EnergyKernel) -> Weights:

@@ -74,14 +74,9 @@ def used_jacobian(
     used: IndexArray,
 ) -> None:
     """
-    Differentiate the torques by some coordinates of `ArmPosterior`.
+    Differentiate torques, (N, n, p), by the coordinates `used`, shape (p,), of `ArmPosterior`.
 
-    `out`, shape (N, n, p): set to the derivatives.
-    `q`, `dq`, `ddq`, shape (N, n).
-    `floats`, `integers`: by `pack`, with the features of friction.
-    `loaded`: the features that depend on a load.
-    `coefficients`, shape (K,): of friction.
-    `used`, shape (p,): the coordinates.
+    Numbers are by `pack`, with the features of friction; `loaded` are those that depend on a load.
     """
     n = integers[0]
     chain, links = unpack_links(floats[: integers[1]], integers[4 : 4 + n])

@@ -32,10 +32,7 @@ class ArmMean:
     """
     Torques and energies of an arm with the posterior mean of its parameters.
 
-    Construction packs the parameters; `one` is then hot: no checks, and nothing allocated but the
-    result. Not for several threads at once.
-
-    `remainder`, or None.
+    `one` is hot: no checks, nothing allocated but the result; not for several threads at once.
     """
 
     def __init__(self, arm: ArmPosterior, remainder: Remainder | None) -> None:
@@ -149,9 +146,8 @@ def evaluate_in_memory(memory: Array, integers: IntArray) -> None:
     """
     Evaluate an arm at one joint state.
 
-    `memory`: one after the other: q, dq, ddq; the result, which is set: torques; torques of the
+    Memory has one after the other: q, dq, ddq; the result, which is set: torques; torques of the
     kinetic energy, of gravity and of friction; T and V; working memory; `pack`'s numbers.
-    `integers`: by `pack`.
     """
     n = integers[0]
     q, dq, ddq = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n]
@@ -191,8 +187,7 @@ def evaluate_arm_many(
     """
     Evaluate an arm at N joint states.
 
-    `out`, shape (N, 5 n + 2): set to torques, inertial, Coriolis, gravity and friction torques; T
-    and V. `q`, `dq`, `ddq`, shape (N, n). `floats`, `integers`: by `pack`.
+    `out`, shape (N, 5 n + 2): torques, inertial, Coriolis, gravity and friction torques; T and V.
     """
     n = integers[0]
     work = np.empty((n, WORK_VECTORS, 3))

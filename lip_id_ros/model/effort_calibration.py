@@ -13,11 +13,7 @@ from lip_id_ros.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class EffortCalibration:
-    """
-    Torque = scale * effort + offset, per joint of the model.
-
-    `scale`, shape (n,) [N m or N per unit of effort]. `offset`, shape (n,) [N m or N].
-    """
+    """Torque = scale * effort + offset, per joint of the model, shapes (n,) [N m or N]."""
 
     scale: Array
     offset: Array
@@ -38,9 +34,7 @@ def effort_calibrations(
     """
     Read the calibration of each recording that a data set comes from.
 
-    `provenance`: of the data set; one that was made elsewhere names no calibration: effort is
-    torque. `joint_names`: the joints of the model. Returns one for each recording; one that
-    changes nothing where no recording is named.
+    One that changes nothing where no recording is named: its effort is torque.
     """
     sources = provenance.get('sources', [])
     recordings = [each['recording'] for each in sources if 'recording' in each]

@@ -24,11 +24,7 @@ KINETIC, GRAVITY, FRICTION = 0, 1, 2
 
 
 class Arm(NamedTuple):
-    """
-    What the joint features of a query need.
-
-    `prismatic`, shape (n,). `centre`, `half_range`, shape (n,).
-    """
+    """What the joint features of a query need, shapes (n,)."""
 
     prismatic: BoolArray
     centre: Array
@@ -39,8 +35,7 @@ class FrictionMean(NamedTuple):
     """
     Posterior mean of friction.
 
-    `coefficients`, shape (n, 3): viscous, Coulomb, offset; zero without a friction kernel.
-    `sign_width`, shape (n,).
+    Viscous, Coulomb, offset, (n, 3); zero without a friction kernel.
     """
 
     coefficients: Array
@@ -60,8 +55,7 @@ class ProcessMean:
     """
     Posterior mean of Gaussian processes on energies and friction.
 
-    Construction lays it out; `one` is then hot: no checks, and nothing allocated but the result.
-    Not for several threads at once.
+    `one` is hot: no checks, nothing allocated but the result; not for several threads at once.
     """
 
     def __init__(self, posterior: TorquePosterior) -> None:
@@ -173,11 +167,8 @@ def evaluate_one(
     """
     Evaluate one query.
 
-    `parts`, shape (3, n): set to the torques of the kinetic energy, of gravity and of friction.
-    `energies`, shape (2,): set to kinetic and potential energy.
-    `arm`, `k`, `side`, `friction`: the model, as `Contracted`.
-    `features`, shape (4, n): working memory.
-    `q`, `dq`, `ddq`, shape (n,).
+    Torques of kinetic energy, gravity and friction, (3, n); energies, (2,). `features`, shape (4,
+    n), is working memory.
     """
     f, g = features[:2], features[2:]
     _features(f, g, arm, q)

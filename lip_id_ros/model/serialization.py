@@ -250,11 +250,7 @@ def put_known_states(known: KnownStates | None, arrays: Arrays) -> None:
 
 
 def known_states_from(arrays: Arrays, types: Sequence[str]) -> KnownStates | None:
-    """
-    Return the training states of a file; None where it has none.
-
-    KeyError, TypeError, ValueError, LipIdError if they contradict each other.
-    """
+    """Return the training states of a file, None without; errors as from `arm_from`."""
     if not any(name in arrays for name in KNOWN_STATES):
         return None
     width = 3 * len(types)
@@ -295,11 +291,7 @@ def put_process(process: TorquePosterior, arrays: Arrays) -> dict[str, Any]:
 def process_from(
     arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]
 ) -> TorquePosterior:
-    """
-    Return a Gaussian process posterior.
-
-    KeyError, TypeError, ValueError, LipIdError if its parts contradict each other.
-    """
+    """Return a Gaussian process posterior; errors as from `arm_from`."""
     energy = _energy_kernel(entry, len(types))
     has_friction = bool(entry['friction'])
     shapes = _process_shapes(energy, has_friction)
@@ -362,9 +354,9 @@ def of_present_format(arrays: Arrays, header: Mapping[str, Any]) -> None:
 
 def parts_from(arrays: Arrays, header: Mapping[str, Any], types: Sequence[str]) -> dict[str, Any]:
     """
-    Return what a model is made of, by its names in `InverseDynamicsModel`.
+    Return what a model is made of, by names of `InverseDynamicsModel`.
 
-    KeyError, TypeError, ValueError, LipIdError if the parts contradict each other.
+    Errors as from `arm_from`.
     """
     readers = {'arm': arm_from, 'remainder': remainder_from, 'process': process_from}
     names = [name for name in readers if header[name] is not None]

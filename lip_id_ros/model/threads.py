@@ -16,10 +16,9 @@ FEW = 500
 
 def in_threads(work: Callable[[slice], None], count: int, few: int = FEW) -> None:
     """
-    Call a function with slices that cover so many states, in all threads.
+    Call a compiled function with slices that cover so many states, in all threads.
 
-    `work`: compiled, so that it releases the interpreter's lock. `count`, `few`: number of states,
-    and how many of them do not pay for a second thread.
+    No more than `few` of them do not pay for a second thread.
     """
     n_threads = os.cpu_count() or 1
     if count <= few or n_threads == 1:

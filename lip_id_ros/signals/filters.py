@@ -13,12 +13,10 @@ SETTLED = 10.0
 
 class LowPass:
     """
-    Two equal first-order low-passes in a row; all signals are delayed by 2 / (2 pi cutoff).
+    Two equal first-order low-passes in a row.
 
-    Its output is smooth enough for the difference of two samples to be its derivative: nothing
-    that is not filtered is differentiated.
-
-    `cutoff_hz`: of each of the two [Hz].
+    Signals are delayed by 2 / (2 pi cutoff). Its output is smooth enough for the difference of two
+    samples to be its derivative.
     """
 
     def __init__(self, cutoff_hz: float) -> None:
@@ -32,9 +30,8 @@ class LowPass:
         """
         Take one sample.
 
-        `t`: its time [s]; a step that is not forward, or is too long, begins anew. `signals`: of
-        any shape, always the same. Returns the filtered signals and their derivatives; None until
-        the beginning is forgotten.
+        Return filtered signals and derivatives, None until the beginning is forgotten. A step that
+        is not forward, or is too long, begins anew.
         """
         dt = t - self._t
         self._t = t
@@ -52,7 +49,7 @@ class LowPass:
 
 
 class HighPass:
-    """Causal high-pass of first order. `cutoff_hz` [Hz]."""
+    """Causal high-pass of first order."""
 
     def __init__(self, cutoff_hz: float) -> None:
         self._rate = 2.0 * np.pi * cutoff_hz
@@ -60,12 +57,7 @@ class HighPass:
         self._slow: Array = np.zeros(0)
 
     def update(self, t: float, values: Array) -> Array:
-        """
-        Take one sample.
-
-        `t` [s]; after the sample before. `values`: the output starts from zero. Returns
-        them without what changes more slowly than the cut-off.
-        """
+        """Take one sample after another; return it without slow changes, beginning at zero."""
         if np.isnan(self._t):
             self._t, self._slow = t, np.array(values, dtype=np.float64)
         fast: Array = values - self._slow

@@ -26,17 +26,12 @@ NANOSECONDS = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class MeasuredState:
-    """
-    One measured joint state in the order of the model.
+    """One measured joint state in the order of the model, shapes (n,)."""
 
-    `t`: its stamp [s]. `q`, `dq`, shape (n,): positions [rad or m], velocities. `tau`, shape (n,),
-    or None: measured torques [N m or N]; None where none are measured.
-    """
-
-    t: float
-    q: Array
+    t: float  # stamp [s]
+    q: Array  # [rad or m]
     dq: Array
-    tau: Array | None
+    tau: Array | None  # [N m or N]; None where none are measured
 
 
 class JointStateReader:
@@ -57,9 +52,8 @@ class JointStateReader:
         """
         Find the model's joints in a message.
 
-        To be called before the stamp is judged: that of another robot is of another clock.
-
-        RefusedError if a joint of the model is missing or named twice.
+        RefusedError if one is missing or named twice. To be called before the stamp is judged:
+        that of another robot is of another clock.
         """
         try:
             return self._order.columns(message.names)
@@ -69,12 +63,7 @@ class JointStateReader:
             raise RefusedError(Refusal.FOREIGN_JOINTS) from None
 
     def read(self, message: JointMessage) -> MeasuredState:
-        """
-        Read a message.
-
-        RefusedError if a joint of the model is missing or named twice, or a value missing or not
-        finite.
-        """
+        """Read a message; RefusedError if a joint or a value is missing, or not as it must be."""
         columns = self.columns(message)
         q = _vector(message.position, message, columns, Refusal.NO_POSITION)
         dq = _vector(message.velocity, message, columns, Refusal.NO_VELOCITY)
@@ -168,10 +157,10 @@ class AgeWatch:
 
     def age(self, sent_ns: int, received_ns: int, now_ns: int) -> float:
         """
-        Return the age of the next message [s], 0 of one without a time of sending.
+        Return the age of the next message [s], 0 of one that was sent at the unknown time 0.
 
-        `sent_ns`: by the clock of the sender [ns]; 0 where it is unknown. `received_ns`, `now_ns`:
-        by the clock of this computer [ns].
+        Times are [ns]: of sending by the sender's clock, of receipt and now by that of this
+        computer.
         """
         if sent_ns <= 0:
             return 0.0

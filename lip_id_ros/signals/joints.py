@@ -246,11 +246,8 @@ def by_joint(
     """
     Return the values of a setting in the order of the model's joints, shape (n,).
 
-    `name`: of the setting.
-    `values`: one per joint, one for all joints, or none: the default.
-    `named`: the joints that they are given for; empty: the model's.
-    `joint_names`: the model's joints.
-    ConfigError if their number is not that of the joints.
+    One per named joint (the model's by default), one for all, or none for the default; else
+    ConfigError.
     """
     if len(values) <= 1:
         return np.full(len(joint_names), values[0] if values else default)

@@ -24,11 +24,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Status:
-    """
-    The state of a node.
-
-    `summary`: one sentence. `values`: counts and other values, JSON-able.
-    """
+    """The state of a node: its level, one sentence, and JSON-able values."""
 
     level: Level
     summary: str

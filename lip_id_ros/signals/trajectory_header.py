@@ -16,28 +16,20 @@ MOST_NAMES = 1000
 
 
 class TrajectoryHeader(NamedTuple):
-    """
-    What is before the points.
+    """What is before the points."""
 
-    `stamp_ns` [ns].
-    `names`: joints.
-    `at`: where the points begin, from the end of the encapsulation.
-    `order`: byte order, as `struct` has it.
-    """
-
-    stamp_ns: int
-    names: tuple[str, ...]
+    stamp_ns: int  # [ns]
+    names: tuple[str, ...]  # joints
     n_points: int
-    at: int
-    order: str
+    at: int  # where points begin, from the end of the encapsulation
+    order: str  # byte order, as `struct` has it
 
 
 def read_header(raw: bytes) -> TrajectoryHeader:
     """
-    Read the names and the number of points, without the points.
+    Read the names and the number of points of CDR bytes, without the points.
 
-    `raw`: CDR of either byte order: a stamp, a frame, names, then the points. RefusedError if it
-    ends before, or names more than `MOST_NAMES` joints.
+    RefusedError if it ends before, or names more than `MOST_NAMES` joints.
     """
     order = '<' if raw[1:2] == b'\x01' else '>'
     body = memoryview(raw)[ENCAPSULATION:]

@@ -33,25 +33,16 @@ class JointFriction:
 
 @dataclass(frozen=True)
 class Drives:
-    """
-    Rotors, friction and sensors of the joints.
+    """Rotors, friction and sensors of the joints; noise is given by standard deviations."""
 
-    `rotor_inertia`, shape (n,): seen at the joint [kg m^2 or kg].
-    `ripple`: standard deviation of the white noise on the torque that acts [N m or N].
-    `position_noise`, `velocity_noise`, `torque_noise`: standard deviations of the sensors [rad or
-    m, rad/s or m/s, N m or N].
-    `delay`: steps between a command and its torque.
-    `step`: between two commands [s].
-    """
-
-    rotor_inertia: Array
+    rotor_inertia: Array  # (n,), at the joint [kg m^2 or kg]
     friction: JointFriction
-    ripple: float = 0.0
-    position_noise: float = 0.0
-    velocity_noise: float = 0.0
-    torque_noise: float = 0.0
-    delay: int = 0
-    step: float = 1e-3
+    ripple: float = 0.0  # of the torque that acts [N m or N]
+    position_noise: float = 0.0  # [rad or m]
+    velocity_noise: float = 0.0  # [rad/s or m/s]
+    torque_noise: float = 0.0  # [N m or N]
+    delay: int = 0  # steps between a command and its torque
+    step: float = 1e-3  # between two commands [s]
 
 
 @dataclass(frozen=True)
@@ -66,10 +57,10 @@ class Measurement:
 
 class TorqueControlledArm:
     """
-    Rigid bodies driven by torques; one step is one fourth-order Runge-Kutta step.
+    Rigid bodies driven by torques.
 
-    `bodies`: the rigid bodies with their rotors: the truth for energies and torques. `t`, `q`,
-    `dq`: the exact state: time [s], positions, velocities.
+    A step is one of fourth-order Runge-Kutta. `bodies` are with rotors: the truth of energies and
+    torques at the exact `t`, `q`, `dq`.
     """
 
     def __init__(
@@ -107,10 +98,9 @@ class TorqueControlledArm:
 
     def step(self, command: Array, external: Array | float = 0.0) -> None:
         """
-        Advance by one step.
+        Advance by one step, for which a command (n,) [N m or N] is held, `delay` steps later.
 
-        `command`, shape (n,): torques [N m or N], which act `delay` steps later and are held for a
-        step. `external`, shape (n,): torques of a contact, which act at once and are not measured.
+        The torques of a contact act at once and are not measured.
         """
         self._underway.append(np.array(command, dtype=np.float64))
         self._acting = self._noisy(self._underway.popleft(), self.drives.ripple)
