@@ -13,6 +13,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks._changed_arms import with_wrong_masses
 from benchmarks._closed_loop import (
     ComputedTorque,
     Feedforward,
@@ -95,7 +96,7 @@ def measure(
 
     """
     setup, rng = panda_setup(n_joints), np.random.default_rng(seed)
-    nominal = NominalFeedforward(setup.arm.with_wrong_masses(0.2, 0.02, rng))
+    nominal = NominalFeedforward(with_wrong_masses(setup.arm, 0.2, 0.02, rng))
     runs = [move(setup, nominal, rng, seconds) for _ in range(MOTIONS)]
     model = learned(setup, runs, settings)
     _, normal = watch(model, move(setup, nominal, rng, seconds))

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import butter, lfilter
 
+from benchmarks._changed_arms import with_gravity, with_payload, with_wrong_masses
 from benchmarks._closed_loop import FrictionalArm
 from lip_id_ros.arrays import Array
 from lip_id_ros.evaluation.cautions import summary_cautions
@@ -49,7 +50,7 @@ class Recorded:
     def of(cls, seed: int, n_joints: int) -> Recorded:
         """Simulate an arm, its friction, its motion and its sensors."""
         rng = np.random.default_rng(seed)
-        arm = panda(n_joints).with_wrong_masses(0.3, 0.05, rng)
+        arm = with_wrong_masses(panda(n_joints), 0.3, 0.05, rng)
         size = rng.uniform(0.3, 1.5, (2, n_joints))
         friction = JointFriction(size[0] * VISCOUS[:n_joints], size[1] * COULOMB[:n_joints])
         parts = (getattr(MOTION, name) for name in ('q_min', 'q_max', 'dq_max', 'ddq_max'))
@@ -148,14 +149,14 @@ def _clipped(recorded: Recorded, percent: float) -> JointSamples:
 
 
 def _payload(recorded: Recorded, mass: float) -> JointSamples:
-    loaded = recorded.of_arm(recorded.arm.with_payload(mass, np.array([0.0, 0.0, 0.1])))
+    loaded = recorded.of_arm(with_payload(recorded.arm, mass, np.array([0.0, 0.0, 0.1])))
     is_loaded = (recorded.samples.t % 8.0 < 4.0)[:, np.newaxis]
     return replace(recorded.samples, effort=np.where(is_loaded, loaded, recorded.samples.effort))
 
 
 def _rocking(recorded: Recorded, degrees: float) -> JointSamples:
     tilt = np.sin(degrees / DEGREES)
-    tilted = recorded.of_arm(recorded.arm.with_gravity(np.array([9.81 * tilt, 0.0, -9.81])))
+    tilted = recorded.of_arm(with_gravity(recorded.arm, np.array([9.81 * tilt, 0.0, -9.81])))
     sway = np.sin(2.0 * np.pi * SWAY_HZ * recorded.samples.t)[:, np.newaxis]
     effort = recorded.samples.effort
     return replace(recorded.samples, effort=effort + sway * (tilted - effort))

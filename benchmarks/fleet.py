@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import psutil
 
+from benchmarks._changed_arms import with_wrong_masses
 from benchmarks._closed_loop import FrictionalArm
 from benchmarks._panda import half_ranges
 from lip_id_ros.arrays import Array
@@ -55,7 +56,7 @@ def write_fleet(folder: Path, n_joints: int, count: int) -> list[str]:
     """Write the bags that do not exist yet; return the names of those that must be left out."""
     rng = np.random.default_rng(0)
     arm = panda(n_joints)
-    other = arm.with_wrong_masses(0.5, 0.05, rng)
+    other = with_wrong_masses(arm, 0.5, 0.05, rng)
     friction = [_friction(n_joints, rng) for _ in range(ROBOTS)]
     odd = []
     for number in range(count):
@@ -276,7 +277,7 @@ def _one_more(args: argparse.Namespace, folder: Path) -> str:
     if not more.exists():
         rng = np.random.default_rng(0)
         arm = panda(args.joints)
-        arm.with_wrong_masses(0.5, 0.05, rng)  # the same draws as in write_fleet
+        with_wrong_masses(arm, 0.5, 0.05, rng)  # the same draws as in write_fleet
         write_run(more, arm, _friction(args.joints, rng), 999)
     return str(more)
 

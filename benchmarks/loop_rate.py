@@ -11,6 +11,7 @@ import tempfile
 import numpy as np
 
 from benchmarks._cells import measured, show
+from benchmarks._changed_arms import with_wrong_masses
 from benchmarks._closed_loop import NominalFeedforward
 from benchmarks.contact import learned, move
 from lip_id_ros.settings import FitSettings
@@ -65,7 +66,7 @@ def main(arguments: list[str]) -> int:
 def fitted(folder: str) -> str:
     """Learn a minute of motion of the simulated arm, 500 samples."""
     setup, rng = panda_setup(), np.random.default_rng(0)
-    nominal = NominalFeedforward(setup.arm.with_wrong_masses(0.2, 0.02, rng))
+    nominal = NominalFeedforward(with_wrong_masses(setup.arm, 0.2, 0.02, rng))
     path = f'{folder}/model.npz'
     run = move(setup, nominal, rng, 60.0)
     learned(setup, [run], FitSettings(max_samples=500)).save(path)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks import zoo
+from benchmarks._changed_arms import with_gravity
 from benchmarks._results import Row
 from benchmarks._zoo import (
     load_arm,
@@ -110,7 +111,7 @@ def test_torques_are_those_of_pinocchio_and_of_friction(arm: SerialArm, tmp_path
     assert train.tau_noiseless is not None
     rest = train.tau_noiseless - recording.friction.torque(train.dq)
     gravity = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-    other = SimulatedArm(tmp_path / 'tiny.urdf', 3).with_gravity(gravity)
+    other = with_gravity(SimulatedArm(tmp_path / 'tiny.urdf', 3), gravity)
     rest -= other.inverse_dynamics(train.q, train.dq, train.ddq)
     rotors = np.sum(rest * train.ddq, axis=0) / np.sum(train.ddq**2, axis=0)
     assert np.all(rotors > 0.0)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks._changed_arms import with_wrong_masses
 from benchmarks._closed_loop import (
     ComputedTorque,
     Feedforward,
@@ -80,7 +81,7 @@ def run_experiment(
 ) -> Trial:
     """Run the experiment for one nominal model; the seed is that of its errors and all noise."""
     chance = np.random.default_rng(seed)
-    wrong = setup.arm.with_wrong_masses(experiment.mass_share, experiment.centre_shift, chance)
+    wrong = with_wrong_masses(setup.arm, experiment.mass_share, experiment.centre_shift, chance)
     nominal = NominalFeedforward(wrong)
     training = _follow(setup, nominal, experiment, experiment.amplitude, chance, progress)
     model = fit(recorded(training, setup, experiment), experiment.fit, progress)

@@ -102,48 +102,10 @@ class SimulatedArm:
         def add(model: Any) -> None:
             model.armature = np.array(inertia, dtype=np.float64)
 
-        return self._changed(add)
+        return self.changed(add)
 
-    def with_wrong_masses(
-        self, mass_share: float, centre_shift: float, rng: np.random.Generator
-    ) -> SimulatedArm:
-        """
-        Copy whose bodies are not quite the right ones: what a poor data sheet would give.
-
-        Each mass, and its inertia with it, changes by a share drawn uniformly from [-mass_share,
-        mass_share], each coordinate of a centre of mass by a distance from [-centre_shift,
-        centre_shift] [m].
-        """
-
-        def spoil(model: Any) -> None:
-            for joint in range(1, model.njoints):
-                body = model.inertias[joint]
-                factor = 1.0 + rng.uniform(-mass_share, mass_share)
-                centre = body.lever + rng.uniform(-centre_shift, centre_shift, 3)
-                model.inertias[joint] = self._pinocchio.Inertia(
-                    factor * body.mass, centre, factor * body.inertia
-                )
-
-        return self._changed(spoil)
-
-    def with_payload(self, mass: float, at: Array) -> SimulatedArm:
-        """Copy with a point mass [kg] on the last body, at a place in its frame (3,) [m]."""
-
-        def load(model: Any) -> None:
-            body = self._pinocchio.Inertia(mass, np.asarray(at, np.float64), np.zeros((3, 3)))
-            model.inertias[model.njoints - 1] += body
-
-        return self._changed(load)
-
-    def with_gravity(self, gravity: Array) -> SimulatedArm:
-        """Copy in another field of gravity (3,) [m/s^2], as on a base that is tilted."""
-
-        def turn(model: Any) -> None:
-            model.gravity.linear = np.array(gravity, dtype=np.float64)
-
-        return self._changed(turn)
-
-    def _changed(self, change: Callable[[Any], None]) -> SimulatedArm:
+    def changed(self, change: Callable[[Any], None]) -> SimulatedArm:
+        """Copy whose pinocchio model has been changed in place by a function."""
         other = copy.copy(self)
         other._model = self._model.copy()
         change(other._model)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from benchmarks._changed_arms import with_wrong_masses
 from benchmarks._closed_loop import NominalFeedforward
 from lip_id_ros.arrays import Array
 from lip_id_ros.simulation import Drives, JointFriction, panda, SimulatedArm, TorqueControlledArm
@@ -148,8 +149,8 @@ def bodies(arm: SimulatedArm) -> Bodies:
 def test_wrong_masses_are_wrong_within_bounds(arm: SimulatedArm) -> None:
     still, down = np.zeros((1, 7)), np.array([[0.0, 1.5, 0, 0, 0, 0, 0]])
     right = arm.inverse_dynamics(down, still, still)
-    wrong = arm.with_wrong_masses(0.2, 0.0, np.random.default_rng(3))
-    moved = arm.with_wrong_masses(0.0, 0.02, np.random.default_rng(3))
+    wrong = with_wrong_masses(arm, 0.2, 0.0, np.random.default_rng(3))
+    moved = with_wrong_masses(arm, 0.0, 0.02, np.random.default_rng(3))
 
     exact, heavy, shifted = (bodies(each) for each in (arm, wrong, moved))
     share = heavy.mass / exact.mass - 1.0
@@ -160,7 +161,7 @@ def test_wrong_masses_are_wrong_within_bounds(arm: SimulatedArm) -> None:
     np.testing.assert_array_equal(shifted.mass, exact.mass)
     np.testing.assert_array_equal(shifted.inertia, exact.inertia)
     np.testing.assert_array_equal(arm.inverse_dynamics(down, still, still), right)
-    with_same_seed = arm.with_wrong_masses(0.2, 0.0, np.random.default_rng(3))
+    with_same_seed = with_wrong_masses(arm, 0.2, 0.0, np.random.default_rng(3))
     np.testing.assert_array_equal(
         with_same_seed.inverse_dynamics(down, still, still),
         wrong.inverse_dynamics(down, still, still),
