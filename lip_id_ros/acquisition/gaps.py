@@ -13,12 +13,7 @@ FORGETTING = 0.05
 
 
 class Gaps:
-    """
-    Count steps between stamps that are many times as long as the usual ones before.
-
-    `longest_s`: the longest of them [s].
-
-    """
+    """Count steps between stamps that are many times as long as the usual ones before."""
 
     def __init__(self) -> None:
         self.count, self.longest_s = 0, 0.0

@@ -24,19 +24,13 @@ SAVING = 'result saved'
 @dataclass(frozen=True)
 class Task:
     """
-    The request of a job.
+    The request of a job: 'fit', 'dataset' or 'payload'.
 
-    `kind`: 'fit', 'dataset' or 'payload'.
-    `settings`: settings of a fit by ``section.name``.
-    `path`: where the result is saved.
-    `bags`: recordings and data sets that are used as well.
-    `holdout`: share of the samples that is kept out of a fit, to judge it by.
-    `niceness`: how much it gives way to other processes.
-    `model`: file of the arm whose payload is sought.
-    `payload_model`: where the model with the payload is saved; empty for nowhere.
-    `flange`: the frame in which a payload is given: shift along and turn about the z axis of the
-    last link's frame [m, degrees].
-
+    `settings`: of a fit by ``section.name``. `bags`: recordings and data sets that are used as
+    well. `holdout`: share of the samples that is kept out of a fit. `niceness`: how much it gives
+    way to other processes. `model`: file of the arm whose payload is sought. `payload_model`:
+    where the model with the payload is saved; empty for nowhere. `flange`: its frame, as in
+    `export.payload`.
     """
 
     kind: str
@@ -55,12 +49,8 @@ class JobState:
     """
     Where a job stands.
 
-    `task`: 'fit', 'dataset' or 'payload'; 'none' before the first.
-    `state`: 'idle', 'running', 'done', 'failed' or 'cancelled'.
-    `stage`, `done`, `total`: the last progress; `total` is 0 while it is not known.
-    `result`: result that the process reported.
-    `error`: one sentence when it failed.
-
+    `task`: 'none' before the first. `state`: 'idle', 'running', 'done', 'failed' or 'cancelled'.
+    `total` is 0 while it is not known. `error`: one sentence when it failed.
     """
 
     task: str = 'none'
@@ -111,9 +101,6 @@ class Jobs:
 
     A process, not a thread: the interpreter stays free for messages, and a crash stays there. It
     gets a session of its own, so that Ctrl-C in a terminal reaches it only through the node.
-
-    `state`: of the last job.
-
     """
 
     def __init__(self) -> None:
@@ -125,11 +112,9 @@ class Jobs:
 
     def start(self, task: Task, sections: Sequence[JointSamples]) -> Future[Mapping[str, Any]]:
         """
-        Start a job; returns at once.
+        Start a job and return its future result; LipIdError if another is running.
 
-        `sections`: the recorded samples; may be none where the task names bags. Returns the
-        job's future result. LipIdError if another job is running.
-
+        `sections`: the recorded samples; may be none where the task names bags.
         """
         if self.state.state == 'running':
             raise LipIdError(f'a {self.state.task} is running; wait until ~/status shows its end.')
@@ -140,11 +125,9 @@ class Jobs:
 
     def cancel(self) -> str:
         """
-        End the job that is running, unless it saves its result already.
+        End the job that is running, of which nothing is saved, and return what it was.
 
-        Returns 'fit', 'dataset' or 'payload'; nothing of it is saved. LipIdError if none is
-        running, or it saves its result or has ended by itself.
-
+        LipIdError if none is running, or it saves its result or has ended by itself.
         """
         if self._work is None or self.state.state != 'running':
             raise LipIdError('no fit or data set is running.')

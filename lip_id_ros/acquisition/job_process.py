@@ -2,7 +2,6 @@
 The process of a job: reads recordings and writes a model, a data set or a payload.
 
 Started by `Jobs`; its standard input is a JSON request, what it prints are JSON lines.
-
 """
 
 from __future__ import annotations
@@ -41,12 +40,10 @@ SHOWN = ('source', 'samples', 'dropped')
 
 def main(requests: TextIO, output: TextIO) -> int:
     """
-    Do what the request asks.
+    Do what the request of `Jobs` asks, as one JSON text; return the exit status.
 
-    `requests`: the request of `lip_id_ros.acquisition.job.Jobs` as one JSON text. `output`: gets
-    one JSON object per line: `progress` (stage, done, total), then `result` or `error`. Returns
-    the exit status.
-
+    `output` gets one JSON object per line: `progress` (stage, done, total), then `result` or
+    `error`.
     """
     request = json.load(requests)
     os.nice(request['niceness'])
@@ -128,7 +125,6 @@ def _save(
     Save a result, elsewhere where the disk fails; return where it is, and a sentence then.
 
     From here on the job cannot be cancelled: what is saved is reported as well.
-
     """
     progress(SAVING, 0, 1)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -167,7 +163,6 @@ class TrainingSet:
 
     `left_out`: why sections could not be used, one sentence for all of the same. `n_thinned`:
     samples that the bound `max_samples` left out.
-
     """
 
     dataset: Dataset
@@ -183,18 +178,12 @@ def training_set(
     training_share: float = 1.0,
 ) -> TrainingSet:
     """
-    Join a live recording and bags.
+    Join a live recording and bags, by sections `recording` and `preprocessing` of the settings.
 
-    `sections`: the live recording; a section that is too short is left out, unless nothing else is
-    there.
-    `bags`: recordings and data sets; where the settings name no joints, they must have those of
-    the live recording.
-    `config`: sections `recording` and `preprocessing` are used.
-    `training_share`: first share that `cutoff_hz: auto` may look at; where there is a live
-    recording, it looks at that alone.
-    LipIdError if a bag cannot be used, or nothing is left; OSError if a bag does not exist or
-    cannot be opened.
-
+    A section that is too short is left out, unless nothing else is there. Bags must have the
+    joints of the live recording where the settings name none. `training_share`: first share that
+    `cutoff_hz: auto` may look at; where there is a live recording, it looks at that alone.
+    LipIdError if a bag cannot be used, or nothing is left.
     """
     report: dict[str, Any] = {}
     if sections and config.preprocessing.cutoff_hz == AUTO:

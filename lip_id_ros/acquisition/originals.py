@@ -31,7 +31,6 @@ class _Layout(NamedTuple):
 
     Of position, velocity and effort, `parts` says whether the message has none (0), or whether
     numbers of the other joints or all numbers are kept here.
-
     """
 
     frame_id: str
@@ -53,12 +52,7 @@ class _Known(NamedTuple):
 
 
 class Originals:
-    """
-    Frames, order of names, and numbers of other joints, on disk once they are many.
-
-    `n_bytes`: about what they add to a bag.
-
-    """
+    """Frames, order of names, and numbers of other joints, on disk once they are many."""
 
     def __init__(self) -> None:
         self._known: dict[_Layout, _Known] = {}
@@ -68,12 +62,10 @@ class Originals:
 
     def add(self, message: JointMessage, kept: Array, joint_names: Sequence[str]) -> None:
         """
-        Take a message after those before.
+        Take a message after those before; after an OSError nothing may be added any more.
 
-        `kept`, shape (3, n): position, velocity and effort of the joints to keep; NaN where it has
-        none, or none that is finite. `joint_names`: the joints to keep, always the same. OSError
-        if there is no room; nothing may be added any more.
-
+        `kept`, shape (3, n): position, velocity and effort of the joints to keep, always the same;
+        NaN where it has none, or none that is finite.
         """
         came = message.position, message.velocity, message.effort
         parts = tuple(

@@ -22,13 +22,10 @@ MOST_NAMES = 20
 
 class Recorder(Sections):
     """
-    A bounded recording that can be switched on and off.
+    A bounded recording of at most `max_rows` messages that can be switched on and off.
 
-    `joint_names`: joints to keep; empty for those of the first message that can be taken.
-    `max_rows`: most messages kept.
-    `recording`: whether messages are taken.
-    `gaps`: in the stamps kept; where recording was switched off there is none.
-
+    `joint_names`: joints to keep; empty for those of the first message that can be taken. `gaps`:
+    in the stamps kept; where recording was switched off there is none.
     """
 
     _times_cleared = 0
@@ -64,7 +61,6 @@ class Recorder(Sections):
 
         Messages that came meanwhile stay unsaved, and so does everything where the samples lack
         some message, since saved and unsaved messages could not be distinguished.
-
         """
         rows, cleared = len(self), self._times_cleared
         complete = sum(samples.n_samples for samples in sections) == rows
@@ -77,11 +73,9 @@ class Recorder(Sections):
 
     def keep_unsaved(self, path: str, topic: str) -> list[Path]:
         """
-        Write every message to bags, one for each section, unless all are saved already.
+        Write every message to bags, one for each section, unless all are saved; return the bags.
 
-        Returns the bags, none where there was nothing to keep. LipIdError if a bag can be written
-        nowhere; the others are kept all the same.
-
+        LipIdError if a bag can be written nowhere; the others are kept all the same.
         """
         if len(self) <= self._saved_rows:
             return []

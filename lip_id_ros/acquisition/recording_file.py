@@ -25,12 +25,7 @@ UNSAVED = 'unsaved.mcap'
 
 
 def pass_on(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) -> None:
-    """
-    Write samples for `receive`, as fast as the disk allows and with the interpreter free.
-
-    `folder`: an empty one.
-
-    """
+    """Write samples for `receive` into an empty folder, with the interpreter free."""
     for number, samples in enumerate(sections):
         _write(Path(folder) / f'{number}.npz', samples)
 
@@ -62,13 +57,10 @@ def _read(path: Path) -> JointSamples:
 
 def keep(path: str | os.PathLike[str], track: JointStateTrack) -> Path:
     """
-    Write messages as an MCAP bag, beside those that were kept before.
+    Write messages as an MCAP bag, beside those that were kept before; return the file.
 
-    `path`: where the file goes; a number is added to its name if there is one already. Where
-    nothing can be written, it goes into a new folder in one of the other `folders`, or gets
-    another name. `track`: at least one message. Returns the file. OSError if it can be written
-    nowhere.
-
+    A number is added to its name if there is one already. Where nothing can be written, it goes
+    into a new folder in one of the other `folders`, or gets another name. OSError if nowhere.
     """
     asked, *others = folders(path)
     failure = OSError('there is no folder')

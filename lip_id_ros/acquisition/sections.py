@@ -19,18 +19,13 @@ MOST_SECTIONS = 100
 
 class Sections:
     """
-    Samples of one topic, of which one wrong stamp can spoil nothing.
+    Samples of one topic, of which one wrong stamp can spoil nothing; at most `max_rows` in all.
 
     A message whose stamp went back or lies far ahead is held and counted as rejected. If the next
     ones follow it, the clock has jumped: a restarted driver or simulation, a pause. The held
     messages are then taken, into a new section if the clock went back, and no longer counted as
-    rejected. If the next one follows the stamps from before, the held stamp was wrong.
-
-    So the messages kept and those rejected make all that came, at any time.
-
-    `joint_names`: joints to keep; empty for those of the first message that can be taken.
-    `max_rows`: most messages kept in all sections together.
-
+    rejected. If the next one follows the stamps from before, the held stamp was wrong. So the
+    messages kept and those rejected make all that came, at any time.
     """
 
     def __init__(self, joint_names: Sequence[str], max_rows: int) -> None:
@@ -75,13 +70,7 @@ class Sections:
         return len(self) >= self._max_rows
 
     def add(self, message: JointMessage) -> Reason | None:
-        """
-        Take one message, or reject and count it.
-
-        Returns why the message is rejected, for now where its stamp jumped; None where it was
-        taken.
-
-        """
+        """Take one message, or return why it is rejected, for now where its stamp jumped."""
         stamp = message.stamp_ns
         # the stamps of another robot are of another clock
         foreign = self.joint_names and not {*self.joint_names} & {*message.names}

@@ -142,13 +142,7 @@ def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_together(values: Mapping[str, Any]) -> None:
-    """
-    Check parameters that depend on each other.
-
-    `values`: every parameter of `train` by name. ConfigError if a joint is named twice, a list has
-    not one value for each joint, a bag is absent, or an output is another one or a bag.
-
-    """
+    """Raise ConfigError where parameters of `train` contradict each other, or a bag is absent."""
     joints = values['recording.joints']
     require_unique('recording.joints', joints)
     for name in LISTS:
@@ -177,12 +171,7 @@ def check_together(values: Mapping[str, Any]) -> None:
 
 
 def require_writable(name: str, path: str) -> None:
-    """
-    Refuse a path at which no file can be written, or another one lies, before the work.
-
-    `name`: of the parameter, for the sentence. ConfigError says why.
-
-    """
+    """Raise ConfigError for a path at which no file can be written, or another one lies."""
     if not path:
         raise ConfigError(f'{name} must name a file, but is empty.')
     try:

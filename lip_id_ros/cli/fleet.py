@@ -61,12 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def is_asked(args: argparse.Namespace) -> bool:
-    """
-    Whether any argument of a fleet is given.
-
-    ConfigError if there is none, but a source that only a fit to a fleet can find.
-
-    """
+    """Whether any argument of a fleet is given; ConfigError where a source needs one."""
     if any(getattr(args, name) is not None for name in OPTIONS):
         return True
     for source in map(str, args.sources):

@@ -52,7 +52,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Returns 0, or 1 after one line on stderr with the error, or 130 after Ctrl-C; argparse exits
     with 2 for wrong usage, 0 for help. Without arguments it says how to begin.
-
     """
     _prepare_streams()
     parser = _parser()

@@ -21,13 +21,7 @@ from lip_id_ros.settings import Config, override, read_config, RecordingSettings
 
 
 def load(path: str) -> InverseDynamicsModel:
-    """
-    Read a model.
-
-    OSError if the file does not exist or cannot be opened, ModelError if it is damaged or no
-    model.
-
-    """
+    """Read a model; ModelError if the file is damaged or no model."""
     model = InverseDynamicsModel.load(path)
     with contradictions(path):  # a hash can be computed anew for any summary and provenance
         _config_of(model, None)
@@ -42,10 +36,6 @@ def load_for(
     Read recordings for a model, with its joints in its order.
 
     Without a settings file, by the settings of the first recording of the fit.
-
-    LipIdError if a source cannot be used, or does not fit the model; OSError if a source cannot be
-    opened.
-
     """
     return matched(load_dataset(sources, _config_of(model, path), progress), model)
 

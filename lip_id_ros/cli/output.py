@@ -57,14 +57,9 @@ def check_file(
     """
     Refuse an output file that cannot be written, or would replace something else.
 
-    `path`: None for no output.
-    `inputs`: files that the work reads.
-    `is_own`: whether an existing file is of the kind that will be written.
-    `kind`: that kind, for the message.
-    `force`: allow to replace any file.
-    OSError if its folder does not exist or is not writable, or the path is a folder; ConfigError
-    if it has no name, or, without `force`, is an input or an existing file of another kind.
-
+    `path`: None for no output. `inputs`: files that the work reads. `is_own`: whether an existing
+    file is of the `kind` that will be written. `force`: allow to replace any file. OSError or
+    ConfigError has the reason.
     """
     if path is None:
         return
@@ -103,13 +98,7 @@ def check_distinct(*paths: str | None) -> None:
 
 
 def check_folder(folder: str | None, force: bool) -> None:
-    """
-    Refuse a folder for a report that cannot be created, or that holds something else.
-
-    OSError if a file is in its place; ConfigError if it has files but no page of this package, and
-    `force` is not given.
-
-    """
+    """Refuse a report's folder that cannot be made, or holds other files and not `force`."""
     if folder is None:
         return
     _require_name(folder)
@@ -144,12 +133,7 @@ def console(*targets: str | None) -> Console:
 
 
 def write_json(target: str | None, content: Mapping[str, Any]) -> None:
-    """
-    Write figures without nan as JSON, whole or not at all; OSError if that fails.
-
-    The target is a file, '-' for standard output, None for nowhere.
-
-    """
+    """Write figures without nan as JSON to a file, '-' for standard output, None for nowhere."""
     if target is None:
         return
     text = json.dumps(dict(content), indent=2, allow_nan=False) + '\n'

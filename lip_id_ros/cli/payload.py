@@ -47,12 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def flange(text: str) -> tuple[float, float]:
-    """
-    Read a shift [m] and a turn [degrees].
-
-    argparse.ArgumentTypeError if it is something else.
-
-    """
+    """Read a shift [m] and a turn [degrees]."""
     try:
         shift, turn = (float(part) for part in text.split(','))
     except ValueError:

@@ -208,7 +208,6 @@ def described(description: Mapping[str, Any], console: Console, indent: str = ''
     Show a JSON-able, nested description, as `lip_id_ros.preprocessing.describe` returns it.
 
     What is empty is left out, and so are settings with their defaults and fingerprints.
-
     """
     for name, value in description.items():
         if name == SKETCH:

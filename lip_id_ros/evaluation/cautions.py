@@ -38,7 +38,6 @@ def fit_cautions(model: InverseDynamicsModel, evaluation: Evaluation | None = No
     Return what was unusual about recordings, a fit to them and, where given, its evaluation.
 
     ModelError where there is no model.
-
     """
     if not isinstance(model, InverseDynamicsModel):
         raise ModelError(
@@ -186,9 +185,8 @@ def no_better_than_mean(
     """
     Return a warning where a model predicts a torque no better than the torque's mean would.
 
-    `nmse_percent`: mean squared error per joint in percent of the variance of the torque; nan or
-    None where the torque is constant. Empty where it is unknown. `subject`: begins the sentence.
-
+    `nmse_percent`: per joint; nan or None where the torque is constant, empty where it is unknown.
+    `subject` begins the sentence.
     """
     useless = [
         (name, value)
@@ -233,9 +231,7 @@ def finding_lines(findings: Iterable[Mapping[str, Any]]) -> list[str]:
     """
     Return a line for each finding, with its recording where it has one.
 
-    Where more than two have one code, only the first is written out, followed by the other joints,
-    and by the recordings, or the number of findings where some are on the same joint.
-
+    Of more than two with one code the first is written out, then the other joints, and recordings.
     """
     kinds: dict[str, list[Mapping[str, Any]]] = {}
     for finding in findings:

@@ -27,16 +27,7 @@ NOMINAL_SIGN_WIDTH = 0.01
 
 @dataclass(frozen=True, eq=False)
 class ForwardDynamics:
-    """
-    Links and friction of an arm that is simulated.
-
-    Attributes
-    ----------
-    chain : Chain
-    links : array, shape (n, 11)
-    friction : FrictionModel
-
-    """
+    """Links, shape (n, 11), and friction of an arm that is simulated."""
 
     chain: Chain
     links: Array
@@ -49,16 +40,7 @@ class ForwardDynamics:
 
     @classmethod
     def nominal(cls, description: RobotDescription, gravity_compensated: bool) -> ForwardDynamics:
-        """
-        Return the arm of a URDF, with its damping and friction.
-
-        Parameters
-        ----------
-        description : RobotDescription
-        gravity_compensated : bool
-            Whether the torques leave gravity out.
-
-        """
+        """Return the arm of a URDF with its friction, without gravity if that is compensated."""
         n = len(description.joint_names)
         coefficients = np.column_stack([description.damping, description.friction, np.zeros(n)])
         basis = plain_friction(n, np.full(n, NOMINAL_SIGN_WIDTH))
@@ -73,24 +55,11 @@ class ForwardDynamics:
 
     def acceleration(self, q: Array, dq: Array, tau: Array, before: Array, step: float) -> Array:
         """
-        Return accelerations, shape (W, n).
+        Return accelerations (W, n) at states and torques (W, n); DataError if an M(q) is singular.
 
-        Friction is taken implicitly over a step, since its sign turns within less, and without
-        pre-sliding: several accelerations can solve the equations with it.
-
-        Parameters
-        ----------
-        q, dq, tau : arrays, shape (W, n)
-        before : array, shape (W, n)
-            Accelerations of the step before, which load and smooth friction.
-        step : float
-            [s]
-
-        Raises
-        ------
-        DataError
-            If an inertia matrix is singular.
-
+        Friction is taken implicitly over a step [s], since its sign turns within less, and without
+        pre-sliding: several accelerations can solve the equations with it. `before`, shape (W, n):
+        accelerations of the step before, which load and smooth friction.
         """
         bias, inertia = equations_of_motion(*self._compiled, q, dq, before, step)
         try:
@@ -113,24 +82,11 @@ def equations_of_motion(
     links: Links, friction: CompiledFriction, q: Array, dq: Array, before: Array, step: float
 ) -> tuple[Array, Array]:
     """
-    Return what W arms have to accelerate against, and with what inertia.
+    Return what W arms have to accelerate against (W, n), and with what inertia (W, n, n).
 
-    Parameters
-    ----------
-    links : Links
-    friction : CompiledFriction
-    q, dq, before : arrays, shape (W, n)
-        `before` is the acceleration of the step before.
-    step : float
-        [s]
-
-    Returns
-    -------
-    bias : array, shape (W, n)
-        Coriolis, gravity and friction torques.
-    inertia : array, shape (W, n, n)
-        M(q), and on its diagonal the step times the slope of friction by velocity.
-
+    The first is Coriolis, gravity and friction torques at states (W, n); `before` is the
+    acceleration of the step before. The second is M(q), and on its diagonal the step [s] times the
+    slope of friction by velocity.
     """
     count, n = q.shape
     bias, inertia = np.zeros((count, n)), np.zeros((count, n, n))

@@ -16,9 +16,8 @@ def merged(evaluations: Sequence[Evaluation]) -> Evaluation:
     """
     Return the errors of a model on one or several data sets together.
 
-    Those of torques and M(q) are what an evaluation of the joined samples has, the coverage is the
-    mean weighted by samples; errors of energies, whose means are not known, are left out.
-
+    They are what an evaluation of the joined samples has, the coverage is the mean weighted by
+    samples; errors of energies, whose means are not known, are left out.
     """
     first, *others = evaluations
     if not others:

@@ -34,13 +34,7 @@ Blocks = TypeVar('Blocks', bound=Any)
 
 
 def nmse_percent(estimate: Array, truth: Array) -> Array:
-    """
-    Compute the normalised mean squared error, 100 mean((estimate - truth)^2) / var(truth).
-
-    `estimate`, `truth`, shape (N,) or (N, n). Returns percent, shape () or (n,); nan
-    where the truth is constant.
-
-    """
+    """Compute 100 mean((estimate - truth)^2) / var(truth); nan where the truth is constant."""
     return _relative(np.mean(np.square(estimate - truth), axis=0), truth)
 
 
@@ -64,16 +58,14 @@ def mean_of_known(values: tuple[float, ...]) -> float:
 @dataclass(frozen=True)
 class Outcome:
     """
-    Predictions beside the samples that they are for.
+    Predictions beside the N samples that they are for.
 
-    `dataset`: N samples. `prediction`: at the same N samples. `smallest_eigenvalue`, shape (N,):
-    of the predicted inertia matrix [kg m^2 or kg]; None where the model has none.
-    `within_two_std_percent`, shape (n,): share of measured torques within two standard deviations
-    of a measurement; None where the model is no arm, or efforts were low-passed otherwise than
-    those of its fit. `novelty`: median distance of the samples in motion to the training data, in
-    that of left-out ones; None where the model does not know. `cautions`: sentences where the data
-    are, or may be, training data.
-
+    `smallest_eigenvalue`, shape (N,): of the predicted inertia matrix [kg m^2 or kg]; None where
+    the model has none. `within_two_std_percent`, shape (n,): share of measured torques within two
+    standard deviations of a measurement; None where the model is no arm, or efforts were
+    low-passed otherwise than those of its fit. `novelty`: median distance of the samples in motion
+    to the training data, in that of left-out ones; None where the model does not know. `cautions`:
+    sentences where the data are, or may be, training data.
     """
 
     dataset: Dataset
@@ -94,9 +86,8 @@ def matched(dataset: Dataset, model: TorqueModel | Dataset) -> Dataset:
     """
     Return a data set with the joints of a model, in its order.
 
-    DataError if a joint of the model is missing. ModelError if a joint has another type than the
-    model's, or only one of both leaves gravity out.
-
+    DataError if a joint is missing. ModelError if a joint has another type than the model's, or
+    only one of both leaves gravity out.
     """
     ordered = dataset.with_joints(model.joint_names)
     for name, found, expected in zip(
@@ -125,13 +116,7 @@ def _without_gravity(model: TorqueModel | Dataset) -> bool | None:
 
 
 def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Outcome:
-    """
-    Predict torques, energies and, where the model has them, inertia matrix and coverage.
-
-    `dataset`: of the model's joints, in its order. `progress`: called after every block of
-    samples.
-
-    """
+    """Predict torques, energies and, where the model has them, inertia matrix and coverage."""
     predictions: list[TorquePrediction] = []
     eigenvalues = []
     arm = model if isinstance(model, InverseDynamicsModel) and model.arm is not None else None
@@ -174,13 +159,7 @@ def _within_two_std(model: TorqueModel, dataset: Dataset, tau: Array) -> Array |
 def standard_deviation(
     model: DynamicsModel, dataset: Dataset, progress: Progress = silent
 ) -> StandardDeviation:
-    """
-    Compute the standard deviations of torques and energies at every sample.
-
-    `dataset`: of the model's joints, in its order. `progress`: called after every block of
-    samples.
-
-    """
+    """Compute the standard deviations of torques and energies at every sample."""
     blocks = [
         model.predict(*states, return_std=True).std
         for states in _state_blocks(dataset, STD_BLOCK, 'standard deviation', progress)
@@ -316,9 +295,8 @@ def score(outcome: Outcome) -> Evaluation:
     """
     Compute the errors of an outcome.
 
-    Torques are compared with `tau_noiseless` where the data set has it; the potential energy
-    after removing the mean error, since its constant is free.
-
+    Torques are compared with `tau_noiseless` where the data set has it; potential energies without
+    the mean error, since their constant is free.
     """
     dataset, estimate, reference = outcome.dataset, outcome.prediction, outcome.reference
     covered = outcome.within_two_std_percent

@@ -44,15 +44,7 @@ Writer = Callable[[str, Dataset, Values], None]
 
 
 def writer_for(path: str | os.PathLike[str]) -> Writer:
-    """
-    Return the writer of a prediction file for its suffix.
-
-    Raises
-    ------
-    ConfigError
-        If it is neither .npz nor .mcap.
-
-    """
+    """Return the writer of a prediction file for its suffix; ConfigError if it has none."""
     suffix = Path(path).suffix
     if suffix not in WRITERS:
         raise ConfigError(
@@ -86,15 +78,7 @@ def predicted_values(model: TorqueModel, outcome: Outcome, progress: Progress = 
 
 
 def write_prediction_npz(path: str | os.PathLike[str], data: Dataset, found: Values) -> None:
-    """
-    Write predictions beside the measurement; see interfaces.md.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-
-    """
+    """Write predictions beside the measurement; see interfaces.md."""
     arrays: dict[str, Any] = {'t': data.t, 'segment': data.segment, 'tau_measured': data.tau}
     arrays |= found
     units = {name: unit for name, unit in UNITS.items() if name in arrays}
@@ -116,15 +100,7 @@ def stamps(data: Dataset) -> Array:
 
 
 def write_prediction_mcap(path: str | os.PathLike[str], data: Dataset, found: Values) -> None:
-    """
-    Write measured and predicted effort, energies and standard deviations as topics.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-
-    """
+    """Write measured and predicted effort, energies and standard deviations as topics."""
     names, t = data.joint_names, stamps(data)
     tracks: list[Track] = [JointStateTrack(MEASURED_TOPIC, names, t, data.q, data.dq, data.tau)]
     for name, topic in TORQUE_TOPICS.items():

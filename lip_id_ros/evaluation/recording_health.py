@@ -27,10 +27,8 @@ class RecordingHealth:
     """
     Examines the raw samples of every recording, as `describe` reads them.
 
-    `recording`: joint types, and the meaning of efforts. `keep_samples`: whether the samples are
-    plotted later, which needs all of them in memory. `seen`: samples and health of each recording,
-    where they are kept.
-
+    `recording`: joint types, and the meaning of efforts. `keep_samples`: whether `seen` keeps
+    samples and health for plots, which needs all of them in memory.
     """
 
     def __init__(

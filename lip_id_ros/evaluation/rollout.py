@@ -4,7 +4,6 @@ Forward simulation of recorded motions: how far an arm strays that is driven by 
 Inverse dynamics are judged by torques; who simulates, plans or controls with a model relies on its
 accelerations. So windows of a recording are simulated from their measured first state, with the
 measured torques and a weak feedback, and the simulated motion is compared with the measured one.
-
 """
 
 from __future__ import annotations
@@ -41,16 +40,9 @@ class Rollout:
     """
     Errors of simulated windows of one length.
 
-    Attributes
-    ----------
-    horizon_s : float
-    windows : int
-    position, velocity : arrays, shape (n,)
-        Root mean squares of simulated minus measured, over all samples of all windows [rad or m,
-        and per second].
-    travel : array, shape (n,)
-        Root mean square of measured positions relative to the beginning of their window.
-
+    `position`, `velocity`, shape (n,): root mean squares of simulated minus measured, over all
+    samples of all windows [rad or m, and per second]. `travel`, shape (n,): that of measured
+    positions relative to the beginning of their window.
     """
 
     horizon_s: float
@@ -79,13 +71,7 @@ class Rollouts(NamedTuple):
     """
     Errors of a model, and of the arm of a URDF where there is one, for each of `HORIZONS_S`.
 
-    Attributes
-    ----------
-    model : tuple of Rollout
-    floor : tuple of Rollout
-        What remains of the model's errors with exact torques, see `floor`.
-    urdf : tuple of Rollout, or None
-
+    `floor`: what remains of the model's errors with exact torques.
     """
 
     model: tuple[Rollout, ...]
@@ -114,19 +100,9 @@ def rollout_cautions(rollouts: Rollouts, joint_names: Sequence[str]) -> list[str
 
 def roll_out(arm: ForwardDynamics, dataset: Dataset) -> tuple[Rollout, ...]:
     """
-    Simulate windows of a data set, one result for each of `HORIZONS_S`.
+    Simulate windows of unseen samples in the order of time, one result for each of `HORIZONS_S`.
 
-    Parameters
-    ----------
-    arm : ForwardDynamics
-    dataset : Dataset
-        Unseen samples, in the order of time.
-
-    Raises
-    ------
-    DataError
-        If no uninterrupted motion is long enough, or the arm has no inertia.
-
+    DataError if no uninterrupted motion is long enough, or the arm has no inertia.
     """
     found = (_rolled_out(arm, dataset, horizon) for horizon in HORIZONS_S)
     results = tuple(each for each in found if each is not None)
@@ -176,15 +152,7 @@ def _last_without_hole(dataset: Dataset) -> IndexArray:
 def simulated(
     arm: ForwardDynamics, dataset: Dataset, starts: IndexArray, horizon: float
 ) -> tuple[Array, Array]:
-    """
-    Simulate windows together.
-
-    Returns
-    -------
-    position, velocity : arrays, shape (K + 1, W, n)
-        At K steps of about `STEP_S`, the measured state first.
-
-    """
+    """Return simulated positions and velocities (K + 1, W, n) at K steps of about `STEP_S`."""
     references = measured_between(dataset, starts, round(horizon / STEP_S))
     q, dq = dataset.q[starts].copy(), dataset.dq[starts].copy()
     ddq = dataset.ddq[starts].copy()

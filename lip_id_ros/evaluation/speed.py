@@ -40,23 +40,12 @@ class CallTimes:
 @dataclass(frozen=True)
 class Speed:
     """
-    Times of a model.
+    Times of a model of n joints that was fitted to N samples.
 
-    Attributes
-    ----------
-    one_query : CallTimes
-        Torque, kinetic and potential energy, which are computed together.
-    parts : CallTimes
-        The same, with the torque split into inertial, Coriolis, gravity and friction torques.
-    deviation : CallTimes
-        Standard deviations of torques and energies.
-    factorise_s : float
-        Additional time of the first standard deviation [s].
-    batch_per_second : float
-        Samples per second of one call with many samples, with parts.
-    n_joints, n_samples : int
-        Size of the model.
-
+    `one_query`: torque, kinetic and potential energy together. `parts`: the same, with the parts
+    of the torque. `deviation`: standard deviations of torques and energies. `factorise_s`:
+    additional time of the first deviation. `batch_per_second`: samples of one call with many, with
+    parts.
     """
 
     one_query: CallTimes
@@ -79,17 +68,7 @@ class Speed:
 
 
 def measure(model: DynamicsModel, n_samples: int, progress: Progress = silent) -> Speed:
-    """
-    Time a model on states within the range of its training data.
-
-    Parameters
-    ----------
-    model : DynamicsModel
-    n_samples : int
-        Training samples of the model, for the record.
-    progress : Progress
-
-    """
+    """Time a model on states within the range of its `n_samples` training samples."""
     low, high = model.training_range
     states = np.random.default_rng(SEED).uniform(low, high, (BATCH, *low.shape))
     one_query = _times('one query', model.query, states, QUERIES, progress)

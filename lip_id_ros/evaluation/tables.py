@@ -35,16 +35,7 @@ class Table:
 
 
 def show(table: Table, console: Console) -> None:
-    """
-    Print a table.
-
-    Parameters
-    ----------
-    table : Table
-    console : rich.console.Console
-        Plain text in lines as long as necessary where it is not a terminal.
-
-    """
+    """Print a table; in lines as long as necessary where the console is not a terminal."""
     drawn = rich.table.Table()
     for number, name in enumerate(table.header):
         justify: Literal['left', 'right'] = 'right' if number else 'left'

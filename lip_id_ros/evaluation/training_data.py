@@ -13,22 +13,7 @@ from lip_id_ros.recording.sketch import have_common_samples, SKETCH
 
 
 def training_data_warnings(model: Any, dataset: Dataset) -> list[str]:
-    """
-    Return a warning where a data set is, or may be, the training data of a model.
-
-    Parameters
-    ----------
-    model : TorqueModel
-        With `provenance`, if it was learned, and `process` where it keeps samples.
-    dataset : Dataset
-        With the model's joints in the model's order.
-
-    Returns
-    -------
-    list of str
-        Sentences; none where the data are new to the model.
-
-    """
+    """Return sentences where a data set is, or may be, the training data of a model."""
     process = getattr(model, 'process', None)
     own = _rows(process.states) if process else _rows(dataset)[:0]
     n_shared = int(np.isin(own, _rows(dataset)).sum())

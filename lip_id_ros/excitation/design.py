@@ -31,13 +31,7 @@ class Criterion(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """
-    A designed motion, with the motions that it was chosen from.
-
-    `criterion`: of the motion. `random_criteria`, shape (draws,): of random ones within the same
-    limits.
-
-    """
+    """A designed motion, its criterion, and those (draws,) of random ones in the same limits."""
 
     motion: FourierMotion
     criterion: float
@@ -86,7 +80,6 @@ def design(
     Return the best motion that the search finds; the same seed gives the same motion.
 
     Random motions are drawn, and the best of them are improved by the gradient.
-
     """
     chosen = settings or SearchSettings()
     limits = constraints or Constraints()

@@ -6,7 +6,6 @@ the motion is S S^T. With Jacobian J of the torques at its states and noise of s
 deviation s, it is S A^-1 S^T after it, where A = I + sum (J S)^T s^-2 (J S). The expected squared
 error of a torque at a target state is a row of its Jacobian times that (V-optimality: Atkinson,
 Donev and Tobias, Optimum Experimental Designs, 2007, section 10.6).
-
 """
 
 from __future__ import annotations
@@ -45,9 +44,8 @@ class ExpectedError:
     """
     Criterion of a motion: mean over joints of the log of the share of variance not known after it.
 
-    `targets`: states at which torques will be wanted. `measurements`: number of states at which
-    torques are measured in the motion, independently.
-
+    `targets`: states at which torques will be wanted. `measurements`: number of states in the
+    motion at which torques are measured independently.
     """
 
     def __init__(
@@ -100,12 +98,7 @@ def _factor(rows: Array, each: float) -> tuple[Array, bool]:
 
 
 class Information:
-    """
-    Criterion of a motion: minus the mean log of the eigenvalues of A, its information.
-
-    The classical choice (D-optimality), which asks for no target.
-
-    """
+    """Criterion of a motion: minus the mean log eigenvalue of A (D-optimality)."""
 
     def __init__(self, learner: Learner, measurements: float, n_samples: int) -> None:
         self._learner, self.n_samples = learner, n_samples

@@ -3,7 +3,6 @@ Motions that grow: from a small and slow one to what the limits allow.
 
 Nothing is known before the first motion, not even the torques that it needs. Each next one is as
 large as the model that was learned from the last ones can vouch for.
-
 """
 
 from __future__ import annotations
@@ -29,11 +28,9 @@ TRIALS, HALVINGS = 12, 6
 
 def shrunk(limits: JointLimits, posture: Array, size: float) -> JointLimits:
     """
-    Return limits around a posture that are a share of others: those of a motion of that size.
+    Return limits for motion of a size: 0 to 1 of the way to each limit, of velocity and so on.
 
-    `size`: above 0, at most 1, of the way from the posture to either limit of position, of the
-    largest velocity, and so on. Limits of torque stay.
-
+    Limits of torque stay.
     """
     return replace(
         limits,
@@ -58,9 +55,7 @@ def next_size(
     Return the size of the next motion, which may be smaller than the last one.
 
     It is the largest at which the torques of random motions, as the model predicts them with three
-    deviations, are within the limits. ConfigError if the posture itself cannot be held by the
-    model.
-
+    deviations, are within the limits. ConfigError if the model cannot hold the posture itself.
     """
     largest = min(1.0, LARGEST_GROWTH * last)
     if limits.torque is None:

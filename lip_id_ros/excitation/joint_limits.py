@@ -20,12 +20,10 @@ SECONDS_TO_FULL_ACCELERATION = 0.1
 @dataclass(frozen=True, eq=False)
 class JointLimits:
     """
-    Limits of a motion, each shape (n,).
+    Limits of a motion, each (n,); ConfigError, with joint and limit, where one leaves no motion.
 
     `lower`, `upper`: positions [rad or m]. `velocity`, `acceleration`, `jerk`: largest absolute
     values, per s, s^2 and s^3. `torque`: of predicted torques [N m or N]; None for no limit.
-    ConfigError, which names joint and limit, where one leaves no motion.
-
     """
 
     joint_names: tuple[str, ...]
@@ -78,11 +76,8 @@ def limits_from(
     """
     Return the limits of settings, and where they have none a share of those of a URDF.
 
-    `description`: its text, and where it comes from.
-
-    ConfigError if a limit is in neither, or there are too many or too few numbers; DataError if
-    the URDF is none or lacks a joint.
-
+    `description`: its text, and where it comes from. ConfigError if a limit is in neither, or
+    there are too many or too few numbers; DataError if the URDF is none or lacks a joint.
     """
     n, share = len(joint_names), settings.share
     ranges = None if description is None else joint_ranges(*description, joint_names)

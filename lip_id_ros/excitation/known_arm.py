@@ -78,7 +78,6 @@ class KnownArm:
         Differentiate by q, dq, ddq and load what friction has in the sum, each shape (N, n).
 
         `carried`, shape (N, n, n): weights of the slopes of friction by load.
-
         """
         out = [np.zeros_like(each) for each in states]
         for which, step in enumerate(STEPS):

@@ -19,13 +19,7 @@ STATES = 400
 
 @dataclass(frozen=True, eq=False)
 class Learning:
-    """
-    A model before a motion, and what is expected of it after.
-
-    `targets`: states at which torques are wanted. `measurements`: independent states in the
-    motion.
-
-    """
+    """A model before a motion of so many independent states, and its expectation at targets."""
 
     before: InverseDynamicsModel
     targets: States

@@ -53,7 +53,6 @@ class ExcitingMotion:
     of random motions within the same limits. `rate`: at which it is written [Hz]. `chain`,
     `space`: where the joints are and may be; None for an unknown chain. `learning`: what a model
     will have learned from it; None where there is no model.
-
     """
 
     joint_names: tuple[str, ...]
@@ -98,7 +97,6 @@ class ExcitingMotion:
         Expected squared error in that of random motions: of their mean, and of the best.
 
         Where information was asked for: the same of variances of parameters, as geometric means.
-
         """
         ratios = np.exp(self.design.criterion - self.design.random_criteria)
         return float(1.0 / np.mean(1.0 / ratios)), float(ratios.max())

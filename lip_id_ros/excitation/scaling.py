@@ -4,7 +4,6 @@ Series as large as the limits allow, at every time.
 A trigonometric polynomial u of degree H that is largest at t* has |u(t)| >= max |u| cos(H w (t -
 t*)) near it (M. Riesz 1914). So no value between N equidistant samples of a period exceeds the
 largest sample by more than a factor of 1 / cos(pi H / N).
-
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ class LimitedMotions:
 
     The series of each joint is scaled until the first of its limits is touched, and then by exp y,
     where y <= 0 is the last of its numbers.
-
     """
 
     def __init__(

@@ -20,7 +20,6 @@ class FourierMotion:
 
     `posture`, shape (n,) [rad or m]. `coefficients`, shape (n, 2 H): a, then b [rad or m].
     `duration`: 2 pi / w [s], after which the motion is at the posture again.
-
     """
 
     posture: Array
@@ -73,11 +72,9 @@ def basis(t: Array, duration: float, harmonics: int, order: int) -> Array:
 
 def at_rest(harmonics: int) -> Array:
     """
-    Return shapes that start with zero velocity and acceleration, shape (2 H, 2 H - 2).
+    Return orthonormal shapes (2 H, 2 H - 2) that start with zero velocity and acceleration.
 
-    The columns are orthonormal. Velocity is zero where sum k b_k is, acceleration where
-    sum k^2 a_k is.
-
+    Velocity is zero where sum k b_k is, acceleration where sum k^2 a_k is.
     """
     k = np.arange(1.0, harmonics + 1.0)
     nothing = np.zeros(harmonics)

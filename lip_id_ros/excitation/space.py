@@ -4,7 +4,6 @@ The space in which an arm may move: a floor, boxes to stay out of, and one to st
 The origins of all joints but the first, and the tool, keep a distance to them at every time. None
 moves faster than the sum over the joints before it of their speed times the length of the arm
 between, so that what is at a distance at one sample is at nearly the same until the next.
-
 """
 
 from __future__ import annotations
@@ -49,8 +48,7 @@ class Space:
         """
         Return the places of the joints but the first, and of the tool, in the frame of the base.
 
-        `q`, shape (N, n). Shapes (N, n, 3), and (N, n, n, 3) of their derivatives, point by joint.
-
+        Shapes (N, n, 3), and (N, n, n, 3) of their derivatives, point by joint.
         """
         count, n = q.shape
         rotation, origin = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))

@@ -25,7 +25,6 @@ class TorqueLimits:
 
     A torque counts with three standard deviations. Between two samples it is taken to be at most
     as far from either as they are from each other.
-
     """
 
     def __init__(self, model: InverseDynamicsModel, limits: JointLimits) -> None:

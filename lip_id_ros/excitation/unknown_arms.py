@@ -3,7 +3,6 @@ Arms of which nothing is known: what a first motion is designed for.
 
 Where no model says what is worth knowing, a motion should teach whatever arm it moves. So some
 chains are drawn as robots have them, with links and friction of any size.
-
 """
 
 from __future__ import annotations
@@ -48,7 +47,6 @@ class UnknownArm:
 
     Coordinates: parameters of the links (11 n); viscous and Coulomb friction and an offset of each
     joint (3 n). `sign_widths`, shape (n,).
-
     """
 
     chain: Chain

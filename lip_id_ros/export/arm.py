@@ -38,14 +38,7 @@ RECORDED_LOAD = (
 
 @dataclass(frozen=True, eq=False)
 class JointRanges:
-    """
-    What the joints did in the recordings.
-
-    `q_min`, `q_max`, shape (n,) [rad or m]. `dq_max`, `ddq_max`, shape (n,): largest absolute
-    velocity and acceleration [per s, per s^2]. `tau_max`, shape (n,): largest absolute torque [N m
-    or N].
-
-    """
+    """Range of recorded positions [rad or m], and largest absolute values of the rest."""
 
     q_min: Array
     q_max: Array
@@ -66,12 +59,9 @@ class ArmDescription:
     """
     An identified arm: links, joints, friction.
 
-    `joint_names`: from base to tip.
-    `links`, shape (n, 11): parameters of the links, as in `Chain`'s frames.
-    `potential_reference`, shape (n,): positions at which the potential energy is zero [rad or m].
-    `remarks`: sentences on what the data do not determine and what is left out.
-    `summary`: of the fit, with the standard deviations of the placements.
-
+    `links`, shape (n, 11): in `Chain`'s frames. `potential_reference`, shape (n,): positions at
+    which the potential energy is zero. `remarks`: sentences on what the data do not determine and
+    what is left out. `summary`: of the fit, with the standard deviations of the placements.
     """
 
     name: str
@@ -119,12 +109,10 @@ def _contiguous(chain: Chain) -> Chain:
 @dataclass(frozen=True)
 class Exported:
     """
-    An arm to export.
+    An arm to export, in frames of Denavit and Hartenberg, and in those of the model.
 
-    `arm`: in frames by the convention of Denavit and Hartenberg. `in_model_frames`: the same arm
-    in the frames of the model: those of the URDF that it was fitted with, if any. `remainder`, or
-    None: what the model has beside links and friction, which is not exported.
-
+    The latter are those of the URDF that it was fitted with, if any. `remainder`, or None: what
+    the model has beside links and friction, which is not exported.
     """
 
     arm: ArmDescription
@@ -133,12 +121,7 @@ class Exported:
 
 
 def describe(model: InverseDynamicsModel, name: str) -> Exported:
-    """
-    Take links, joints and friction from a model.
-
-    `name`: of the arm. ModelError if the model has no rigid links.
-
-    """
+    """Take links, joints and friction from a model; ModelError if it has no links."""
     if model.arm is None:
         raise ModelError(
             f'rigid links were expected, but the model has the kernel {model.kernel!r} alone, '

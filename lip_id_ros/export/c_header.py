@@ -1,9 +1,7 @@
 """
 An identified arm as one C header with constants, for controllers.
 
-`dynamics.h.in` has the recursive Newton-Euler algorithm; what is put in are the links and the
-friction, term by term.
-
+`dynamics.h.in` has the recursive Newton-Euler algorithm; links and friction are put in.
 """
 
 from __future__ import annotations
@@ -49,13 +47,7 @@ REMARKS = (
 
 
 def to_c_header(arm: ArmDescription) -> str:
-    """
-    Return an arm as a C header.
-
-    `arm`: with a name of letters, digits and underscores, which all names in the header begin
-    with.
-
-    """
+    """Return an arm as a C header, in which all names begin with that of the arm."""
     template = Template((resources.files(__package__) / TEMPLATE).read_text(encoding='utf-8'))
     n = arm.n_joints
     return template.substitute(

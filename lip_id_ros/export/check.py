@@ -40,14 +40,11 @@ void torques(int count, const double *q, const double *dq, const double *ddq, do
 @dataclass(frozen=True)
 class Agreement:
     """
-    How well a format gives the torques of a model.
+    How well a format gives the torques of a model, as the program `reader` evaluates it.
 
-    `reader`: the program that evaluated the format.
-    `difference`, shape (n,): largest difference of each joint's torque over that joint's largest
-    torque.
+    `difference`, shape (n,): largest difference of each joint's torque over that joint's largest.
     `left_out`: terms of friction that the format cannot express, left out on both sides.
-    `lacking`, shape (n,): largest torque of these terms over each joint's largest torque.
-
+    `lacking`, shape (n,): largest torque of these terms over each joint's largest.
     """
 
     reader: str
@@ -88,12 +85,7 @@ def check_urdf(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agr
     """
     Compare pinocchio's recursive Newton-Euler algorithm on a URDF, plus friction.
 
-    `text`: as `to_urdf` returned it.
-    `arm`: the exported arm.
-    `tau`, shape (N, n): what the arm is to give.
-    `states`, shape (3, N, n): q, dq, ddq.
-    LipIdError if pinocchio is not installed.
-
+    `tau`, shape (N, n): what the arm is to give at `states`, shape (3, N, n).
     """
     root = ET.fromstring(text)
     return _check_urdf(text, arm, tau, states, urdf.rotor_inertias(root, arm.joint_names))
@@ -157,12 +149,7 @@ def check_mjcf(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agr
 
 
 def check_c_header(text: str, arm: ArmDescription, tau: Array, states: Array) -> Agreement:
-    """
-    Compare the compiled C header; parameters as of `check_urdf`.
-
-    LipIdError if there is no C compiler, or it warns.
-
-    """
+    """Compare the compiled C header; parameters as of `check_urdf`."""
     with tempfile.TemporaryDirectory() as folder:
         library = ctypes.CDLL(str(compile_c(text, arm, Path(folder))))
         found, count = np.empty(tau.shape), len(tau)
@@ -173,12 +160,7 @@ def check_c_header(text: str, arm: ArmDescription, tau: Array, states: Array) ->
 
 
 def compile_c(text: str, arm: ArmDescription, folder: Path) -> Path:
-    """
-    Compile a header into a shared library with a function `torques` for many states.
-
-    LipIdError if there is no C compiler, or it warns.
-
-    """
+    """Compile a header into a library with `torques` for many states; LipIdError on failure."""
     compiler = next(filter(None, map(shutil.which, COMPILERS)), None)
     if compiler is None:
         raise LipIdError(

@@ -34,11 +34,9 @@ from lip_id_ros.rigid_body.couplings import coupling_texts
 
 class Format(NamedTuple):
     """
-    A format of other programs.
+    A format of other programs: writes an arm, and evaluates what was written.
 
-    `text`: writes an arm. `check`: evaluates what was written. `friction`, or None: names of the
-    terms of friction that it can express; None for all.
-
+    `friction`: names of the terms of friction that it can express; None for all.
     """
 
     text: Callable[[ArmDescription], str]
@@ -56,12 +54,7 @@ FORMATS = {
 
 @dataclass(frozen=True)
 class Formatted:
-    """
-    An arm as the text of a file.
-
-    `name`: of the format.
-
-    """
+    """An arm as the text of a file, in the format `name`."""
 
     name: str
     form: Format
@@ -86,7 +79,6 @@ class Formatted:
         Compare what others read with the model, at random states in the range of the recordings.
 
         Where the model has more than links and friction, their own torques are compared.
-
         """
         arm = self.exported.arm
         states = arm.ranges.random_states(count, np.random.default_rng(0))
@@ -97,13 +89,7 @@ class Formatted:
 
 @dataclass(frozen=True)
 class Template:
-    """
-    A URDF of the user, of which the fitted numbers are replaced.
-
-    `description`: with which the model was fitted. `origins`: whether the origins of the joints
-    are replaced too.
-
-    """
+    """A URDF of the user, of which fitted numbers are replaced, `origins` of joints if asked."""
 
     description: RobotDescription
     origins: bool
@@ -124,7 +110,6 @@ def formatted(name: str, exported: Exported, template: Template | None = None) -
 
     LipIdError if a program that the format needs is missing, ModelError if the format cannot have
     the arm.
-
     """
     form = FORMATS[name]
     if exported.arm.chain.couplings.size and name == URDF:

@@ -37,12 +37,10 @@ class Kinematics:
     """
     Denavit-Hartenberg parameters of the joints of an arm.
 
-    `joint_names`: from base to tip.
-    `values`, shape (n, 4): twist, length, angle, offset [deg, m, deg, m].
-    `std`, shape (n, 4): their standard deviations; not a number where they are unknown, infinite
-    where torques do not determine a parameter at all.
-    `tilt`, shape (n,): about the y axis, where neighbouring axes are nearly parallel [deg].
-
+    `values`, shape (n, 4): twist, length, angle, offset [deg, m, deg, m], with their standard
+    deviations `std`: nan where they are unknown, infinite where torques do not determine a
+    parameter. `tilt`, shape (n,): about the y axis, where neighbouring axes are nearly parallel
+    [deg].
     """
 
     joint_names: tuple[str, ...]
@@ -130,14 +128,11 @@ def kinematics_of(
     joint_names: Sequence[str], chain: Chain, summary: Mapping[str, Any]
 ) -> Kinematics:
     """
-    Return the parameters of a chain, with the deviations that a fit reports.
+    Return the parameters of a chain, with the deviations that the summary of a fit has.
 
     Without gravity torques determine distances up to a common factor, so that none is identified
-    unless a robot description gave it.
-
-    `chain`: in frames by the convention of Denavit and Hartenberg. `summary`: of the model; empty
-    where deviations are unknown. ValueError if the deviations are not those of this arm.
-
+    unless a robot description gave it. The chain is in frames of Denavit and Hartenberg.
+    ValueError if the deviations are not those of this arm.
     """
     found, shape = table(chain), (len(joint_names), len(PARAMETERS))
     reported = summary.get('denavit_hartenberg', {})

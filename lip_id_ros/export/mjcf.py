@@ -3,7 +3,6 @@ An identified arm as MJCF, the format of MuJoCo (https://mujoco.readthedocs.io).
 
 MuJoCo's own writer keeps six digits, too few to give the same torques. So the text is written
 here, with all digits, and MuJoCo's `MjSpec` reads and compiles it before anyone else does.
-
 """
 
 from __future__ import annotations
@@ -69,13 +68,7 @@ REMARKS = (
 
 
 def to_mjcf(arm: ArmDescription) -> str:
-    """
-    Return an arm as MJCF, read and compiled by MuJoCo.
-
-    `arm`: in standard frames. LipIdError if MuJoCo is not installed, ModelError if MuJoCo refuses
-    the arm.
-
-    """
+    """Return an arm in standard frames as MJCF, compiled by MuJoCo; ModelError if it refuses."""
     friction = split_friction(arm, FRICTION)
     remarks = (
         *REMARKS,
@@ -109,12 +102,7 @@ def to_mjcf(arm: ArmDescription) -> str:
 
 
 def compiled(text: str) -> Any:
-    """
-    Return MuJoCo's model of an MJCF.
-
-    LipIdError if MuJoCo is not installed, ModelError if MuJoCo refuses it.
-
-    """
+    """Return MuJoCo's model of an MJCF; LipIdError without MuJoCo, ModelError if refused."""
     mujoco = import_mujoco()
     try:
         return mujoco.MjSpec.from_string(text).compile()

@@ -28,12 +28,7 @@ LEAST_MASS = 0.1
 
 
 def require_links(model: InverseDynamicsModel, place: str) -> None:
-    """
-    Check that a payload can be added to a model.
-
-    `place`: its file, for the message. ModelError if it has no rigid links.
-
-    """
+    """Raise ModelError, which names the model's file, where a payload cannot be added to it."""
     if model.arm is None:
         raise ModelError(
             f'a payload is added to rigid links, but {place} has none; fit with the default '
@@ -77,13 +72,10 @@ def mass_cautions(payload: Payload) -> list[str]:
 
 def payload_in_flange(loaded: LoadedArm, shift: float, turn: float) -> Payload:
     """
-    Express a payload in a frame that is fixed to the last link.
+    Express a payload in a frame that is fixed to the last link, where it is uncertain too.
 
-    Its covariance includes that of where the frame is in the arm.
-
-    `shift`, `turn`: of the frame along [m] and about [degrees] the z axis of the last link's frame
+    The frame is shifted along [m] and turned about [degrees] the z axis of the last link's frame
     by the convention of Denavit and Hartenberg, as `lip_id export` writes it.
-
     """
     rotation = Rotation.from_euler('z', turn, degrees=True).as_matrix()[None]
     translation = np.array([[0.0, 0.0, shift]])
@@ -107,12 +99,7 @@ def payload_in_flange(loaded: LoadedArm, shift: float, turn: float) -> Payload:
 
 
 def attached(model: InverseDynamicsModel, loaded: LoadedArm) -> InverseDynamicsModel:
-    """
-    Return a model of the arm with a payload, in which every joint has links.
-
-    `model`: of the arm without it.
-
-    """
+    """Return a model of the arm with a payload, in which every joint has links."""
     n, arm = model.n_joints, with_body(loaded.arm, loaded.body)
     first = DIRECTIONS * n + LINK_PARAMETERS * (n - 1)
     root = arm.covariance_root.copy()
@@ -129,7 +116,6 @@ def to_yaml(payload: Payload, sources: Sequence[str], flange: tuple[float, float
 
     `ur_script` is a line of URScript, `ur_set_payload` a request of ur_msgs/srv/SetPayload in
     Jazzy, `franka_set_load` one of franka_msgs/srv/SetLoad, which libfranka's `setLoad` takes.
-
     """
     inertia = inertias(payload)
     centre = [float(value) for value in payload.centre]

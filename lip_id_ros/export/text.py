@@ -22,13 +22,7 @@ COLUMNS = 92
 
 
 class FrictionSplit(NamedTuple):
-    """
-    Friction that a format can express, and the rest.
-
-    `values`: coefficient by name of term, one mapping per joint. `left_out`: terms that the format
-    cannot express.
-
-    """
+    """Friction that a format can express, for each joint by term, and the terms left out."""
 
     values: tuple[dict[str, float], ...]
     left_out: FrictionModel
@@ -50,9 +44,8 @@ def split_friction(arm: ArmDescription, terms: Collection[str]) -> FrictionSplit
     """
     Divide friction into the terms that a format can express and the others.
 
-    `terms`: names of the terms with one coefficient that the format can express. No format
-    expresses terms of coupled joints, nor springs that push away from the middle.
-
+    `terms`: names of the terms with one coefficient that it can. No format expresses terms of
+    coupled joints, nor springs that push away from the middle.
     """
     values: tuple[dict[str, float], ...] = tuple({} for _ in arm.joint_names)
     left_out: list[bool] = []

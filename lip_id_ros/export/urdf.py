@@ -4,7 +4,6 @@ An identified arm as URDF (http://wiki.ros.org/urdf/XML).
 URDF has no element for the inertia of a rotor, seen through its gear. It is written the way Drake
 reads it: in the actuator of a transmission, with a gear ratio of one, so that the number is what
 is added to the joint's own diagonal entry of the inertia matrix.
-
 """
 
 from __future__ import annotations
@@ -48,12 +47,7 @@ REMARKS = (
 
 
 def to_urdf(arm: ArmDescription) -> str:
-    """
-    Return an arm as URDF.
-
-    `arm`: in standard frames.
-
-    """
+    """Return an arm in standard frames as URDF."""
     friction = split_friction(arm, FRICTION)
     ET.register_namespace('drake', DRAKE)
     remarks = (*REMARKS, *left_out_remark(arm, friction.left_out.basis.terms, 'URDF'))

@@ -3,7 +3,6 @@ What was fitted, written back into the URDF that the fit started from.
 
 Inertials, damping and friction are replaced, and the origins of the joints where that is asked
 for, and a comment at the end names the file as ours; every other byte of the file stays.
-
 """
 
 from __future__ import annotations
@@ -51,12 +50,7 @@ ATTRIBUTE = r'\s{}\s*=\s*("[^"]*"|\'[^\']*\')'
 
 
 def require_same_frames(model: InverseDynamicsModel, description: RobotDescription) -> None:
-    """
-    Check that a model was fitted with a description.
-
-    ModelError if it was fitted without one, or with one whose joints are elsewhere.
-
-    """
+    """Raise ModelError where a model was not fitted with this description's joints."""
     known = model.summary.get('description', {}).get('fingerprint')
     if known != description.fingerprint:
         found = 'with another one' if known else 'without one'
@@ -75,13 +69,7 @@ def noted_template(arm: ArmDescription, description: RobotDescription, origins: 
 
 
 def fill_template(arm: ArmDescription, description: RobotDescription, origins: bool) -> str:
-    """
-    Return the text of a description with what was fitted.
-
-    `arm`: in the frames of the description. `origins`: whether the origins of the joints are
-    replaced too.
-
-    """
+    """Return the text of a description with an arm in its frames, and `origins` if asked."""
     document = _Document(description.text)
     friction = split_friction(arm, FRICTION)
     for i, name in enumerate(arm.joint_names):
@@ -124,7 +112,6 @@ def _shared(whole: Array, bodies: tuple[Body, ...]) -> list[tuple[str, Array]]:
 
     What is fixed to the link stays as it is, where the link itself can then exist; else as large
     a share of it as leaves a link that can.
-
     """
     own, *others = bodies
     fixed = [(body, moved(body.parameters, body.placement)) for body in others]

@@ -5,7 +5,6 @@ The triangular solve of a query takes milliseconds, in which LAPACK holds the in
 the answers of `serve` it would delay them. So it is done in a process of its own, which runs this
 module. Raw doubles go to its standard input, 3 n for each query, and n come back; before the
 first, n zeros show that the model is ready.
-
 """
 
 from __future__ import annotations
@@ -29,13 +28,7 @@ LONGEST_VALID_S = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Deviated:
-    """
-    Standard deviations of one reference.
-
-    `std`, shape (n,): of the torques [N m or N]. `tag`: given with the reference. `asked_at`: when
-    [s].
-
-    """
+    """Standard deviations (n,) of torques [N m or N], their tag, and when they were asked [s]."""
 
     std: Array
     tag: Any
@@ -46,9 +39,8 @@ class Deviations:
     """
     The parent's end of the process; construction waits until the model is ready.
 
-    `path`: the model's file. `inherited`: descriptors that the process needs: of the file that is
-    open where `path` is /dev/fd/3. ModelError if the process ends before, or stands still.
-
+    `inherited`: descriptors that the process needs: of the file that is open where `path` is
+    /dev/fd/3. ModelError if the process ends before, or stands still.
     """
 
     def __init__(self, path: str, n_joints: int, inherited: Sequence[int] = ()) -> None:
@@ -88,15 +80,7 @@ class Deviations:
         return now - asked[1] if asked else 0.0
 
     def offer(self, state: Array, tag: Any, now: float, period_s: float) -> None:
-        """
-        Ask for a reference's; it is left out while another is in work, and before it is time.
-
-        `state`, shape (3, n): positions, velocities, accelerations.
-        `tag`: comes back with the result.
-        `now` [s].
-        `period_s`: shortest time between two [s].
-
-        """
+        """Ask for a state (3, n), unless one is in work or came less than `period_s` ago."""
         if self._asked is not None or now - self._asked_at < period_s or not self.alive:
             return
         self._asked, self._asked_at = (tag, now), now
@@ -140,13 +124,7 @@ class Deviations:
 
 
 def main(path: str, queries: BinaryIO, answers: BinaryIO) -> int:
-    """
-    Answer queries until their stream ends.
-
-    `path`: the model's file. `queries`, `answers`: of doubles: q, dq, ddq; standard deviations of
-    tau [N m or N]. Returns the exit status.
-
-    """
+    """Answer queries (q, dq, ddq) with the model at `path` until they end; return the status."""
     model = InverseDynamicsModel.load(path)
     n = model.n_joints
     model.standard_deviation(*np.zeros((3, 1, n)))  # factorises

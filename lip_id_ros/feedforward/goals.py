@@ -3,7 +3,6 @@ Goals of the action FollowJointTrajectory on their way through `serve`, without 
 
 A goal is refused by `serve`, or handed to the controller; then it ends as the controller ends it,
 or as lost. It ends once, whatever arrives afterwards.
-
 """
 
 from __future__ import annotations
@@ -54,9 +53,8 @@ class Outcome:
     """
     What the client of a goal gets.
 
-    `refusal`: reason that a refused goal is counted under. A refused goal is aborted, since the
-    action has no words for one that was never accepted.
-
+    `refusal`: reason that a refused goal is counted under. It is aborted, since the action has no
+    words for one that was never accepted.
     """
 
     ending: Ending
@@ -133,7 +131,6 @@ class Relayed:
 
     Times `now` are in seconds on any steady clock. `accepted`: whether the controller has it.
     `cancelled`: whether the client wants it no more. `outcome`: how it ended, None before.
-
     """
 
     def __init__(self, now: float) -> None:

@@ -28,12 +28,9 @@ class ModelFile:
     A copy of a model file in memory, for this process and those beside it.
 
     They load it at different times, and a fit may replace the file at any time: without a copy,
-    torques could be of one model and their standard deviations or plans of another.
-
-    `descriptor`: inherited by the processes that load it. `place`: path of the copy, in every
-    process that has the descriptor. OSError if it cannot be opened, SourceError if it is not a
-    regular file, ModelError if it is larger than any model.
-
+    torques could be of one model and their standard deviations or plans of another. `place`: path
+    of the copy in every process that inherits the `descriptor`. SourceError if it is not a regular
+    file, ModelError if it is larger than any model.
     """
 
     def __init__(self, path: str) -> None:
@@ -54,12 +51,7 @@ class ModelFile:
             raise self._named(error) from error
 
     def load(self) -> InverseDynamicsModel:
-        """
-        Return the model.
-
-        ModelError if it is none; the sentence names the file that was copied.
-
-        """
+        """Return the model; a ModelError names the file that was copied."""
         try:
             return InverseDynamicsModel.load(self.place)
         except Exception as error:
@@ -86,10 +78,8 @@ class LoadedModel:
     """
     A model, ready to be served.
 
-    `calibration`: of the effort that it was fitted to. `known_states`, or None: that it was fitted
-    to. `file`, or None: where it was loaded from.
-    `deviations`, or None: where standard deviations are asked for. `memory`, or None: of friction.
-
+    `calibration`: of the effort that it was fitted to. `known_states`: that it was fitted to.
+    `deviations`: where they are asked for. `memory`: of friction.
     """
 
     model: DynamicsModel
@@ -116,10 +106,8 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
     """
     Load a model and let it answer, so that what is compiled on first use is compiled now.
 
-    `settings`: the file, and whether standard deviations are needed. `joints`: joints that it must
-    have, in any order; empty for any. OSError if the file cannot be opened; LipIdError if it is
-    not a model, its joints are not those expected, or it is not proven.
-
+    `joints`: that it must have, in any order; empty for any. LipIdError if it is not a model, its
+    joints are not those expected, or it is not proven.
     """
     file = ModelFile(settings.model_path)
     try:
@@ -154,14 +142,9 @@ def require_proof(model: InverseDynamicsModel, path: str) -> None:
 
 def load_successor(settings: ServeSettings, before: LoadedModel) -> LoadedModel:
     """
-    Load a model that takes the place of another.
+    Load a model that takes the place of another; LipIdError if its joints stand in another order.
 
-    Its joints must stand in the same order, so that lists of parameters and torques without names
-    keep their meaning.
-
-    OSError if the file cannot be opened; LipIdError if it is not a model, or its joints are not
-    those of the other.
-
+    Then lists of parameters and torques without names would change their meaning.
     """
     expected = before.joint_names
     loaded = load_model(settings, expected)
@@ -179,9 +162,8 @@ def load_models(settings: ServeSettings, before: LoadedModel | None) -> dict[str
     """
     Load the model of `model_path`, under an empty name, and those with payloads, by their paths.
 
-    `before`, or None: the model whose place they take. OSError if a file cannot be opened;
-    LipIdError if one is not a model, or has other joints, or no payload has the name that is set.
-
+    `before`: the model whose place they take. LipIdError if one is not a model, or has other
+    joints, or no payload has the name that is set.
     """
     require_consistent(settings)
     require_payload(settings, settings.payload_models)
@@ -215,12 +197,7 @@ def require_payload(settings: ServeSettings, known: Collection[str]) -> None:
 
 
 def require_rules(settings: ServeSettings, loaded: LoadedModel | None) -> None:
-    """
-    Refuse settings that do not fit the arm or its model, or where there is none, its named joints.
-
-    ConfigError says which.
-
-    """
+    """Raise ConfigError for settings that do not fit the arm, its model or named joints."""
     joints = loaded.joint_names if loaded else settings.joints
     if joints:
         make_rules(settings, joints)

@@ -22,12 +22,7 @@ LONGEST_STEP_S = 0.5
 
 
 class MeasuredArm:
-    """
-    Read joint states, and compare them with a model.
-
-    `cutoff_hz`: of the low-pass before the residual [Hz].
-
-    """
+    """Read joint states, and compare them with a model after a low-pass."""
 
     def __init__(self, loaded: LoadedModel, cutoff_hz: float) -> None:
         self._model = loaded.model
@@ -41,13 +36,7 @@ class MeasuredArm:
             self._cutoff_hz, self._low_pass = cutoff_hz, LowPass(cutoff_hz)
 
     def read(self, message: JointMessage, now: float) -> MeasuredState:
-        """
-        Read a joint state.
-
-        `now`: when it came [s], on any steady clock. RefusedError if a joint or a number is
-        missing or wrong, or the stamp is not that of a next one.
-
-        """
+        """Read a joint state that came at `now` [s]; RefusedError if it lacks a part or is old."""
         measured = self._reader.read(message)
         doubt = self._stamps.doubt(message.stamp_ns, round(NANOSECONDS * now))
         if doubt is not None:
@@ -60,15 +49,11 @@ class MeasuredArm:
 
     def residual(self, measured: MeasuredState) -> Array | None:
         """
-        Return measured torque minus the model's, both filtered alike.
+        Return measured torque minus the model's, both filtered alike, shape (n,) [N m or N].
 
         Positions, velocities and torques go through one low-pass; the acceleration is the
-        derivative of the filtered velocity. So all have the same delay.
-
-        `measured`: the next one; stamps must rise. The result has shape (n,) [N m or N]; None
-        without measured torques, and until the filter has settled after a gap or a stamp that does
-        not rise.
-
+        derivative of the filtered velocity. So all have the same delay. None without measured
+        torques, and until the filter has settled after a gap or a stamp that does not rise.
         """
         if measured.tau is None:
             return None

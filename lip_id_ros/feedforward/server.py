@@ -2,7 +2,6 @@
 The way from a reference to a torque: check, ask the model, shape; or refuse and count.
 
 A new count of torques is a name in `COUNTED` here or in `shaping`, beside the line that counts it.
-
 """
 
 from __future__ import annotations
@@ -43,12 +42,10 @@ COUNTED = (*shaping.COUNTED, 'stale', 'late_plans')
 @dataclass(frozen=True, eq=False)
 class ServedTorque:
     """
-    Answer to one sample of a stream.
+    Answer to one sample of a stream, in the model's order.
 
-    `tau`, shape (n,): the torque that may leave [N m or N], in the model's order. `query`: torque
-    and energies as the model has them. `state`, shape (3, n): positions, velocities, accelerations
-    in the model's order.
-
+    `tau`, shape (n,): the torque that may leave [N m or N]. `query`: torque and energies as the
+    model has them. `state`, shape (3, n).
     """
 
     tau: Array
@@ -57,12 +54,7 @@ class ServedTorque:
 
 
 class ServedArm:
-    """
-    A model with the rules for its torques; ConfigError where the settings do not fit its joints.
-
-    `counts`: gets the counts of `shaping`. `sent`: what the robot holds.
-
-    """
+    """A model with the rules for its torques; ConfigError where they do not fit its joints."""
 
     def __init__(
         self, loaded: LoadedModel, settings: ServeSettings, counts: Counter[str], sent: Sent
@@ -152,7 +144,6 @@ class Server:
 
     Every torque that leaves is finite and within its joint's limit. Times `now` are in seconds on
     any steady clock. A message that cannot be answered raises RefusedError and is counted.
-
     """
 
     def __init__(self) -> None:
@@ -186,7 +177,6 @@ class Server:
 
         Its joints are those served before, in their order, if there were any; ConfigError where
         the settings do not fit them.
-
         """
         before = self._arm.loaded.deviations if self._arm else None
         if before is not None and loaded.deviations is not None:
@@ -243,14 +233,9 @@ class Server:
         age: float = 0.0,
     ) -> ServedTorque:
         """
-        Answer a message of one point.
+        Answer a message of one point, sent `age` seconds ago.
 
-        `names`: its joints.
-        `points`: its one point.
-        `now` [s].
-        `tag`: comes back with its standard deviations, if they are computed.
-        `age`: how long ago it was sent [s]; refused beyond the longest silence of a stream.
-
+        `tag` comes back with its standard deviations, if they are computed.
         """
         try:
             arm = self.ready_arm()

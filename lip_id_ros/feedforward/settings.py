@@ -222,13 +222,7 @@ class ServeSettings(Settings):
 
 
 def require_changeable(before: ServeSettings, after: ServeSettings, state: str) -> None:
-    """
-    Refuse a change that would have no effect now.
-
-    `state`: of the lifecycle. ConfigError if a parameter is read when the node is configured, and
-    it is.
-
-    """
+    """Raise ConfigError for a change of what is read when the node is configured."""
     if state == 'unconfigured':
         return
     for row in rows(ServeSettings):
@@ -244,19 +238,12 @@ class Rules:
     """
     The settings that hold for every torque, in the order of a model's joints.
 
-    `limits`, shape (n,): largest magnitude [N m or N], infinite where there is none.
-    `rates`, shape (n,): largest change [N m/s or N/s], infinite where there is none.
-    `scale`: factor on every torque.
-    `ramp_s`: time to blend from the torque sent before to the one asked for [s].
-    `safe_ramp_s`: time to reach the safe torque once references have stopped [s].
-    `gravity`: whether torques include gravity.
-    `stale_timeout_s`: longest silence of a stream [s], infinite for any.
-    `safe_value`: what follows it.
-    `max_plan_points`: longest plan that is answered.
-    `range_policy`, `std_policy`: what is done outside the training range, and beyond `std_limits`.
-    `margins`, shape (n,): how far a joint may leave its training range, as a share of half of it.
-    `std_limits`, shape (n,): largest standard deviation of a torque [N m or N].
-
+    `limits`, `rates`, shape (n,): largest magnitude and change, infinite where there is none.
+    `ramp_s`: time to blend from the torque sent before to the one asked for [s]. `safe_ramp_s`: to
+    the safe torque once references have stopped. `stale_timeout_s`: longest silence of a stream,
+    infinite for any, and `safe_value`: what follows it. `range_policy`, `std_policy`: what is done
+    outside the training range widened by `margins`, shape (n,), as a share of half of it, and
+    beyond `std_limits`.
     """
 
     limits: Array
@@ -286,13 +273,7 @@ class Rules:
 
 
 def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
-    """
-    Bring the settings into the order of a model's joints.
-
-    ConfigError if a joint is named twice, a list has not one value per joint, or the check of
-    standard deviations has no limits.
-
-    """
+    """Bring the settings into the order of a model's joints; ConfigError if they do not fit."""
     require_consistent(settings)
 
     def per_joint(name: str, default: float) -> Array:
@@ -322,13 +303,7 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
 
 
 def require_consistent(settings: ServeSettings) -> None:
-    """
-    Refuse settings that contradict each other for any arm.
-
-    ConfigError if a joint is named twice, a model has no name, or the check of standard deviations
-    has no limits.
-
-    """
+    """Raise ConfigError for settings that contradict each other for any arm."""
     require_unique('joints', settings.joints)
     if not all(settings.payload_models):
         raise ConfigError(
@@ -343,12 +318,7 @@ def require_consistent(settings: ServeSettings) -> None:
 
 
 def require_bounded(settings: ServeSettings, before: Rules, joint_names: Sequence[str]) -> None:
-    """
-    Refuse settings of a node that is active where they take a limit away.
-
-    ConfigError if torque_limits is empty, or a torque or its step is limited no more.
-
-    """
+    """Raise ConfigError for settings that take a limit away from a node that is active."""
     require_limits(settings.torque_limits)
     after = make_rules(settings, joint_names)
     for name, old, new in (

@@ -19,12 +19,7 @@ SMALLEST = 1e-12
 
 
 class TrainingRange:
-    """
-    Smallest box around the training samples.
-
-    `low`, `high`, shape (3, n): positions, velocities, accelerations.
-
-    """
+    """Smallest box around the training samples: states `low` and `high`, shape (3, n)."""
 
     def __init__(self, low: Array, high: Array) -> None:
         self._low, self._high = low, high
@@ -32,23 +27,15 @@ class TrainingRange:
         self._edge = np.maximum(0.5 * (high - low), SMALLEST)
 
     def widened(self, margins: Array) -> TrainingRange:
-        """
-        Return the range with something added to each side.
-
-        `margins`, shape (n,): as a share of half the range.
-
-        """
+        """Return the range with `margins` (n,), as a share of half of it, added to each side."""
         more = 0.5 * margins * (self._high - self._low)
         return TrainingRange(self._low - more, self._high + more)
 
     def excess(self, states: Array) -> Array:
         """
-        Compute how far outside samples are.
+        Compute how far outside samples (3, n) or (3, N, n) are; 1 is at the edge, 0 in the centre.
 
-        `states`, shape (3, n) or (3, N, n): positions, velocities, accelerations. The result has
-        shape (): for the worst joint, its distance from the centre by that of the edge: 1 at the
-        edge.
-
+        It is that of the worst joint.
         """
         shape = (3, *[1] * (states.ndim - 2), -1)
         distance = np.abs(states - self._centre.reshape(shape)) / self._edge.reshape(shape)
@@ -62,13 +49,10 @@ def std_excess(std: Array, limits: Array) -> Array:
 
 def factors(policy: Policy, excess: Array, counts: Counter[str], key: str) -> Array:
     """
-    Apply a policy.
+    Return factors on the torques of all joints where `excess` is above 1 or not a number.
 
-    `excess`: above 1 where a sample is doubtful; what is not a number is. `counts`: gets the
-    number of doubtful samples. `key`: under this key. Returns the factor on the torques of all
-    joints. With `scale` it falls from 1 at the edge to 0 at twice its distance, with `zero` at
-    once.
-
+    With `scale` they fall from 1 at the edge to 0 at twice its distance, with `zero` at once. The
+    doubtful samples are counted under `key`.
     """
     excess = np.where(np.isnan(excess), np.inf, excess)
     counts[key] += int(np.count_nonzero(excess > 1.0))
@@ -80,12 +64,7 @@ def factors(policy: Policy, excess: Array, counts: Counter[str], key: str) -> Ar
 
 
 class Shaper:
-    """
-    Bring torques into the form in which they may leave.
-
-    `trained`: of the model. `sent`: what the robot holds. `counts`: gets `COUNTED`.
-
-    """
+    """Bring torques into the form in which they may leave, from those that the robot holds."""
 
     def __init__(
         self, rules: Rules, trained: TrainingRange, sent: Sent, counts: Counter[str]
@@ -114,16 +93,11 @@ class Shaper:
 
     def sample(self, tau: Array, now: float, state: Array, std: Array | None) -> Array:
         """
-        Shape one torque of a stream; the first after safe torques begins a ramp.
+        Shape one torque (n,) of a stream; the first after safe torques begins a ramp.
 
-        `tau`, shape (n,) [N m or N].
-        `now` [s].
-        `state`, shape (3, n): positions, velocities, accelerations that it is for.
-        `std`, shape (n,), or None: standard deviations of torques [N m or N], where they are
-        checked.
-        The result has shape (n,): finite, within the limits, no further from the one before than
-        the rates allow. RefusedError if a torque is not finite.
-
+        `state`, shape (3, n), is what it is for; `std`, shape (n,), that of torques where they are
+        checked. The result is finite, within the limits, no further from the one before than the
+        rates allow. RefusedError if a torque is not finite.
         """
         factor = self._range_factors(state)
         if std is not None:
@@ -136,11 +110,9 @@ class Shaper:
 
     def plan(self, tau: Array, t: Array, states: Array) -> Array:
         """
-        Shape the torques of a plan, without a ramp: that is for streams.
+        Shape the torques (N, n) of a plan at times (N,), without a ramp: that is for streams.
 
-        `tau`, shape (N, n) [N m or N]. `t`, shape (N,): times from start [s]. `states`, shape (3,
-        N, n): positions, velocities, accelerations. RefusedError if a torque is not finite.
-
+        `states`, shape (3, N, n). RefusedError if a torque is not finite.
         """
         safe, limited = self._scaled(self._range_factors(states)[:, np.newaxis] * tau)
         self._counts['limited'] += int(np.count_nonzero(limited.any(axis=-1)))

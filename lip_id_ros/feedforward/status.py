@@ -13,13 +13,7 @@ ALARMING = ('out_of_range', 'uncertain', 'late_plans')
 
 
 class ServeCounts:
-    """
-    Counts of messages and torques since the start of the node.
-
-    `counted`: keys of `torques`. `references`: samples of streams and plans. `torques`: torques
-    that were cut, doubtful references, and silences.
-
-    """
+    """Counts of messages and torques since the start of the node, `counted` by key."""
 
     def __init__(self, counted: Sequence[str]) -> None:
         self.references = Tally('samples', 'plans')

@@ -25,7 +25,6 @@ def noisy_share(values: Array, position: Array) -> float:
 
     A smooth peak has 2.7 times as many samples in the last band as in the mean of the two before.
     Friction alone is near a level while its joint moves in one direction, and is not clipped.
-
     """
     if values.size < WINDOW + 3:
         return 0.0

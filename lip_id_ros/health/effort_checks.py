@@ -190,7 +190,6 @@ def effort_delay(evidence: Evidence) -> Iterator[JointText]:
 
     Judged by friction, gravity and inertia as of an arm, and of a short recording by those of each
     joint by itself, so that a delay below one sample, or of one joint, may not be found.
-
     """
     if (lags := evidence.lags) is None:
         return

@@ -1,10 +1,8 @@
 """
 Find the meaning of recorded efforts by how well the links of an arm explain them.
 
-Efforts are explained by links in places that are searched for: as recorded, without gravity, with
-other scales and signs, and with the joints in other orders. What explains them clearly better is
-proposed, with both figures; nothing is changed.
-
+Links in places that are searched for explain efforts as recorded, without gravity, with other
+scales and signs, and in other orders. What explains them clearly better is proposed.
 """
 
 from __future__ import annotations
@@ -42,9 +40,8 @@ def diagnose_effort(
     """
     Find out whether efforts are the torques of an arm, and what they may be instead.
 
-    Every joint moves; the seed is that of the searches for placements. Empty where the efforts are
-    torques, or where nothing that was tried is clearly better.
-
+    Every joint moves. Empty where efforts are torques, or nothing that was tried is clearly
+    better.
     """
     recorded = as_recorded(dataset, seed, progress)
     findings: list[Finding] = []

@@ -95,7 +95,6 @@ class Signal:
 
         A sine that is only quantised has at most two and a half times as many samples on its last
         level as on the one before; a clipped signal has far more.
-
         """
         low, high = self.ends
         if not self.range > 0.0:
@@ -133,27 +132,14 @@ def _flat_end(top: BoolArray, nearby: BoolArray) -> float:
 @dataclass(frozen=True, eq=False)
 class Joint:
     """
-    One joint of a recording.
+    One joint of a recording; a figure that is not known is nan, so that no comparison is true.
 
-    A figure that is not known is nan, so that no comparison with it is true.
-
-    Attributes
-    ----------
-    t : ndarray, shape (N,)
-        Times of the samples [s].
-    signals : mapping
-        Position, and velocity and effort where they were recorded.
-    smooth_velocity : ndarray, shape (K,)
-        Derivative of the smooth position [rad/s or m/s], K = 0 where the recording is too short.
-    velocity_scale, velocity_correlation, velocity_lag_s : float
-        See `motion.VelocityAgreement`.
-    effort_period : int
-        Samples over which the effort of this joint is held while those of others change.
-    effort_explained, friction_cosine, friction_weight : float
-        See `motion.EffortRegression`.
-    braking : float
-        Inertia and friction in standard errors, together; negative where the sign is reversed.
-
+    `t`, shape (N,) [s]. `signals`: position, and velocity and effort where they were recorded.
+    `smooth_velocity`, shape (K,): derivative of the smooth position [rad/s or m/s], K = 0 where
+    the recording is too short. `velocity_*` as in `motion.VelocityAgreement`, `effort_explained`
+    and `friction_*` as in `motion.EffortRegression`. `effort_period`: samples over which the
+    effort of this joint is held while those of others change. `braking`: inertia and friction in
+    standard errors, together; negative where the sign is reversed.
     """
 
     name: str
@@ -217,7 +203,6 @@ class Evidence:
 
     Efforts of `samples` are scaled to torques where the settings give scales, and whole turns of
     positions are undone.
-
     """
 
     samples: JointSamples

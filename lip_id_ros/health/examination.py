@@ -38,11 +38,7 @@ def evidence_of(samples: JointSamples, recording: RecordingSettings | None = Non
     """
     Prepare a recording for the checks: joint types, efforts scaled, whole turns undone.
 
-    Raises
-    ------
-    ConfigError
-        If a setting per joint has another length than there are joints.
-
+    ConfigError if a setting per joint has another length than there are joints.
     """
     recording = recording or RecordingSettings()
     kinds = per_joint(samples, 'joint_types', recording.joint_types, REVOLUTE)
@@ -60,13 +56,7 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
 
 
 def health(evidence: Evidence) -> dict[str, Any]:
-    """
-    Return findings and figures of a recording.
-
-    `findings` (code, severity, joint, text), `joints` (figures of each, null where unknown),
-    `stale_share`, `effort_lag_s` and `effort_lag_gain`.
-
-    """
+    """Return findings (code, severity, joint, text) and figures of a recording and its joints."""
     with np.errstate(all='ignore'):
         lags = evidence.lags
         return {

@@ -22,9 +22,8 @@ class Finding:
     """
     One thing that is wrong with a recording.
 
-    `code` is the stable name of its kind, see health.md; `joint` is empty where it is about
-    the whole recording; `text` is one sentence: what was found, and what to do.
-
+    `code`: stable name of its kind, see health.md. `joint`: empty where it is about the whole
+    recording. `text`: one sentence: what was found, and what to do.
     """
 
     code: str
@@ -49,15 +48,8 @@ class Check:
     """
     One kind of finding; made by the decorators `check` and `joint_check`.
 
-    Attributes
-    ----------
-    meaning : str
-        When it is found, for health.md: the docstring of the search.
-    remedy : str
-        What to do, as the end of a sentence.
-    search : callable
-        Yields what is found.
-
+    `meaning`: when it is found, for health.md: the docstring of `search`, which yields what is
+    found. `remedy`: what to do, as the end of a sentence.
     """
 
     code: str

@@ -28,14 +28,9 @@ class EffortLags:
     """
     Lags at which a regression of the efforts on the motion leaves least.
 
-    Attributes
-    ----------
-    lag_s, gain : float
-        By how much the efforts of all joints come late [s], nan where it is unknown, and the share
-        of the unexplained variance that this lag takes away.
-    joint_lag_s, joint_gain : ndarrays, shape (n,)
-        Likewise of each joint by itself, which takes a longer recording.
-
+    `lag_s`: by how much the efforts of all joints come late [s], nan where it is unknown. `gain`:
+    the share of the unexplained variance that this lag takes away. `joint_lag_s`, `joint_gain`,
+    shape (n,): likewise of each joint by itself, which takes a longer recording.
     """
 
     lag_s: float

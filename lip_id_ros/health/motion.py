@@ -39,7 +39,6 @@ class SmoothSegment:
     Low-passed samples without a gap, each (N, n); velocity and acceleration from positions.
 
     `recorded_velocity` and `effort` are 0 where they were not recorded.
-
     """
 
     position: Array
@@ -67,7 +66,6 @@ def motion_of(samples: JointSamples) -> SmoothMotion:
 
     Of more than `MOST_SAMPLES` samples, blocks from the beginning to the end are looked at.
     Blocks with numbers too large to be calculated with are left out.
-
     """
     rate, every, segments = 0.0, 1, []
     step = median_step(samples.t)
@@ -121,12 +119,7 @@ def shifted(segments: Sequence[SmoothSegment], name: str, reach: int, lag: int) 
 
 
 def peak(values: Array, rate_hz: float) -> float:
-    """
-    Return the lag of the largest of 2 reach + 1 values [s], between samples by a parabola.
-
-    nan where the largest lies at an end, since the true one may lie beyond.
-
-    """
+    """Return the lag [s] of the largest of 2 reach + 1 values, by a parabola; nan if at an end."""
     at = int(np.argmax(values))
     if not 0 < at < len(values) - 1:
         return float('nan')
@@ -143,7 +136,6 @@ class VelocityAgreement:
 
     `scale` is recorded over differentiated velocity, nan for joints that do not move;
     `correlation` is that at no delay; `lag_s` is by how much the recorded velocity comes late [s].
-
     """
 
     scale: Array
@@ -199,20 +191,11 @@ class EffortRegression:
     and its smoothed sign. That is no dynamics, but enough to see whether effort follows the motion
     at all, whether friction acts against it, and at which delay the two fit best.
 
-    Attributes
-    ----------
-    explained : ndarray, shape (n,)
-        Share of the variance of each effort.
-    friction_cosine : ndarray, shape (n,)
-        Between velocity and the friction that was found, both without what position and
-        acceleration explain: about 1 for effort with the right sign, -1 where it is reversed.
-    friction_weight : ndarray, shape (n,)
-        How many times larger the unexplained variance is without friction.
-    lag_s : float
-        By how much the efforts of all joints come late [s]; nan where it is unknown.
-    lag_gain : float
-        Share of the unexplained variance that this lag takes away.
-
+    `explained`, shape (n,): share of the variance of each effort. `friction_cosine`, shape (n,):
+    between velocity and the friction that was found, both without what position and acceleration
+    explain: about 1 for effort with the right sign, -1 where it is reversed. `friction_weight`,
+    shape (n,): how many times larger the unexplained variance is without friction. `lag_s`,
+    `lag_gain`: as in `EffortLags`.
     """
 
     explained: Array

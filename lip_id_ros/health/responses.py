@@ -4,7 +4,6 @@ Efforts that answer to the wrong joint, or with the wrong sign.
 The inertia matrix is symmetric and positive definite, and friction brakes its own joint. So the
 mean responses of all efforts to all accelerations, and to all velocities, are matrices with
 positive diagonals, whose pairs of off-diagonal elements are smaller than those of the diagonal.
-
 """
 
 from __future__ import annotations
@@ -30,14 +29,7 @@ RIDGE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """
-    Mean responses of efforts (rows) to one signal of all joints (columns), with standard errors.
-
-    Attributes
-    ----------
-    value, error : ndarrays, shape (n, n)
-
-    """
+    """Mean responses (n, n) of efforts (rows) to a signal of all joints, with standard errors."""
 
     value: Array
     error: Array
@@ -64,18 +56,9 @@ def responses(motion: SmoothMotion, lag_s: float) -> tuple[Responses, Responses]
     """
     Regress all efforts on accelerations, velocities, and sines and cosines of positions.
 
-    Parameters
-    ----------
-    motion : SmoothMotion
-        Long enough for `motion.effort_regression`.
-    lag_s : float
-        By how much the efforts come late [s]; 0 where it is not finite.
-
-    Returns
-    -------
-    inertia, friction : Responses
-        To accelerations [N m s^2], and mean friction along the velocity [N m].
-
+    `motion` is long enough for `motion.effort_regression`; efforts come late by `lag_s`, 0 where
+    it is not finite. Returns responses to accelerations [N m s^2], and mean friction along the
+    velocity.
     """
     segments, reach = effort_segments(motion)
     lag = round(lag_s * motion.rate_hz) if math.isfinite(lag_s) else 0

@@ -145,7 +145,6 @@ def outliers(joint: Joint) -> Iterator[str]:
     A few samples lie further from all others than ten times the range of those.
 
     They are at most one in a hundred.
-
     """
     for name, signal in joint.signals.items():
         values = signal.some_values()
@@ -207,7 +206,6 @@ def coarse(joint: Joint) -> Iterator[str]:
     A signal comes in steps that are large beside its standard deviation.
 
     That is 1 % for a position, 10 % for a velocity or effort.
-
     """
     for name, signal in joint.signals.items():
         if signal.step > 0.0 and joint.moves:
@@ -225,7 +223,6 @@ def frozen(joint: Joint) -> Iterator[str]:
     A velocity or effort does not change for more than a second while the joint moves.
 
     The joint moves over a fifth of its range meanwhile. Signals that come in steps are not judged.
-
     """
     t = joint.t
     for name in ('velocity', 'effort'):

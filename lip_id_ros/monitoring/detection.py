@@ -9,7 +9,6 @@ within milliseconds. So the estimated external torque goes through a high-pass b
 Thresholds lie between the largest y of a free motion and the y of the smallest contact that is to
 be detected: two thirds of the way, in logarithms, since one motion does not show the largest of
 the next.
-
 """
 
 from __future__ import annotations
@@ -40,12 +39,7 @@ LEAST_MOTION = 0.2
 
 
 def step_response_peak(gain: float = GAIN, cutoff_hz: float = CUTOFF_HZ) -> float:
-    """
-    Return the peak of the high-pass for a contact of 1 N m that sets in at once.
-
-    `gain`: of the observer [1/s]. `cutoff_hz` [Hz].
-
-    """
+    """Return the peak of the high-pass [Hz] for a contact of 1 N m; the gain is in 1/s."""
     ratio = 2.0 * np.pi * cutoff_hz / gain
     # the peak of (exp(-ratio x) - exp(-x)) / (1 - ratio), at x = log(ratio) / (ratio - 1)
     return float(np.exp(-1.0)) if ratio == 1.0 else float(ratio ** (ratio / (1.0 - ratio)))
@@ -53,12 +47,7 @@ def step_response_peak(gain: float = GAIN, cutoff_hz: float = CUTOFF_HZ) -> floa
 
 @dataclass(frozen=True)
 class Thresholds:
-    """
-    Bounds beyond which an external torque is a contact, and no error of the model.
-
-    `torque`, shape (n,): largest high-pass of the external torque that is no contact [N m or N].
-
-    """
+    """Largest high-pass (n,) of the external torque that is no contact [N m or N]."""
 
     torque: Array
 
@@ -72,15 +61,11 @@ class Thresholds:
         cutoff_hz: float = CUTOFF_HZ,
     ) -> Thresholds:
         """
-        Put thresholds between a motion without contact and the smallest contact of interest.
+        Put thresholds between a motion without contact and the smallest contact of interest, (n,).
 
-        `joint_names`: for the sentence where one is refused.
-        `free`, shape (N, n): high-pass of the external torques of a motion that the model was not
-        fitted on: on the one that it was, they are too small.
-        `contact`, shape (n,): the smallest contact that is to be detected [N m or N].
-        `gain`, `cutoff_hz`: as the high-pass was computed.
-        DataError if a joint shows as much in free motion as with such a contact.
-
+        `free`, shape (N, n): high-pass, by `gain` and `cutoff_hz`, of the external torques of a
+        motion that the model was not fitted on: on the one that it was, they are too small.
+        DataError if a joint shows as much in it as with such a contact.
         """
         largest = np.abs(free).max(axis=0)
         smallest = np.broadcast_to(contact, largest.shape)
@@ -101,13 +86,7 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class ContactEstimate:
-    """
-    External torques at one sample, each of shape (n,).
-
-    `torque`: external torques as estimated, errors of the model among them [N m or N].
-    `high_pass`: the same after a high-pass.
-
-    """
+    """External torques (n,), errors of the model among them, and their high-pass."""
 
     torque: Array
     high_pass: Array
@@ -115,13 +94,10 @@ class ContactEstimate:
 
 class ContactMonitor:
     """
-    Estimate external torques and their high-pass while the arm moves.
+    Estimate external torques and their high-pass [Hz] while the arm moves, by a gain [1/s].
 
     The high-pass is zero until the observer has settled: it rises to a lasting error of the model
     as fast as to a contact.
-
-    `gain`: of the observer [1/s]. `cutoff_hz`: of the high-pass [Hz].
-
     """
 
     def __init__(
@@ -144,13 +120,7 @@ class ContactMonitor:
 
 
 class FreeMotion:
-    """
-    The largest external torques of a motion without contact.
-
-    `seconds`: how much is watched [s]. `largest`, shape (n,): largest high-pass of the external
-    torques so far [N m or N].
-
-    """
+    """The largest high-pass (n,) of the external torques in so many seconds without contact."""
 
     def __init__(self, seconds: float, n_joints: int) -> None:
         self._remaining = seconds
@@ -168,9 +138,8 @@ class FreeMotion:
         """
         Refuse a motion that does not show the errors of the model.
 
-        `trained`, shape (n,): range of the velocities of the training data [rad/s or m/s].
-        DataError if a joint moved by less than `LEAST_MOTION` of that.
-
+        DataError if a joint moved by less than `LEAST_MOTION` of the velocities (n,) of the
+        training data.
         """
         spanned, needed = self._high - self._low, LEAST_MOTION * trained
         for name, span, least in zip(joint_names, spanned, needed, strict=True):

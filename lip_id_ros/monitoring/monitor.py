@@ -94,9 +94,7 @@ class Watched:
     """
     The estimates of one joint state.
 
-    `contact`, or None: whether there is a contact, or was in the last `hold_s`; None without
-    thresholds.
-
+    `contact`: whether there is one, or was in the last `hold_s`; None without thresholds.
     """
 
     external: ContactEstimate
@@ -105,13 +103,7 @@ class Watched:
 
 
 class Monitor:
-    """
-    Watch an arm with a model.
-
-    OSError if the model cannot be opened; ModelError if it is not a model, or its joints are not
-    those expected; ConfigError if a joint is named twice, or a list has not one value per joint.
-
-    """
+    """Watch an arm with a model; LipIdError if the settings do not fit it."""
 
     def __init__(self, settings: MonitorSettings) -> None:
         require_unique('joints', settings.joints)
@@ -151,11 +143,9 @@ class Monitor:
 
     def take(self, message: JointMessage) -> Watched | None:
         """
-        Watch a joint state; it is counted, whatever becomes of it.
+        Watch a joint state, or refuse it by RefusedError; it is counted in any case.
 
-        `message`: with positions, velocities and efforts of all joints. Returns None where it
-        comes too soon after the one before, and after a gap. RefusedError if it cannot be used.
-
+        Returns None where it comes too soon after the one before, and after a gap.
         """
         with self._tally.receiving():
             self._reader.columns(message)
@@ -169,12 +159,7 @@ class Monitor:
             return self._watch(step, message.stamp_ns, self._reader.read(message))
 
     def judge(self, now: float) -> tuple[Level, str]:
-        """
-        Judge what came since the last call.
-
-        `now` [s], on any steady clock. Returns one sentence.
-
-        """
+        """Judge what came since the last call, in one sentence; `now` [s] is of any clock."""
         counts = self._counts()
         new, self._before = counts - self._before, counts
         if self._received_at is None or new['received']:

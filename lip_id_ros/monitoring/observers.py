@@ -13,7 +13,6 @@ No accelerations are needed (De Luca et al., IROS 2006).
 
 The total energy follows :math:`\frac{d}{dt}(T + V) = \dot q^T (\tau - f) + P_{ext}`, by the same
 observer.
-
 """
 
 from __future__ import annotations
@@ -44,7 +43,6 @@ class DisturbanceObserver:
     for steps of any length.
 
     `gain`: K [1/s].
-
     """
 
     def __init__(self, gain: float) -> None:
@@ -54,13 +52,7 @@ class DisturbanceObserver:
         self._explained: Array = np.zeros(0)
 
     def update(self, t: float, quantity: Array, rate: Array) -> Array:
-        """
-        Take one sample.
-
-        `t` [s]; after the sample before. `quantity`: p; the observer starts from the first one.
-        `rate`: m: its change per second as far as it is known. Returns r.
-
-        """
+        """Take the quantity p and its known rate m at a time t [s] after the last; return r."""
         if np.isnan(self._t):
             self._t, self._rate, self._explained = t, rate, np.array(quantity, dtype=np.float64)
         step = t - self._t
@@ -73,13 +65,7 @@ class DisturbanceObserver:
 def momentum_and_rate(
     model: DynamicsModel, q: Array, dq: Array, tau: Array
 ) -> tuple[Array, Array]:
-    """
-    Compute generalised momenta, and their rates without contact.
-
-    `q`, `dq`, `tau`, shape (N, n): measured positions, velocities, torques. The result has shape
-    (N, n) [N m s or N s] and [N m or N].
-
-    """
+    """Compute generalised momenta, and their rates without contact, each (N, n) [N m s, N m]."""
     still, shift = np.zeros_like(q), AHEAD * dq
     # One call: three momenta M(.) dq as inertial torques of the "acceleration" dq, then c + g + f.
     predicted = model.predict(
@@ -93,25 +79,14 @@ def momentum_and_rate(
 
 
 class ContactObserver:
-    """
-    Estimate external torques while the arm moves.
-
-    `gain` [1/s]; its inverse is the time constant of the estimate.
-
-    """
+    """Estimate external torques while the arm moves; 1 / gain is the time constant [s]."""
 
     def __init__(self, model: DynamicsModel, gain: float = GAIN) -> None:
         self._model = model
         self._observer = DisturbanceObserver(gain)
 
     def update(self, t: float, q: Array, dq: Array, tau: Array) -> Array:
-        """
-        Take one measured sample.
-
-        `t` [s]. `q`, `dq`, `tau`, shape (n,). The result has shape (n,): external torques [N m or
-        N].
-
-        """
+        """Return the external torques (n,) [N m or N] at a sample."""
         momentum, rate = momentum_and_rate(self._model, q[None], dq[None], tau[None])
         return self._observer.update(t, momentum[0], rate[0])
 
@@ -119,13 +94,7 @@ class ContactObserver:
 def external_torques(
     model: DynamicsModel, t: Array, q: Array, dq: Array, tau: Array, gain: float = GAIN
 ) -> Array:
-    """
-    Estimate external torques of a whole recording, as `ContactObserver` does sample by sample.
-
-    `t`, shape (N,) [s], increasing. `q`, `dq`, `tau`, shape (N, n). `gain` [1/s]. The result has
-    shape (N, n) [N m or N].
-
-    """
+    """Estimate the external torques (N, n) of a recording as `ContactObserver` does."""
     observer = DisturbanceObserver(gain)
     terms = zip(t, *momentum_and_rate(model, q, dq, tau), strict=True)
     return np.array([observer.update(float(time), *each) for time, *each in terms])
@@ -136,10 +105,9 @@ class EnergyBalance:
     """
     Energy at one time.
 
-    `total`: kinetic and potential energy [J]. Kinetic only, where the torques leave gravity out.
+    `total`: kinetic and potential [J]; kinetic only, where the torques leave gravity out.
     `supplied`: power of the measured torques, less the learned friction's [W]. `unexplained`:
-    power [W] that enters beside it: of a contact, or of the model's errors.
-
+    power that enters beside it: of a contact, or of the model's errors.
     """
 
     total: float
@@ -148,24 +116,14 @@ class EnergyBalance:
 
 
 class EnergyMonitor:
-    """
-    Compare the change of the learned energy with the power supplied.
-
-    `gain` [1/s]; its inverse is the time constant of the unexplained power.
-
-    """
+    """Compare the change of the learned energy with the power supplied in 1 / gain [s]."""
 
     def __init__(self, model: DynamicsModel, gain: float = GAIN) -> None:
         self._model = model
         self._observer = DisturbanceObserver(gain)
 
     def update(self, t: float, q: Array, dq: Array, tau: Array) -> EnergyBalance:
-        """
-        Take one measured sample.
-
-        `t` [s]. `q`, `dq`, `tau`, shape (n,).
-
-        """
+        """Take one measured sample at t [s], of states and torques (n,)."""
         predicted = self._model.predict(q[None], dq[None], np.zeros((1, len(q))))
         total = predicted.kinetic[0]
         if predicted.potential is not None:

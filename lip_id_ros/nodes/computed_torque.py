@@ -36,7 +36,6 @@ class ComputedTorqueNode(NodeBase):
     The plan's clock is the stamp of the joint states: it begins with the first after the plan.
     Where a plan is let go, a callback fails or the node ends, torques go to zero, and then there
     are none: to hold the arm is the business of its brakes or its driver.
-
     """
 
     def __init__(self) -> None:

@@ -25,15 +25,7 @@ class Description:
     """
     The last URDF that came on robot_description, or the one that the node was given.
 
-    Parameters
-    ----------
-    node : NodeBase
-        Its subscriber.
-    given : str
-        Text of a URDF; empty for that of the topic.
-    arrived : callable
-        Is called with each that comes.
-
+    `given`: text of a URDF; empty for that of the topic. `arrived` is called with each that comes.
     """
 
     def __init__(

@@ -34,18 +34,8 @@ class Goals:
     """
     Fill the efforts of goals, hand them to the controller, and hand back all that it answers.
 
-    A goal keeps its identity, its tolerances and whatever else it has.
-
-    Parameters
-    ----------
-    action : str
-        The action of the controller.
-
-    Raises
-    ------
-    ConfigError
-        If the type of the action is not installed.
-
+    A goal keeps its identity, its tolerances and whatever else it has. `action` is that of the
+    controller; ConfigError if its type is not installed.
     """
 
     def __init__(self, node: NodeBase, server: Server, counts: GoalCounts, action: str) -> None:

@@ -32,7 +32,6 @@ def common_arguments(config: str | None, nodes: str) -> list[Action]:
 
     `config`: file of the package's folder config with the default parameters; without it
     `params_file` is required. `nodes`: names of the nodes that read it.
-
     """
     default = config and str(get_package_share_path(PACKAGE) / 'config' / config)
     return [
@@ -95,7 +94,6 @@ def node(
     empty.
     `defaults`: parameters where neither the arguments nor the parameter file have one.
     `**options`: further arguments of `launch_ros.actions.Node`.
-
     """
 
     def started(context: LaunchContext) -> list[Node]:

@@ -15,14 +15,8 @@ class Losses:
     Of messages that are overwritten in a queue the middleware says nothing, but their numbers are
     missing. No message says which publisher it is of (rclpy gives no identifier): so gaps count
     only between messages that came while the graph had a single one; the middleware's own count
-    does where it is larger.
-
-    Attributes
-    ----------
-    uncounted : bool
-        Whether what is overwritten cannot be counted: there are several publishers, or messages
-        have no numbers.
-
+    does where it is larger. `uncounted`: there are several publishers, or messages have no
+    numbers.
     """
 
     uncounted = False
@@ -64,12 +58,7 @@ class Losses:
         self._by_event += event.total_count_change
 
     def settle(self, publishers: Set[bytes]) -> int:
-        """
-        Return how many messages were lost since the last call.
-
-        `publishers`: the topic's publishers now, by their identifiers.
-
-        """
+        """Return how many messages were lost since the last call, given the ids of publishers."""
         several = len(self._publishers | publishers) > 1
         self.uncounted = several or self._unnumbered
         single = len(self._publishers | publishers) == 1 and not self._went_back

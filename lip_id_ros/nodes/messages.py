@@ -58,13 +58,7 @@ def joint_state_message(
 def plan_message(
     names: Sequence[str], t: Array, q: Array, dq: Array, ddq: Array
 ) -> JointTrajectory:
-    """
-    Return a motion as a trajectory.
-
-    `names`: joints. `t`, shape (N,): times from the start [s]. `q`, `dq`, `ddq`, shape (N, n):
-    positions, velocities, accelerations.
-
-    """
+    """Return states (N, n) of joints, at times (N,) from the start [s], as a trajectory."""
     message = JointTrajectory(joint_names=list(names))
     for at, *values in zip(t, q, dq, ddq, strict=True):
         sec, nanosec = divmod(round(NANOSECONDS * at), NANOSECONDS)
@@ -75,14 +69,7 @@ def plan_message(
 
 
 def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
-    """
-    Fill in the efforts of a plan.
-
-    `plan`: is changed and returned: positions, velocities, accelerations and times stay. `tau`,
-    shape (number of points, number of its joints): torques [N m or N] in the order of its
-    joint_names.
-
-    """
+    """Fill torques (points, joints) [N m or N] in the order of its joint_names into a plan."""
     for point, effort in zip(plan.points, tau, strict=True):
         point.effort = doubles(effort)
     return plan
@@ -143,12 +130,7 @@ def _doubles(values: Any) -> array[float]:
 
 
 def status_message(name: str, hardware: str, status: Status) -> DiagnosticStatus:
-    """
-    Return a status as a message.
-
-    Nested values become dotted keys. Texts stay as they are, all else is JSON.
-
-    """
+    """Return a status as a message: nested values as dotted keys, texts as they are, else JSON."""
     message = DiagnosticStatus(name=name, hardware_id=hardware, message=status.summary)
     message.level = bytes([status.level])
     message.values = [KeyValue(key=key, value=_text(value)) for key, value in _flat(status.values)]

@@ -21,17 +21,7 @@ from lip_id_ros.signals.status import Status
 
 
 class MonitorNode(NodeBase):
-    """
-    Publish what the model estimates of each joint state.
-
-    Raises
-    ------
-    LipIdError
-        If the model does not fit.
-    OSError
-        If it cannot be opened.
-
-    """
+    """Publish what the model estimates of each joint state; LipIdError if it does not fit."""
 
     def __init__(self) -> None:
         super().__init__('monitor', parameters_of(MonitorSettings))

@@ -37,38 +37,15 @@ LONGEST_TAKE_S = 2.0
 
 class NodeBase(Node):
     """
-    A node that no message and no request can end.
+    A node that no message and no request can end, with a table of parameters by name.
 
-    An exception of a subscription's, a service's or a timer's callback is logged and counted, the
-    robot gets the safe torque, and a service answers without success. Refusals are not such
-    exceptions: they are handled where they arise.
+    An exception of a subscription's, a service's or a timer's callback is logged and counted
+    (`faults`, `last_fault`), the robot gets the safe torque, and a service answers without
+    success. Refusals are not such exceptions: they are handled where they arise. `lost` counts by
+    topic the messages that were lost before they could be taken.
 
     The status is latched on ~/status where it changes, and goes to /diagnostics twice a second.
-
-    Parameters
-    ----------
-    name : str
-    table : mapping
-        The parameters by name.
-
-    Raises
-    ------
-    InvalidParameterValueException
-        If a parameter is given a value that is not allowed.
-    ConfigError
-        If a parameter is given that there is not.
-
-    Attributes
-    ----------
-    faults : int
-        How many exceptions were caught.
-    last_fault : str
-        The last one, in words.
-    n_callbacks : int
-        How many callbacks were run.
-    lost : Counter
-        By topic, how many messages were lost before they could be taken.
-
+    InvalidParameterValueException or ConfigError if a parameter is given that is wrong or unknown.
     """
 
     faults = n_callbacks = 0
@@ -106,12 +83,7 @@ class NodeBase(Node):
         """Release the robot and keep the data; the node can still publish."""
 
     def check_change(self, values: Mapping[str, Any]) -> None:
-        """
-        Check new values of parameters, each of which is allowed alone.
-
-        LipIdError if they are refused.
-
-        """
+        """Check new values of parameters, each allowed alone; LipIdError if refused."""
 
     def apply_change(self, values: Mapping[str, Any]) -> None:
         """Use new values of parameters."""

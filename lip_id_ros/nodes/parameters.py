@@ -36,11 +36,8 @@ def declare(node: Node, table: Mapping[str, Row]) -> None:
     """
     Declare every row of a table; from here on a wrong value is refused with a sentence.
 
-    `node`: gets the parameters. `table`: rows by parameter name. InvalidParameterValueException if
-    a value from a file or the command line is not allowed; ConfigError if a file or the command
-    line gives a parameter that there is not: what a typing error leaves at its default, such as a
-    limit, would not be noticed.
-
+    InvalidParameterValueException if a value from a file or the command line is not allowed;
+    ConfigError for a name that is not in the table: a misspelt limit would stay at its default.
     """
     node.add_on_set_parameters_callback(lambda changed: _check(table, changed))
     node.add_pre_set_parameters_callback(
@@ -94,7 +91,6 @@ def descriptor(row: Row) -> ParameterDescriptor:
 
     Typing is dynamic because ROS takes ``4`` for another type than ``4.0``, and an empty list for
     one of bytes; the row checks the type instead.
-
     """
     return ParameterDescriptor(
         description=f'{row.description} [{row.unit}]' if row.unit else row.description,
@@ -136,7 +132,6 @@ def _typed(row: Row, parameter: Parameter) -> Parameter:
 
     An empty list has the type of a list of bytes, or none at all where it comes from a file or
     the command line; a whole number is no double.
-
     """
     kind, value = TYPES[row.kind], parameter.value
     listed = isinstance(value, (list, tuple, array))

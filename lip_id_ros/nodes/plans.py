@@ -6,7 +6,6 @@ with the interpreter held: the stream and the watch over it would stand still. S
 passed on as it came, as bytes, to a process of its own, which runs this module, and its answer is
 published as bytes. Each frame is two lengths, a JSON header and the bytes of a message. An empty
 frame comes first, when the process has the model.
-
 """
 
 from __future__ import annotations
@@ -46,15 +45,8 @@ class Planned:
     """
     The answer to a long plan.
 
-    Attributes
-    ----------
-    raw : bytes
-        The plan with efforts, serialised; empty where it is refused.
-    refusal : str
-        Reason, a value of `Refusal`; empty where it is answered.
-    counts : mapping
-        What was limited and what was doubtful.
-
+    `raw`: the plan with efforts, serialised; empty where it is refused. `refusal`: a value of
+    `Refusal`, empty where it is answered. `counts`: what was limited and what was doubtful.
     """
 
     raw: bytes = b''
@@ -70,15 +62,7 @@ FAILURES = (OSError, ValueError, EOFError)
 
 
 class PlanWorker:
-    """
-    The parent's end of the process, which starts at once, and again if it ended or stood still.
-
-    Parameters
-    ----------
-    file : ModelFile
-        Of the model that answers the stream.
-
-    """
+    """The parent's end of the process, which starts at once, and again when it has ended."""
 
     def __init__(self, file: ModelFile) -> None:
         self._file = file
@@ -96,12 +80,7 @@ class PlanWorker:
         return self._n_waiting
 
     def submit(self, raw: bytes, settings: ServeSettings) -> None:
-        """
-        Ask for the efforts of a plan; plans that wait are interrupted.
-
-        RefusedError if too many plans wait.
-
-        """
+        """Ask for the efforts of a plan; RefusedError if too many wait, which are interrupted."""
         self.interrupt()
         if self._n_waiting >= MOST_WAITING:
             raise RefusedError(Refusal.BUSY)
@@ -172,11 +151,10 @@ class PlanWorker:
 
 def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
     """
-    Answer plans until their stream ends.
+    Answer plans with the model at `path` until their stream ends; return the exit status.
 
-    `path`: the model's file. `requests`, `answers`: of frames: settings and a plan; first an empty
-    one, then refusal, counts and the plan with efforts. Returns the exit status.
-
+    `requests` has settings and a plan; `answers` first an empty frame, then refusal, counts and
+    the plan with efforts.
     """
     loaded = load_model(ServeSettings(model_path=path, accept_unproven=True), ())
     _write(answers, b'', b'')

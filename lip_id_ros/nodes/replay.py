@@ -2,9 +2,7 @@
 Program `replay`: publish the joint states and trajectories of a bag.
 
 ``ros2 run lip_id_ros replay BAG [--speed FACTOR] [--ros-args -r /old/topic:=/new/topic]``; for
-bags of every kind that `lip_id` reads, those of ROS 1 too, and for systems without ``ros2 bag``.
-Stamps stay as they are.
-
+bags of every kind that `lip_id` reads, and for systems without ``ros2 bag``. Stamps stay.
 """
 
 from __future__ import annotations
@@ -44,12 +42,7 @@ LONGEST_SLEEP_SECONDS = 1e8  # the system refuses much longer ones
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """
-    Publish a bag.
-
-    Returns 0, or 1 with one line in the log.
-
-    """
+    """Publish a bag; return 0, or 1 with one line in the log."""
     argv = sys.argv[1:] if argv is None else list(argv)
     parser = argparse.ArgumentParser(prog='replay', description=__doc__)
     parser.add_argument('bag', help='rosbag2 folder, .mcap, .db3 or ROS 1 .bag')
@@ -75,12 +68,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def replay(path: Path, node: Node, speed: float) -> int:
     """
-    Publish the messages of a bag at the pace of their reception.
+    Publish the messages of a bag at the pace of their reception; return how many.
 
-    `path`: the bag. `node`: publishes, each topic under its recorded name, which a remap may
-    change. `speed`: times the recorded speed. Returns how many messages were published.
-    SourceError if it is no bag, or there is nothing to publish; OSError if it cannot be opened.
-
+    `speed`: times the recorded speed. SourceError if it is no bag, or there is nothing to publish.
     """
     topics = [topic for topic in _topics(path) if _is_ros_name(node, topic.name)]
     publishers = {

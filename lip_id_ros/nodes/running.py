@@ -38,15 +38,11 @@ START_ERRORS = (
 
 def run(make_node: Callable[[], NodeBase], arguments: Sequence[str] | None = None) -> int:
     """
-    Spin a node until SIGINT, SIGTERM or SIGHUP, then stop it in good order.
+    Spin a node until SIGINT, SIGTERM or SIGHUP, then stop it in order; return the exit status.
 
     The signals are taken by the main thread, and the node spins in another: so the context is
-    still alive when the node stops, and its last messages go out.
-
-    `make_node`: makes the node, which has a parameter `executor`. `arguments`: of the command
-    line, without the program's name. Returns the exit status: 1 if the node could not be made or
-    stopped in good order, with one line in the log.
-
+    still alive when the node stops, and its last messages go out. The status is 1, with one line
+    in the log, if the node could not be made or stopped in good order.
     """
     stopped = _stop_event()
     try:
@@ -140,7 +136,6 @@ def _in_thread(executor: Executor, spin: Callable[[Future], None]) -> Iterator[N
 
     The executor is shut down once it spins no more: rclpy takes its guard conditions away from
     under an executor that spins, which may end it with an AttributeError.
-
     """
     end = Future()
     thread = threading.Thread(target=spin, args=[end], name='executor')
@@ -172,11 +167,9 @@ def _spin_on(executor: Executor, node: NodeBase, end: Future) -> None:
 
 def make_executor(name: str) -> Executor:
     """
-    Make an executor by name.
+    Make the executor 'events' or 'single_threaded'.
 
-    `name`: events or single_threaded. events takes less CPU at high rates; the default executor is
-    used where this ROS has no events executor.
-
+    The first takes less CPU at high rates; where this ROS has none, it is the default executor.
     """
     if name == 'events':
         try:

@@ -44,15 +44,7 @@ WATCH_PERIOD_S = 0.02
 
 
 class ServeNode(NodeBase, LifecycleNode):
-    """
-    Managed node: a model is loaded on configure, references are answered while active.
-
-    Raises
-    ------
-    InvalidParameterValueException
-        If a parameter is given a value that is not allowed.
-
-    """
+    """Managed node: a model is loaded on configure, references are answered while active."""
 
     def __init__(self) -> None:
         super().__init__('serve', parameters_of(ServeSettings))

@@ -71,12 +71,7 @@ class Inputs:
         )
 
     def configure(self, settings: ServeSettings) -> None:
-        """
-        Subscribe to what is asked for.
-
-        ConfigError if the type of a message is not installed.
-
-        """
+        """Subscribe to what is asked for; ConfigError if a message type is not installed."""
         if settings.follow_controller:
             kind = _controller_state()
             self._add(kind, '~/controller_state', self._on_controller_state)

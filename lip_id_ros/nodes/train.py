@@ -33,15 +33,7 @@ from lip_id_ros.signals.status import Level, Status
 
 
 class TrainNode(NodeBase):
-    """
-    Recorder and trainer.
-
-    Raises
-    ------
-    ConfigError
-        If the parameters contradict each other.
-
-    """
+    """Recorder and trainer; ConfigError if the parameters contradict each other."""
 
     def __init__(self) -> None:
         super().__init__('train', train_parameters())
@@ -63,7 +55,6 @@ class TrainNode(NodeBase):
         Record what has arrived, keep what was recorded, then end the job that is running.
 
         LipIdError if a part of the recording can be written nowhere.
-
         """
         self.take_waiting(self._subscription)
         path = self._settings().unsaved_path

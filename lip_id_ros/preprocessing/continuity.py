@@ -5,7 +5,6 @@ A joint without stops is reported within one turn, and its position jumps by a t
 that range: these jumps are undone. At other jumps (trials written one after another, an encoder
 that misread) motion is cut. Velocities that a driver leaves at zero, or reports in another unit or
 with another sign, differ from the changes of the positions when they are integrated.
-
 """
 
 from __future__ import annotations
@@ -77,9 +76,7 @@ def unwrapped(samples: JointSamples, is_revolute: BoolArray, longest_s: float) -
     """
     Undo the jumps by whole turns of revolute joints that are reported within one turn.
 
-    A step of more than `longest_s` is a gap, after which positions are those recorded. The samples
-    themselves are returned where nothing jumps.
-
+    A step of more than `longest_s` is a gap, after which positions are those recorded.
     """
     if not samples.n_samples:
         return samples
@@ -118,9 +115,8 @@ def jumps(samples: JointSamples, new: BoolArray, period: int) -> IndexArray:
     """
     Return the rows before which a position jumps as no arm moves.
 
-    `new`, shape (N,): where positions differ from those before. `period`: samples that the
-    positions take for new values.
-
+    `new`, shape (N,): where positions differ from those before. `period`: samples that they take
+    for new values.
     """
     least_s = max(median_step(samples.t), longest_silence(samples.t))
     margin = 2 * BESIDE[-1] * period
@@ -179,12 +175,7 @@ def refuse_wrong_units(samples: JointSamples) -> None:
 
 
 def usual_range(values: Array) -> tuple[float, float, float]:
-    """
-    Return the 1 and 99 % quantiles of values (N,), and how far beyond these lie outliers.
-
-    Values of more than 260,000 samples are thinned.
-
-    """
+    """Return the 1 and 99 % quantiles of values (N,), and how far beyond these lie outliers."""
     some = thinned(values, MOST_VALUES)
     low = float(np.percentile(some, OUTLIER_PERCENT, method='higher'))
     high = float(np.percentile(some, 100.0 - OUTLIER_PERCENT, method='lower'))
@@ -203,11 +194,9 @@ def spikes(efforts: Array) -> BoolArray:
 
 def velocity_scales(samples: JointSamples) -> tuple[Array, Array]:
     """
-    Compare the integrals of recorded velocities with the changes of positions.
+    Return integrals of velocities over changes of positions, and the cosine between both, (n,).
 
-    The result has shape (n,): integral over change of position, and the cosine between the two;
-    nan for joints that hardly move.
-
+    They are nan for joints that hardly move.
     """
     least_s = max(median_step(samples.t), longest_silence(samples.t))
     length = max(LEAST_LENGTH, round(WINDOW_S / least_s) if least_s > 0.0 else 0)

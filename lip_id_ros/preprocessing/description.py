@@ -32,16 +32,13 @@ def describe(
     assess: Assess = lambda samples: {},
 ) -> dict[str, Any]:
     """
-    Describe a bag, a log or a data set.
+    Describe a bag, a log or a data set, JSON-able.
 
-    `path`: a rosbag2 folder, .mcap, .db3, ROS 1 .bag, .csv or data set .npz. `progress`: called
-    with the number of messages read. `assess`: gets the samples of each recording, returns more
-    keys for its description. Returns JSON-able: `file`, `kind`, for a bag `topics` and
-    `recordings` (one for each topic with joint samples: joints, timing, dropped messages, notes,
-    ranges) and `notes` on what is in none of them, for a data set `joints`, `timing`, `ranges` and
-    its provenance. SourceError if it is no bag, or a damaged one; DataError if it is no data set,
-    or contradicts itself; OSError if it does not exist or cannot be opened.
-
+    `file`, `kind`, for a bag `topics`, `recordings` (one for each topic with joint samples) and
+    `notes` on what is in none of them, for a data set `joints`, `timing`, `ranges` and its
+    provenance. `assess` gets the samples of each recording, and returns more keys for its
+    description. SourceError if it is no bag, or a damaged one; DataError if it is no data set, or
+    contradicts itself.
     """
     if Path(path).suffix == DATASET_SUFFIX:
         return _dataset(path, Dataset.load(path))

@@ -3,7 +3,6 @@ From raw joint samples to a data set, and which of its samples a fit gets.
 
 Each segment of a cleaned recording is brought to uniform steps, low-passed, differentiated, cut at
 its edges and decimated; every sample left out is counted in the provenance.
-
 """
 
 from __future__ import annotations
@@ -58,12 +57,8 @@ def preprocess(
     Make a data set of one or several recordings of the same joints.
 
     Its provenance lists, for each source, the settings and how many samples were dropped for which
-    reason.
-
-    SourceError if no effort was recorded; ConfigError if a setting per joint has another length
-    than there are joints; DataError if too little is left, or the recordings have different
-    joints.
-
+    reason. SourceError if no effort was recorded; ConfigError if a setting per joint has another
+    length than there are joints; DataError if too little is left, or the joints differ.
     """
     settings = settings or PreprocessingSettings()
     recording = recording or RecordingSettings()
@@ -149,14 +144,11 @@ def _part(
 
 def smooth(segment: Segment, settings: PreprocessingSettings) -> tuple[Array, Array, Array, Array]:
     """
-    Low-pass a segment at uniform times, and differentiate it.
+    Low-pass a segment at uniform times, and differentiate it, each shape (N, n).
 
     The same low-pass goes over positions, velocities and torques, so that none of them lags or
     loses content against the others; the acceleration is the derivative of the smooth velocity,
     and that of the smooth position where there is none.
-
-    The result has shape (N, n).
-
     """
     rate, derivative = segment.rate_hz, DERIVATIVES[settings.derivative]
     q = low_pass(segment.position, rate, settings.cutoff)
@@ -185,7 +177,6 @@ def stride(rate_hz: float, settings: PreprocessingSettings) -> int:
 
     Errors of low-passed samples are correlated: kept at the full rate, they would pass for many
     independent measurements, and the fit would trust them too much.
-
     """
     if settings.decimate > 0:
         return settings.decimate
@@ -203,7 +194,6 @@ def for_training(data: Dataset, settings: PreprocessingSettings, kernel: str) ->
     `min_velocity` would leave less than a quarter of the samples, as where joints are moved one
     after another, all are kept. The noise of an arm (`fit.kernel`) grows near rest, so that none
     need be left out for it.
-
     """
     share = settings.min_velocity
     if share < 0.0:
@@ -218,10 +208,9 @@ def for_training(data: Dataset, settings: PreprocessingSettings, kernel: str) ->
 
 def moving(dq: Array, min_velocity: float) -> BoolArray:
     """
-    Mark samples at which no joint is nearly at rest, shape (N,).
+    Mark samples (N,) at which no joint is below a share of its root mean square velocity.
 
-    A joint is, below a share of its root mean square velocity; one that never moves is not asked.
-
+    One that never moves is not asked.
     """
     threshold = min_velocity * np.sqrt(np.mean(np.square(dq), axis=0))
     fast: BoolArray = (np.abs(dq) >= threshold).all(axis=1)

@@ -10,7 +10,6 @@ from the motion, to repeat.
 Sensors are mostly read at even steps, while stamps are those of a program that was held up, or of
 a network that delivers messages in bursts. Positions decide: an arm moves smoothly, so that at
 true times each sample is what its neighbours say.
-
 """
 
 from __future__ import annotations
@@ -102,7 +101,6 @@ def stale(samples: JointSamples, changes: Changes) -> BoolArray:
     source is slower than the publisher, as the samples of the moving arm show, or, without
     recorded velocities, if the arm has moved on when the repetition ends. Other repetitions are
     those of an arm at rest.
-
     """
     same = ~changes['position']
     marks = np.zeros(samples.n_samples, bool)
@@ -144,11 +142,9 @@ def source_periods(changes: Changes) -> dict[str, int]:
 
 def supports(new: BoolArray, period: int) -> BoolArray:
     """
-    Mark the rows of a segment that a signal is to be interpolated between, shape (N,).
+    Mark the rows (N,) of a segment that a signal is to be interpolated between.
 
-    `new`, shape (N,): where the signal changes. `period`: samples that the source of the signal
-    takes for a new value.
-
+    `new`: where the signal changes. `period`: samples that its source takes for a new value.
     """
     keep = np.ones(new.size, bool)
     if period > 1:
@@ -198,17 +194,13 @@ def _moves_on(position: Array, rows: IndexArray) -> BoolArray:
 
 def evenly_timed(t: Array, longest_shift_s: float) -> Array:
     """
-    Replace the stamps of samples whose source has an even clock of its own.
+    Replace the stamps (N,) of samples whose source has an even clock of its own.
 
     Where a publisher repeats the newest state at a rate above that of its source, a sample is up
     to one publishing step older than its stamp, by a different amount each time, and where
-    repeated samples were removed the stamps have holes that the motion does not have. If stamps
-    at even steps (least squares) lie so close to the given ones, they are the truer ones.
-
-    `t`, shape (N,): times of the samples [s], without those of repeated samples.
-    `longest_shift_s`: the publishing step [s]; where a stamp would have to move further, all stay
-    as they are.
-
+    repeated samples were removed the stamps have holes that the motion does not have. If stamps at
+    even steps (least squares) lie so close to the given ones, they are the truer ones. Where one
+    would have to move further than the publishing step [s], all stay.
     """
     even = _fitted(t, np.arange(t.size))
     return even if np.abs(even - t).max() <= longest_shift_s else t
@@ -219,9 +211,6 @@ def retimed(t: Array, position: Array) -> Array:
     Replace stamps by those at even steps where the positions are clearly smoother at these.
 
     The steps are counted with and without lost messages; what is smoothest is taken.
-
-    `t`, shape (N,) [s]. `position`, shape (N, n).
-
     """
     if t.size < RUN or not _is_uneven(t):
         return t
@@ -255,7 +244,6 @@ def roughness(t: Array, position: Array) -> float:
     Return how far samples lie from the cubic polynomials through their four neighbours.
 
     The mean over samples of the sum over joints [rad or m].
-
     """
     around = (-2, -1, 1, 2)
     middle = slice(2, len(t) - 2)
@@ -302,7 +290,6 @@ def _clock_step(t: Array) -> float:
 
     The frequency of the largest periodogram of the stamps, first in short windows, then in longer
     ones, which see a smaller part of the frequencies more sharply.
-
     """
     frequency = 1.0 / median_step(t)
     reach = LARGEST_ERROR * frequency

@@ -24,15 +24,11 @@ class Segment:
     """
     An uninterrupted piece of a recording: N samples of n joints.
 
-    `t`, shape (N,) [s].
-    `position`, `effort`, shape (N, n): efforts are torques [N m or N].
-    `velocity`, shape (N, n), or None: None where velocities were not recorded or are not used.
-    `rate_hz`: of the uniform times that the samples are brought to.
-    `delays_s`: how much later than positions the efforts of each joint were measured.
-    `supports`: samples between which a signal is interpolated, (N,) each
-    (`sample_times.supports`); all of a signal that it does not name.
-    `longest_hold`: samples over which a signal may be held.
-
+    `effort`: torques [N m or N]. `velocity`: None where it was not recorded or is not used.
+    `rate_hz`: of the uniform times that the samples are brought to. `delays_s`: how much later
+    than positions the efforts of each joint were measured. `supports`: samples between which a
+    signal is interpolated, (N,) each (`sample_times.supports`); all of a signal that it does not
+    name. `longest_hold`: samples over which a signal may be held.
     """
 
     t: Array
@@ -107,12 +103,9 @@ def segment_of(
     rate_hz: float,
 ) -> Segment:
     """
-    Take a segment out of a recording without stale samples.
+    Take rows without a gap out of a recording without stale samples (`fresh`).
 
-    `rows`: samples without a gap. `changes`, `periods`: of `fresh` (`sample_times.without_stale`,
-    `sample_times.source_periods`). `rate_hz`: of the uniform times that the samples are brought
-    to.
-
+    `changes`, `periods`: of `sample_times.without_stale` and `sample_times.source_periods`.
     """
     return Segment(
         fresh.t[rows],
@@ -130,9 +123,8 @@ def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
     """
     Return recorded efforts as torques or forces [N m or N], scaled and offset per joint.
 
-    SourceError if no effort was recorded; ConfigError if scale or offset are not given for each
-    joint, or a scale is 0.
-
+    SourceError if no effort was recorded; ConfigError if a scale is 0, or not given for each
+    joint.
     """
     if not samples.has_effort:
         raise SourceError(
@@ -156,12 +148,7 @@ def torque(samples: JointSamples, recording: RecordingSettings) -> Array:
 def per_joint(
     samples: JointSamples, name: str, values: tuple[Value, ...], default: Value
 ) -> tuple[Value, ...]:
-    """
-    Return one value for each joint: those given, or the default for all.
-
-    ConfigError if there are more or fewer than joints.
-
-    """
+    """Return one value for each joint, or the default for all; ConfigError for another number."""
     if not values:
         return (default,) * samples.n_joints
     if len(values) != samples.n_joints:

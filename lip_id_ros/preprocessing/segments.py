@@ -55,11 +55,9 @@ def segments_of(
     Remove stale samples, scale efforts to torques, cut at gaps and jumps, and mend stamps.
 
     Recorded velocities are not used in segments where they contradict the positions of a joint.
-
     Returns at least one, and what was found, for the provenance. SourceError if no effort was
     recorded; ConfigError if a setting per joint has another length than there are joints;
     DataError if there are fewer than two different samples, or times or positions in another unit.
-
     """
     fresh, changes, is_stale = without_stale(samples)
     _require_two(fresh)
@@ -175,7 +173,6 @@ def _rate(stamps: Sequence[Array], cutoff_hz: float) -> float:
 
     Where a low-pass follows, it is that of a faster part that lasts: what is fast there would be
     taken for slow.
-
     """
     count = sum(t.size - 1 for t in stamps)
     if not count:

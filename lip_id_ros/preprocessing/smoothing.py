@@ -11,7 +11,6 @@ Measured on sums of 20 sinusoids up to 1 Hz at 30 Hz, low-passed at 4 Hz: the er
 acceleration is 0.007 % with Savitzky-Golay of five points and order four, 0.45 % with central
 differences, and about 2.4 % with both where the velocity has noise of 0.01 rad/s, because then the
 low-pass decides (`test/preprocessing/test_smoothing.py`).
-
 """
 
 from __future__ import annotations
@@ -81,7 +80,6 @@ def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
 
     The cut-off is the frequency whose amplitude is halved [Hz]. With 0, or at half the rate and
     above, where a sampled signal has no content to remove, the values are returned unchanged.
-
     """
     if not is_filtered(rate_hz, cutoff_hz):
         return values
@@ -100,7 +98,6 @@ def edge_length(
     Some periods of the cut-off, over which the low-pass sees an invented continuation, twice
     half the derivative's stencil, where it is one-sided (velocity and acceleration may both be
     derivatives), and the largest delay of an effort [s], for which there is none.
-
     """
     lead_in = periods * rate_hz / cutoff_hz if is_filtered(rate_hz, cutoff_hz) else 0.0
     return round(min(lead_in, _LONGEST_EDGE)) + 2 * HALF_STENCIL + math.ceil(delay_s * rate_hz)
@@ -124,7 +121,6 @@ def resample_early(t: Array, values: Array, times: Array, delays_s: Sequence[flo
     Interpolate as `resample` does, column j at times `delays_s[j]` later [s].
 
     Beyond the samples the first or the last one is repeated.
-
     """
     if not any(delays_s):
         return resample(t, values, times)
@@ -141,7 +137,6 @@ class Window(NamedTuple):
     `times`, shape (K,): uniform times to bring them to [s].
     `first`: number of the first of these times on the grid of the segment.
     `start`, `stop`: on that grid, what is to be taken from this window.
-
     """
 
     rows: slice
@@ -160,7 +155,6 @@ def windows(
     What they give together differs from smoothing the segment at once by rounding only, also
     where efforts are taken from up to `delay_s` earlier or later, and where only every `hold`-th
     sample of a signal is new.
-
     """
     size = grid_size(t, rate_hz)
     margin = 4 * HALF_STENCIL
@@ -186,7 +180,6 @@ def longest_step(t: Array, cutoff_hz: float) -> float:
 
     Five median steps, or a part of the period of the low-pass, within which the motion that it
     keeps does not change its course.
-
     """
     bridged = BRIDGED_PERIODS / cutoff_hz if cutoff_hz > 0.0 else 0.0
     return max(GAP_STEPS * median_step(t), bridged)

@@ -35,7 +35,6 @@ def assembled(topics: Sequence[SampleCollector], wanted_clock: str) -> JointSamp
 
     Where no message with positions has an effort, efforts that came alone are joined with them.
     `wanted_clock` is as for `timing.clock_of`. The topics are used up.
-
     """
     blocks = [block for topic in topics for block in topic.blocks()]
     counts = sum((topic.counts for topic in topics), Counter[str]())
@@ -102,7 +101,6 @@ def of_one_publisher(
     Messages with the same joints that differ in their frame are of one publisher if their header
     stamps are those of one clock. Of several publishers the one is taken that has effort and
     velocity, and then the one with the most messages; the others are counted.
-
     """
     if len(block.publishers) < 2 or not _are_apart(block):
         return block
@@ -150,8 +148,7 @@ def covering(blocks: Sequence[MessageBlock], joints: Sequence[str]) -> list[Mess
     """
     Choose blocks that have all joints together; a joint is to be taken from the first that has it.
 
-    Again and again the first that has most of those still missing; none where one cannot be had.
-
+    Again and again the first that has most of those missing; none where one cannot be had.
     """
     missing = set(joints)
     chosen: list[MessageBlock] = []
@@ -195,7 +192,6 @@ def merged(
     so that nothing fast is taken for slow. Where there are no two such samples, the message is
     dropped and counted. `columns` says where in the joined columns the joints of each
     signal are. Returns the timeline of N samples, and positions, velocities, efforts (N, n).
-
     """
     if not sources:
         nothing = np.empty(0, np.int64)
@@ -232,7 +228,6 @@ def _weights(timeline: Timeline, base: Timeline) -> Array:
 
     What b damps of slow motion, 2 b - b * b gives back but for the square of it (twicing: Tukey,
     Exploratory Data Analysis, 1977), and multiples of the slow rate stay at zero.
-
     """
     step = median_step(timeline.stamps_ns)
     ratio = median_step(base.stamps_ns) / step if step > 0.0 else 1.0

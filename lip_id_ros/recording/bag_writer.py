@@ -44,12 +44,10 @@ class NumberTrack:
 @dataclass(frozen=True)
 class JointStateTrack:
     """
-    The messages of one JointState topic, stamped and received at times (N,) [s], not negative.
+    The messages of one JointState topic, stamped and received at times (N,) [s] after `start_ns`.
 
-    Times are those after `start_ns` [ns].
     Of `position`, `velocity`, `effort`, shape (N, n), None, or NaN throughout a row, leaves the
     array of the message empty.
-
     """
 
     topic: str
@@ -74,12 +72,7 @@ class JointStateTrack:
 
 @dataclass(frozen=True)
 class JointTrajectoryTrack:
-    """
-    One JointTrajectory, received at time zero.
-
-    `times_from_start`, shape (N,) [s]. `positions`, `velocities`, `accelerations`, shape (N, n).
-
-    """
+    """One JointTrajectory, received at time zero: states (N, n) at times (N,) [s]."""
 
     topic: str
     joint_names: Sequence[str]
@@ -124,7 +117,6 @@ def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> N
     Write a rosbag2 folder: metadata.yaml and one MCAP file; nothing is left after a failure.
 
     OSError if the folder exists or cannot be made.
-
     """
     target = Path(path)
     if target.exists():
@@ -145,7 +137,6 @@ def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     Write one MCAP file, in place of any that was there; OSError if that fails.
 
     A link is followed, the mode of an existing file is kept, a pipe or a device is written to.
-
     """
     target = (
         Path(tempfile.gettempdir(), 'bag') if is_stream(path) else Path(os.path.realpath(path))
@@ -208,10 +199,8 @@ class RawBag:
     """
     A rosbag2 folder (MCAP) being written, without rosbag2; to be used in a `with` statement.
 
-    `topics` gives message types (as package/msg/Name).
-
-    OSError if the folder exists or cannot be made.
-
+    `topics` gives message types (as package/msg/Name). OSError if the folder exists or cannot be
+    made.
     """
 
     def __init__(self, path: str | os.PathLike[str], topics: Mapping[str, str]) -> None:

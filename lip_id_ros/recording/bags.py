@@ -56,14 +56,11 @@ class Topic:
 
 class Bag:
     """
-    An open bag: rosbag2 folder, bare .mcap or .db3 file, or ROS 1 .bag.
+    An open bag: rosbag2 folder, bare .mcap or .db3 file, or ROS 1 .bag; for a `with` statement.
 
     Files may be compressed, damaged, cut short, without an index or never closed: they are read as
-    far as they can be, and `notes` lists what is wrong. To be used in a `with` statement.
-
-    SourceError if it is no bag, or nothing of it can be read; OSError if it does not exist or
-    cannot be opened.
-
+    far as they can be, and `notes` lists what is wrong. SourceError if it is no bag, or nothing of
+    it can be read.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -104,10 +101,9 @@ class Bag:
         """
         Yield the messages of a topic, and of one type if given, in the order of the files.
 
-        Yields type, encoding and definition, the time of recording [ns], and the serialized
-        message; None where it was compressed and is damaged. SourceError if the topic has very
-        many message definitions.
-
+        Each with type, encoding and definition, time of recording [ns], and bytes; None for bytes
+        that were compressed and are damaged. SourceError if the topic has very many message
+        definitions.
         """
         forms: set[tuple[str, ...]] = set()
         for _, storage in self._files:
@@ -130,9 +126,7 @@ class Bag:
         """
         Yield receive times [ns] and messages of a topic of one type, in the order of the files.
 
-        A message has the fields of its type; it is None where it could not be read. Raises what
-        `decoder` raises.
-
+        A message that could not be read is None. Raises what `decoder` raises.
         """
         decoders: dict[tuple[str, ...], Decode] = {}
         for channel, receive_ns, data in self.stored(topic):
@@ -145,7 +139,6 @@ class Bag:
         Return the function that decodes a channel's messages, to None where they are broken.
 
         SourceError if the bag defines the message type in a way that cannot be read.
-
         """
         try:
             return message_decoder(*channel.form)
@@ -229,10 +222,7 @@ def open_storage(path: Path, stack: ExitStack) -> Storage:
     """
     Open a storage file; a compressed one is decompressed into a temporary file first.
 
-    The stack closes the file and removes what is temporary.
-
-    DamageError if it cannot be read in the format of its name, OSError if it cannot be opened.
-
+    The stack closes the file and removes what is temporary. DamageError if it cannot be read.
     """
     with open(path, 'rb') as source:  # so that errors of the file system keep their name
         if not source.read(1):
@@ -254,15 +244,11 @@ def open_storage(path: Path, stack: ExitStack) -> Storage:
 
 def files_of(folder: Path) -> tuple[list[Path], list[str]]:
     """
-    Return the storage files of a rosbag2 folder, and notes on its metadata.
+    Return the storage files of a rosbag2 folder by their numbers, and notes on its metadata.
 
     The files themselves are trusted: those that metadata.yaml names and that are there, and those
-    of the same format that it does not name (a killed recorder never wrote them down). Where it
-    is absent, unreadable or names none of them, all are taken. Order is that of their numbers.
-
-    SourceError if there is no storage file in the folder, OSError if the folder or its metadata
-    cannot be opened.
-
+    of the same format that it does not name (a killed recorder never wrote them down). Where it is
+    absent, unreadable or names none of them, all are taken. SourceError if there is none.
     """
     files = (file for file in folder.iterdir() if is_storage(file) and file.is_file())
     there = {file.name: file for file in sorted(files, key=_by_number)}

@@ -38,8 +38,7 @@ class SampleBuffer:
 
     `joint_names`: joints to keep, in this order; empty for those of the first message that can be
     taken. `max_rows`: most messages kept; later ones are dropped and counted. `expected_rows`:
-    room made at the beginning; more is made when needed.
-
+    room made at the beginning.
     """
 
     def __init__(
@@ -93,13 +92,7 @@ class SampleBuffer:
         velocity: Sequence[float] | Array,
         effort: Sequence[float] | Array,
     ) -> Reason | None:
-        """
-        Take one message with its stamp [ns] and joints in any order, or drop and count it.
-
-        Velocity and effort may be empty. Returns why the message was dropped, None where it was
-        taken.
-
-        """
+        """Take one message, stamped in ns, or return why it was dropped."""
         reason = self._take(stamp_ns, names, position, velocity, effort)
         if reason is not None:
             self.counts[reason] += 1
@@ -110,13 +103,7 @@ class SampleBuffer:
         self.counts[reason] += 1
 
     def samples(self, source: str = 'the recording', topic: str = '') -> JointSamples:
-        """
-        Return copies of the messages taken so far; the buffer goes on.
-
-        Where only some messages have velocities or efforts, those without are left out and
-        counted.
-
-        """
+        """Return copies of the messages taken so far; the buffer goes on."""
         taken = self.all_samples(source, topic)
         counts = Counter(self.counts)
         no_velocity, no_effort = np.isnan(self._rows[: self._size, 1:, :1]).any(axis=2).T

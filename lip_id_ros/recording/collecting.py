@@ -39,11 +39,8 @@ class SampleCollector:
     """
     Collects the usable messages of a topic by the joints that come together; counts the others.
 
-    `joints`: joints to keep; those of the first positions that can be used, where none are given.
-    `counts`: messages dropped, by reason.
-    `seen`: joints of all messages, in the order of their first appearance.
-    `notes`: what else is to be known, a phrase each; the values mean nothing.
-
+    `joints`: to keep; those of the first positions that can be used, where none are given. `seen`:
+    joints of all messages. `notes`: what else is to be known, a phrase each, as keys.
     """
 
     def __init__(self, joints: Sequence[str] = (), source: str = '', topic: str = '') -> None:

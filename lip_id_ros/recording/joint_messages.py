@@ -4,7 +4,6 @@ Joint messages: the types that carry them, and many serialised ones cut into arr
 Messages of one publisher differ in nothing but stamp and numbers. So the first of a block is
 decoded by the library, and those that agree with it in every other byte are cut into arrays at
 once. For another message type, add a function and its row in `EXTRACTORS`.
-
 """
 
 from __future__ import annotations
@@ -54,9 +53,8 @@ def from_controller_state(message: Any) -> JointMessage:
     """
     Take the measured state of a control_msgs/JointTrajectoryControllerState.
 
-    `feedback` (`actual` in older versions) has positions and velocities; the effort is the one
-    measured there, else the `output` of the controller, its command.
-
+    `feedback` is `actual` in older versions; where it has no effort, the `output` of the
+    controller is taken, its command.
     """
     measured = message.feedback if hasattr(message, 'feedback') else message.actual
     output = getattr(message, 'output', None)
@@ -130,7 +128,6 @@ class MessageBlock(NamedTuple):
     publisher: messages with other joints beside these, or another frame, are of another publisher.
     `values`, shape (N, 3, n): position, velocity and effort; NaN where a message has none,
     infinity where it has no finite number. All messages have positions, or none has.
-
     """
 
     joints: tuple[str, ...]
@@ -163,9 +160,8 @@ def message_decoder(name: str, encoding: str, definition: str) -> Decode:
     """
     Return the function that decodes messages of a type, to None where they are broken.
 
-    `definition` is the one of the file; the known definition of a standard type is trusted more.
-    Raises whatever a definition makes the library raise.
-
+    `definition` is the one of the file; the known one of a standard type is trusted more. Raises
+    whatever a definition makes the library raise.
     """
     if name in _store(encoding == 'ros1').fielddefs:
         definition = ''
@@ -228,9 +224,7 @@ def message_blocks(
     """
     Sort serialised joint messages of one type, received at some times [ns], into blocks.
 
-    Each block comes with the numbers of its messages, increasing. Messages that are broken, or
-    whose fields do not fit together, are in no block, and counted.
-
+    Each block comes with the increasing numbers of its messages; broken messages are only counted.
     """
     if kind == JOINT_STATE:
         alike = _cut(messages, is_ros1, decode)

@@ -64,19 +64,13 @@ class JointSamples:
     """
     Samples of one recording in the order of time, N samples of n joints, nothing invented.
 
-    Large arrays lie in temporary files (`lip_id_ros.recording.spill`).
-
-    `t`, shape (N,): time since the first sample [s], strictly increasing.
-    `position`, `velocity`, `effort`, shape (N, n): as recorded [rad or m, rad/s or m/s, any unit];
-    velocity or effort is NaN throughout where the recording has none.
-    `joint_names`: names of the n columns.
-    `start_ns`: stamp of the first sample [ns]: a stamp in seconds of today has steps of 238 ns.
-    `counts`: messages that were dropped, by reason.
-    `source`, `topic`: where the samples come from.
-    `seen_joints`: joints of all messages, also of those dropped.
-    `clock`: whether the times are those of the message headers or of reception.
-    `notes`: what else is to be known, a phrase each: damage of the files, what was put in order.
-
+    `t`, shape (N,): time since the first sample [s], strictly increasing. `position`, `velocity`,
+    `effort`, shape (N, n): as recorded [rad or m, rad/s or m/s, any unit]; velocity or effort is
+    NaN throughout where the recording has none. Large arrays lie in temporary files (`spill`).
+    `start_ns`: stamp of the first sample: in seconds of today it has steps of 238 ns. `counts`:
+    messages that were dropped, by reason. `seen_joints`: joints of all messages, also of those
+    dropped. `clock`: of the headers or of reception. `notes`: damage of the files, what was put in
+    order, a phrase each.
     """
 
     t: Array
@@ -161,7 +155,6 @@ def stacked(*signals: Array) -> Array:
     Return position, velocity and effort of N samples as one array, shape (N, 3, n).
 
     NaN for a signal without columns, and infinity for values that are not a number.
-
     """
     n_joints = max(signal.shape[1] for signal in signals)
     values = np.full((len(signals[0]), len(signals), n_joints), np.nan)
@@ -177,7 +170,6 @@ def usable(values: Array, counts: Counter[str]) -> BoolArray:
 
     A velocity or effort that is finite for no joint becomes NaN, as one that was not recorded:
     ros2_control publishes such values for interfaces that the joints do not have.
-
     """
     values[:, 1:][np.isinf(values[:, 1:]).all(axis=2)] = np.nan
     largest = np.fmax.reduce(np.abs(values), axis=(1, 2))
@@ -239,9 +231,8 @@ class RepeatedSamples:
     """
     Finds the samples of each recording that an earlier one has too, by their contents.
 
-    A copy of a recording would be in the training data and in the held-out data, and count twice.
-    Names and start times prove little: files are renamed, and logs begin at zero.
-
+    A copy would be in the training data and in the held-out data. Names and start times prove
+    little: files are renamed, and logs begin at zero.
     """
 
     def __init__(self) -> None:
@@ -249,11 +240,10 @@ class RepeatedSamples:
 
     def repeated(self, joint_names: Sequence[str], *signals: Array) -> BoolArray:
         """
-        Return which samples belong to a window of an earlier recording.
+        Return which samples (N,) belong to a window of an earlier recording.
 
-        `joint_names`: their order is of no importance. `signals`, shape (N, n): such as positions
-        and efforts, compared bit by bit. The result has shape (N,).
-
+        `signals`, shape (N, n), are compared bit by bit; the order of the joints is of no
+        importance.
         """
         rows = mapped(lambda *some: row_hashes(joint_names, some), *signals)
         windows, usable = _windows(rows)

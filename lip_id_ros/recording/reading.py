@@ -52,7 +52,6 @@ def read_sources(
 
     Bags that have only some of the joints that the settings name were recorded side by side: they
     are merged into one recording, which comes last.
-
     """
     partial: list[SampleCollector] = []
     for path in paths:
@@ -70,21 +69,15 @@ def read_bag(
     path: PathLike, settings: RecordingSettings | None = None, progress: Progress = silent
 ) -> JointSamples:
     """
-    Read the joint samples of a rosbag2 folder, .mcap, .db3 or ROS 1 .bag.
+    Read the joint samples of a rosbag2 folder, .mcap, .db3 or ROS 1 .bag; at least one.
 
     The topics are those that the settings name, else as `choose_topics` finds. Times are those of
-    the message headers if these are of one clock (see `timing.clock_of`), else those of reception,
-    unless the settings choose. Messages are put in the order of time (see `timing.arrange`).
-    Joints and efforts that come in messages of their own are merged (see `assembling.assembled`),
-    joints where the settings name them.
+    `timing.clock_of`, in the order of `timing.arrange`. Joints and efforts that come in messages
+    of their own are merged (`assembling.assembled`), joints where the settings name them. Memory
+    does not grow with the number of messages, as long as their stamps are in order (`spill`).
 
-    Memory does not grow with the number of messages, as long as their stamps are in order: arrays
-    lie in temporary files once they are large (see `spill`).
-
-    Returns at least one; velocity or effort may be absent. Scales and types are not applied.
-    SourceError if the bag cannot be read, has no such topic, or none of its messages can be used;
-    OSError if it does not exist or cannot be opened.
-
+    Velocity or effort may be absent. Scales and types are not applied. SourceError if the bag
+    cannot be read, has no such topic, or none of its messages can be used.
     """
     settings = settings or RecordingSettings()
     return _checked(_topics(path, settings, progress), settings)
@@ -100,13 +93,9 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
     Read the joint samples of a CSV log; rows that cannot be used are dropped and counted.
 
     The columns are t [s], q_NAME, tau_NAME and optionally dq_NAME of every joint NAME. Without
-    `joints` all are kept, in the order of their positions. Times may be negative. As in bags, rows
-    are put in the order of time, and single times far from those around them are dropped (see
-    `timing.arrange`).
-
-    OSError if the file cannot be opened; DataError if it is no table of numbers, or lacks a
+    `joints` all are kept, in the order of their positions. Times may be negative, and are put in
+    order as those of bags (`timing.arrange`). DataError if it is no table of numbers, or lacks a
     column; SourceError if no row can be used, or there are too many joints.
-
     """
     table = read_table(path)
     names = tuple(joints) or joints_of(list(table.columns))
@@ -164,7 +153,6 @@ def _csv_signals(
     Return positions, velocities and efforts of a CSV log as `stacked` does, and notes.
 
     DataError if some joints have efforts and others have none.
-
     """
     signals, notes = [], []
     for signal in _CSV_SIGNALS:
@@ -192,10 +180,7 @@ def choose_topics(bag: Bag, wanted: str) -> list[Topic]:
     Return the topics to read joint samples from.
 
     Those named (separated by commas); else the only one with messages, else /joint_states, else
-    the only one of JointState.
-
-    SourceError if there is none, or several and no way to choose.
-
+    the only one of JointState. SourceError if there is none, or several and no way to choose.
     """
     candidates = joint_topics(bag)
     names = [name.strip() for name in wanted.split(',') if name.strip()]

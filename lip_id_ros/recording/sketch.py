@@ -33,7 +33,6 @@ def content_sketch(joint_names: Sequence[str], *signals: Array) -> str:
 
     A copy with every k-th sample keeps about one in k of them (Broder, On the resemblance and
     containment of documents, 1997).
-
     """
     kept = np.empty(0, np.uint64)
     for block in row_blocks(len(signals[0])):

@@ -3,7 +3,6 @@ Arrays that may exceed the memory: large ones lie in temporary files.
 
 A mapped file counts as memory of the process as long as its pages are mapped. So large arrays are
 read and written in blocks of rows, and the pages of each block are released.
-
 """
 
 from __future__ import annotations

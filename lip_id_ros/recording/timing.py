@@ -46,14 +46,10 @@ _END_OF_TIME = 2**63 - 1
 
 class Timeline(NamedTuple):
     """
-    Stamps put in order.
+    Stamps put in order: the `rows` kept, and their strictly increasing `stamps_ns`.
 
-    `rows`: which messages are kept, in the order of time.
-    `stamps_ns`: time of each, strictly increasing [ns].
-    `dropped`: messages left out, by reason.
-    `late`: how many of those kept came after a later one.
-    `restarts`: how often the clock went back for good.
-
+    `late`: how many of those kept came after a later one. `restarts`: how often the clock went
+    back for good.
     """
 
     rows: IndexArray
@@ -87,7 +83,6 @@ def stamps_advance(stamps_ns: IntArray) -> bool:
 
     At least a quarter of the steps go forward, and more of them forward than back. A first stamp
     of 0 or 1 ns is as good as any; stamps that are constant (never filled in) or random are not.
-
     """
     forward = sum(int((step > 0).sum()) for step in steps(stamps_ns))
     backward = sum(int((step < 0).sum()) for step in steps(stamps_ns))
@@ -108,7 +103,6 @@ def jumps_between_clocks(stamps_ns: IntArray) -> bool:
 
     They are if the clock goes back for good more than three times, or if more than a tenth of the
     messages would have to move by more than five places to be in order.
-
     """
     if not any((step < 0).any() for step in steps(stamps_ns)):
         return False
@@ -129,9 +123,7 @@ def clock_of(
     Return the clock to take: 'header' or 'receive', as wanted, else whichever is of one clock.
 
     `headers`, `received`: stamps of several publishers in the order of recording [ns]. `wanted`:
-    'auto' for headers if those of all publishers are times of one clock. `notes`: gets a note
-    where headers are those of several clocks.
-
+    'auto' for headers if those of all publishers are times of one clock, else with a note.
     """
     if wanted in ('header', 'receive'):
         return wanted
@@ -156,7 +148,6 @@ def arrange(stamps_ns: IntArray, *, is_epoch: bool = True) -> Timeline:
     single stamps that are out of order and more than 10 s from their neighbours, so that one stamp
     from the future does not make all later ones late. Where the clock goes back for good (a
     restarted simulation), what follows is a part of its own, an hour after the part before.
-
     """
     is_wrong = is_epoch and bool((stamps_ns[:1] < 0).any())
     if not is_wrong and not _far_end(stamps_ns) and _increase(stamps_ns):
@@ -245,7 +236,6 @@ def _is_set_back(stamps: IntArray, at: int, step: float) -> bool:
     Late messages fill a hole that those before them left. Those of a clock that was set back take
     turns with them, and both are in order. Messages that came twice have stamps from before, as
     only those on a grid have by chance.
-
     """
     back = float(stamps[at - 1] - stamps[at])
     if not 0.0 < _SET_BACK_STEPS * step < back < FAR_NS:

@@ -39,12 +39,7 @@ CAPTIONS = {
 
 @dataclass(frozen=True)
 class Labels:
-    """
-    Words of a report.
-
-    `warnings`: shown above the figures. `facts`: name and value: origin of model and data.
-
-    """
+    """Words of a report: warnings above the figures; name and value of facts."""
 
     title: str
     warnings: Sequence[str] = ()
@@ -60,17 +55,7 @@ def write_report(
     progress: Progress = silent,
     rollouts: Rollouts | None = None,
 ) -> Path:
-    """
-    Write PNG plots and index.html, which embeds them and needs no network.
-
-    `folder`: created where it does not exist; files of an older report are replaced.
-    `evaluation`: its errors.
-    `band`: its standard deviations.
-    `progress`: called after every picture.
-    `rollouts`: its forward simulations.
-    Returns the page. OSError if the folder cannot be written.
-
-    """
+    """Write PNG plots and index.html, which embeds them and needs no network; return the page."""
     pictures = _pictures(outcome, evaluation, band, progress, rollouts)
     names, types = evaluation.joint_names, evaluation.joint_types
     simulated = rollout_tables(rollouts, names, types) if rollouts else []

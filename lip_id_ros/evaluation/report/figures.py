@@ -33,9 +33,7 @@ class Band:
     Predicted standard deviations at some of the samples.
 
     `rows`, shape (B,): numbers of the samples, increasing. `tau`, shape (B, n): of measured
-    torques: prediction and noise together [N m or N]. `kinetic`, `potential`, shape (B,), or None:
-    of the energies [J].
-
+    torques, with their noise [N m or N]. `kinetic`, `potential`, shape (B,), or None [J].
     """
 
     rows: IntArray
@@ -45,12 +43,7 @@ class Band:
 
 
 def band(model: TorqueModel, outcome: Outcome, progress: Progress = silent) -> Band | None:
-    """
-    Compute standard deviations at evenly spaced samples; None where the model has none.
-
-    `model`: that made the outcome.
-
-    """
+    """Compute standard deviations at evenly spaced samples; None where the model has none."""
     if not isinstance(model, DynamicsModel):
         return None
     n_samples = outcome.dataset.n_samples
@@ -145,7 +138,6 @@ def energies(outcome: Outcome, evaluation: Evaluation, band: Band | None) -> Fig
     Draw the predicted energies, with two standard deviations, and the true ones where known.
 
     The true potential energy is shifted by the mean error, since its constant is free.
-
     """
     data, estimate = outcome.dataset, outcome.prediction
     shifted = data.potential

@@ -37,13 +37,7 @@ def write_motion_report(
     notes: Sequence[str],
     progress: Progress = silent,
 ) -> Path:
-    """
-    Write PNG plots and index.html, which embeds them and needs no network.
-
-    `folder`: created where it does not exist; files of an older report are replaced. Returns the
-    page. OSError if the folder cannot be written.
-
-    """
+    """Write PNG plots and index.html, which embeds them and needs no network; return the page."""
     pictures = drawn(_drawings(found), progress)
     facts = (
         ('joints', ', '.join(found.joint_names)),

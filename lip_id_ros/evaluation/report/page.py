@@ -61,17 +61,7 @@ def page(
     pictures: Iterable[Picture],
     details: Iterable[Table] = (),
 ) -> str:
-    """
-    Return the page as HTML.
-
-    `facts`: name and value: origin of model and data, below the title.
-    `warnings`: shown above the tables.
-    `tables`: the errors.
-    `notes`: shown below the tables.
-    `pictures`: embedded in the page.
-    `details`: shown below the pictures.
-
-    """
+    """Return the page as HTML: facts, warnings, tables of errors, notes, pictures, details."""
     body = [
         f'<h1>{for_page(title)}</h1>',
         f'<div class="scroll"><table class="facts">\n{_rows(facts)}\n</table></div>',
@@ -136,13 +126,7 @@ def drawn(drawings: Iterable[Drawing], progress: Progress) -> list[Picture]:
 
 
 def write_folder(folder: str | os.PathLike[str], text: str, pictures: Iterable[Picture]) -> Path:
-    """
-    Write NAME.png for each picture, and index.html.
-
-    `folder`: created where it does not exist; files of an older report are replaced. `text`: the
-    page. Returns the page. OSError if the folder cannot be written.
-
-    """
+    """Write NAME.png for each picture, and index.html in place of an older; return the latter."""
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     for each in pictures:

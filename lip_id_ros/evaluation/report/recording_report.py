@@ -44,18 +44,10 @@ def write_recording_report(
     are_torques: bool = True,
 ) -> Path:
     """
-    Write PNG plots and index.html, which embeds them and needs no network.
+    Write PNG plots and index.html, which embeds them and needs no network; return the first page.
 
-    `folder`: created where it does not exist; files of an older report are replaced. Where there
-    are several recordings, each gets a folder 1, 2, ... in it.
-    `source`: name of their source.
-    `recordings`: with at least one sample, and their health; at least one.
-    `progress`: called after every recording.
-    `units`: unit of the positions for each joint type.
-    `are_torques`: whether efforts are torques or forces; else they have no unit.
-    Returns the page of the first recording. SourceError if there is no recording, OSError if the
-    folder cannot be written.
-
+    Each of several recordings gets a folder 1, 2, ... `units`: of positions, for each joint type.
+    `are_torques`: else efforts have no unit. SourceError if there is no recording.
     """
     if not recordings:
         raise SourceError(

@@ -79,11 +79,9 @@ def joint_grid(
     """
     Draw one panel per joint, in two columns, with a common legend.
 
-    `joint_names`, `joint_types`: titles of the panels and units of their vertical axes.
-    `symbol`: quantity of the vertical axes; a torque is a force at prismatic joints.
-    `draw`: gets the axes and the number of a joint; its labels make the legend.
-    `below`: quantity of the horizontal axes; time is common to all.
-
+    `symbol`: quantity of the vertical axes; a torque is a force at prismatic joints. `draw` gets
+    the axes and the number of a joint; its labels make the legend. `below`: quantity of the
+    horizontal axes; time is common to all.
     """
     n_columns = 1 if len(joint_names) == 1 else 2
     n_rows = math.ceil(len(joint_names) / n_columns)

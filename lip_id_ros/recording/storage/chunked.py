@@ -4,7 +4,6 @@ Read files of records and chunks from front to back, as MCAP files and ROS 1 bag
 The index at the end of such a file is not needed, and only asked where to go on after damage: a
 file without one, or cut short, is read like any other. Only the chunks that hold a wanted topic
 are decompressed, one at a time.
-
 """
 
 from __future__ import annotations
@@ -58,12 +57,7 @@ class Item(NamedTuple):
 
 
 class ChunkedFile(ABC):
-    """
-    A storage file of records; see `contents.Storage`.
-
-    DamageError if it is no such file, OSError if it cannot be opened.
-
-    """
+    """A storage file of records, see `contents.Storage`; DamageError if it is none."""
 
     def __init__(self, path: Path) -> None:
         self.notes: dict[str, None] = {}
@@ -126,12 +120,7 @@ class ChunkedFile(ABC):
 
     @abstractmethod
     def _items(self, data: bytes, wanted: Collection[int] | None) -> Generator[Item, None, int]:
-        """
-        Yield declarations, and messages of the wanted channels (None for all), of records.
-
-        Returns how many bytes at the end are no whole record.
-
-        """
+        """Yield declarations and messages of wanted channels; return the bytes left."""
 
     @abstractmethod
     def _declare(self, item: Item) -> None:

@@ -58,7 +58,6 @@ class Storage(Protocol):
     `notes`: what is wrong with the file, a phrase each, as it was found; the values mean nothing.
     `lost`: messages that the file once had and cannot be read, by topic, as far as `messages`
     went.
-
     """
 
     notes: dict[str, None]
@@ -86,7 +85,6 @@ def unpacked_chunk(data: bytes, method: str, size: int, *, is_cut: bool) -> byte
     Decompress a chunk of known size; of one that is cut short, as much as there is.
 
     DamageError if it is damaged, or claims to be larger than `LARGEST_CHUNK`.
-
     """
     if size > LARGEST_CHUNK:
         raise DamageError(f'a chunk claims {size} bytes')

@@ -26,14 +26,10 @@ _ROW_NUMBERS = ('rowid', '_rowid_', 'oid')
 
 class SqliteFile:
     """
-    A rosbag2 database; see `contents.Storage`.
+    A rosbag2 database, see `contents.Storage`; DamageError if it has not even a list of topics.
 
     Rows are read in the order of their numbers, without any index, and those that cannot be read
     are jumped over. A write-ahead log beside the file is read too; nothing is changed in either.
-
-    DamageError if it is no such file, or has not even a list of topics; OSError if it cannot be
-    opened.
-
     """
 
     def __init__(self, path: Path) -> None:
@@ -154,7 +150,6 @@ class SqliteFile:
 
         The library reads one row ahead, so that damage takes the row before it along: after a
         failure the next row is asked for alone, and jumped over only if that fails too.
-
         """
         last, jump, failures, limit = -(2**63), 1, 0, -1
         while failures < _MOST_FAILURES and last < _LAST_NUMBER:
